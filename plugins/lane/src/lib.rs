@@ -1,0 +1,1 @@
+//! The embedded simulator and its classical driver.

@@ -1,0 +1,14 @@
+//! Image kernels for pdk: what perturbations are made of.
+//!
+//! Everything works on 8-bit RGB frames, interleaved, row by row, with an optional stride. A kernel is a
+//! function `op(src, dst, parameters)`: it reads `src`, writes all of `dst`, and allocates nothing unless its
+//! documentation says that it keeps a workspace.
+//!
+//! Same input, same bytes: kernels use no operation whose result depends on the CPU, the number of threads or the
+//! system's mathematical library. Transcendental functions come from [`libm`], random numbers from [`Random`].
+
+pub mod frame;
+pub mod random;
+
+pub use frame::{Frame, FrameBuf, FrameError, FrameMut};
+pub use random::{Key, Random};

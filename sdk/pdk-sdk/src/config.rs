@@ -1,0 +1,193 @@
+//! The values of a component's parameters, checked against its description.
+
+use serde_json::{Map, Value};
+
+use crate::describe::{Description, Parameter, ParameterType};
+use crate::error::{Error, Result};
+
+/// Checked values of a component's parameters.
+#[derive(Debug, Clone, Default)]
+pub struct Config {
+    values: Map<String, Value>,
+}
+
+impl Config {
+    /// Checks what the user set against the description and fills in the defaults.
+    ///
+    /// # Errors
+    /// Names the parameter that is unknown, missing, of the wrong type or out of range, and what is allowed.
+    pub fn check(description: &Description, given: &Map<String, Value>) -> Result<Self> {
+        for name in given.keys() {
+            if !description.parameters.iter().any(|p| &p.name == name) {
+                return Err(unknown_parameter(description, name));
+            }
+        }
+        let mut values = Map::new();
+        for parameter in &description.parameters {
+            match given.get(&parameter.name) {
+                Some(value) => {
+                    check_value(parameter, value)
+                        .map_err(|e| e.at(format!("{} `{}`", description.kind, description.name)))?;
+                    values.insert(parameter.name.clone(), value.clone());
+                }
+                None if parameter.levels.is_some() => {}
+                None if parameter.default.is_null() && !matches!(parameter.kind, ParameterType::Json) => {
+                    return Err(Error::new(format!(
+                        "{} `{}` needs the parameter `{}` ({})",
+                        description.kind, description.name, parameter.name, parameter.doc
+                    )));
+                }
+                None => {
+                    values.insert(parameter.name.clone(), parameter.default.clone());
+                }
+            }
+        }
+        Ok(Self { values })
+    }
+
+    /// The value as it was given, or its default; null for a parameter that follows the intensity.
+    pub fn value(&self, name: &str) -> &Value {
+        self.values.get(name).unwrap_or(&Value::Null)
+    }
+
+    /// A number or integer; what is not in the description is 0.
+    pub fn number(&self, name: &str) -> f64 {
+        self.value(name).as_f64().unwrap_or_default()
+    }
+
+    /// A whole number; what is not in the description is 0.
+    pub fn integer(&self, name: &str) -> i64 {
+        let value = self.value(name);
+        value.as_i64().unwrap_or_else(|| value.as_f64().unwrap_or_default() as i64)
+    }
+
+    /// True or false; what is not in the description is false.
+    pub fn boolean(&self, name: &str) -> bool {
+        self.value(name).as_bool().unwrap_or_default()
+    }
+
+    /// A text, path or choice; what is not in the description is empty.
+    pub fn text(&self, name: &str) -> &str {
+        self.value(name).as_str().unwrap_or_default()
+    }
+
+    /// Everything, as a JSON object.
+    pub fn values(&self) -> &Map<String, Value> {
+        &self.values
+    }
+}
+
+/// The values that a perturbation sees for one frame: what the user set, what follows the intensity, the defaults.
+/// One number for each parameter in the order of the description; what is no number is 0 (a choice: its place).
+pub fn frame_values(description: &Description, config: &Config, intensity: f64, into: &mut Vec<f64>) {
+    into.clear();
+    into.extend(description.parameters.iter().map(|parameter| match config.values.get(&parameter.name) {
+        Some(Value::Number(number)) => number.as_f64().unwrap_or_default(),
+        Some(Value::Bool(set)) => f64::from(u8::from(*set)),
+        Some(Value::String(text)) => match &parameter.kind {
+            ParameterType::Choice { options } => options.iter().position(|o| o == text).unwrap_or(0) as f64,
+            _ => 0.0,
+        },
+        _ => parameter.at_intensity(intensity).unwrap_or_default(),
+    }));
+}
+
+fn unknown_parameter(description: &Description, name: &str) -> Error {
+    let known: Vec<_> = description.parameters.iter().map(|p| p.name.as_str()).collect();
+    Error::new(if known.is_empty() {
+        format!("{} `{}` has no parameters, so `{name}` cannot be set", description.kind, description.name)
+    } else {
+        format!(
+            "{} `{}` has no parameter `{name}`; it has {}",
+            description.kind,
+            description.name,
+            known.join(", ")
+        )
+    })
+}
+
+fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
+    let wrong = |expected: String| {
+        Err(Error::new(format!("parameter `{}` is {value}, but has to be {expected}", parameter.name)))
+    };
+    match &parameter.kind {
+        ParameterType::Number { min, max } => match value.as_f64() {
+            Some(v) if v.is_finite() && v >= *min && v <= *max => Ok(()),
+            _ => wrong(format!("a number{}", range_text(*min, *max, f64::MIN, f64::MAX))),
+        },
+        ParameterType::Integer { min, max } => match value.as_f64() {
+            Some(v) if v.fract() == 0.0 && v >= *min as f64 && v <= *max as f64 => Ok(()),
+            _ => wrong(format!(
+                "a whole number{}",
+                range_text(*min as f64, *max as f64, i64::MIN as f64, i64::MAX as f64)
+            )),
+        },
+        ParameterType::Boolean if value.is_boolean() => Ok(()),
+        ParameterType::Boolean => wrong("true or false".into()),
+        ParameterType::Choice { options } => match value.as_str() {
+            Some(v) if options.iter().any(|o| o == v) => Ok(()),
+            _ => wrong(format!("one of {}", options.join(", "))),
+        },
+        ParameterType::Text | ParameterType::Path if value.is_string() => Ok(()),
+        ParameterType::Text => wrong("a text".into()),
+        ParameterType::Path => wrong("a path".into()),
+        ParameterType::Json => Ok(()),
+    }
+}
+
+fn range_text(min: f64, max: f64, lowest: f64, highest: f64) -> String {
+    match (min > lowest, max < highest) {
+        (true, true) => format!(" from {min} to {max}"),
+        (true, false) => format!(" of at least {min}"),
+        (false, true) => format!(" of at most {max}"),
+        (false, false) => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn description() -> Description {
+        Description::perturbation("fog", "Fog")
+            .parameter(Parameter::by_level("strength", [0.1, 0.2, 0.3, 0.4, 0.5], "how much").range(0.0, 1.0))
+            .parameter(Parameter::choice("mode", &["soft", "hard"], "edge"))
+            .parameter(Parameter::integer("size", 3, "size").range(1.0, 9.0))
+    }
+
+    fn error(given: Value) -> String {
+        Config::check(&description(), given.as_object().unwrap()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn wrong_values_are_refused_with_what_is_allowed() {
+        assert_eq!(
+            error(json!({"strength": 2})),
+            "perturbation `fog`: parameter `strength` is 2, but has to be a number from 0 to 1"
+        );
+        assert_eq!(
+            error(json!({"mode": "odd"})),
+            "perturbation `fog`: parameter `mode` is \"odd\", but has to be one of soft, hard"
+        );
+        assert!(error(json!({"size": 2.5})).ends_with("a whole number from 1 to 9"));
+        assert_eq!(
+            error(json!({"strenght": 1})),
+            "perturbation `fog` has no parameter `strenght`; it has strength, mode, size"
+        );
+    }
+
+    #[test]
+    fn frame_values_follow_the_intensity_unless_set() {
+        let description = description();
+        let mut values = Vec::new();
+        let config = Config::check(&description, &Map::new()).unwrap();
+        frame_values(&description, &config, 1.5, &mut values);
+        assert!((values[0] - 0.25).abs() < 1e-12);
+        assert_eq!(&values[1..], &[0.0, 3.0]);
+        let given = json!({"strength": 0.9, "mode": "hard"});
+        let config = Config::check(&description, given.as_object().unwrap()).unwrap();
+        frame_values(&description, &config, 1.5, &mut values);
+        assert_eq!(values, [0.9, 1.0, 3.0]);
+    }
+}

@@ -1,0 +1,356 @@
+//! How a component describes itself. Lists, help, error messages, Lua types and reference pages all derive from it.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::config::Config;
+use crate::error::Result;
+
+/// The number of published intensity levels: 0, 1, 2, 3 and 4.
+pub const LEVELS: usize = 5;
+
+/// What every component has, whatever its kind.
+pub trait Component: Sized {
+    /// Name, documentation and parameters.
+    fn description() -> Description;
+
+    /// Makes an instance. `config` has been checked against the description: every parameter has a value of the right
+    /// type and range.
+    ///
+    /// # Errors
+    /// Where the instance cannot be made: a file that cannot be read, values that do not go together.
+    fn new(config: &Config) -> Result<Self>;
+}
+
+/// The kinds of component.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Changes a frame.
+    Perturbation,
+    /// Renders frames and moves the vehicle.
+    Simulator,
+    /// Looks at a frame and steers.
+    Driver,
+    /// Says which pixels matter to a driver.
+    Saliency,
+    /// Proposes scenarios and learns from outcomes.
+    Search,
+    /// Reads recorded frames with their ground truth.
+    Dataset,
+}
+
+impl Kind {
+    /// All kinds, in the order in which they are listed.
+    pub const ALL: [Kind; 6] =
+        [Kind::Perturbation, Kind::Simulator, Kind::Driver, Kind::Saliency, Kind::Search, Kind::Dataset];
+
+    /// The name as it is written in lists and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Perturbation => "perturbation",
+            Kind::Simulator => "simulator",
+            Kind::Driver => "driver",
+            Kind::Saliency => "saliency",
+            Kind::Search => "search",
+            Kind::Dataset => "dataset",
+        }
+    }
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Whether a perturbation looks at one frame only or moves over time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Temporal {
+    /// The same effect on every frame, up to per-frame random draws.
+    Static,
+    /// The effect moves with simulation time.
+    Dynamic,
+}
+
+/// A component as it describes itself.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Description {
+    /// The kind of component.
+    pub kind: Kind,
+    /// The name by which users refer to it; unique within its kind. Lower-case letters, digits and underscores.
+    pub name: String,
+    /// One line that says what it does, without a full stop.
+    pub doc: String,
+    /// The family under which it is listed, such as `noise`; empty where there is none.
+    #[serde(default)]
+    pub family: String,
+    /// Version of the algorithm. Raised by every change that changes an output.
+    pub version: u32,
+    /// Whether it moves over time.
+    pub temporal: Temporal,
+    /// Whether it belongs to the default set: the perturbations that keep a scene valid.
+    pub default: bool,
+    /// Where the algorithm comes from: a paper or a standard; empty where there is none.
+    #[serde(default)]
+    pub source: String,
+    /// The parameters, in the order in which they are listed.
+    pub parameters: Vec<Parameter>,
+}
+
+impl Description {
+    fn of(kind: Kind, name: &str, doc: &str) -> Self {
+        Self {
+            kind,
+            name: name.to_owned(),
+            doc: doc.to_owned(),
+            family: String::new(),
+            version: 1,
+            temporal: Temporal::Static,
+            default: true,
+            source: String::new(),
+            parameters: Vec::new(),
+        }
+    }
+
+    /// Describes a perturbation.
+    pub fn perturbation(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Perturbation, name, doc)
+    }
+
+    /// Describes a simulator.
+    pub fn simulator(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Simulator, name, doc)
+    }
+
+    /// Describes a driver.
+    pub fn driver(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Driver, name, doc)
+    }
+
+    /// Describes a saliency method.
+    pub fn saliency(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Saliency, name, doc)
+    }
+
+    /// Describes a search strategy.
+    pub fn search(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Search, name, doc)
+    }
+
+    /// Describes a dataset reader.
+    pub fn dataset(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Dataset, name, doc)
+    }
+
+    /// Sets the family under which it is listed.
+    pub fn family(mut self, family: &str) -> Self {
+        self.family = family.to_owned();
+        self
+    }
+
+    /// Sets the version of the algorithm; 1 where it is not set.
+    pub fn version(mut self, version: u32) -> Self {
+        self.version = version;
+        self
+    }
+
+    /// Says that the effect moves over time.
+    pub fn dynamic(mut self) -> Self {
+        self.temporal = Temporal::Dynamic;
+        self
+    }
+
+    /// Takes it out of the default set: it is there by name only.
+    pub fn not_default(mut self) -> Self {
+        self.default = false;
+        self
+    }
+
+    /// Names the source of the algorithm.
+    pub fn source(mut self, source: &str) -> Self {
+        self.source = source.to_owned();
+        self
+    }
+
+    /// Adds a parameter.
+    pub fn parameter(mut self, parameter: Parameter) -> Self {
+        self.parameters.push(parameter);
+        self
+    }
+}
+
+/// The type of a parameter and what it allows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum ParameterType {
+    /// A real number within `min..=max`.
+    Number {
+        /// Smallest value allowed.
+        min: f64,
+        /// Largest value allowed.
+        max: f64,
+    },
+    /// A whole number within `min..=max`.
+    Integer {
+        /// Smallest value allowed.
+        min: i64,
+        /// Largest value allowed.
+        max: i64,
+    },
+    /// True or false.
+    Boolean,
+    /// One of a few names.
+    Choice {
+        /// The names.
+        options: Vec<String>,
+    },
+    /// Any text.
+    Text,
+    /// A file or folder. Relative paths count from the working directory.
+    Path,
+    /// Any JSON value; the component checks it.
+    Json,
+}
+
+/// One parameter of a component.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// The name by which users set it.
+    pub name: String,
+    /// One line that says what it is.
+    pub doc: String,
+    /// The unit; empty where there is none.
+    #[serde(default)]
+    pub unit: String,
+    /// Type and allowed values.
+    #[serde(flatten)]
+    pub kind: ParameterType,
+    /// The value where neither the user nor the intensity sets one; null where the user has to.
+    #[serde(default)]
+    pub default: Value,
+    /// The published value for each intensity level; values in between are interpolated. With it the parameter follows
+    /// the intensity unless the user sets it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub levels: Option<[f64; LEVELS]>,
+}
+
+impl Parameter {
+    fn of(name: &str, doc: &str, kind: ParameterType, default: Value) -> Self {
+        Self { name: name.to_owned(), doc: doc.to_owned(), unit: String::new(), kind, default, levels: None }
+    }
+
+    /// A real number that follows the intensity, with its value at each of the five levels.
+    pub fn by_level(name: &str, levels: [f64; LEVELS], doc: &str) -> Self {
+        let kind = ParameterType::Number { min: f64::MIN, max: f64::MAX };
+        Self { levels: Some(levels), ..Self::of(name, doc, kind, Value::Null) }
+    }
+
+    /// A real number.
+    pub fn number(name: &str, default: f64, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Number { min: f64::MIN, max: f64::MAX }, default.into())
+    }
+
+    /// A whole number.
+    pub fn integer(name: &str, default: i64, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Integer { min: i64::MIN, max: i64::MAX }, default.into())
+    }
+
+    /// True or false.
+    pub fn boolean(name: &str, default: bool, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Boolean, default.into())
+    }
+
+    /// One of `options`, the first of which is the default.
+    pub fn choice(name: &str, options: &[&str], doc: &str) -> Self {
+        let kind = ParameterType::Choice { options: options.iter().map(|&o| o.to_owned()).collect() };
+        Self::of(name, doc, kind, options.first().copied().unwrap_or_default().into())
+    }
+
+    /// Any text; empty where it is not set.
+    pub fn text(name: &str, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Text, "".into())
+    }
+
+    /// A file or folder that the user has to name.
+    pub fn path(name: &str, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Path, Value::Null)
+    }
+
+    /// Any JSON value, with a default.
+    pub fn json(name: &str, default: Value, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Json, default)
+    }
+
+    /// Sets the unit.
+    pub fn unit(mut self, unit: &str) -> Self {
+        self.unit = unit.to_owned();
+        self
+    }
+
+    /// Sets the smallest and the largest value allowed, of a number or an integer.
+    pub fn range(mut self, low: f64, high: f64) -> Self {
+        match &mut self.kind {
+            ParameterType::Number { min, max } => (*min, *max) = (low, high),
+            ParameterType::Integer { min, max } => (*min, *max) = (low as i64, high as i64),
+            _ => {}
+        }
+        self
+    }
+
+    /// Makes it a parameter that may be left out, whatever its type.
+    pub fn optional(mut self) -> Self {
+        if self.default.is_null() {
+            self.default = Value::String(String::new());
+        }
+        self
+    }
+
+    /// The value at an intensity, for a parameter that follows the intensity: linear between the levels, and the
+    /// nearest level's value outside them.
+    pub fn at_intensity(&self, intensity: f64) -> Option<f64> {
+        let levels = self.levels.as_ref()?;
+        let position = intensity.clamp(0.0, (LEVELS - 1) as f64);
+        let lower = (position as usize).min(LEVELS - 2);
+        let fraction = position - lower as f64;
+        // Exact at the levels themselves, so that published values come out as published.
+        Some(if fraction == 0.0 {
+            levels[lower]
+        } else if fraction == 1.0 {
+            levels[lower + 1]
+        } else {
+            levels[lower] + (levels[lower + 1] - levels[lower]) * fraction
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_interpolate_and_are_exact_at_the_published_ones() {
+        let sigma = Parameter::by_level("sigma", [0.03, 0.06, 0.12, 0.18, 0.22], "spread");
+        assert_eq!(sigma.at_intensity(0.0), Some(0.03));
+        assert_eq!(sigma.at_intensity(4.0), Some(0.22));
+        assert_eq!(sigma.at_intensity(1.0), Some(0.06));
+        assert!((sigma.at_intensity(1.5).unwrap() - 0.09).abs() < 1e-12);
+        assert_eq!(Parameter::number("x", 1.0, "").at_intensity(2.0), None);
+    }
+
+    #[test]
+    fn a_description_survives_the_trip_through_json() {
+        let before = Description::perturbation("fog", "Fog")
+            .family("weather")
+            .dynamic()
+            .parameter(
+                Parameter::by_level("s", [1.0, 2.0, 3.0, 4.0, 5.0], "strength").range(0.0, 9.0).unit("m"),
+            )
+            .parameter(Parameter::choice("mode", &["soft", "hard"], "edge"))
+            .parameter(Parameter::path("clip", "the clip"));
+        let text = serde_json::to_string(&before).unwrap();
+        let after: Description = serde_json::from_str(&text).unwrap();
+        assert_eq!(before, after);
+    }
+}

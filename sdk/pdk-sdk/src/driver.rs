@@ -1,0 +1,46 @@
+//! Drivers: the models under test.
+
+use abi_stable::StableAbi;
+use pdk_ops::Frame;
+use serde::{Deserialize, Serialize};
+
+use crate::error::Result;
+
+/// Looks at a frame and steers.
+pub trait Driver: Send {
+    /// Forgets everything about earlier frames. Called before each scenario.
+    ///
+    /// # Errors
+    /// Where the driver cannot start over.
+    fn reset(&mut self) -> Result<()> {
+        Ok(())
+    }
+
+    /// Decides what to do.
+    ///
+    /// # Errors
+    /// Where the driver cannot use the frame, for instance because of its size.
+    fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control>;
+}
+
+/// What a driver knows besides the frame.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, StableAbi)]
+pub struct DriveContext {
+    /// The number of the frame in its sequence, from 0.
+    pub frame_index: u64,
+    /// Simulation time in seconds since the start of the sequence.
+    pub time: f64,
+    /// The vehicle's speed in metres per second; not a number where it is not known, as in a dataset.
+    pub speed: f64,
+}
+
+/// What a driver decides.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, StableAbi, Serialize, Deserialize)]
+pub struct Control {
+    /// -1 (full left) to 1 (full right).
+    pub steering: f64,
+    /// -1 (full brake) to 1 (full throttle).
+    pub throttle: f64,
+}
