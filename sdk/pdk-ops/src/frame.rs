@@ -339,6 +339,25 @@ impl fmt::Debug for FrameBuf {
     }
 }
 
+/// Calls `row` with each row of `src` and the same row of `dst`; once with everything where neither has gaps.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn for_each_row(src: Frame<'_>, mut dst: FrameMut<'_>, mut row: impl FnMut(&[u8], &mut [u8])) {
+    assert!(
+        src.same_size(&dst.as_ref()),
+        "source is {}x{}, destination {}x{}",
+        src.width,
+        src.height,
+        dst.width,
+        dst.height
+    );
+    match (src.contiguous(), dst.contiguous_mut()) {
+        (Some(from), Some(to)) => row(from, to),
+        _ => (0..src.height()).for_each(|y| row(src.row(y), dst.row_mut(y))),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,0 +1,183 @@
+//! Gaussian blur in 8-bit fixed point.
+//!
+//! The kernel's weights are whole numbers that sum to 256, so both passes are exact and only the final division by
+//! 65536 rounds. The vertical pass comes first, because its sums fit 16 bits; the horizontal pass then works on the
+//! upper and the lower byte of those sums one after the other, which fits 16 bits again.
+
+use crate::border::reflect;
+use crate::frame::{CHANNELS, Frame, FrameMut};
+use crate::simd::vectorised;
+
+/// The standard deviation in pixels that belongs to a kernel of `size`: `0.3 * ((size - 1) / 2 - 1) + 0.8`.
+pub fn sigma_of_kernel(size: usize) -> f64 {
+    0.3 * ((size as f64 - 1.0) * 0.5 - 1.0) + 0.8
+}
+
+/// What [`gaussian_blur`] keeps between calls.
+#[derive(Debug, Clone, Default)]
+pub struct Workspace {
+    /// The kernel size that `weights` belong to.
+    size: usize,
+    /// The centre's weight, then those at distance 1, 2, ...
+    weights: Vec<u16>,
+    /// Upper and lower bytes of a row of vertical sums, with a mirrored border at both ends.
+    upper: Vec<u16>,
+    lower: Vec<u16>,
+    /// Sums over a row.
+    sum: Vec<u16>,
+    lower_sum: Vec<u16>,
+}
+
+/// The weights of a kernel of odd `size`, from the centre to one end. All of them, both sides counted, sum to 256.
+///
+/// Sizes up to 7 have fixed weights; larger ones are rounded from the end to the centre, each handing its rounding
+/// error on to the next, and the centre takes what is left.
+fn weights(size: usize, into: &mut Vec<u16>) {
+    into.clear();
+    match size {
+        1 => return into.push(256),
+        3 => return into.extend([128, 64]),
+        5 => return into.extend([96, 64, 16]),
+        7 => return into.extend([72, 56, 28, 8]),
+        _ => {}
+    }
+    let radius = size / 2;
+    let sigma = sigma_of_kernel(size);
+    let density = |x: usize| libm::exp(-((x * x) as f64) / (2.0 * sigma * sigma));
+    let total = (1..=radius).map(|x| 2.0 * density(x)).sum::<f64>() + 1.0;
+    into.resize(radius + 1, 0);
+    let (mut error, mut used) = (0.0, 0);
+    for x in (1..=radius).rev() {
+        let wanted = 256.0 * density(x) / total + error;
+        let weight = wanted.round_ties_even();
+        error = wanted - weight;
+        into[x] = weight as u16;
+        used += 2 * into[x];
+    }
+    into[0] = 256 - used;
+}
+
+/// Blurs with a Gaussian kernel of `kernel_size` pixels (an even size counts as the next odd one) whose standard
+/// deviation is [`sigma_of_kernel`]; mirrored at the edges without repeating them.
+///
+/// # Panics
+/// Where the sizes of the frames differ.
+pub fn gaussian_blur(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, workspace: &mut Workspace) {
+    assert!(src.same_size(&dst.as_ref()), "gaussian_blur between frames of different size");
+    let size = kernel_size | 1;
+    if workspace.size != size {
+        weights(size, &mut workspace.weights);
+        workspace.size = size;
+    }
+    let Workspace { weights, upper, lower, sum, lower_sum, .. } = workspace;
+    // Weights far from the centre may have been rounded to nothing.
+    let radius = weights.iter().rposition(|&w| w != 0).unwrap_or(0);
+    let (width, height) = (src.width(), src.height());
+    let values = width * CHANNELS;
+    let border = radius * CHANNELS;
+    for buffer in [&mut *upper, &mut *lower] {
+        buffer.resize(values + 2 * border, 0);
+    }
+    for buffer in [&mut *sum, &mut *lower_sum] {
+        buffer.resize(values, 0);
+    }
+    for y in 0..height {
+        scale_bytes(src.row(y), sum, weights[0]);
+        for (distance, &weight) in weights.iter().enumerate().take(radius + 1).skip(1) {
+            let above = src.row(reflect(y as isize - distance as isize, height));
+            let below = src.row(reflect(y as isize + distance as isize, height));
+            add_bytes(above, below, sum, weight);
+        }
+        split(sum, &mut upper[border..border + values], &mut lower[border..border + values]);
+        for buffer in [&mut *upper, &mut *lower] {
+            mirror_ends(buffer, width, radius);
+        }
+        for (padded, sum) in [(&*upper, &mut *sum), (&*lower, &mut *lower_sum)] {
+            scale_words(&padded[border..border + values], sum, weights[0]);
+            for (distance, &weight) in weights.iter().enumerate().take(radius + 1).skip(1) {
+                let offset = distance * CHANNELS;
+                let left = &padded[border - offset..border - offset + values];
+                let right = &padded[border + offset..border + offset + values];
+                add_words(left, right, sum, weight);
+            }
+        }
+        finish(sum, lower_sum, dst.row_mut(y));
+    }
+}
+
+/// Fills `radius` pixels at both ends of a row of `width` pixels with the mirrored row.
+fn mirror_ends(padded: &mut [u16], width: usize, radius: usize) {
+    for distance in 1..=radius {
+        let left = reflect(-(distance as isize), width);
+        let right = reflect((width + distance - 1) as isize, width);
+        for (to, from) in [(radius - distance, left), (radius + width + distance - 1, right)] {
+            let from = (radius + from) * CHANNELS;
+            padded.copy_within(from..from + CHANNELS, to * CHANNELS);
+        }
+    }
+}
+
+vectorised! {
+    fn scale_bytes / scale_bytes_portable / scale_bytes_avx2 (row: &[u8], sum: &mut [u16], weight: u16) {
+        for (sum, &value) in sum.iter_mut().zip(row) {
+            *sum = u16::from(value) * weight;
+        }
+    }
+}
+
+vectorised! {
+    fn add_bytes / add_bytes_portable / add_bytes_avx2 (a: &[u8], b: &[u8], sum: &mut [u16], weight: u16) {
+        for ((sum, &a), &b) in sum.iter_mut().zip(a).zip(b) {
+            *sum = sum.wrapping_add((u16::from(a) + u16::from(b)).wrapping_mul(weight));
+        }
+    }
+}
+
+vectorised! {
+    fn split / split_portable / split_avx2 (sum: &[u16], upper: &mut [u16], lower: &mut [u16]) {
+        for ((&sum, upper), lower) in sum.iter().zip(upper).zip(lower) {
+            *upper = sum >> 8;
+            *lower = sum & 255;
+        }
+    }
+}
+
+vectorised! {
+    fn scale_words / scale_words_portable / scale_words_avx2 (row: &[u16], sum: &mut [u16], weight: u16) {
+        for (sum, &value) in sum.iter_mut().zip(row) {
+            *sum = value.wrapping_mul(weight);
+        }
+    }
+}
+
+vectorised! {
+    fn add_words / add_words_portable / add_words_avx2 (a: &[u16], b: &[u16], sum: &mut [u16], weight: u16) {
+        for ((sum, &a), &b) in sum.iter_mut().zip(a).zip(b) {
+            *sum = sum.wrapping_add(a.wrapping_add(b).wrapping_mul(weight));
+        }
+    }
+}
+
+vectorised! {
+    // (256 * upper + lower + 32768) >> 16 without leaving 16 bits: 256 * upper + lower is at most 256 * 65280.
+    fn finish / finish_portable / finish_avx2 (upper: &[u16], lower: &[u16], dst: &mut [u8]) {
+        for ((dst, &upper), &lower) in dst.iter_mut().zip(upper).zip(lower) {
+            *dst = (upper.wrapping_add(lower >> 8).wrapping_add(128) >> 8) as u8;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_sum_to_256_at_every_size() {
+        let mut half = Vec::new();
+        for size in (1..200).step_by(2) {
+            weights(size, &mut half);
+            let total: u32 = half.iter().map(|&w| u32::from(w)).sum();
+            assert_eq!(2 * total - u32::from(half[0]), 256, "size {size}");
+        }
+    }
+}

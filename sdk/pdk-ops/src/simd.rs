@@ -1,0 +1,59 @@
+//! One body, compiled twice: for the baseline of the target, and on x86-64 for AVX2, chosen at run time.
+//!
+//! The bodies are ordinary Rust that the compiler vectorises. They use integers, or single floating-point
+//! operations that are never fused, so both versions give the same bytes.
+
+/// Defines a function with an AVX2 twin.
+///
+/// `fn NAME / PORTABLE / AVX2 (arguments) { body }` makes `NAME`, which picks one of the two versions,
+/// `PORTABLE` and, on x86-64, `AVX2`.
+macro_rules! vectorised {
+    ($(#[$attribute:meta])* $visibility:vis fn $name:ident / $portable:ident / $avx2:ident
+     ($($argument:ident: $type:ty),* $(,)?) $body:block) => {
+        $(#[$attribute])*
+        #[inline]
+        $visibility fn $name($($argument: $type),*) {
+            #[cfg(target_arch = "x86_64")]
+            if std::arch::is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has AVX2, which is all that this version asks for.
+                return unsafe { $avx2($($argument),*) };
+            }
+            $portable($($argument),*)
+        }
+
+        #[allow(clippy::too_many_arguments)]
+        #[inline(always)]
+        fn $portable($($argument: $type),*) $body
+
+        #[cfg(target_arch = "x86_64")]
+        #[allow(clippy::too_many_arguments)]
+        #[target_feature(enable = "avx2")]
+        fn $avx2($($argument: $type),*) {
+            $portable($($argument),*)
+        }
+    };
+}
+pub(crate) use vectorised;
+
+/// Adding this to a number in `0.0..=255.0` leaves the number, rounded half to even, in the lowest byte.
+const ROUNDING: f32 = 8_388_608.0;
+
+/// Clips to `0.0..=255.0` and rounds half to even.
+#[inline(always)]
+pub(crate) fn round_to_byte(value: f32) -> u8 {
+    (value.clamp(0.0, 255.0) + ROUNDING).to_bits() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rounds_half_to_even_and_clips() {
+        for (value, byte) in
+            [(-3.0, 0), (0.5, 0), (1.5, 2), (2.5, 2), (2.51, 3), (254.5, 254), (255.0, 255), (1e9, 255)]
+        {
+            assert_eq!(round_to_byte(value), byte, "{value}");
+        }
+    }
+}
