@@ -1,1 +1,17 @@
-//! Readers of recorded datasets.
+//! Readers of recorded datasets: DonkeyCar tubs and folders of images with one record each.
+//!
+//! Both readers follow one rule about faults. What makes the recording unusable as a whole (no such folder, no
+//! frames, no index) is an error when the reader is made. What is wrong with one frame (a missing or damaged image,
+//! a record without steering) is an error when that frame is read, so that a run can count it, name it and go on.
+//! No frame is left out in silence.
+
+mod clock;
+mod folder;
+mod image_file;
+mod record;
+mod tub;
+
+#[cfg(test)]
+mod fixture;
+
+pdk_sdk::export! { datasets: [tub::Tub, folder::Folder] }

@@ -1,0 +1,75 @@
+//! What a record says about its frame.
+
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::{Map, Value};
+
+/// The steering and the time of one frame, as they were recorded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Record {
+    /// -1 (full left) to 1 (full right).
+    pub steering: f64,
+    /// -1 (full brake) to 1 (full throttle).
+    pub throttle: f64,
+    /// Milliseconds since any fixed moment, where the record has a time.
+    pub milliseconds: Option<f64>,
+}
+
+impl Record {
+    /// Reads the keys that DonkeyCar writes: `user/angle`, `user/throttle`, and the time as `_timestamp_ms` (tub v2)
+    /// or `milliseconds` (tub v1).
+    ///
+    /// # Errors
+    /// Where the steering or the throttle is missing, is no number, or is outside -1 to 1.
+    pub fn from_json(json: &Map<String, Value>) -> Result<Self> {
+        Ok(Self {
+            steering: control(json, "user/angle")?,
+            throttle: control(json, "user/throttle")?,
+            milliseconds: ["_timestamp_ms", "milliseconds"]
+                .iter()
+                .find_map(|key| json.get(*key).and_then(Value::as_f64)),
+        })
+    }
+}
+
+fn control(json: &Map<String, Value>, key: &str) -> Result<f64> {
+    match json.get(key) {
+        None => Err(Error::new(format!("the record has no `{key}`"))),
+        Some(value) => match value.as_f64() {
+            Some(number) if (-1.0..=1.0).contains(&number) => Ok(number),
+            _ => Err(Error::new(format!("`{key}` is {value}, but has to be a number from -1 to 1"))),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_sdk::serde_json::json;
+
+    fn parse(json: Value) -> Result<Record> {
+        Record::from_json(json.as_object().unwrap())
+    }
+
+    #[test]
+    fn the_keys_of_both_tub_versions_are_read() {
+        let v2 = parse(json!({"user/angle": 0.5, "user/throttle": -1, "_timestamp_ms": 1602421393803u64}))
+            .unwrap();
+        assert_eq!(v2, Record { steering: 0.5, throttle: -1.0, milliseconds: Some(1602421393803.0) });
+        let v1 = parse(json!({"user/angle": 0, "user/throttle": 0.1, "milliseconds": 40})).unwrap();
+        assert_eq!(v1.milliseconds, Some(40.0));
+        assert_eq!(parse(json!({"user/angle": 0, "user/throttle": 0})).unwrap().milliseconds, None);
+    }
+
+    #[test]
+    fn missing_and_senseless_values_are_named() {
+        let error = |json| parse(json).unwrap_err().to_string();
+        assert_eq!(error(json!({"user/throttle": 0})), "the record has no `user/angle`");
+        assert_eq!(error(json!({"user/angle": 0})), "the record has no `user/throttle`");
+        assert_eq!(
+            error(json!({"user/angle": 25.0, "user/throttle": 0})),
+            "`user/angle` is 25.0, but has to be a number from -1 to 1"
+        );
+        assert!(error(json!({"user/angle": null, "user/throttle": 0})).starts_with("`user/angle` is null"));
+        assert!(error(json!({"user/angle": "0.1", "user/throttle": 0})).contains("\"0.1\""));
+    }
+}
