@@ -1,4 +1,4 @@
-//! Grey, and hue, saturation and value (HSV) in 8 bits: hue in steps of two degrees, 0..=179; the others 0..=255.
+//! Grey.
 
 use crate::frame::{Frame, FrameMut, for_each_row};
 use crate::simd::vectorised;

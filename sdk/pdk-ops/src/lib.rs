@@ -7,13 +7,17 @@
 //! Same input, same bytes: kernels use no operation whose result depends on the CPU, the number of threads or the
 //! system's mathematical library. Transcendental functions come from [`libm`], random numbers from [`Random`].
 
+pub mod average;
 pub mod blend;
 pub mod border;
 pub mod color;
 pub mod draw;
 pub mod frame;
 pub mod gaussian;
+pub mod hsv;
+pub mod noise;
 pub mod point;
+pub mod poisson;
 pub mod random;
 pub mod resize;
 mod simd;

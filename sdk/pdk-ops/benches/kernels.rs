@@ -1,0 +1,135 @@
+//! Times of the kernels on one thread, at 320x240 and the slowest published level, with a copy as the yardstick.
+//! `cargo bench -p pdk-ops`
+
+use divan::Bencher;
+use pdk_ops::{
+    Frame, FrameBuf, FrameMut, Key, average, blend, color, gaussian, hsv, noise, point, poisson, resize,
+};
+
+fn main() {
+    divan::main();
+}
+
+/// A frame with smooth parts, edges and grain.
+fn scene(width: usize, height: usize) -> FrameBuf {
+    let mut frame = FrameBuf::new(width, height);
+    let mut random = Key([3; 32]).sequence();
+    let mut view = frame.as_mut();
+    for y in 0..height {
+        for x in 0..width {
+            let base = [x * 255 / width, y * 255 / height, (x / 16 + y / 16) % 2 * 200];
+            view.set_pixel(x, y, base.map(|v| (v as i32 + random.between(-8, 8)).clamp(0, 255) as u8));
+        }
+    }
+    frame
+}
+
+fn time(bencher: Bencher<'_, '_>, mut kernel: impl FnMut(Frame<'_>, FrameMut<'_>)) {
+    let (src, mut dst) = (scene(320, 240), FrameBuf::new(320, 240));
+    kernel(src.as_ref(), dst.as_mut());
+    bencher.bench_local(|| kernel(divan::black_box(src.as_ref()), dst.as_mut()));
+}
+
+#[divan::bench]
+fn copy(bencher: Bencher<'_, '_>) {
+    time(bencher, |src, mut dst| dst.copy_from(src));
+}
+
+#[divan::bench]
+fn lookup(bencher: Bencher<'_, '_>) {
+    let table: [u8; 256] = std::array::from_fn(|v| 255 - v as u8);
+    time(bencher, |src, dst| point::lookup(src, dst, &table));
+}
+
+#[divan::bench]
+fn contrast(bencher: Bencher<'_, '_>) {
+    time(bencher, |src, dst| point::contrast(src, dst, 1.7));
+}
+
+#[divan::bench]
+fn blend_two(bencher: Bencher<'_, '_>) {
+    let other = scene(320, 240);
+    time(bencher, |src, dst| blend::blend(src, 0.3, other.as_ref(), dst));
+}
+
+#[divan::bench]
+fn grayscale(bencher: Bencher<'_, '_>) {
+    time(bencher, color::grayscale);
+}
+
+#[divan::bench]
+fn blend_with_grey(bencher: Bencher<'_, '_>) {
+    time(bencher, |src, dst| blend::blend_with_grey(src, dst, 0.85));
+}
+
+#[divan::bench]
+fn increase_brightness(bencher: Bencher<'_, '_>) {
+    time(bencher, |src, dst| hsv::scale_hsv(src, dst, 1.0, 1.7));
+}
+
+#[divan::bench]
+fn gaussian_noise(bencher: Bencher<'_, '_>) {
+    let mut random = Key::default().frame(0);
+    time(bencher, |src, dst| noise::gaussian_noise(src, dst, 0.22, &mut random));
+}
+
+#[divan::bench]
+fn speckle_noise(bencher: Bencher<'_, '_>) {
+    let mut random = Key::default().frame(0);
+    time(bencher, |src, dst| noise::speckle_noise(src, dst, 0.2, &mut random));
+}
+
+#[divan::bench]
+fn random_bytes(bencher: Bencher<'_, '_>) {
+    let mut random = Key::default().frame(0);
+    let mut bytes = vec![0; 320 * 240 * 3 * 2];
+    bencher.bench_local(|| random.fill(&mut bytes));
+}
+
+#[divan::bench]
+fn poisson_noise(bencher: Bencher<'_, '_>) {
+    let mut random = Key::default().frame(0);
+    let table = poisson::PoissonTable::new(30.0);
+    time(bencher, |src, dst| poisson::poisson_noise(src, dst, &table, &mut random));
+}
+
+#[divan::bench]
+fn poisson_table(bencher: Bencher<'_, '_>) {
+    let mut table = poisson::PoissonTable::new(30.0);
+    let mut count = 120.0;
+    bencher.bench_local(|| {
+        count = 240.5 - count;
+        table.set_count(count);
+    });
+}
+
+#[divan::bench]
+fn impulse_noise(bencher: Bencher<'_, '_>) {
+    let mut random = Key::default().frame(0);
+    time(bencher, |src, dst| noise::impulse_noise(src, dst, 0.1, noise::Impulses::Published, &mut random));
+}
+
+#[divan::bench]
+fn gaussian_blur_41(bencher: Bencher<'_, '_>) {
+    let mut workspace = gaussian::Workspace::default();
+    time(bencher, |src, dst| gaussian::gaussian_blur(src, dst, 41, &mut workspace));
+}
+
+#[divan::bench]
+fn disc_blur_12(bencher: Bencher<'_, '_>) {
+    let mut workspace = average::Workspace::default();
+    time(bencher, |src, dst| average::disc_blur(src, dst, 12.0, &mut workspace));
+}
+
+#[divan::bench]
+fn pixel_average_15(bencher: Bencher<'_, '_>) {
+    let mut workspace = average::Workspace::default();
+    let neighbours: Vec<_> = (-7..=7).map(|i| (i, i)).collect();
+    time(bencher, |src, dst| average::pixel_average(src, dst, &neighbours, &mut workspace));
+}
+
+#[divan::bench]
+fn resize_linear_from_half(bencher: Bencher<'_, '_>) {
+    let half = scene(160, 120);
+    time(bencher, |_, dst| resize::resize_linear(half.as_ref(), dst));
+}

@@ -1,0 +1,229 @@
+//! Averages over a fixed pattern of neighbours: a disc (a lens out of focus) or a few single pixels (motion).
+//! The edges of the image mirror without repeating the edge pixel.
+
+use crate::border::reflect;
+use crate::frame::{CHANNELS, Frame, FrameMut};
+use crate::simd::{round_to_byte, vectorised};
+
+/// The largest radius [`disc_blur`] takes, in pixels: sums over a row of a disc have to fit 16 bits.
+pub const MAX_RADIUS: f64 = 128.0;
+/// The largest number of neighbours [`pixel_average`] takes: 257 times 255 still fits 16 bits.
+pub const MAX_NEIGHBOURS: usize = 257;
+
+/// What the averages keep between calls.
+#[derive(Debug, Clone, Default)]
+pub struct Workspace {
+    /// Half the width of the disc in each row, the middle one first.
+    half_widths: Vec<usize>,
+    /// For the rows that the disc covers: at each pixel the sum of everything left of it, modulo 65536.
+    prefix: Vec<u16>,
+    /// Sums of up to 257 pixels.
+    partial: Vec<u16>,
+    /// Sums of all pixels.
+    sum: Vec<u32>,
+}
+
+/// Half the width of each row of a disc: the largest `x` with `x^2 + y^2 <= radius^2` for `y = 0, 1, ...`
+fn half_widths(radius: f64, into: &mut Vec<usize>) {
+    into.clear();
+    let square = radius * radius;
+    let mut x = radius as usize;
+    for y in 0..=radius as usize {
+        while x > 0 && (x * x + y * y) as f64 > square {
+            x -= 1;
+        }
+        into.push(x);
+    }
+}
+
+/// Replaces each pixel by the mean of the disc around it: all pixels with `x^2 + y^2 <= radius^2`, at any real radius.
+///
+/// # Panics
+/// Where the sizes differ or `radius` is not within 0..=[`MAX_RADIUS`].
+pub fn disc_blur(src: Frame<'_>, mut dst: FrameMut<'_>, radius: f64, workspace: &mut Workspace) {
+    assert!(src.same_size(&dst.as_ref()), "disc_blur between frames of different size");
+    assert!(
+        (0.0..=MAX_RADIUS).contains(&radius),
+        "disc_blur takes a radius of 0 to 128 pixels, not {radius}"
+    );
+    let Workspace { half_widths: halves, prefix, partial, sum } = workspace;
+    half_widths(radius, halves);
+    let (width, height, reach) = (src.width(), src.height(), halves.len() - 1);
+    let (values, rows) = (width * CHANNELS, 2 * reach + 1);
+    let line = (width + 2 * reach + 1) * CHANNELS;
+    prefix.resize(rows * line, 0);
+    partial.resize(values, 0);
+    sum.resize(values, 0);
+    let area: usize = halves.iter().map(|h| 2 * h + 1).sum::<usize>() * 2 - (2 * halves[0] + 1);
+    let scale = 1.0 / area as f32;
+
+    // `prefix` is a ring: the row `v` rows below the top edge of the image is in slot `(v + reach) % rows`.
+    let slot = |v: isize| (v + reach as isize) as usize % rows * line;
+    for y in 0..height as isize {
+        let first_new = if y == 0 { -(reach as isize) } else { y + reach as isize };
+        for v in first_new..=y + reach as isize {
+            let start = slot(v);
+            fill_prefix(src.row(reflect(v, height)), &mut prefix[start..start + line], reach);
+        }
+        sum.fill(0);
+        partial.fill(0);
+        let mut pixels = 0;
+        for (distance, &half) in halves.iter().enumerate() {
+            let spans = [y - distance as isize, y + distance as isize].map(|v| {
+                let row = &prefix[slot(v)..slot(v) + line];
+                let (left, right) = ((reach - half) * CHANNELS, (reach + half + 1) * CHANNELS);
+                (&row[left..left + values], &row[right..right + values])
+            });
+            let added = (2 * half + 1) * if distance == 0 { 1 } else { 2 };
+            if pixels + added > MAX_NEIGHBOURS {
+                flush(partial, sum);
+                pixels = 0;
+            }
+            if distance == 0 {
+                add_span(spans[0].0, spans[0].1, partial);
+            } else if added <= MAX_NEIGHBOURS {
+                add_spans(spans[0].0, spans[0].1, spans[1].0, spans[1].1, partial);
+            } else {
+                add_span(spans[0].0, spans[0].1, partial);
+                flush(partial, sum);
+                add_span(spans[1].0, spans[1].1, partial);
+            }
+            pixels += added;
+        }
+        flush(partial, sum);
+        normalise_wide(sum, dst.row_mut(y as usize), scale);
+    }
+}
+
+/// Sums a row, mirrored for `reach` pixels at both ends, from the left.
+fn fill_prefix(row: &[u8], prefix: &mut [u16], reach: usize) {
+    let width = row.len() / CHANNELS;
+    let mut total = [0u16; CHANNELS];
+    let (first, rest) = prefix.split_at_mut(CHANNELS);
+    first.fill(0);
+    let mut step = |to: &mut [u16], pixel: &[u8]| {
+        for channel in 0..CHANNELS {
+            total[channel] = total[channel].wrapping_add(u16::from(pixel[channel]));
+            to[channel] = total[channel];
+        }
+    };
+    let mirrored = |place: isize| {
+        let start = reflect(place, width) * CHANNELS;
+        &row[start..start + CHANNELS]
+    };
+    let (left, rest) = rest.split_at_mut(reach * CHANNELS);
+    let (middle, right) = rest.split_at_mut(width * CHANNELS);
+    for (i, to) in left.chunks_exact_mut(CHANNELS).enumerate() {
+        step(to, mirrored(i as isize - reach as isize));
+    }
+    for (to, pixel) in middle.chunks_exact_mut(CHANNELS).zip(row.chunks_exact(CHANNELS)) {
+        step(to, pixel);
+    }
+    for (i, to) in right.chunks_exact_mut(CHANNELS).enumerate() {
+        step(to, mirrored((width + i) as isize));
+    }
+}
+
+/// Replaces each pixel by the mean of the pixels at the given places `(right, down)` relative to it.
+///
+/// # Panics
+/// Where the sizes differ, or there are no neighbours or more than [`MAX_NEIGHBOURS`].
+pub fn pixel_average(
+    src: Frame<'_>,
+    mut dst: FrameMut<'_>,
+    neighbours: &[(isize, isize)],
+    workspace: &mut Workspace,
+) {
+    assert!(src.same_size(&dst.as_ref()), "pixel_average between frames of different size");
+    assert!((1..=MAX_NEIGHBOURS).contains(&neighbours.len()), "pixel_average takes 1 to 257 neighbours");
+    let (width, height) = (src.width(), src.height());
+    let partial = &mut workspace.partial;
+    partial.resize(width * CHANNELS, 0);
+    let scale = 1.0 / neighbours.len() as f32;
+    for y in 0..height {
+        partial.fill(0);
+        for &(right, down) in neighbours {
+            let row = src.row(reflect(y as isize + down, height));
+            add_shifted(row, right, partial, width);
+        }
+        normalise(partial, dst.row_mut(y), scale);
+    }
+}
+
+/// Adds to each pixel of `sum` the pixel of `row` that is `right` of it.
+fn add_shifted(row: &[u8], right: isize, sum: &mut [u16], width: usize) {
+    let shift = right.unsigned_abs().min(width);
+    let inside = (width - shift) * CHANNELS;
+    let (outside, skip) = if right >= 0 {
+        add_bytes(&row[shift * CHANNELS..], &mut sum[..inside]);
+        (width - shift..width, shift)
+    } else {
+        add_bytes(&row[..inside], &mut sum[shift * CHANNELS..]);
+        (0..shift, 0)
+    };
+    debug_assert!(skip <= width);
+    for x in outside {
+        let from = reflect(x as isize + right, width) * CHANNELS;
+        for channel in 0..CHANNELS {
+            sum[x * CHANNELS + channel] += u16::from(row[from + channel]);
+        }
+    }
+}
+
+vectorised! {
+    fn add_bytes / add_bytes_portable / add_bytes_avx2 (row: &[u8], sum: &mut [u16]) {
+        for (sum, &value) in sum.iter_mut().zip(row) {
+            *sum = sum.wrapping_add(u16::from(value));
+        }
+    }
+}
+
+vectorised! {
+    fn add_span / add_span_portable / add_span_avx2 (left: &[u16], right: &[u16], sum: &mut [u16]) {
+        for ((sum, &left), &right) in sum.iter_mut().zip(left).zip(right) {
+            *sum = sum.wrapping_add(right.wrapping_sub(left));
+        }
+    }
+}
+
+vectorised! {
+    fn add_spans / add_spans_portable / add_spans_avx2 (
+        left: &[u16], right: &[u16], other_left: &[u16], other_right: &[u16], sum: &mut [u16],
+    ) {
+        let rights = right.iter().zip(other_right);
+        for ((sum, (&right, &other_right)), (&left, &other_left)) in
+            sum.iter_mut().zip(rights).zip(left.iter().zip(other_left))
+        {
+            let spans = right.wrapping_sub(left).wrapping_add(other_right.wrapping_sub(other_left));
+            *sum = sum.wrapping_add(spans);
+        }
+    }
+}
+
+vectorised! {
+    fn flush / flush_portable / flush_avx2 (partial: &mut [u16], sum: &mut [u32]) {
+        for (sum, partial) in sum.iter_mut().zip(partial) {
+            *sum += u32::from(*partial);
+            *partial = 0;
+        }
+    }
+}
+
+vectorised! {
+    fn normalise / normalise_portable / normalise_avx2 (sum: &[u16], dst: &mut [u8], scale: f32) {
+        for (dst, &sum) in dst.iter_mut().zip(sum) {
+            *dst = round_to_byte(f32::from(sum) * scale);
+        }
+    }
+}
+
+vectorised! {
+    // Sums stay far below 2^31; a signed conversion is one instruction, an unsigned one is many.
+    fn normalise_wide / normalise_wide_portable / normalise_wide_avx2 (
+        sum: &[u32], dst: &mut [u8], scale: f32,
+    ) {
+        for (dst, &sum) in dst.iter_mut().zip(sum) {
+            *dst = round_to_byte(sum as i32 as f32 * scale);
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Hue, saturation and value in 8 bits: hue in steps of two degrees, 0..=179; saturation and value 0..=255.
+//!
+//! The two conversions are written without branches and with single-precision arithmetic on whole numbers, which is
+//! exact below 2^24, so that the compiler can do several pixels at a time.
+
+use crate::frame::{CHANNELS, Frame, FrameMut, for_each_row};
+use crate::simd::vectorised;
+
+/// The number of pixels that are converted at a time.
+const BLOCK: usize = 64;
+
+/// Adding this to a whole number of magnitude below 2^22 puts that number into the lower bits.
+const SHIFT: f32 = 12_582_912.0;
+
+/// Rounds half to even. For magnitudes below 2^22.
+#[inline(always)]
+fn round(value: f32) -> i32 {
+    (value + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32
+}
+
+/// `[hue, saturation, value]` of `[red, green, blue]`; each rounded.
+#[inline(always)]
+pub fn rgb_to_hsv(rgb: [u8; 3]) -> [u8; 3] {
+    let [r, g, b] = rgb.map(i32::from);
+    let value = r.max(g).max(b);
+    let range = value - r.min(g).min(b);
+    // Quotients are fixed-point numbers with 12 fractional bits. Where a divisor is zero, so is what it divides.
+    let saturation = round(range as f32 * round(255.0 * 4096.0 / value.max(1) as f32) as f32);
+    let position = if value == r {
+        g - b
+    } else if value == g {
+        b - r + 2 * range
+    } else {
+        r - g + 4 * range
+    };
+    let hue = round(position as f32 * round(30.0 * 4096.0 / range.max(1) as f32) as f32);
+    let hue = (hue + 2048) >> 12;
+    let hue = if hue < 0 { hue + 180 } else { hue };
+    [hue as u8, ((saturation + 2048) >> 12) as u8, value as u8]
+}
+
+/// `[red, green, blue]` of `[hue, saturation, value]`; rounded half to even. The hue is at most 179.
+#[inline(always)]
+pub fn hsv_to_rgb(hsv: [u8; 3]) -> [u8; 3] {
+    let [hue, saturation, value] = hsv.map(i32::from);
+    let chroma = (saturation as f32) * (value as f32);
+    // How far each channel lies below the value is a trapezium over the hue circle: 0 or 30 thirtieths of the chroma
+    // for a third of the circle each, and a slope in between.
+    [150, 90, 30].map(|offset| {
+        let place = hue + offset;
+        let place = if place >= 180 { place - 180 } else { place };
+        let weight = place.min(120 - place).clamp(0, 30);
+        (value - round(chroma * weight as f32 * (1.0 / 7650.0))) as u8
+    })
+}
+
+/// Multiplies saturation and value by factors: both are clipped to 255 and lose their fraction. Negative factors
+/// count as 0.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn scale_hsv(src: Frame<'_>, dst: FrameMut<'_>, saturation_factor: f64, value_factor: f64) {
+    let table = |factor: f64| -> [u8; 256] { std::array::from_fn(|v| (v as f64 * factor) as u8) };
+    let (saturations, values) = (table(saturation_factor), table(value_factor));
+    for_each_row(src, dst, |from, to| scale_hsv_row(from, to, &saturations, &values));
+}
+
+vectorised! {
+    fn scale_hsv_row / scale_hsv_row_portable / scale_hsv_row_avx2 (
+        from: &[u8], to: &mut [u8], saturations: &[u8; 256], values: &[u8; 256],
+    ) {
+        let mut planes = [[0u8; BLOCK]; CHANNELS];
+        for (from, to) in from.chunks(BLOCK * CHANNELS).zip(to.chunks_mut(BLOCK * CHANNELS)) {
+            let [first, second, third] = &mut planes;
+            for (i, pixel) in from.chunks_exact(CHANNELS).enumerate() {
+                (first[i], second[i], third[i]) = (pixel[0], pixel[1], pixel[2]);
+            }
+            for ((a, b), c) in first.iter_mut().zip(second.iter_mut()).zip(third.iter_mut()) {
+                [*a, *b, *c] = rgb_to_hsv([*a, *b, *c]);
+            }
+            for (saturation, value) in second.iter_mut().zip(third.iter_mut()) {
+                *saturation = saturations[usize::from(*saturation)];
+                *value = values[usize::from(*value)];
+            }
+            for ((a, b), c) in first.iter_mut().zip(second.iter_mut()).zip(third.iter_mut()) {
+                [*a, *b, *c] = hsv_to_rgb([*a, *b, *c]);
+            }
+            for (i, pixel) in to.chunks_exact_mut(CHANNELS).enumerate() {
+                (pixel[0], pixel[1], pixel[2]) = (first[i], second[i], third[i]);
+            }
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! Noise that is drawn for each value by itself.
+//!
+//! Random bytes come row by row, in blocks, so that they depend on the size of the frame but not on its stride.
+
+use std::sync::OnceLock;
+
+use crate::frame::{CHANNELS, Frame, FrameMut};
+use crate::random::{Random, normal_quantile};
+use crate::simd::{round_to_byte, vectorised};
+
+/// The number of values that are done at a time.
+const BLOCK: usize = 1024;
+/// Normal numbers are fixed-point numbers with 12 fractional bits.
+const NORMAL_SCALE: f32 = 1.0 / 4096.0;
+
+/// 65536 numbers that divide the standard normal distribution into equally likely parts: the quantiles of
+/// `(i + 0.5) / 65536`, in steps of 1/4096. The largest is 4.33.
+fn normal_table() -> &'static [i16; 65536] {
+    static TABLE: OnceLock<Box<[i16; 65536]>> = OnceLock::new();
+    TABLE.get_or_init(|| {
+        let mut table = Box::new([0i16; 65536]);
+        // The distribution is symmetric, and so is the table.
+        for i in 0..32768 {
+            let quantile = normal_quantile((i as f64 + 0.5) / 65536.0);
+            table[i] = (quantile * 4096.0).round() as i16;
+            table[65535 - i] = -table[i];
+        }
+        table
+    })
+}
+
+/// Adds normal noise with a standard deviation of `sigma` times 255 to each value; clipped, rounded half to even.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn gaussian_noise(src: Frame<'_>, dst: FrameMut<'_>, sigma: f64, random: &mut Random) {
+    let scale = (sigma * 255.0) as f32 * NORMAL_SCALE;
+    each_block(src, dst, random, |from, normal, to| add_normal(from, normal, to, scale));
+}
+
+/// Multiplies each value by a normal number with mean 1 and standard deviation `sigma`; clipped, the fraction dropped.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn speckle_noise(src: Frame<'_>, dst: FrameMut<'_>, sigma: f64, random: &mut Random) {
+    let scale = sigma as f32 * NORMAL_SCALE;
+    each_block(src, dst, random, |from, normal, to| multiply_normal(from, normal, to, scale));
+}
+
+/// Calls `apply` with a block of values, a normal number for each, and where the results go.
+fn each_block(
+    src: Frame<'_>,
+    mut dst: FrameMut<'_>,
+    random: &mut Random,
+    mut apply: impl FnMut(&[u8], &[i16], &mut [u8]),
+) {
+    assert!(src.same_size(&dst.as_ref()), "noise between frames of different size");
+    let table = normal_table();
+    let mut bytes = [0u8; 2 * BLOCK];
+    let mut normal = [0i16; BLOCK];
+    for y in 0..src.height() {
+        for (from, to) in src.row(y).chunks(BLOCK).zip(dst.row_mut(y).chunks_mut(BLOCK)) {
+            let bytes = &mut bytes[..2 * from.len()];
+            random.fill(bytes);
+            for (normal, pair) in normal.iter_mut().zip(bytes.chunks_exact(2)) {
+                *normal = table[usize::from(u16::from_le_bytes([pair[0], pair[1]]))];
+            }
+            apply(from, &normal[..from.len()], to);
+        }
+    }
+}
+
+vectorised! {
+    fn add_normal / add_normal_portable / add_normal_avx2 (
+        from: &[u8], normal: &[i16], to: &mut [u8], scale: f32,
+    ) {
+        for ((to, &from), &normal) in to.iter_mut().zip(from).zip(normal) {
+            *to = round_to_byte(f32::from(from) + f32::from(normal) * scale);
+        }
+    }
+}
+
+vectorised! {
+    fn multiply_normal / multiply_normal_portable / multiply_normal_avx2 (
+        from: &[u8], normal: &[i16], to: &mut [u8], scale: f32,
+    ) {
+        for ((to, &from), &normal) in to.iter_mut().zip(from).zip(normal) {
+            let product = f32::from(from) * (1.0 + f32::from(normal) * scale);
+            *to = product.clamp(0.0, 255.0) as i32 as u8;
+        }
+    }
+}
+
+/// Which values [`impulse_noise`] hits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Impulses {
+    /// Single values of the red and green channels, never in the last row or column.
+    Published,
+    /// Whole pixels, anywhere.
+    WholePixels,
+}
+
+/// Sets random values to 255, then as many to 0. With `Published`, `ceil(fraction * width * height * 3 / 2)` single
+/// values each; with `WholePixels`, `ceil(fraction * width * height / 2)` pixels each. A place may be drawn twice, so a
+/// little less than `fraction` of the image changes. Where `Published` leaves no row or column, the only one is used.
+///
+/// # Panics
+/// Where the sizes differ or `fraction` is not within 0..=1.
+pub fn impulse_noise(
+    src: Frame<'_>,
+    mut dst: FrameMut<'_>,
+    fraction: f64,
+    impulses: Impulses,
+    random: &mut Random,
+) {
+    assert!((0.0..=1.0).contains(&fraction), "impulse_noise takes a fraction of 0 to 1, not {fraction}");
+    dst.copy_from(src);
+    let (width, height, stride) = (src.width(), src.height(), dst.stride());
+    let pixels = (width * height) as f64;
+    let data = dst.data_mut();
+    for value in [255, 0] {
+        match impulses {
+            Impulses::Published => {
+                let (columns, rows) = ((width - 1).max(1) as u32, (height - 1).max(1) as u32);
+                for _ in 0..(fraction * pixels * 3.0 / 2.0).ceil() as u64 {
+                    let (y, x) = (random.below(rows) as usize, random.below(columns * 2) as usize);
+                    data[y * stride + (x >> 1) * CHANNELS + (x & 1)] = value;
+                }
+            }
+            Impulses::WholePixels => {
+                for _ in 0..(fraction * pixels / 2.0).ceil() as u64 {
+                    let (y, x) = (random.below(height as u32) as usize, random.below(width as u32) as usize);
+                    let start = y * stride + x * CHANNELS;
+                    data[start..start + CHANNELS].fill(value);
+                }
+            }
+        }
+    }
+}
