@@ -1,5 +1,8 @@
 //! Topics between processes: this test program starts itself again as the publisher or the tap.
 
+// The helpers of a test may fail like the test itself.
+#![allow(clippy::unwrap_used)]
+
 use std::{
     fs,
     io::{BufRead, BufReader, Write},
@@ -124,7 +127,7 @@ impl Drop for Peer {
 fn peer_process() {
     let (Ok(role), Ok(run)) = (std::env::var(ROLE), std::env::var(RUN)) else { return };
     let mut commands = std::io::stdin().lines().map_while(Result::ok);
-    let mut done = |word: &str| println!("\n{word}");
+    let done = |word: &str| println!("\n{word}");
     match role.as_str() {
         // Each command is the number of frames to publish next.
         "publisher" => {
@@ -435,30 +438,64 @@ fn a_run_that_never_appears_is_named() {
     assert!(error.message().contains("of shared memory"), "{error}");
 }
 
+/// The shared memory that a process has mapped, except the counter that all processes share for good.
+fn shared_memory(process: &str) -> Vec<String> {
+    let maps = fs::read_to_string(format!("/proc/{process}/maps")).unwrap();
+    let mut files: Vec<_> = maps
+        .lines()
+        .filter_map(|line| line.find("/dev/shm/").map(|start| line[start..].to_owned()))
+        .filter(|file| !file.ends_with(".global_mgmt"))
+        .collect();
+    files.dedup();
+    files
+}
+
+#[test]
+fn a_killed_publisher_is_cleaned_up_to_the_last_file() {
+    let run = unique("corpse");
+    let mut publisher = Peer::start("publisher", &run);
+    publisher.command("5");
+    let files = shared_memory(&publisher.process.id().to_string());
+    assert!(files.len() >= 8, "{files:?}");
+    publisher.kill();
+
+    // Another test's process may have begun the same work; then it is done shortly after.
+    let deadline = Instant::now() + SOON;
+    loop {
+        cleanup_dead().unwrap();
+        let left: Vec<_> = files.iter().filter(|file| fs::exists(file).unwrap()).collect();
+        if left.is_empty() {
+            break;
+        }
+        assert!(Instant::now() < deadline, "{left:?}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
 #[test]
 fn ended_runs_leave_no_files() {
-    // The folder of its own keeps the files of other tests out of the count; the variable is read once per
-    // process, so another process does it.
+    // In a folder of its own, so that the files of other tests do not count. The folder is read from the
+    // environment once per process, so another process does it.
     let folder = format!("/tmp/{}/", unique("files"));
-    let run = unique("files");
-    let shared = || fs::read_dir("/dev/shm").unwrap().count();
-    let status = Command::new(std::env::current_exe().unwrap())
+    let output = Command::new(std::env::current_exe().unwrap())
         .args(["short_runs", "--exact", "--nocapture", "--test-threads=1"])
         .env(pdk_bus::ROOT_VARIABLE, &folder)
         .env(ROLE, "short")
-        .env(RUN, &run)
-        .stdout(Stdio::null())
-        .status()
+        .env(RUN, unique("files"))
+        .output()
         .unwrap();
-    assert!(status.success());
-    let _ = shared;
-    let mut left = Vec::new();
-    for part in ["nodes", "services"] {
-        for entry in fs::read_dir(format!("{folder}{part}")).into_iter().flatten().flatten() {
-            left.push(entry.path());
-        }
-    }
+    assert!(output.status.success(), "{output:?}");
+
+    let used = String::from_utf8(output.stdout).unwrap();
+    let used: Vec<_> = used.lines().filter(|line| line.starts_with("/dev/shm/")).collect();
+    assert!(used.len() >= 50 * 8, "{used:?}");
+    let left: Vec<_> = used.iter().filter(|file| fs::exists(file).unwrap()).collect();
     assert!(left.is_empty(), "{left:?}");
+
+    for part in ["nodes", "services"] {
+        let left: Vec<_> = fs::read_dir(format!("{folder}{part}")).unwrap().flatten().collect();
+        assert!(left.is_empty(), "{left:?}");
+    }
     fs::remove_dir_all(folder).unwrap();
 }
 
@@ -474,5 +511,7 @@ fn short_runs() {
         let mut tap = Tap::open(bus.run(), 0, Topic::Raw, SOON).unwrap();
         publish(&bus, 0);
         assert!(frame(&mut tap, SOON).is_some());
+        println!();
+        shared_memory("self").iter().for_each(|file| println!("{file}"));
     }
 }
