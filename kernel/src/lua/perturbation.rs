@@ -1,0 +1,240 @@
+//! A script as a perturbation.
+
+use std::path::Path;
+
+use mlua::{AnyUserData, Function, Lua, LuaString, Table, Value};
+use pdk_sdk::config::{Config, frame_values};
+use pdk_sdk::describe::{Description, ParameterType};
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::ops::{Frame, FrameMut, Key};
+use pdk_sdk::perturbation::{Context, Perturbation};
+
+use super::declaration::{self, CONTEXT, Declaration};
+use super::image::LuaImage;
+use super::random::LuaRandom;
+use super::sandbox::{Limits, Sandbox};
+
+/// Reads the description of the perturbation in a file.
+///
+/// # Errors
+/// Where the file cannot be read, is no valid script, or returns something other than a perturbation.
+pub fn description(path: &Path) -> Result<Description> {
+    let source = std::fs::read(path).place(path.display())?;
+    let script = path.display().to_string();
+    let sandbox = Sandbox::new(Limits::from_environment()?)?;
+    declare(&sandbox, &script, &source, stem(path)).map(|declaration| declaration.description)
+}
+
+/// Makes an instance of the perturbation in a file. `config` has been checked against its description.
+///
+/// # Errors
+/// As [`description`].
+pub fn create(path: &Path, config: &Config) -> Result<Box<dyn Perturbation>> {
+    let source = std::fs::read(path).place(path.display())?;
+    let script = path.display().to_string();
+    let limits = Limits::from_environment()?;
+    Ok(Box::new(LuaPerturbation::new(&script, &source, stem(path), config.clone(), limits)?))
+}
+
+fn stem(path: &Path) -> &str {
+    path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default()
+}
+
+/// Runs a script and checks the table it returns.
+fn declare(sandbox: &Sandbox, script: &str, source: &[u8], stem: &str) -> Result<Declaration> {
+    let chunk = sandbox.load(script, source)?;
+    let returned = sandbox.call(script, &chunk, ())?;
+    declaration::read(&returned, stem).map_err(|error| error.at(script))
+}
+
+/// A perturbation written in Lua, in a virtual machine of its own.
+pub struct LuaPerturbation {
+    script: String,
+    description: Description,
+    config: Config,
+    apply: Function,
+    /// The image of the latest frame, used again for frames of the same size.
+    image: Option<AnyUserData>,
+    cx: ScriptContext,
+    /// The parameters' values of the frame at hand.
+    values: Vec<f64>,
+    sandbox: Sandbox,
+}
+
+impl LuaPerturbation {
+    /// Makes an instance from the text of a script. `script` is its name in errors, and `stem` the name of the
+    /// perturbation where the script gives none.
+    ///
+    /// # Errors
+    /// Where it is no valid script or returns something other than a perturbation.
+    pub fn new(script: &str, source: &[u8], stem: &str, config: Config, limits: Limits) -> Result<Self> {
+        let sandbox = Sandbox::new(limits)?;
+        let Declaration { description, apply } = declare(&sandbox, script, source, stem)?;
+        let cx = ScriptContext::new(sandbox.lua(), &description, &config).place(script)?;
+        Ok(Self {
+            script: script.to_owned(),
+            description,
+            config,
+            apply,
+            image: None,
+            cx,
+            values: Vec::new(),
+            sandbox,
+        })
+    }
+
+    /// What the script says about itself.
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// An image of the size of `src` with its pixels.
+    fn image_of(&mut self, src: Frame<'_>) -> mlua::Result<AnyUserData> {
+        if let Some(image) = &self.image {
+            let mut pixels = image.borrow_mut::<LuaImage>()?;
+            if (pixels.width(), pixels.height()) == (src.width(), src.height()) {
+                pixels.frame_mut()?.copy_from(src);
+                return Ok(image.clone());
+            }
+        }
+        self.image = None;
+        let lua = self.sandbox.lua();
+        let mut pixels = LuaImage::new(lua, src.width(), src.height())?;
+        pixels.frame_mut()?.copy_from(src);
+        let image = lua.create_userdata(pixels)?;
+        self.image = Some(image.clone());
+        Ok(image)
+    }
+}
+
+impl Perturbation for LuaPerturbation {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
+        let image = self.image_of(src).place(&self.script)?;
+        self.cx.set(cx, &self.values).place(&self.script)?;
+        let returned = self.sandbox.call(&self.script, &self.apply, (&image, &self.cx.table))?;
+        match &returned {
+            Value::Nil => {}
+            Value::UserData(returned) if *returned == image => {}
+            other => {
+                return Err(Error::new(format!(
+                    "`apply` returns a {}, but has to change `image` in place and return nothing",
+                    other.type_name()
+                ))
+                .at(&self.script));
+            }
+        }
+        let pixels = image.borrow::<LuaImage>().place(&self.script)?;
+        dst.copy_from(pixels.frame().place(&self.script)?);
+        Ok(())
+    }
+}
+
+/// The table `cx`, set anew for every frame.
+struct ScriptContext {
+    table: Table,
+    intensity: LuaString,
+    frame_index: LuaString,
+    time: LuaString,
+    frame_random: (LuaString, AnyUserData),
+    sequence_random: (LuaString, AnyUserData),
+    parameters: Vec<(LuaString, ParameterValue)>,
+}
+
+/// Where the value of a parameter comes from.
+enum ParameterValue {
+    /// From the values of the frame.
+    Number,
+    /// From the configuration.
+    Fixed(Value),
+}
+
+impl ScriptContext {
+    fn new(lua: &Lua, description: &Description, config: &Config) -> mlua::Result<Self> {
+        let parameters = description.parameters.iter().map(|parameter| {
+            let value = match &parameter.kind {
+                ParameterType::Number { .. } | ParameterType::Integer { .. } => ParameterValue::Number,
+                ParameterType::Boolean => {
+                    ParameterValue::Fixed(Value::Boolean(config.boolean(&parameter.name)))
+                }
+                ParameterType::Choice { .. }
+                | ParameterType::Text
+                | ParameterType::Path
+                | ParameterType::Json => {
+                    ParameterValue::Fixed(Value::String(lua.create_string(config.text(&parameter.name))?))
+                }
+            };
+            Ok((lua.create_string(&parameter.name)?, value))
+        });
+        let random = |name| -> mlua::Result<_> {
+            let random = LuaRandom(Key::default().sequence());
+            Ok((lua.create_string(name)?, lua.create_userdata(random)?))
+        };
+        let names: Vec<String> = CONTEXT
+            .names()
+            .map(str::to_owned)
+            .chain(description.parameters.iter().map(|parameter| parameter.name.clone()))
+            .collect();
+        let table = lua.create_table()?;
+        table.set_metatable(Some(strict(lua, names.join(", "))?))?;
+        Ok(Self {
+            parameters: parameters.collect::<mlua::Result<_>>()?,
+            intensity: lua.create_string("intensity")?,
+            frame_index: lua.create_string("frame_index")?,
+            time: lua.create_string("time")?,
+            frame_random: random("frame_random")?,
+            sequence_random: random("sequence_random")?,
+            table,
+        })
+    }
+
+    fn set(&self, cx: &Context<'_>, values: &[f64]) -> mlua::Result<()> {
+        let table = &self.table;
+        table.raw_set(&self.intensity, cx.intensity)?;
+        table.raw_set(&self.frame_index, cx.frame_index as f64)?;
+        table.raw_set(&self.time, cx.time)?;
+        for ((name, kind), value) in self.parameters.iter().zip(values) {
+            match kind {
+                ParameterValue::Number => table.raw_set(name, *value)?,
+                ParameterValue::Fixed(value) => table.raw_set(name, value)?,
+            }
+        }
+        self.frame_random.1.borrow_mut::<LuaRandom>()?.0 = cx.frame_random();
+        self.sequence_random.1.borrow_mut::<LuaRandom>()?.0 = cx.sequence_random();
+        for (name, random) in [&self.frame_random, &self.sequence_random] {
+            table.raw_set(name, random)?;
+        }
+        Ok(())
+    }
+}
+
+/// A metatable that refuses names which are not there: a misspelt parameter, or something left for the next frame.
+fn strict(lua: &Lua, names: String) -> mlua::Result<Table> {
+    let metatable = lua.create_table()?;
+    let known = names.clone();
+    metatable.raw_set(
+        "__index",
+        lua.create_function(move |_, (_, name): (Value, Value)| -> mlua::Result<Value> {
+            Err(mlua::Error::runtime(format!("cx has no field {}; it has {known}", text(&name))))
+        })?,
+    )?;
+    metatable.raw_set(
+        "__newindex",
+        lua.create_function(move |_, (_, name, _): (Value, Value, Value)| -> mlua::Result<()> {
+            Err(mlua::Error::runtime(format!(
+                "cx.{} cannot be set, because a frame must not depend on those before it; use a local variable",
+                text(&name)
+            )))
+        })?,
+    )?;
+    metatable.raw_set("__metatable", false)?;
+    metatable.set_readonly(true);
+    Ok(metatable)
+}
+
+fn text(name: &Value) -> String {
+    match name {
+        Value::String(name) => format!("`{}`", name.to_string_lossy()),
+        other => format!("for a {}", other.type_name()),
+    }
+}

@@ -1,0 +1,257 @@
+//! The virtual machine that a script runs in, and its limits.
+//!
+//! The order matters: first everything a script can call is installed, then the machine is sandboxed, then scripts
+//! are loaded. Luau then knows that the functions cannot change and compiles scripts to fast native code.
+//!
+//! What a script cannot do: read or write files, start processes, use the network, read the clock, draw random numbers
+//! that do not come from the run's seed, load compiled code, or change the globals of another script.
+
+use std::ffi::c_int;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::Duration;
+
+use mlua::chunk::{ChunkMode, Compiler};
+use mlua::{Function, IntoLuaMulti, Lua, LuaOptions, MultiValue, StdLib, Value, ffi};
+use pdk_sdk::error::{Error, Result};
+
+use super::watchdog::Registration;
+use super::{arithmetic, failure, power};
+
+/// The largest script, in bytes. The compiler's own memory is not limited, but proportional to this.
+const LARGEST_SCRIPT: usize = 1 << 20;
+
+/// The environment variable that sets the time limit, in seconds.
+pub const TIME_VARIABLE: &str = "PDK_SCRIPT_SECONDS";
+/// The environment variable that sets the memory limit, in MiB.
+pub const MEMORY_VARIABLE: &str = "PDK_SCRIPT_MEGABYTES";
+
+/// What a script may use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Memory of the whole virtual machine, images included.
+    pub memory_bytes: usize,
+    /// Time of one call.
+    pub time: Duration,
+}
+
+impl Default for Limits {
+    /// 256 MiB and one second.
+    fn default() -> Self {
+        Self { memory_bytes: 256 << 20, time: Duration::from_secs(1) }
+    }
+}
+
+impl Limits {
+    /// The default limits, or what the environment variables [`TIME_VARIABLE`] and [`MEMORY_VARIABLE`] say.
+    ///
+    /// # Errors
+    /// Where a variable is set to something other than a positive number.
+    pub fn from_environment() -> Result<Self> {
+        let mut limits = Self::default();
+        if let Some(seconds) = positive_variable(TIME_VARIABLE)? {
+            limits.time = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+        }
+        if let Some(megabytes) = positive_variable(MEMORY_VARIABLE)? {
+            limits.memory_bytes = (megabytes * f64::from(1 << 20)) as usize;
+        }
+        Ok(limits)
+    }
+}
+
+fn positive_variable(name: &str) -> Result<Option<f64>> {
+    let Some(text) = std::env::var_os(name) else { return Ok(None) };
+    match text.to_str().and_then(|text| text.trim().parse::<f64>().ok()) {
+        Some(number) if number > 0.0 => Ok(Some(number)),
+        _ => Err(Error::new(format!(
+            "the environment variable {name} is {text:?}, but has to be a positive number"
+        ))),
+    }
+}
+
+/// A virtual machine for one script.
+pub struct Sandbox {
+    // Dropped first: the watchdog must not look into a machine that is gone.
+    registration: Registration,
+    handler: Function,
+    limits: Limits,
+    lua: Lua,
+}
+
+impl Sandbox {
+    /// A machine with Luau's own harmless libraries: `string`, `table`, `math`, `buffer`, `bit32`, `utf8`, `coroutine`.
+    ///
+    /// # Errors
+    /// Where the memory limit leaves no room for them, or the watchdog thread cannot be started.
+    pub fn new(limits: Limits) -> Result<Self> {
+        Self::with_api(limits, |_| Ok(()))
+    }
+
+    /// A machine in which `install` adds globals before they are frozen.
+    ///
+    /// # Errors
+    /// As [`Sandbox::new`], and what `install` returns.
+    pub fn with_api(limits: Limits, install: impl FnOnce(&Lua) -> mlua::Result<()>) -> Result<Self> {
+        let set_up = || -> mlua::Result<(Lua, Function)> {
+            let libraries = StdLib::STRING
+                | StdLib::TABLE
+                | StdLib::MATH
+                | StdLib::BUFFER
+                | StdLib::BIT
+                | StdLib::UTF8
+                | StdLib::COROUTINE;
+            let lua = Lua::new_with(libraries, LuaOptions::default())?;
+            let globals = lua.globals();
+            for removed in REMOVED {
+                globals.raw_set(*removed, mlua::Nil)?;
+            }
+            globals.raw_set("print", lua.create_function(print)?)?;
+            arithmetic::install(&lua)?;
+            install(&lua)?;
+            // SAFETY: the handler keeps to the calling convention and leaves its argument as its result.
+            let handler = unsafe { lua.create_c_function(failure::handler)? };
+            lua.sandbox(true)?;
+            lua.set_compiler(
+                Compiler::new()
+                    .set_optimization_level(2)
+                    .set_type_info_level(1)
+                    .set_disabled_builtins(arithmetic::disabled_builtins()),
+            );
+            lua.set_memory_limit(limits.memory_bytes)?;
+            Ok((lua, handler))
+        };
+        let (lua, handler) = set_up().map_err(|error| {
+            Error::new(format!("the virtual machine for scripts cannot be set up: {error}"))
+        })?;
+        Ok(Self { registration: Registration::new(&lua)?, handler, limits, lua })
+    }
+
+    /// The machine, to make values in.
+    pub fn lua(&self) -> &Lua {
+        &self.lua
+    }
+
+    /// Compiles the text of a script. `script` is its name in errors, usually its path.
+    ///
+    /// # Errors
+    /// Names the line that cannot be compiled.
+    pub fn load(&self, script: &str, source: &[u8]) -> Result<Function> {
+        if source.len() > LARGEST_SCRIPT {
+            return Err(Error::new(format!(
+                "{script}: the script has {} bytes, but {LARGEST_SCRIPT} are allowed; split it",
+                source.len()
+            )));
+        }
+        failure::forget_location();
+        let function = self
+            .lua
+            .load(source)
+            .set_name(format!("@{script}"))
+            .set_mode(ChunkMode::Text)
+            .into_function()
+            .map_err(|error| {
+                if failure::is_memory(&error) {
+                    self.out_of_memory(script)
+                } else {
+                    failure::binding(script, &error)
+                }
+            })?;
+        // After the compiler, which has the better messages for what is not Lua at all.
+        power::check(script, source)?;
+        Ok(function)
+    }
+
+    /// Calls a function of a script within the limits and returns its first result.
+    ///
+    /// # Errors
+    /// One sentence with the script's name and line: what the script raised, or which limit it ran into. The machine can
+    /// be used afterwards.
+    pub fn call(&self, script: &str, function: &Function, arguments: impl IntoLuaMulti) -> Result<Value> {
+        failure::forget_location();
+        let running = self.registration.start(self.limits.time);
+        let mut status: c_int = ffi::LUA_OK;
+        // A panic of a host function travels through the script as an error and comes out here again.
+        let outcome = catch_unwind(AssertUnwindSafe(|| {
+            let mut values = arguments.into_lua_multi(&self.lua)?;
+            values.push_front(Value::Function(function.clone()));
+            values.push_front(Value::Function(self.handler.clone()));
+            // SAFETY: the stack holds the handler, the function and its arguments; the protected call replaces all but
+            // the handler by one value. The closure owns nothing that an unwinding error would leak.
+            unsafe {
+                self.lua.exec_raw::<Value>(values, |state| {
+                    let arguments = ffi::lua_gettop(state) - 2;
+                    status = ffi::lua_pcall(state, arguments, 1, 1);
+                    ffi::lua_remove(state, 1);
+                })
+            }
+        }));
+        let rang = running.rang();
+        drop(running);
+        if rang {
+            return Err(self.out_of_time(script));
+        }
+        match outcome {
+            Ok(Ok(value)) if status == ffi::LUA_OK => Ok(value),
+            Ok(Ok(Value::Error(error))) if failure::is_memory(&error) => Err(self.out_of_memory(script)),
+            Ok(Ok(_)) if status == ffi::LUA_ERRMEM => Err(self.out_of_memory(script)),
+            Ok(Ok(raised)) => Err(failure::sentence(script, &raised)),
+            Ok(Err(error)) if failure::is_memory(&error) => Err(self.out_of_memory(script)),
+            Ok(Err(error)) => Err(failure::binding(script, &error)),
+            Err(panic) => {
+                let text = panic
+                    .downcast_ref::<String>()
+                    .map(String::as_str)
+                    .or_else(|| panic.downcast_ref::<&str>().copied())
+                    .unwrap_or("without a message");
+                Err(Error::new(format!("a host function failed, which is a defect in pdk: {text}"))
+                    .at(failure::location(script)))
+            }
+        }
+    }
+
+    fn out_of_time(&self, script: &str) -> Error {
+        Error::new(format!(
+            "used more than {} s of time; make the loop shorter or raise the limit with {TIME_VARIABLE}",
+            self.limits.time.as_secs_f64()
+        ))
+        .at(failure::location(script))
+    }
+
+    fn out_of_memory(&self, script: &str) -> Error {
+        let error = Error::new(format!(
+            "used more than {} MiB of memory; keep less or raise the limit with {MEMORY_VARIABLE}",
+            self.limits.memory_bytes as f64 / f64::from(1 << 20)
+        ))
+        .at(failure::location(script));
+        // Two rounds: what is finalized in the first is freed in the second. Should it fail, the next call says so.
+        let _ = self.lua.gc_collect().and_then(|()| self.lua.gc_collect());
+        error
+    }
+}
+
+/// Globals that a script gets no sight of.
+const REMOVED: &[&str] = &[
+    // Load code.
+    "loadstring",
+    "require",
+    // Look at the collector, whose state differs between runs.
+    "collectgarbage",
+    "gcinfo",
+    // Reach into functions and turn off their optimization.
+    "getfenv",
+    "setfenv",
+    "newproxy",
+    "_VERSION",
+];
+
+/// `print`: a line on standard error, because standard output is for results.
+fn print(_: &Lua, values: MultiValue) -> mlua::Result<()> {
+    let mut line = String::new();
+    for (index, value) in values.iter().enumerate() {
+        if index > 0 {
+            line.push('\t');
+        }
+        line.push_str(&value.to_string()?);
+    }
+    eprintln!("{line}");
+    Ok(())
+}

@@ -1,0 +1,97 @@
+//! The type definition file for editors, written from the tables that register the API.
+
+use super::api::{ApiClass, ApiRecord, ApiTable};
+use super::declaration::{CONTEXT, PARAMETER, PERTURBATION};
+use super::image::IMAGE;
+use super::random::RANDOM;
+
+/// Something that has a place in the type definition file.
+pub trait Declare {
+    /// Its definition, with its documentation as comments, ending in a line break.
+    fn declare(&self) -> String;
+}
+
+impl<T> Declare for ApiClass<T> {
+    fn declare(&self) -> String {
+        let mut text = comment(self.doc, "");
+        text += &format!("declare class {}\n", self.name);
+        for property in self.properties {
+            text += &comment(property.doc, INDENT);
+            text += &format!("{INDENT}{}: {}\n", property.name, property.luau_type);
+        }
+        for method in self.methods {
+            text += &comment(method.doc, INDENT);
+            text += &format!("{INDENT}function {}{}\n", method.name, with_self(method.signature));
+        }
+        text + "end\n"
+    }
+}
+
+impl Declare for ApiRecord {
+    fn declare(&self) -> String {
+        let mut text = comment(self.doc, "");
+        text += &format!("export type {} = {{\n", self.name);
+        for field in self.fields {
+            text += &comment(field.doc, INDENT);
+            text += &format!("{INDENT}{}: {},\n", field.name, field.luau_type);
+        }
+        text + "}\n"
+    }
+}
+
+impl Declare for ApiTable {
+    fn declare(&self) -> String {
+        let mut text = comment(self.doc, "");
+        text += &format!("declare {}: {{\n", self.name);
+        for function in self.functions {
+            text += &comment(function.doc, INDENT);
+            text += &format!("{INDENT}{}: {},\n", function.name, function.signature);
+        }
+        text + "}\n"
+    }
+}
+
+/// What perturbation scripts see, in the order of the file.
+pub const PERTURBATION_API: &[&(dyn Declare + Sync)] =
+    &[&PERTURBATION, &PARAMETER, &CONTEXT, &IMAGE, &RANDOM];
+
+/// The type definition file.
+pub fn definitions(api: &[&(dyn Declare + Sync)]) -> String {
+    let mut text = String::from(
+        "-- Types for editors, such as luau-lsp. Written from the registration of the API; changes here are lost.\n",
+    );
+    for item in api {
+        text.push('\n');
+        text += &item.declare();
+    }
+    text
+}
+
+const INDENT: &str = "    ";
+
+/// `(sigma: number) -> ()` as `(self, sigma: number): ()`.
+fn with_self(signature: &str) -> String {
+    let (arguments, result) = signature.rsplit_once(" -> ").unwrap_or((signature, "()"));
+    match arguments.strip_prefix('(') {
+        Some(")") => format!("(self): {result}"),
+        Some(rest) => format!("(self, {rest}: {result}"),
+        None => format!("{arguments}: {result}"),
+    }
+}
+
+/// A documentation comment, wrapped.
+fn comment(text: &str, indent: &str) -> String {
+    const WIDTH: usize = 110;
+    let mut lines = String::new();
+    let mut line = format!("{indent}---");
+    for word in text.split_whitespace() {
+        if line.len() + 1 + word.len() > WIDTH {
+            lines.push_str(&line);
+            lines.push('\n');
+            line = format!("{indent}---");
+        }
+        line.push(' ');
+        line.push_str(word);
+    }
+    lines + &line + "\n"
+}

@@ -1,0 +1,262 @@
+//! Ends calls that use up their time.
+//!
+//! Luau asks an interrupt function at every loop and call, where one is set. Asking costs as much as a tight loop's
+//! body, so none is set until a deadline has passed: a single thread looks at the deadlines of all virtual machines
+//! every few milliseconds and sets the function of the one that is late. It stays set until the call ends, so
+//! a script that catches the error meets it again at its next loop or call.
+
+use std::cell::Cell;
+use std::ffi::{c_int, c_void};
+use std::ptr;
+use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::thread::{self, Thread};
+use std::time::{Duration, Instant};
+
+use mlua::{Lua, ffi};
+use pdk_sdk::error::{Error, Result};
+
+use super::failure;
+
+/// How often deadlines are looked at.
+const PERIOD: Duration = Duration::from_millis(5);
+/// How many looks in a row have to find nothing before the thread goes to sleep.
+const IDLE_LOOKS: u32 = 200;
+/// The deadline of a machine that runs nothing.
+const NEVER: u64 = u64::MAX;
+
+type Interrupt = unsafe extern "C-unwind" fn(*mut ffi::lua_State, c_int);
+
+thread_local! {
+    /// The alarm of the innermost call that this thread is in.
+    static CURRENT: Cell<*const Alarm> = const { Cell::new(ptr::null()) };
+}
+
+/// The deadline of one virtual machine.
+pub(super) struct Alarm {
+    /// Nanoseconds on [`clock`].
+    deadline: AtomicU64,
+    /// Whether a script was interrupted since the last call began.
+    rang: AtomicBool,
+    /// Where Luau looks for its interrupt function. Valid while the alarm is registered.
+    slot: *mut c_void,
+}
+
+// SAFETY: `slot` is only ever used as an atomic pointer, see `Alarm::set`.
+unsafe impl Send for Alarm {}
+// SAFETY: as above.
+unsafe impl Sync for Alarm {}
+
+impl Alarm {
+    fn set(&self, interrupt: Option<Interrupt>) {
+        let function = interrupt.map_or(ptr::null_mut(), |f| f as *mut c_void);
+        // SAFETY: `slot` is the address of an aligned, nullable function pointer which Luau documents as "safe to
+        // set from an arbitrary thread". It lives as long as the virtual machine, which outlives the registration
+        // of the alarm (see `Registration`), and both callers hold one of the two.
+        unsafe { AtomicPtr::from_ptr(self.slot.cast::<*mut c_void>()) }.store(function, Ordering::Release);
+    }
+
+    fn is_late(&self) -> bool {
+        clock() >= self.deadline.load(Ordering::Relaxed)
+    }
+}
+
+/// Registers an alarm for as long as it lives. Has to be dropped before the virtual machine.
+pub(super) struct Registration {
+    alarm: Arc<Alarm>,
+}
+
+impl Registration {
+    /// Registers the alarm of a virtual machine, which has to outlive the registration.
+    pub(super) fn new(lua: &Lua) -> Result<Self> {
+        let watchdog = watchdog()?;
+        let mut slot: *mut c_void = ptr::null_mut();
+        // SAFETY: `lua_callbacks` returns a pointer into the global state, valid for the machine's lifetime; only
+        // the address of a field is taken.
+        unsafe {
+            lua.exec_raw::<()>((), |state| {
+                slot = (&raw mut (*ffi::lua_callbacks(state)).interrupt).cast();
+            })
+        }
+        .map_err(|error| Error::new(format!("the script's virtual machine cannot be set up: {error}")))?;
+        let alarm = Arc::new(Alarm { deadline: AtomicU64::new(NEVER), rang: AtomicBool::new(false), slot });
+        watchdog.alarms().push(Arc::clone(&alarm));
+        Ok(Self { alarm })
+    }
+
+    /// Starts the clock of a call; dropping the result stops it.
+    pub(super) fn start(&self, budget: Duration) -> Running<'_> {
+        let outer = CURRENT.replace(Arc::as_ptr(&self.alarm));
+        let before = self.alarm.deadline.load(Ordering::Relaxed);
+        if before == NEVER {
+            self.alarm.rang.store(false, Ordering::Relaxed);
+        }
+        arm(&self.alarm, clock().saturating_add(nanoseconds(budget)).min(before));
+        Running { alarm: &self.alarm, outer, before }
+    }
+}
+
+impl Drop for Registration {
+    fn drop(&mut self) {
+        if let Ok(watchdog) = watchdog() {
+            watchdog.alarms().retain(|alarm| !Arc::ptr_eq(alarm, &self.alarm));
+        }
+    }
+}
+
+/// A call with a running clock.
+pub(super) struct Running<'a> {
+    alarm: &'a Alarm,
+    outer: *const Alarm,
+    /// The deadline of an outer call into the same machine.
+    before: u64,
+}
+
+impl Running<'_> {
+    /// Whether the script was interrupted.
+    pub(super) fn rang(&self) -> bool {
+        self.alarm.rang.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Running<'_> {
+    fn drop(&mut self) {
+        CURRENT.set(self.outer);
+        self.alarm.deadline.store(self.before, Ordering::SeqCst);
+        // The watchdog may set it once more right after this; the interrupt function then finds that nothing is
+        // late and takes itself out.
+        self.alarm.set(None);
+    }
+}
+
+/// Runs `work`, the time of which does not count against the script that called it. Host functions that wait or
+/// compute for long, such as one that drives a scenario, do so inside this.
+pub fn without_clock<R>(work: impl FnOnce() -> R) -> R {
+    struct Resume {
+        alarm: *const Alarm,
+        left: u64,
+    }
+    impl Drop for Resume {
+        fn drop(&mut self) {
+            // SAFETY: the alarm belongs to a call that this thread is still in, and the call keeps it alive.
+            if let Some(alarm) = unsafe { self.alarm.as_ref() } {
+                arm(alarm, clock().saturating_add(self.left));
+            }
+        }
+    }
+    let alarm = CURRENT.get();
+    // SAFETY: as above.
+    let _resume = unsafe { alarm.as_ref() }.map(|current| {
+        let left = current.deadline.swap(NEVER, Ordering::SeqCst).saturating_sub(clock());
+        Resume { alarm, left }
+    });
+    work()
+}
+
+fn arm(alarm: &Alarm, deadline: u64) {
+    alarm.deadline.store(deadline, Ordering::SeqCst);
+    if ASLEEP.load(Ordering::SeqCst)
+        && let Ok(watchdog) = watchdog()
+    {
+        watchdog.thread.unpark();
+    }
+}
+
+/// What Luau calls at every loop and call once the deadline has passed.
+unsafe extern "C-unwind" fn interrupt(state: *mut ffi::lua_State, gc: c_int) {
+    if gc >= 0 {
+        return; // The collector must not be left by an error.
+    }
+    // SAFETY: a script runs, so this thread is in the call that owns the alarm.
+    let late = unsafe { CURRENT.get().as_ref() }.filter(|alarm| alarm.is_late());
+    // SAFETY: `state` is the running state that Luau passed; no value with a destructor is alive when `lua_error`
+    // unwinds.
+    unsafe {
+        match late {
+            Some(alarm) => {
+                if !alarm.rang.swap(true, Ordering::Relaxed) {
+                    failure::record_location(state);
+                }
+                ffi::lua_rawcheckstack(state, 1);
+                ffi::lua_pushliteral(state, c"out of time");
+                ffi::lua_error(state);
+            }
+            None => (*ffi::lua_callbacks(state)).interrupt = None,
+        }
+    }
+}
+
+struct Watchdog {
+    alarms: Mutex<Vec<Arc<Alarm>>>,
+    thread: Thread,
+}
+
+impl Watchdog {
+    fn alarms(&self) -> MutexGuard<'_, Vec<Arc<Alarm>>> {
+        self.alarms.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Interrupts what is late. Says whether anything runs.
+    fn look(&self) -> bool {
+        let now = clock();
+        let mut running = false;
+        for alarm in self.alarms().iter() {
+            let deadline = alarm.deadline.load(Ordering::SeqCst);
+            running |= deadline != NEVER;
+            if deadline <= now {
+                alarm.set(Some(interrupt));
+            }
+        }
+        running
+    }
+}
+
+/// Whether the watchdog thread waits to be woken.
+static ASLEEP: AtomicBool = AtomicBool::new(false);
+static WATCHDOG: OnceLock<Watchdog> = OnceLock::new();
+
+/// The one watchdog of the process, started when it is first needed.
+fn watchdog() -> Result<&'static Watchdog> {
+    static STARTING: Mutex<()> = Mutex::new(());
+    if let Some(watchdog) = WATCHDOG.get() {
+        return Ok(watchdog);
+    }
+    let _starting = STARTING.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(watchdog) = WATCHDOG.get() {
+        return Ok(watchdog);
+    }
+    let handle = thread::Builder::new().name("pdk-lua-watchdog".into()).spawn(watch).map_err(|error| {
+        Error::new(format!("the thread that limits the time of scripts cannot be started: {error}"))
+    })?;
+    Ok(WATCHDOG.get_or_init(|| Watchdog { alarms: Mutex::default(), thread: handle.thread().clone() }))
+}
+
+fn watch() {
+    let mut idle = 0;
+    loop {
+        let running = WATCHDOG.get().is_some_and(Watchdog::look);
+        idle = if running { 0 } else { idle + 1 };
+        if idle < IDLE_LOOKS {
+            thread::sleep(PERIOD);
+            continue;
+        }
+        // Say so first and look again: a call that starts in between either sees the flag or is seen.
+        ASLEEP.store(true, Ordering::SeqCst);
+        if !WATCHDOG.get().is_some_and(Watchdog::look) {
+            thread::park();
+        }
+        ASLEEP.store(false, Ordering::SeqCst);
+        idle = 0;
+    }
+}
+
+fn nanoseconds(duration: Duration) -> u64 {
+    // A budget beyond the clock's range is none; one less keeps it apart from `NEVER`.
+    u64::try_from(duration.as_nanos()).unwrap_or(NEVER - 1).min(NEVER - 1)
+}
+
+/// Nanoseconds since the first look at the clock.
+fn clock() -> u64 {
+    static START: OnceLock<Instant> = OnceLock::new();
+    nanoseconds(START.get_or_init(Instant::now).elapsed())
+}
