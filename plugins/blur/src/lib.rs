@@ -1,1 +1,13 @@
-//! Perturbations of the blur family.
+//! Perturbations of the blur family: what a lens or a moving camera takes away.
+
+mod defocus_blur;
+mod gaussian_blur;
+mod motion_blur;
+
+#[cfg(test)]
+#[path = "../../golden.rs"]
+mod golden;
+
+pdk_sdk::export! {
+    perturbations: [defocus_blur::DefocusBlur, gaussian_blur::GaussianBlur, motion_blur::MotionBlur]
+}

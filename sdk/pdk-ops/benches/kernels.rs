@@ -43,7 +43,7 @@ fn lookup(bencher: Bencher<'_, '_>) {
 
 #[divan::bench]
 fn contrast(bencher: Bencher<'_, '_>) {
-    time(bencher, |src, dst| point::contrast(src, dst, 1.7));
+    time(bencher, |src, dst| point::scale_about(src, dst, 127.5, 1.7));
 }
 
 #[divan::bench]

@@ -3,7 +3,7 @@
 
 use crate::border::reflect;
 use crate::frame::{CHANNELS, Frame, FrameMut};
-use crate::simd::{round_to_byte, vectorised};
+use crate::simd::{round_inside_byte, vectorised};
 
 /// The largest radius [`disc_blur`] takes, in pixels: sums over a row of a disc have to fit 16 bits.
 pub const MAX_RADIUS: f64 = 128.0;
@@ -154,14 +154,13 @@ pub fn pixel_average(
 fn add_shifted(row: &[u8], right: isize, sum: &mut [u16], width: usize) {
     let shift = right.unsigned_abs().min(width);
     let inside = (width - shift) * CHANNELS;
-    let (outside, skip) = if right >= 0 {
+    let outside = if right >= 0 {
         add_bytes(&row[shift * CHANNELS..], &mut sum[..inside]);
-        (width - shift..width, shift)
+        width - shift..width
     } else {
         add_bytes(&row[..inside], &mut sum[shift * CHANNELS..]);
-        (0..shift, 0)
+        0..shift
     };
-    debug_assert!(skip <= width);
     for x in outside {
         let from = reflect(x as isize + right, width) * CHANNELS;
         for channel in 0..CHANNELS {
@@ -212,7 +211,7 @@ vectorised! {
 vectorised! {
     fn normalise / normalise_portable / normalise_avx2 (sum: &[u16], dst: &mut [u8], scale: f32) {
         for (dst, &sum) in dst.iter_mut().zip(sum) {
-            *dst = round_to_byte(f32::from(sum) * scale);
+            *dst = round_inside_byte(f32::from(sum) * scale);
         }
     }
 }
@@ -223,7 +222,7 @@ vectorised! {
         sum: &[u32], dst: &mut [u8], scale: f32,
     ) {
         for (dst, &sum) in dst.iter_mut().zip(sum) {
-            *dst = round_to_byte(sum as i32 as f32 * scale);
+            *dst = round_inside_byte(sum as i32 as f32 * scale);
         }
     }
 }

@@ -15,28 +15,22 @@ pub fn lookup(src: Frame<'_>, dst: FrameMut<'_>, table: &[u8; 256]) {
     });
 }
 
-/// Replaces each value `v` by `gain * v + offset`, clipped to 0..=255 and rounded half to even.
+/// Multiplies the distance of each value from `pivot` by `factor`: `pivot + (v - pivot) * factor`, clipped to 0..=255
+/// and rounded half to even. A pivot of 0 changes brightness, one of 127.5 contrast.
 ///
 /// # Panics
 /// Where the sizes differ.
-pub fn linear(src: Frame<'_>, dst: FrameMut<'_>, gain: f32, offset: f32) {
-    for_each_row(src, dst, |from, to| linear_row(from, to, gain, offset));
+pub fn scale_about(src: Frame<'_>, dst: FrameMut<'_>, pivot: f64, factor: f64) {
+    let (pivot, factor) = (pivot as f32, factor as f32);
+    for_each_row(src, dst, |from, to| scale_about_row(from, to, pivot, factor));
 }
 
 vectorised! {
-    fn linear_row / linear_row_portable / linear_row_avx2 (
-        from: &[u8], to: &mut [u8], gain: f32, offset: f32,
+    fn scale_about_row / scale_about_row_portable / scale_about_row_avx2 (
+        from: &[u8], to: &mut [u8], pivot: f32, factor: f32,
     ) {
         for (to, &from) in to.iter_mut().zip(from) {
-            *to = round_to_byte(f32::from(from) * gain + offset);
+            *to = round_to_byte(pivot + (f32::from(from) - pivot) * factor);
         }
     }
-}
-
-/// Multiplies the distance of each value from the middle grey, 127.5, by `factor`; clipped and rounded half to even.
-///
-/// # Panics
-/// Where the sizes differ.
-pub fn contrast(src: Frame<'_>, dst: FrameMut<'_>, factor: f64) {
-    linear(src, dst, factor as f32, (127.5 * (1.0 - factor)) as f32);
 }

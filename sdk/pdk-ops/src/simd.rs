@@ -38,10 +38,16 @@ pub(crate) use vectorised;
 /// Adding this to a number in `0.0..=255.0` leaves the number, rounded half to even, in the lowest byte.
 const ROUNDING: f32 = 8_388_608.0;
 
+/// Rounds half to even what is known to lie in `-0.5..255.5`.
+#[inline(always)]
+pub(crate) fn round_inside_byte(value: f32) -> u8 {
+    (value + ROUNDING).to_bits() as u8
+}
+
 /// Clips to `0.0..=255.0` and rounds half to even.
 #[inline(always)]
 pub(crate) fn round_to_byte(value: f32) -> u8 {
-    (value.clamp(0.0, 255.0) + ROUNDING).to_bits() as u8
+    round_inside_byte(value.clamp(0.0, 255.0))
 }
 
 #[cfg(test)]

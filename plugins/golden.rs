@@ -1,0 +1,273 @@
+//! Tests against the reference outputs of the published tool, shared by the plugin crates (`#[path]`).
+//!
+//! The data lie in the folder that `PDK_TEST_DATA` names, or else in `shared` beside the repository. Where there are
+//! none the tests say so and check nothing.
+
+// Every crate uses a part of this file.
+#![allow(dead_code)]
+
+use std::path::PathBuf;
+
+use pdk_sdk::config::frame_values;
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::{Map, Value, from_str};
+
+const IMAGES: [&str; 3] = ["road", "track", "cat_odd"];
+
+/// Applies a perturbation with the parameters `given` by the user.
+pub fn perturb<P: Component + Perturbation>(
+    given: &Value,
+    src: Frame<'_>,
+    intensity: f64,
+    key: &Key,
+    frame_index: u64,
+) -> FrameBuf {
+    let mut dst = FrameBuf::new(src.width(), src.height());
+    perturb_into::<P>(given, src, dst.as_mut(), intensity, key, frame_index);
+    dst
+}
+
+/// As [`perturb`], into a frame that exists.
+pub fn perturb_into<P: Component + Perturbation>(
+    given: &Value,
+    src: Frame<'_>,
+    dst: FrameMut<'_>,
+    intensity: f64,
+    key: &Key,
+    frame_index: u64,
+) {
+    let description = P::description();
+    let config = Config::check(&description, given.as_object().unwrap_or(&Map::new())).unwrap();
+    let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
+    let mut values = Vec::new();
+    frame_values(&description, &config, intensity, &mut values);
+    let context = Context::new(intensity, frame_index, 0.0, key).with_values(&names, &values);
+    P::new(&config).unwrap().apply(src, dst, &context).unwrap();
+}
+
+/// The folder with the reference outputs, where there is one.
+fn folder() -> Option<PathBuf> {
+    let data = std::env::var_os("PDK_TEST_DATA")
+        .map(PathBuf::from)
+        .unwrap_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared"));
+    let folder = data.join("golden");
+    if folder.join("index.json").is_file() {
+        return Some(folder);
+    }
+    eprintln!("skipped: no reference outputs in {}; PDK_TEST_DATA can name the folder", folder.display());
+    None
+}
+
+fn read_image(path: PathBuf) -> FrameBuf {
+    let image = image::open(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display())).to_rgb8();
+    let (width, height) = image.dimensions();
+    FrameBuf::from_vec(image.into_raw(), width as usize, height as usize).unwrap()
+}
+
+fn index(folder: &std::path::Path) -> Value {
+    from_str(&std::fs::read_to_string(folder.join("index.json")).unwrap()).unwrap()
+}
+
+/// Checks a deterministic perturbation on all images and levels: 99.9 % of the values within one grey level of the
+/// reference, and the mean absolute difference below `mean_limit`.
+pub fn matches_outputs<P: Component + Perturbation>(mean_limit: f64) {
+    let Some(folder) = folder() else { return };
+    let name = P::description().name;
+    let statistics = index(&folder);
+    for image in IMAGES {
+        let src = read_image(folder.join(format!("inputs/{image}.png")));
+        for level in 0..5 {
+            let expected = read_image(folder.join(format!("outputs/{name}/{image}_{level}.png")));
+            let actual = perturb::<P>(&Value::Null, src.as_ref(), f64::from(level), &Key::default(), 0);
+            let differences: Vec<u8> =
+                expected.data().iter().zip(actual.data()).map(|(a, b)| a.abs_diff(*b)).collect();
+            let count = differences.len() as f64;
+            let close = differences.iter().filter(|&&d| d <= 1).count() as f64 / count;
+            let mean = differences.iter().map(|&d| f64::from(d)).sum::<f64>() / count;
+            println!("{name} {image} {level}: {:.3} % within 1, mean {mean:.4}", 100.0 * close);
+            assert!(
+                close >= 0.999 && mean < mean_limit,
+                "{name} on {image} at level {level}: {close}, {mean}"
+            );
+            // The statistics of the reference itself check the functions that the random perturbations are judged by.
+            let recorded = &statistics["deterministic"][&name][level.to_string()][image];
+            let measured = measure(&src, &expected);
+            for statistic in ["mse", "ssim", "mean_abs_diff"] {
+                let (recorded, measured) =
+                    (recorded[statistic].as_f64().unwrap(), measured.get(statistic)[0]);
+                assert!((recorded - measured).abs() < 2e-5, "{statistic}: {recorded}, here {measured}");
+            }
+        }
+    }
+}
+
+/// Checks a random perturbation on all images and levels: every statistic of its output within four standard
+/// deviations of the mean of the reference, or within the range of the reference widened by a tenth.
+pub fn matches_statistics<P: Component + Perturbation>() {
+    let Some(folder) = folder() else { return };
+    let name = P::description().name;
+    let reference = index(&folder);
+    for image in IMAGES {
+        let src = read_image(folder.join(format!("inputs/{image}.png")));
+        for level in 0..5u32 {
+            let recorded = &reference["stochastic"][&name][level.to_string()][image];
+            for seed in 0..3 {
+                let output = perturb::<P>(
+                    &Value::Null,
+                    src.as_ref(),
+                    f64::from(level),
+                    &Key([seed + 1; 32]),
+                    u64::from(seed),
+                );
+                let measured = measure(&src, &output);
+                let recorded = recorded.as_object().unwrap();
+                assert!(recorded.len() >= 7, "{name}: statistics are missing");
+                for (statistic, recorded) in recorded {
+                    let place = format!("{name} on {image} at level {level}, seed {seed}: {statistic}");
+                    for (channel, value) in measured.get(statistic).iter().enumerate() {
+                        let of = |field: &str| match &recorded[field] {
+                            Value::Array(channels) => channels[channel].as_f64().unwrap(),
+                            number => number.as_f64().unwrap(),
+                        };
+                        // Recorded numbers are rounded to five decimals.
+                        let margin = 1e-5;
+                        let widened = 0.1 * (of("max") - of("min")) + margin;
+                        let near = (value - of("mean")).abs() <= 4.0 * of("sd") + margin;
+                        let in_range = (of("min") - widened..=of("max") + widened).contains(value);
+                        assert!(near || in_range, "{place} is {value}, recorded {recorded}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What is measured of an output.
+struct Statistics {
+    mean: Vec<f64>,
+    std: Vec<f64>,
+    mse: f64,
+    ssim: f64,
+    mean_abs_diff: f64,
+    diff_mean: f64,
+    frac_changed: f64,
+}
+
+impl Statistics {
+    fn get(&self, name: &str) -> Vec<f64> {
+        match name {
+            "mean" => self.mean.clone(),
+            "std" => self.std.clone(),
+            "mse" => vec![self.mse],
+            "ssim" => vec![self.ssim],
+            "mean_abs_diff" => vec![self.mean_abs_diff],
+            "diff_mean" => vec![self.diff_mean],
+            "frac_changed" => vec![self.frac_changed],
+            other => panic!("unknown statistic {other}"),
+        }
+    }
+}
+
+fn measure(src: &FrameBuf, output: &FrameBuf) -> Statistics {
+    let pixels = (src.width() * src.height()) as f64;
+    let pairs = || src.data().iter().zip(output.data()).map(|(&a, &b)| (f64::from(a), f64::from(b)));
+    let per_value = |sum: f64| sum / (pixels * 3.0);
+    let channel = |c: usize| output.data().iter().skip(c).step_by(3).map(|&v| f64::from(v));
+    let mean: Vec<f64> = (0..3).map(|c| channel(c).sum::<f64>() / pixels).collect();
+    let variance = |c: usize| channel(c).map(|v| (v - mean[c]).powi(2)).sum::<f64>() / pixels;
+    let changed = src.data().chunks(3).zip(output.data().chunks(3)).filter(|(a, b)| a != b).count();
+    Statistics {
+        std: (0..3).map(|c| variance(c).sqrt()).collect(),
+        mse: per_value(pairs().map(|(a, b)| (a - b).powi(2)).sum()),
+        ssim: ssim(src, output),
+        mean_abs_diff: per_value(pairs().map(|(a, b)| (a - b).abs()).sum()),
+        diff_mean: per_value(pairs().map(|(a, b)| b - a).sum()),
+        frac_changed: changed as f64 / pixels,
+        mean,
+    }
+}
+
+/// Structural similarity (Wang, Bovik, Sheikh, Simoncelli, 2004) with a Gaussian window of 11x11 and sigma 1.5, where
+/// the window lies inside the image; the mean over the channels.
+fn ssim(a: &FrameBuf, b: &FrameBuf) -> f64 {
+    const RADIUS: usize = 5;
+    let weights: Vec<f64> =
+        (0..=2 * RADIUS).map(|i| (-((i as f64 - RADIUS as f64).powi(2)) / (2.0 * 1.5 * 1.5)).exp()).collect();
+    let total: f64 = weights.iter().sum();
+    let (width, height) = (a.width(), a.height());
+    // Weighted sums over windows, first across, then down.
+    let smooth = |values: &[f64]| {
+        let wide = width - 2 * RADIUS;
+        let mut across = vec![0.0; wide * height];
+        for y in 0..height {
+            for x in 0..wide {
+                across[y * wide + x] =
+                    (0..weights.len()).map(|i| weights[i] * values[y * width + x + i]).sum::<f64>() / total;
+            }
+        }
+        let mut down = vec![0.0; wide * (height - 2 * RADIUS)];
+        for y in 0..height - 2 * RADIUS {
+            for x in 0..wide {
+                down[y * wide + x] =
+                    (0..weights.len()).map(|i| weights[i] * across[(y + i) * wide + x]).sum::<f64>() / total;
+            }
+        }
+        down
+    };
+    let (c1, c2) = ((0.01f64 * 255.0).powi(2), (0.03f64 * 255.0).powi(2));
+    let of_channel = |c: usize| {
+        let plane =
+            |f: &FrameBuf| f.data().iter().skip(c).step_by(3).map(|&v| f64::from(v)).collect::<Vec<_>>();
+        let (a, b) = (plane(a), plane(b));
+        let product = |p: &[f64], q: &[f64]| smooth(&p.iter().zip(q).map(|(p, q)| p * q).collect::<Vec<_>>());
+        let (mean_a, mean_b) = (smooth(&a), smooth(&b));
+        let (aa, bb, ab) = (product(&a, &a), product(&b, &b), product(&a, &b));
+        let sum: f64 = (0..mean_a.len())
+            .map(|i| {
+                let (ma, mb) = (mean_a[i], mean_b[i]);
+                let (va, vb, cov) = (aa[i] - ma * ma, bb[i] - mb * mb, ab[i] - ma * mb);
+                ((2.0 * ma * mb + c1) * (2.0 * cov + c2)) / ((ma * ma + mb * mb + c1) * (va + vb + c2))
+            })
+            .sum();
+        sum / mean_a.len() as f64
+    };
+    (0..3).map(of_channel).sum::<f64>() / 3.0
+}
+
+/// Checks that all of the destination is written and nothing beside it, at odd sizes and strides, that the result does
+/// not depend on strides, and that the same key gives the same bytes.
+pub fn writes_exactly_the_frame<P: Component + Perturbation>(given: &Value) {
+    for (width, height) in [(1, 1), (1, 7), (5, 1), (2, 2), (31, 17), (64, 48), (161, 97)] {
+        let mut random = Key([9; 32]).sequence();
+        let (src_stride, dst_stride) = (width * 3 + 5, width * 3 + 2);
+        let mut bytes = vec![0; src_stride * height];
+        random.fill(&mut bytes);
+        let src = Frame::with_stride(&bytes, width, height, src_stride).unwrap();
+        let tight = src.to_buf();
+        for intensity in [0.0, 0.7, 2.0, 3.5, 4.0] {
+            let key = Key([4; 32]);
+            let expected = perturb::<P>(given, tight.as_ref(), intensity, &key, 3);
+            for filler in [0x5a, 0xa5] {
+                let mut out = vec![filler; dst_stride * height];
+                let dst = FrameMut::with_stride(&mut out, width, height, dst_stride).unwrap();
+                perturb_into::<P>(given, src, dst, intensity, &key, 3);
+                let result = Frame::with_stride(&out, width, height, dst_stride).unwrap();
+                assert_eq!(result.to_buf(), expected, "{width}x{height} at {intensity}");
+                for row in out.chunks(dst_stride) {
+                    assert!(
+                        row[width * 3..].iter().all(|&v| v == filler),
+                        "wrote beside a {width}x{height} frame"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Checks that noise is drawn anew for every frame, and is the same for the same frame.
+pub fn draws_anew_for_every_frame<P: Component + Perturbation>() {
+    let src = FrameBuf::from_vec(vec![120; 64 * 48 * 3], 64, 48).unwrap();
+    let frame = |index| perturb::<P>(&Value::Null, src.as_ref(), 2.0, &Key([5; 32]), index);
+    assert_eq!(frame(7), frame(7));
+    assert_ne!(frame(7), frame(8));
+}
