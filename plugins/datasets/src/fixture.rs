@@ -14,7 +14,7 @@ pub fn config<T: Component>(given: Value) -> Config {
 /// A picture with structure in every block, so that losing any part of it shows.
 pub fn picture(width: u32, height: u32) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| {
-        Rgb([(x * 37 + y * 11) as u8, (x * 5 ^ y * 29) as u8, (255 - x * 13 - y * 7) as u8])
+        Rgb([(x * 37 + y * 11) as u8, ((x * 5) ^ (y * 29)) as u8, !(x * 13 + y * 7) as u8])
     })
 }
 

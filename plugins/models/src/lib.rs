@@ -1,1 +1,20 @@
-//! Drivers that run a neural network.
+//! Components that run a neural network.
+//!
+//! A model is an ONNX file. [`model_file`] reads what the file declares and refuses what is no driving model, the same
+//! way whichever backend runs it later. [`backend`] chooses who runs it: [`tract`], which is part of this plugin, or
+//! [`onnxruntime`], a shared library that [`locate`] finds on the machine. [`pixels`] turns frames into the numbers that
+//! the model expects, [`selection`] says which of its outputs steer, and [`driver`] puts it all together.
+
+mod backend;
+mod driver;
+mod locate;
+mod model_file;
+mod onnxruntime;
+mod pixels;
+mod selection;
+mod tract;
+
+#[cfg(test)]
+mod fixture;
+
+pdk_sdk::export! { drivers: [driver::Onnx] }

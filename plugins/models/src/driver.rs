@@ -1,0 +1,136 @@
+//! The driver `onnx`: a steering network in an ONNX file.
+
+use std::path::Path;
+
+use pdk_sdk::ops::resize::resize_linear;
+use pdk_sdk::prelude::*;
+
+use crate::backend::{self, Session};
+use crate::model_file::{ImageInput, ModelFile};
+use crate::pixels::Pixels;
+use crate::selection::{Selection, Slot};
+
+/// Drives with a network.
+///
+/// The same model, backend and processor give the same control for the same frame, bit for bit, on any number of
+/// threads. Another backend or another processor may round differently in the last digits, because both pick their
+/// arithmetic by what the processor can do.
+pub struct Onnx {
+    /// The file, for messages.
+    file: String,
+    session: Box<dyn Session>,
+    input: ImageInput,
+    pixels: Pixels,
+    selection: Selection,
+    throttle: f64,
+    values: Vec<f32>,
+    outputs: Vec<Vec<f32>>,
+    resized: FrameBuf,
+}
+
+impl Component for Onnx {
+    fn description() -> Description {
+        Description::driver("onnx", "Drives with a network in an ONNX file; frames are resized to the network's input size")
+            .family("network")
+            .parameter(Parameter::path("model", "the ONNX file"))
+            .parameter(Parameter::choice(
+                "backend",
+                &backend::NAMES,
+                "who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes \
+                 ONNX Runtime where PDK_ONNXRUNTIME names it or a Python package brings it, else tract",
+            ))
+            .parameter(Parameter::choice(
+                "layout",
+                &["auto", "nchw", "nhwc"],
+                "where the input's channels are: before or after height and width; auto reads it from the shape",
+            ))
+            .parameter(Parameter::choice(
+                "scale",
+                &Pixels::SCALES,
+                "the range of pixel values that the network was trained on",
+            ))
+            .parameter(Parameter::choice(
+                "color",
+                &["rgb", "bgr"],
+                "the order of colours that the network was trained on",
+            ))
+            .parameter(
+                Parameter::text(
+                    "steering_output",
+                    "the output that steers; left out, the first: alone, or together with the throttle",
+                ),
+            )
+            .parameter(Parameter::text(
+                "throttle_output",
+                "the output that gives the throttle; left out, the second number or the second output",
+            ))
+            .parameter(
+                Parameter::number("throttle", 0.3, "the throttle for a network that only steers").range(-1.0, 1.0),
+            )
+    }
+
+    fn new(config: &Config) -> Result<Self> {
+        let file = format!("model `{}`", config.text("model"));
+        Self::open(config, &file).map_err(|e| e.at(file))
+    }
+}
+
+impl Onnx {
+    fn open(config: &Config, file: &str) -> Result<Self> {
+        let model = ModelFile::read(Path::new(config.text("model")), config.text("layout"))?;
+        let mut session = backend::open(&model, config.text("backend"))?;
+        // A first run shows how many values each output has, which files need not declare.
+        let mut outputs = vec![Vec::new(); model.outputs.len()];
+        let values = vec![0.0; model.input.len()];
+        session.run(&values, &mut outputs)?;
+        let sizes: Vec<_> = outputs.iter().map(Vec::len).collect();
+        let (steering, throttle) = (config.text("steering_output"), config.text("throttle_output"));
+        let selection = Selection::new(&model.outputs, &sizes, steering, throttle)?;
+        Ok(Self {
+            file: file.to_owned(),
+            session,
+            pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
+            selection,
+            throttle: config.number("throttle"),
+            values,
+            outputs,
+            resized: FrameBuf::new(model.input.width, model.input.height),
+            input: model.input,
+        })
+    }
+
+    /// One of the numbers that the network gave, within -1 to 1.
+    fn output(&self, slot: Slot, what: &str, cx: &DriveContext) -> Result<f64> {
+        match self.outputs[slot.output].get(slot.index) {
+            Some(value) if value.is_finite() => Ok(f64::from(*value).clamp(-1.0, 1.0)),
+            Some(value) => Err(Error::new(format!("its {what} for frame {} is {value}", cx.frame_index))),
+            None => Err(Error::new(format!("it gave no {what} for frame {}", cx.frame_index))),
+        }
+    }
+
+    fn infer(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
+        let same_size = (frame.width(), frame.height()) == (self.input.width, self.input.height);
+        if !same_size {
+            resize_linear(frame, self.resized.as_mut());
+        }
+        let frame = if same_size { frame } else { self.resized.as_ref() };
+        self.pixels.write(frame, &mut self.values);
+        self.session.run(&self.values, &mut self.outputs)?;
+        let steering = self.output(self.selection.steering, "steering", cx)?;
+        let throttle = match self.selection.throttle {
+            Some(slot) => self.output(slot, "throttle", cx)?,
+            None => self.throttle,
+        };
+        Ok(Control { steering, throttle })
+    }
+}
+
+impl Driver for Onnx {
+    fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
+        self.infer(frame, cx).map_err(|e| e.at(&self.file))
+    }
+}
+
+#[cfg(test)]
+#[path = "driver_tests.rs"]
+mod tests;

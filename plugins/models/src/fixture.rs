@@ -1,0 +1,144 @@
+//! What the tests of this crate share: small models, made here, and the real one where it is at hand.
+
+use std::path::{Path, PathBuf};
+
+use prost::Message;
+use tempfile::NamedTempFile;
+use tract_onnx::pb;
+use tract_onnx::pb::tensor_proto::DataType;
+use tract_onnx::pb::tensor_shape_proto::{Dimension, dimension};
+
+/// A model whose outputs are weighted sums of all its input values.
+pub struct Pilot {
+    /// The input's shape; a word is a dimension that is left open.
+    pub dims: Vec<String>,
+    /// The input's type.
+    pub element: DataType,
+    /// Name and number of values of each output.
+    pub outputs: Vec<(&'static str, usize)>,
+    /// Whether it takes a speed as well.
+    pub second_input: bool,
+    /// The operator that flattens the image; another one makes a model that no one can run.
+    pub operator: &'static str,
+    /// Factor on all weights.
+    pub gain: f32,
+}
+
+impl Pilot {
+    /// A model with an input of this shape, and one output of steering and throttle.
+    pub fn new(dims: &[&str]) -> Self {
+        Self {
+            dims: dims.iter().map(|&dim| dim.to_owned()).collect(),
+            element: DataType::Float,
+            outputs: vec![("control", 2)],
+            second_input: false,
+            operator: "Flatten",
+            gain: 1.0,
+        }
+    }
+
+    /// The number of input values of one image.
+    fn values(&self) -> usize {
+        self.dims.iter().skip(1).filter_map(|dim| dim.parse::<usize>().ok()).product::<usize>().min(10_000)
+    }
+
+    /// The weight of input value `value` in the sum `column` of output `output`.
+    pub fn weight(&self, output: usize, column: usize, value: usize) -> f32 {
+        let step = (value * 7 + column * 13 + output * 29) % 23;
+        self.gain * (step as f32 - 11.0) / 20_000.0
+    }
+
+    /// The sums for these input values.
+    pub fn expected(&self, input: &[f32]) -> Vec<Vec<f64>> {
+        let sum = |output, column| {
+            input
+                .iter()
+                .enumerate()
+                .map(|(i, v)| f64::from(*v) * f64::from(self.weight(output, column, i)))
+                .sum()
+        };
+        let columns = self.outputs.iter().map(|(_, columns)| *columns).enumerate();
+        columns.map(|(output, columns)| (0..columns).map(|column| sum(output, column)).collect()).collect()
+    }
+
+    /// The model as an ONNX file's content.
+    pub fn bytes(&self) -> Vec<u8> {
+        let values = self.values();
+        let mut graph = pb::GraphProto { name: "pilot".into(), ..Default::default() };
+        graph.input.push(value_info("image", self.element, &self.dims));
+        if self.second_input {
+            graph.input.push(value_info("speed", DataType::Float, &["1".into(), "1".into()]));
+        }
+        graph.node.push(node(self.operator, &["image"], "flat"));
+        for (output, (name, columns)) in self.outputs.iter().enumerate() {
+            let weights = (0..values * columns).map(|i| self.weight(output, i % columns, i / columns));
+            graph.initializer.push(pb::TensorProto {
+                name: format!("weights_{output}"),
+                dims: vec![values as i64, *columns as i64],
+                data_type: DataType::Float as i32,
+                raw_data: weights.flat_map(f32::to_le_bytes).collect::<Vec<u8>>(),
+                ..Default::default()
+            });
+            graph.node.push(node("MatMul", &["flat", &format!("weights_{output}")], name));
+            graph.output.push(value_info(
+                name,
+                DataType::Float,
+                &[self.dims[0].clone(), columns.to_string()],
+            ));
+        }
+        let opset = pb::OperatorSetIdProto { version: 17, ..Default::default() };
+        let model = pb::ModelProto {
+            ir_version: 8,
+            opset_import: vec![opset],
+            graph: Some(graph),
+            ..Default::default()
+        };
+        model.encode_to_vec()
+    }
+
+    /// The model as a file.
+    pub fn file(&self) -> NamedTempFile {
+        let file = NamedTempFile::with_suffix(".onnx").unwrap();
+        std::fs::write(file.path(), self.bytes()).unwrap();
+        file
+    }
+}
+
+fn node(operator: &str, inputs: &[&str], output: &str) -> pb::NodeProto {
+    pb::NodeProto {
+        op_type: operator.into(),
+        name: output.into(),
+        input: inputs.iter().map(|&input| input.into()).collect(),
+        output: vec![output.into()],
+        ..Default::default()
+    }
+}
+
+fn value_info(name: &str, element: DataType, dims: &[String]) -> pb::ValueInfoProto {
+    let dim = dims.iter().map(|dim| {
+        let value = match dim.parse() {
+            Ok(value) => dimension::Value::DimValue(value),
+            Err(_) => dimension::Value::DimParam(dim.clone()),
+        };
+        Dimension { value: Some(value), ..Default::default() }
+    });
+    let tensor = pb::type_proto::Tensor {
+        elem_type: element as i32,
+        shape: Some(pb::TensorShapeProto { dim: dim.collect() }),
+    };
+    let value = Some(pb::type_proto::Value::TensorType(tensor));
+    let r#type = Some(pb::TypeProto { value, ..Default::default() });
+    pb::ValueInfoProto { name: name.into(), r#type, ..Default::default() }
+}
+
+/// A file or folder of the data that lies outside the repository; says so where it is not there.
+pub fn shared(name: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("PDK_TEST_DATA")
+        .map(PathBuf::from)
+        .unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared"));
+    let found = [root.join(name), root.join("data").join(name)].into_iter().find(|path| path.exists());
+    if found.is_none() {
+        println!("skipped: there is no `{name}` under {}", root.display());
+    }
+    found
+}

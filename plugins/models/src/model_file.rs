@@ -1,0 +1,229 @@
+//! What an ONNX file declares: its image input and its outputs.
+
+use std::path::{Path, PathBuf};
+
+use pdk_sdk::error::Place;
+use pdk_sdk::prelude::*;
+use tract_onnx::pb;
+use tract_onnx::pb::tensor_proto::DataType;
+use tract_onnx::pb::tensor_shape_proto::dimension;
+use tract_onnx::prelude::Framework;
+
+/// In which order the input holds its numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Layout {
+    /// One plane after the other: (batch, channels, height, width).
+    Nchw,
+    /// Pixel by pixel: (batch, height, width, channels).
+    Nhwc,
+}
+
+/// The image input of a model.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ImageInput {
+    /// The order of its numbers.
+    pub layout: Layout,
+    /// 1 (grey) or 3.
+    pub channels: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// Width in pixels.
+    pub width: usize,
+}
+
+impl ImageInput {
+    /// The shape for one image.
+    pub fn shape(&self) -> [usize; 4] {
+        match self.layout {
+            Layout::Nchw => [1, self.channels, self.height, self.width],
+            Layout::Nhwc => [1, self.height, self.width, self.channels],
+        }
+    }
+
+    /// The number of values of one image.
+    pub fn len(&self) -> usize {
+        self.channels * self.height * self.width
+    }
+}
+
+/// An ONNX file whose input is an image.
+pub struct ModelFile {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// What it contains.
+    pub proto: pb::ModelProto,
+    /// Its input.
+    pub input: ImageInput,
+    /// The names of its outputs.
+    pub outputs: Vec<String>,
+}
+
+impl ModelFile {
+    /// Reads a model. `layout` is `nchw`, `nhwc` or `auto`.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, is no ONNX model, or takes anything but one float image of a fixed size.
+    pub fn read(path: &Path, layout: &str) -> Result<Self> {
+        let bytes = std::fs::read(path).place("cannot read the file")?;
+        let proto = tract_onnx::onnx()
+            .proto_model_for_read(&mut bytes.as_slice())
+            .map_err(|_| Error::new("the file is no ONNX model, or is damaged"))?;
+        let graph = proto
+            .graph
+            .as_ref()
+            .filter(|graph| !graph.node.is_empty())
+            .ok_or_else(|| Error::new("the file is no ONNX model: it contains no graph"))?;
+        // Old files list their weights among the inputs.
+        let is_weight = |name: &str| graph.initializer.iter().any(|weight| weight.name == name);
+        let inputs: Vec<_> = graph.input.iter().filter(|input| !is_weight(&input.name)).collect();
+        let input = match inputs.as_slice() {
+            [input] => image_input(input, layout)?,
+            _ => {
+                let names: Vec<_> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();
+                return Err(Error::new(format!(
+                    "it has {} inputs ({}), but has to have one: the image",
+                    names.len(),
+                    names.join(", ")
+                )));
+            }
+        };
+        let outputs = graph.output.iter().map(|output| output.name.clone()).collect();
+        Ok(Self { path: path.to_path_buf(), input, outputs, proto })
+    }
+}
+
+fn image_input(input: &pb::ValueInfoProto, layout: &str) -> Result<ImageInput> {
+    let name = &input.name;
+    let Some(pb::type_proto::Value::TensorType(tensor)) =
+        input.r#type.as_ref().and_then(|t| t.value.as_ref())
+    else {
+        return Err(Error::new(format!("its input `{name}` is no tensor, but has to be an image")));
+    };
+    if tensor.elem_type != DataType::Float as i32 {
+        let found = DataType::try_from(tensor.elem_type).map_or("of an unknown type", |t| t.as_str_name());
+        return Err(Error::new(format!("its input `{name}` is {found}, but has to be FLOAT (32 bit)")));
+    }
+    let dims: Vec<Option<i64>> =
+        tensor.shape.iter().flat_map(|shape| &shape.dim).map(|dim| fixed(dim.value.as_ref())).collect();
+    let shape = shape_text(tensor.shape.as_ref());
+    let expected = "(1, channels, height, width) or (1, height, width, channels) with 1 or 3 channels";
+    let wrong = |what: &str| {
+        Err(Error::new(format!(
+            "its input `{name}` has the shape {shape}{what}, but has to be an image: {expected}"
+        )))
+    };
+    let &[batch, a, b, c] = dims.as_slice() else { return wrong("") };
+    if batch.is_some_and(|batch| batch != 1) {
+        return wrong(", which takes several frames at once");
+    }
+    let is_channels = |dim: Option<i64>| matches!(dim, Some(1 | 3));
+    let layout = match (layout, is_channels(a), is_channels(c)) {
+        ("nchw", true, _) | ("auto", true, false) => Layout::Nchw,
+        ("nhwc", _, true) | ("auto", false, true) => Layout::Nhwc,
+        ("auto", true, true) => {
+            return Err(Error::new(format!(
+                "its input `{name}` has the shape {shape}, in which the channels may come first or last; set \
+                 `layout` to nchw or nhwc"
+            )));
+        }
+        ("auto", ..) => return wrong(""),
+        (asked, ..) => return wrong(&format!(", which is not {asked}")),
+    };
+    let (channels, height, width) = match layout {
+        Layout::Nchw => (a, b, c),
+        Layout::Nhwc => (c, a, b),
+    };
+    match [channels, height, width]
+        .map(|dim| dim.and_then(|dim| usize::try_from(dim).ok()).filter(|&dim| dim > 0))
+    {
+        [Some(channels), Some(height), Some(width)] if height <= MAX_SIDE && width <= MAX_SIDE => {
+            Ok(ImageInput { layout, channels, height, width })
+        }
+        [_, Some(_), Some(_)] => wrong(&format!(", larger than {MAX_SIDE} pixels")),
+        _ => Err(Error::new(format!(
+            "its input `{name}` has the shape {shape} without a fixed height and width; export the model with the size \
+             that it was trained on"
+        ))),
+    }
+}
+
+/// More than any camera has; a damaged file may say anything.
+const MAX_SIDE: usize = 16_384;
+
+fn fixed(value: Option<&dimension::Value>) -> Option<i64> {
+    match value {
+        Some(dimension::Value::DimValue(value)) => Some(*value),
+        _ => None,
+    }
+}
+
+/// A shape as it is written in papers: `(batch, 3, 120, 160)`.
+fn shape_text(shape: Option<&pb::TensorShapeProto>) -> String {
+    let dims = shape.iter().flat_map(|shape| &shape.dim).map(|dim| match &dim.value {
+        Some(dimension::Value::DimValue(value)) => value.to_string(),
+        Some(dimension::Value::DimParam(name)) => name.clone(),
+        None => "?".to_owned(),
+    });
+    format!("({})", dims.collect::<Vec<_>>().join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::Pilot;
+
+    fn read(pilot: &Pilot, layout: &str) -> Result<ImageInput> {
+        let file = pilot.file();
+        ModelFile::read(file.path(), layout).map(|model| model.input)
+    }
+
+    #[test]
+    fn the_input_is_read_from_the_file() {
+        let nchw = ImageInput { layout: Layout::Nchw, channels: 3, height: 4, width: 6 };
+        assert_eq!(read(&Pilot::new(&["batch", "3", "4", "6"]), "auto").unwrap(), nchw);
+        assert_eq!(read(&Pilot::new(&["1", "3", "4", "6"]), "nchw").unwrap(), nchw);
+        let nhwc = ImageInput { layout: Layout::Nhwc, channels: 1, height: 4, width: 6 };
+        assert_eq!(read(&Pilot::new(&["1", "4", "6", "1"]), "auto").unwrap(), nhwc);
+        let narrow = Pilot::new(&["1", "3", "4", "3"]);
+        assert_eq!(read(&narrow, "nchw").unwrap().width, 3);
+        assert_eq!(read(&narrow, "nhwc").unwrap().width, 4);
+    }
+
+    #[test]
+    fn what_is_no_image_is_refused_with_what_was_found() {
+        let error = |dims: &[&str], layout| read(&Pilot::new(dims), layout).unwrap_err().to_string();
+        assert_eq!(
+            error(&["batch", "10"], "auto"),
+            "its input `image` has the shape (batch, 10), but has to be an image: (1, channels, height, width) or \
+             (1, height, width, channels) with 1 or 3 channels"
+        );
+        assert!(error(&["1", "4", "5", "6"], "auto").contains("(1, 4, 5, 6), but"));
+        assert!(error(&["8", "3", "5", "6"], "auto").contains("several frames at once"));
+        assert!(error(&["1", "3", "5", "6"], "nhwc").contains("which is not nhwc"));
+        assert!(error(&["1", "3", "4", "3"], "auto").contains("set `layout`"));
+        assert!(
+            error(&["1", "3", "h", "w"], "auto").contains("(1, 3, h, w) without a fixed height and width")
+        );
+        assert!(error(&["1", "3", "0", "6"], "auto").contains("without a fixed height"));
+        assert!(error(&["1", "3", "99999999", "6"], "auto").contains("larger than"));
+        let bytes = Pilot { element: DataType::Uint8, ..Pilot::new(&["1", "3", "4", "6"]) };
+        assert!(read(&bytes, "auto").unwrap_err().message().contains("is UINT8, but has to be FLOAT"));
+        let two = Pilot { second_input: true, ..Pilot::new(&["1", "3", "4", "6"]) };
+        assert!(read(&two, "auto").unwrap_err().message().starts_with("it has 2 inputs (`image`, `speed`)"));
+    }
+
+    #[test]
+    fn files_that_are_no_models_are_refused() {
+        let error = |content: &[u8]| {
+            let file = tempfile::NamedTempFile::new().unwrap();
+            std::fs::write(file.path(), content).unwrap();
+            ModelFile::read(file.path(), "auto").err().unwrap().to_string()
+        };
+        assert!(error(b"").contains("no ONNX model"));
+        assert!(error(b"PK\x03\x04 an archive of something else").contains("no ONNX model"));
+        let whole = Pilot::new(&["1", "3", "4", "6"]).bytes();
+        assert!(error(&whole[..whole.len() / 2]).contains("damaged"));
+        let missing = ModelFile::read(Path::new("/no/such.onnx"), "auto").err().unwrap();
+        assert!(missing.message().starts_with("cannot read the file: "));
+    }
+}

@@ -1,0 +1,124 @@
+//! Runs networks with ONNX Runtime, a shared library that is loaded when it is first asked for.
+
+use std::ffi::CStr;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use libloading::{Library, Symbol};
+use ort::environment::Environment;
+use ort::session::Session as OrtSession;
+use ort::sys::OrtApiBase;
+use ort::value::TensorRef;
+use pdk_sdk::error::Place;
+use pdk_sdk::prelude::*;
+
+use crate::backend::Session;
+use crate::model_file::ModelFile;
+
+/// The library in use. It stays loaded until the process ends.
+pub struct Runtime {
+    path: PathBuf,
+    version: String,
+    environment: Environment,
+}
+
+impl Runtime {
+    /// The name with the version.
+    pub fn name(&self) -> String {
+        format!("ONNX Runtime {}", self.version)
+    }
+}
+
+/// Loads the library, or gives the one that is loaded.
+///
+/// # Errors
+/// Where the library cannot be loaded, is another one, or is too old; and where the process already uses another file,
+/// because there can be one only.
+pub fn load(path: &Path) -> Result<Arc<Runtime>> {
+    static LOADED: Mutex<Option<Arc<Runtime>>> = Mutex::new(None);
+    let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+    match &*loaded {
+        Some(runtime) if runtime.path == path => Ok(runtime.clone()),
+        Some(runtime) => Err(Error::new(format!(
+            "ONNX Runtime at `{}` cannot be used, because this process already uses the one at `{}`",
+            path.display(),
+            runtime.path.display()
+        ))),
+        None => {
+            let runtime =
+                Arc::new(start(path).map_err(|e| e.at(format!("ONNX Runtime at `{}`", path.display())))?);
+            Ok(loaded.insert(runtime).clone())
+        }
+    }
+}
+
+fn start(path: &Path) -> Result<Runtime> {
+    // SAFETY: the user named this file as ONNX Runtime, or installed it as such.
+    let library = unsafe { Library::new(path) }.place("it cannot be loaded")?;
+    // SAFETY: this is the type of ONNX Runtime's one entry point (onnxruntime_c_api.h).
+    let base: Symbol<'_, unsafe extern "C" fn() -> *const OrtApiBase> =
+        unsafe { library.get(b"OrtGetApiBase") }
+            .map_err(|_| Error::new("it is another library: it has no OrtGetApiBase"))?;
+    // SAFETY: the entry point takes nothing and gives a table that lives as long as the library, or null.
+    let base = unsafe { base().as_ref() }.ok_or_else(|| Error::new("it has no interface"))?;
+    // SAFETY: the table's function gives a text that lives as long as the library.
+    let version = unsafe { CStr::from_ptr((base.GetVersionString)()) }.to_string_lossy().into_owned();
+    // SAFETY: the table's function gives a table that lives as long as the library, or null.
+    let api = unsafe { (base.GetApi)(ort::MINOR_VERSION).as_ref() }.ok_or_else(|| {
+        Error::new(format!("it is version {version}, but 1.{} or later is needed", ort::MINOR_VERSION))
+    })?;
+    if !ort::set_api(api.clone()) {
+        return Err(Error::new("an earlier attempt to start ONNX Runtime failed in this process"));
+    }
+    // From here on its functions are called until the process ends.
+    std::mem::forget(library);
+    let environment =
+        ort::init().with_name("pdk").with_telemetry(false).build().place("it cannot be started")?;
+    Ok(Runtime { path: path.to_path_buf(), version, environment })
+}
+
+/// A network that ONNX Runtime runs.
+pub struct OnnxRuntime {
+    session: OrtSession,
+    shape: [usize; 4],
+    runtime: Arc<Runtime>,
+}
+
+impl OnnxRuntime {
+    /// Prepares a model for frames one at a time.
+    ///
+    /// # Errors
+    /// Where ONNX Runtime cannot run the model.
+    pub fn new(model: &ModelFile, runtime: Arc<Runtime>) -> Result<Self> {
+        let place = "it cannot prepare the model";
+        let session = OrtSession::builder(&runtime.environment)
+            .place(place)?
+            .with_intra_threads(1)
+            .place(place)?
+            .with_inter_threads(1)
+            .place(place)?
+            .with_deterministic_compute(true)
+            .place(place)?
+            .commit_from_file(&model.path)
+            .place(place)?;
+        Ok(Self { session, shape: model.input.shape(), runtime })
+    }
+}
+
+impl Session for OnnxRuntime {
+    fn run(&mut self, input: &[f32], outputs: &mut [Vec<f32>]) -> Result<()> {
+        let runtime = &self.runtime;
+        let failed = |error: ort::Error| Error::new(error.to_string()).at(runtime.name());
+        let input = TensorRef::from_array_view((self.shape, input)).map_err(failed)?;
+        let results = self.session.run(ort::inputs![input]).map_err(failed)?;
+        for (values, result) in outputs.iter_mut().zip(results.values()) {
+            values.clear();
+            values.extend_from_slice(result.try_extract_tensor::<f32>().map_err(failed)?.1);
+        }
+        Ok(())
+    }
+
+    fn backend(&self) -> String {
+        self.runtime.name()
+    }
+}

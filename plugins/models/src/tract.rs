@@ -1,0 +1,81 @@
+//! Runs networks with tract, which is part of this plugin.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use pdk_sdk::error::Place;
+use pdk_sdk::prelude::*;
+use tract_onnx::prelude::*;
+use tract_onnx::tract_core::model::TypedSimpleState;
+use tract_onnx::tract_hir::infer::InferenceFact;
+
+use crate::backend::{Session, remedy};
+use crate::model_file::ModelFile;
+
+/// A network that tract runs.
+pub struct Tract {
+    state: TypedSimpleState,
+    input: Arc<Tensor>,
+}
+
+/// The name with the version, which is pinned in the workspace.
+pub fn name() -> &'static str {
+    "tract 0.23.9"
+}
+
+impl Tract {
+    /// Prepares a model for frames one at a time.
+    ///
+    /// # Errors
+    /// Where the model has operators that tract does not know or contradicts itself.
+    pub fn new(model: &ModelFile) -> Result<Self> {
+        let onnx = tract_onnx::onnx();
+        let nodes = model.proto.graph.iter().flat_map(|graph| &graph.node);
+        let mut unknown: Vec<_> = nodes
+            .map(|node| node.op_type.as_str())
+            .filter(|op| !onnx.op_register.0.contains_key(*op))
+            .collect();
+        unknown.sort_unstable();
+        unknown.dedup();
+        if !unknown.is_empty() {
+            let unknown = unknown.join(", ");
+            return Err(Error::new(format!("it cannot run the model's operators {unknown}; {}", remedy())));
+        }
+        let shape = model.input.shape();
+        // tract panics on some models that contradict themselves.
+        let state = catch_unwind(AssertUnwindSafe(|| prepare(model, &shape)))
+            .map_err(|_| Error::new(format!("it cannot make sense of the model; {}", remedy())))?
+            .map_err(|error| Error::new(format!("it cannot prepare the model ({error:#}); {}", remedy())))?;
+        let input = Tensor::zero::<f32>(&shape).map_err(|e| Error::new(e.to_string()))?;
+        Ok(Self { state, input: Arc::new(input) })
+    }
+}
+
+fn prepare(model: &ModelFile, shape: &[usize]) -> TractResult<TypedSimpleState> {
+    // What the file says about intermediate shapes names the batch, which is 1 here.
+    let onnx = tract_onnx::onnx().with_ignore_value_info(true);
+    let folder = model.path.parent().and_then(|folder| folder.to_str());
+    let mut graph = onnx.parse(&model.proto, folder)?.model;
+    graph.set_input_fact(0, InferenceFact::dt_shape(f32::datum_type(), shape))?;
+    graph.into_optimized()?.into_runnable()?.spawn()
+}
+
+impl Session for Tract {
+    fn run(&mut self, input: &[f32], outputs: &mut [Vec<f32>]) -> Result<()> {
+        // After a run no one else holds the tensor, so that it is written where it lies.
+        let mut view = Arc::make_mut(&mut self.input).try_as_plain_ram_mut().place(name())?;
+        view.as_slice_mut::<f32>().place(name())?.copy_from_slice(input);
+        let results = self.state.run(tvec!(self.input.clone().into_tvalue())).place(name())?;
+        for (values, result) in outputs.iter_mut().zip(results) {
+            values.clear();
+            values.extend_from_slice(
+                result.try_as_plain_ram().and_then(|view| view.as_slice::<f32>()).place(name())?,
+            );
+        }
+        Ok(())
+    }
+
+    fn backend(&self) -> String {
+        name().to_owned()
+    }
+}
