@@ -1,6 +1,6 @@
 //! What publisher and tap share: names, the quality of service, the node of this process, the clock.
 
-use std::{fmt::Debug, sync::OnceLock, time::Duration};
+use std::{ffi::OsStr, fmt::Debug, sync::OnceLock, time::Duration};
 
 use iceoryx2::{
     config::Config,
@@ -15,7 +15,11 @@ use iceoryx2::{
         port_factory::publish_subscribe::PortFactory,
     },
 };
-use rustix::time::{ClockId, clock_gettime};
+use rustix::{
+    fs::{Access, access},
+    io::Errno,
+    time::{ClockId, clock_gettime},
+};
 
 use crate::{
     error::{Error, Result},
@@ -151,59 +155,74 @@ fn cannot_open(name: &ServiceName, error: &dyn std::error::Error) -> Error {
         || reason.contains("DoesNotSupport")
         || reason.contains("Version")
     {
-        "the process at the other end was built against another pdk-bus or iceoryx2: use the same version"
+        "the process at the other end was built against another pdk-bus or iceoryx2, use the same version"
             .into()
     } else if reason.contains("ExceedsMaxNumberOfNodes") {
-        "too many processes use it: end some of the taps".into()
+        "too many processes use it, end some of the taps".into()
     } else {
-        format!("check that {} and /dev/shm are writable and not full", config().global.root_path())
+        "check that /dev/shm is writable and not full".into()
     };
     Error::new(format!("topic `{name}` cannot be opened ({reason}): {remedy}"))
 }
 
 pub(crate) fn permission_remedy() -> String {
     format!(
-        "{} or the files in /dev/shm belong to another user: run as that user, or give pdk and its taps a \
-         folder of their own with {ROOT_VARIABLE}=/tmp/pdk-$USER/",
-        config().global.root_path()
+        "the bus of this machine belongs to another user, so run as that user, or give pdk and its taps a folder \
+         of their own with {ROOT_VARIABLE}=/tmp/pdk-$USER"
     )
 }
 
-/// The environment variable that moves the bus's folder away from iceoryx2's default.
+/// The environment variable that moves the bus's folder away from iceoryx2's default, `/tmp/iceoryx2`: an
+/// absolute path. Only processes with the same folder see each other.
 pub const ROOT_VARIABLE: &str = "PDK_BUS_DIR";
 
 /// iceoryx2's configuration, with the folder from [`ROOT_VARIABLE`] where it is set.
-pub(crate) fn config() -> &'static Config {
-    static CONFIG: OnceLock<Config> = OnceLock::new();
-    CONFIG.get_or_init(|| {
+pub(crate) fn config() -> Result<&'static Config> {
+    static CONFIG: OnceLock<Result<Config>> = OnceLock::new();
+    let config = CONFIG.get_or_init(|| {
         // It reports most failures twice: as an error, which we word ourselves, and as a log line.
         set_log_level_from_env_or(LogLevel::Fatal);
         let mut config = Config::global_config().clone();
-        if let Some(folder) = std::env::var_os(ROOT_VARIABLE)
-            && let Ok(folder) = Path::new(folder.as_encoded_bytes())
-        {
-            config.global.set_root_path(&folder);
+        if let Some(folder) = std::env::var_os(ROOT_VARIABLE) {
+            config.global.set_root_path(&root_path(&folder)?);
         }
-        config
+        Ok(config)
+    });
+    config.as_ref().map_err(Error::clone)
+}
+
+/// The rest of the path of a file in the folder: `services/` and a hash.
+const ROOM_FOR_FILES: usize = 100;
+
+fn root_path(folder: &OsStr) -> Result<Path> {
+    let bytes = folder.as_encoded_bytes();
+    let path = Path::new(bytes).ok().filter(|_| bytes.starts_with(b"/"));
+    path.filter(|path| path.len() + ROOM_FOR_FILES <= Path::max_len()).ok_or_else(|| {
+        Error::new(format!(
+            "{ROOT_VARIABLE}={} cannot be the folder of the bus: use a short absolute path like /tmp/pdk-$USER",
+            folder.display()
+        ))
     })
 }
 
 /// Registers this process, which also removes what dead ones left.
 pub(crate) fn create_node(name: &NodeName) -> Result<Node<Ipc>> {
+    let config = config()?;
     NodeBuilder::new()
         .name(name)
-        .config(config())
+        .config(config)
         // Ctrl-C belongs to the program, not to the bus.
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
         .map_err(|error| {
-            let remedy = match error {
-                NodeCreationFailure::InsufficientPermissions => permission_remedy(),
-                _ => {
-                    format!("check that {} exists or can be made, and has space", config().global.root_path())
-                }
+            let folder = config.global.root_path().to_string();
+            let theirs = access(folder.as_str(), Access::WRITE_OK | Access::EXEC_OK) == Err(Errno::ACCESS);
+            let remedy = if theirs || error == NodeCreationFailure::InsufficientPermissions {
+                permission_remedy()
+            } else {
+                "check that it exists or can be made, and has space".into()
             };
-            Error::new(format!("the bus cannot register this process ({error}): {remedy}"))
+            Error::new(format!("the bus cannot register this process in {folder} ({error}): {remedy}"))
         })
 }
 
@@ -214,7 +233,7 @@ pub(crate) fn create_node(name: &NodeName) -> Result<Node<Ipc>> {
 /// Where the list of processes cannot be read.
 pub fn cleanup_dead() -> Result<usize> {
     let mut removed = 0;
-    Node::<Ipc>::list(config(), |node| {
+    Node::<Ipc>::list(config()?, |node| {
         if let NodeState::Dead(dead) = node
             // Another process may be at the same work; then it is its removal, not ours.
             && dead.try_remove_stale_resources().is_ok()
@@ -261,6 +280,15 @@ mod tests {
         let longest = "x".repeat(MAX_RUN_ID);
         service_name(&longest, u32::MAX, Topic::Perturbed).unwrap();
         publisher_node_name(&longest, u32::MAX, Duration::MAX).unwrap();
+    }
+
+    #[test]
+    fn a_folder_is_absolute_and_short() {
+        assert_eq!(root_path(OsStr::new("/tmp/pdk-me")).unwrap().to_string(), "/tmp/pdk-me");
+        for folder in ["", "relative", "~/bus", &format!("/{}", "x".repeat(200))] {
+            let error = root_path(OsStr::new(folder)).unwrap_err();
+            assert!(error.message().contains("cannot be the folder of the bus"), "{error}");
+        }
     }
 
     #[test]

@@ -93,7 +93,7 @@ impl Tap {
     /// Where the list of topics cannot be read.
     pub fn list() -> Result<Vec<RunTopics>> {
         let mut runs: BTreeMap<(String, u32), (Duration, Vec<u32>)> = BTreeMap::new();
-        Ipc::list(config(), |service| {
+        Ipc::list(config()?, |service| {
             let name = service.static_details.name().as_str();
             if let Some((run, lane, Topic::Raw)) = parse_service_name(name) {
                 let nodes = service.dynamic_details.iter().flat_map(|details| &details.nodes);

@@ -281,6 +281,53 @@ fn a_loan_is_clean_and_is_not_sent_before_it_is_published() {
 }
 
 #[test]
+fn a_loop_may_hold_two_of_its_frames() {
+    let run = unique("held");
+    let bus = Bus::create(&run, 0, WIDTH, HEIGHT).unwrap();
+    let send = |sequence| bus.loan_frame(Topic::Perturbed, stamp(sequence)).unwrap().publish();
+    let held = [send(0).unwrap(), send(1).unwrap()];
+    let error = send(2).unwrap_err();
+    assert!(error.message().contains("drop earlier frames"), "{error}");
+    drop(held);
+    assert_eq!(send(3).unwrap().header().sequence, 3);
+}
+
+#[test]
+fn loops_start_and_end_on_many_threads_at_once() {
+    fn movable<T: Send>(value: T) -> T {
+        value
+    }
+    let run = unique("threads");
+    std::thread::scope(|scope| {
+        for lane in 0..8 {
+            let bus = movable(Bus::create(&run, lane, WIDTH, HEIGHT).unwrap());
+            let run = &run;
+            scope.spawn(move || {
+                (0..50).for_each(|sequence| publish(&bus, sequence));
+                drop(bus);
+                for _ in 0..10 {
+                    let bus = Bus::create(run, lane, WIDTH, HEIGHT).unwrap();
+                    let mut tap = Tap::open(run, lane, Topic::Raw, SOON).unwrap();
+                    publish(&bus, 1);
+                    assert_eq!(frame(&mut tap, SOON).expect("a frame").header().lane, lane);
+                }
+            });
+        }
+    });
+}
+
+#[test]
+fn signals_keep_their_default_meaning() {
+    let publisher = Peer::start("publisher", &unique("signals"));
+    let status = fs::read_to_string(format!("/proc/{}/status", publisher.process.id())).unwrap();
+    let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap();
+    let caught = u64::from_str_radix(caught.trim(), 16).unwrap();
+    for (signal, name) in [(1, "SIGHUP"), (2, "SIGINT"), (15, "SIGTERM")] {
+        assert_eq!(caught >> (signal - 1) & 1, 0, "{name} is caught");
+    }
+}
+
+#[test]
 fn control_and_state_arrive_with_the_stamp_of_their_frame() {
     let run = unique("control");
     let bus = Bus::create(&run, 2, WIDTH, HEIGHT).unwrap();
@@ -398,8 +445,19 @@ fn a_lane_has_one_publisher_and_cleaning_up_spares_the_living() {
     let error = Bus::create(&run, 0, WIDTH, HEIGHT).unwrap_err();
     assert!(error.message().contains("another loop publishes it at this moment"), "{error}");
 
+    // Looking at one's own process must not make it look dead to others.
+    assert!(Tap::list().unwrap().iter().any(|found| found.run == run));
     cleanup_dead().unwrap();
     drop(Peer::start("cleaner", &run));
+    let files = shared_memory("self");
+    assert!(files.len() >= 8 && files.iter().all(|file| fs::exists(file).unwrap()), "{files:?}");
+    let mut other = Peer::start("holder", &run);
+    publish(&bus, 1);
+    publish(&bus, 2);
+    other.command("hold");
+    (1..3).for_each(|sequence| {
+        assert!(is_intact(&run, sequence, &frame(&mut tap, SOON).expect("a frame")));
+    });
     publish(&bus, 3);
     assert!(is_intact(&run, 3, &frame(&mut tap, SOON).expect("a frame")));
     assert!(!tap.is_over().unwrap());
