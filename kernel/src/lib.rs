@@ -1,1 +1,16 @@
-//! kernel
+//! The kernel of pdk: finds components, routes frames, hands out seeds and keeps the record.
+//!
+//! The binary `pdk` is a thin layer of command-line verbs over this library.
+
+pub mod chain;
+pub mod component;
+pub mod drive;
+pub mod evaluate;
+pub mod image_file;
+pub mod loader;
+pub mod lua;
+pub mod pipeline;
+pub mod record;
+pub mod registry;
+pub mod suggest;
+pub mod watchdog;

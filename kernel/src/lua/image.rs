@@ -9,9 +9,10 @@ use mlua::{
     AnyUserData, Buffer, Lua, UserData, UserDataFields, UserDataMethods, UserDataRef, UserDataRegistry,
     Value, ffi,
 };
-use pdk_sdk::ops::{Frame, FrameBuf, FrameMut, blend, color, draw, gaussian, point, resize};
+use pdk_sdk::ops::{Frame, FrameBuf, FrameMut, blend, color, draw, gaussian, noise, point, resize};
 
 use super::api::{ApiClass, ApiMethod, ApiProperty};
+use super::random::LuaRandom;
 
 /// The largest width and height of an image that a script can make.
 const LARGEST_SIDE: f64 = 16_384.0;
@@ -242,14 +243,43 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             },
         },
         ApiMethod {
-            name: "linear",
-            signature: "(gain: number, offset: number) -> ()",
-            doc: "Replaces each value `v` by `gain * v + offset`, rounded and clipped to 0 to 255.",
+            name: "brightness",
+            signature: "(factor: number) -> ()",
+            doc: "Multiplies each value by `factor`, rounded and clipped to 0 to 255.",
             add: |class, name| {
-                class.add_method_mut(name, |lua, image, (gain, offset): (Value, Value)| {
-                    let gain = number("linear", "gain", &gain)? as f32;
-                    let offset = number("linear", "offset", &offset)? as f32;
-                    image.transform(lua, |src, dst, _| point::linear(src, dst, gain, offset))
+                class.add_method_mut(name, |lua, image, factor: Value| {
+                    let factor = number("brightness", "factor", &factor)?;
+                    image.transform(lua, |src, dst, _| point::scale_about(src, dst, 0.0, factor))
+                });
+            },
+        },
+        ApiMethod {
+            name: "contrast",
+            signature: "(factor: number) -> ()",
+            doc: "Multiplies the distance of each value from middle grey, 127.5, by `factor`, rounded and clipped to 0 \
+                  to 255.",
+            add: |class, name| {
+                class.add_method_mut(name, |lua, image, factor: Value| {
+                    let factor = number("contrast", "factor", &factor)?;
+                    image.transform(lua, |src, dst, _| point::scale_about(src, dst, 127.5, factor))
+                });
+            },
+        },
+        ApiMethod {
+            name: "gaussian_noise",
+            signature: "(sigma: number, random: Random) -> ()",
+            doc: "Adds noise from the normal distribution to each value; `sigma` is its standard deviation as a fraction \
+                  of the range of values.",
+            add: |class, name| {
+                class.add_method_mut(name, |lua, image, (sigma, random): (Value, Value)| {
+                    let sigma = within("gaussian_noise", "sigma", &sigma, 0.0, 100.0)?;
+                    let mut random = match &random {
+                        Value::UserData(random) if random.is::<LuaRandom>() => random.borrow_mut::<LuaRandom>()?,
+                        other => {
+                            return Err(wrong("gaussian_noise", "random", "a stream such as cx.frame_random", other));
+                        }
+                    };
+                    image.transform(lua, |src, dst, _| noise::gaussian_noise(src, dst, sigma, &mut random.0))
                 });
             },
         },

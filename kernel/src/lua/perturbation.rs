@@ -238,3 +238,6 @@ fn text(name: &Value) -> String {
         other => format!("for a {}", other.type_name()),
     }
 }
+
+#[cfg(test)]
+mod tests;

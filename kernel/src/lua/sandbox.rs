@@ -255,3 +255,6 @@ fn print(_: &Lua, values: MultiValue) -> mlua::Result<()> {
     eprintln!("{line}");
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;

@@ -95,3 +95,28 @@ fn comment(text: &str, indent: &str) -> String {
     }
     lines + &line + "\n"
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn signatures_get_self() {
+        assert_eq!(with_self("() -> ()"), "(self): ()");
+        assert_eq!(with_self("(sigma: number) -> Image"), "(self, sigma: number): Image");
+        assert_eq!(with_self("(f: (x: number) -> number) -> Image"), "(self, f: (x: number) -> number): Image");
+    }
+
+    /// `PDK_BLESS=1` writes the file anew.
+    #[test]
+    fn the_committed_file_is_up_to_date() {
+        let root = std::env::var("PDK_TEST_ROOT").unwrap_or(concat!(env!("CARGO_MANIFEST_DIR"), "/..").into());
+        let file = std::path::Path::new(&root).join("sdk/lua/pdk.d.luau");
+        let expected = definitions(PERTURBATION_API);
+        if std::env::var_os("PDK_BLESS").is_some() {
+            std::fs::write(&file, &expected).unwrap();
+        }
+        let found = std::fs::read_to_string(&file).unwrap_or_default();
+        assert!(found == expected, "{} is stale; run the tests with PDK_BLESS=1", file.display());
+    }
+}

@@ -1,7 +1,7 @@
 //! How a component describes itself. Lists, help, error messages, Lua types and reference pages all derive from it.
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value};
 
 use crate::config::Config;
 use crate::error::Result;
@@ -97,6 +97,9 @@ pub struct Description {
     pub source: String,
     /// The parameters, in the order in which they are listed.
     pub parameters: Vec<Parameter>,
+    /// Parameter values with which `pdk check` runs it, instead of the defaults.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub examples: Vec<Map<String, Value>>,
 }
 
 impl Description {
@@ -111,6 +114,7 @@ impl Description {
             default: true,
             source: String::new(),
             parameters: Vec::new(),
+            examples: Vec::new(),
         }
     }
 
@@ -171,6 +175,14 @@ impl Description {
     /// Names the source of the algorithm.
     pub fn source(mut self, source: &str) -> Self {
         self.source = source.to_owned();
+        self
+    }
+
+    /// Adds parameter values with which `pdk check` runs it: an object. Without examples it runs with its defaults.
+    pub fn example(mut self, values: Value) -> Self {
+        if let Value::Object(values) = values {
+            self.examples.push(values);
+        }
         self
     }
 

@@ -1,1 +1,285 @@
-//! testkit
+//! The test kit: what every component has to hold, whatever it does. `pdk check` runs it on a finished plugin; an author
+//! runs the same in unit tests:
+//!
+//! ```
+//! # use pdk_sdk::prelude::*;
+//! # struct Mirror;
+//! # impl Component for Mirror {
+//! #     fn description() -> Description { Description::perturbation("mirror", "Mirrors the frame") }
+//! #     fn new(_: &Config) -> Result<Self> { Ok(Mirror) }
+//! # }
+//! # impl Perturbation for Mirror {
+//! #     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, _: &Context<'_>) -> Result<()> {
+//! #         dst.copy_from(src);
+//! #         Ok(())
+//! #     }
+//! # }
+//! // In a test:
+//! pdk_sdk::testing::perturbation::<Mirror>();
+//! ```
+
+use pdk_ops::{Frame, FrameBuf, FrameMut, Key};
+use serde_json::{Map, Value};
+
+use crate::config::{Config, frame_values};
+use crate::dataset::Dataset;
+use crate::describe::{Component, Description, LEVELS};
+use crate::driver::{DriveContext, Driver};
+use crate::error::{Error, Result};
+use crate::perturbation::{Context, Perturbation};
+use crate::saliency::{HeatmapMut, Saliency};
+use crate::search::{Evaluated, Search};
+use crate::simulator::{Scenario, Simulator};
+
+/// Makes an instance from parameters.
+pub type Make<'a, T> = &'a mut dyn FnMut(&Config) -> Result<Box<T>>;
+
+/// Frame sizes that find most mistakes: a single pixel, odd sizes, a usual one.
+const SIZES: [(usize, usize); 4] = [(1, 1), (3, 2), (33, 17), (160, 120)];
+
+/// Runs [`check_perturbation`] on a type, in a test.
+///
+/// # Panics
+/// Where a check fails, with its sentence.
+pub fn perturbation<T: Component + Perturbation + 'static>() {
+    let description = T::description();
+    let mut make = |config: &Config| Ok(Box::new(T::new(config)?) as Box<dyn Perturbation>);
+    for config in configs(&description) {
+        let checked = config.and_then(|config| check_perturbation(&description, &config, &mut make));
+        if let Err(error) = checked {
+            panic!("{}: {error}", description.name);
+        }
+    }
+}
+
+/// The parameter values that a component is checked with: its examples, or its defaults where it has none.
+pub fn configs(description: &Description) -> Vec<Result<Config>> {
+    let defaults = Map::new();
+    let examples: Vec<&Map<String, Value>> = match description.examples.is_empty() {
+        true => vec![&defaults],
+        false => description.examples.iter().collect(),
+    };
+    examples.into_iter().map(|example| Config::check(description, example)).collect()
+}
+
+/// A frame with some structure: a gradient, an edge and texture.
+pub fn sample_frame(width: usize, height: usize) -> FrameBuf {
+    let mut frame = FrameBuf::new(width, height);
+    let mut view = frame.as_mut();
+    for y in 0..height {
+        for x in 0..width {
+            let edge = if x > width / 2 { 60 } else { 0 };
+            let texture = ((x * 7 + y * 13) % 31) as u8;
+            let shade = (y * 150 / height.max(1)) as u8;
+            view.set_pixel(x, y, [shade + edge + texture / 2, shade / 2 + texture, 200 - shade + texture]);
+        }
+    }
+    frame
+}
+
+fn ensure(holds: bool, sentence: impl FnOnce() -> String) -> Result<()> {
+    if holds { Ok(()) } else { Err(Error::new(sentence())) }
+}
+
+/// Checks that a perturbation works at every level and size, writes every pixel, and that its output depends on the
+/// source, the parameters and the key alone: not on the stride, on what `dst` held, or on earlier frames.
+///
+/// # Errors
+/// The first check that fails.
+pub fn check_perturbation(
+    description: &Description,
+    config: &Config,
+    make: Make<'_, dyn Perturbation>,
+) -> Result<()> {
+    let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
+    let key = Key([9; 32]);
+    let mut values = Vec::new();
+    let mut veteran = make(config)?;
+    for (width, height) in SIZES {
+        let source = sample_frame(width, height);
+        for level in 0..=2 * (LEVELS - 1) {
+            let intensity = level as f64 / 2.0;
+            let place = format!("at {width}x{height} and level {intensity}");
+            frame_values(description, config, intensity, &mut values);
+            let cx = Context::new(intensity, 5, 0.25, &key).with_values(&names, &values);
+            let other = Context::new(intensity, 6, 0.3, &key).with_values(&names, &values);
+
+            let mut alone = FrameBuf::new(width, height);
+            make(config)?.apply(source.as_ref(), alone.as_mut(), &cx).map_err(|e| e.at(&place))?;
+
+            let mut dirty = FrameBuf::new(width, height);
+            dirty.as_mut().rows_mut().for_each(|row| row.fill(0xa5));
+            veteran.apply(source.as_ref(), dirty.as_mut(), &other).map_err(|e| e.at(&place))?;
+            dirty.as_mut().rows_mut().for_each(|row| row.fill(0x5a));
+            veteran.apply(source.as_ref(), dirty.as_mut(), &cx).map_err(|e| e.at(&place))?;
+            ensure(alone == dirty, || {
+                format!(
+                    "{place} a frame comes out differently alone and after others; the result may depend on the source, \
+                     the parameters and the key only, and every pixel of dst has to be written"
+                )
+            })?;
+
+            let (strided_source, stride) = with_gaps(source.as_ref());
+            let strided_source = Frame::with_stride(&strided_source, width, height, stride)?;
+            let mut target = vec![0x77; stride * height];
+            let strided_target = FrameMut::with_stride(&mut target, width, height, stride)?;
+            veteran.apply(strided_source, strided_target, &cx).map_err(|e| e.at(&place))?;
+            let strided = Frame::with_stride(&target, width, height, stride)?;
+            ensure(strided == alone.as_ref(), || format!("{place} a frame comes out differently with a stride"))?;
+            let gaps = target.chunks(stride).flat_map(|row| &row[width * 3..]);
+            ensure(gaps.into_iter().all(|&byte| byte == 0x77), || {
+                format!("{place} bytes between the rows of dst are written")
+            })?;
+        }
+    }
+    Ok(())
+}
+
+/// The same pixels with gaps between the rows.
+fn with_gaps(frame: Frame<'_>) -> (Vec<u8>, usize) {
+    let stride = frame.width() * 3 + 7;
+    let mut bytes = vec![0xee; stride * frame.height()];
+    for (y, row) in frame.rows().enumerate() {
+        bytes[y * stride..][..row.len()].copy_from_slice(row);
+    }
+    (bytes, stride)
+}
+
+/// Checks that a driver gives finite controls, and the same ones after a reset.
+///
+/// # Errors
+/// The first check that fails.
+pub fn check_driver(config: &Config, make: Make<'_, dyn Driver>) -> Result<()> {
+    let mut driver = make(config)?;
+    let frame = sample_frame(160, 120);
+    let mut runs = [Vec::new(), Vec::new()];
+    for run in &mut runs {
+        driver.reset()?;
+        for frame_index in 0..3 {
+            let cx = DriveContext { frame_index, time: frame_index as f64 / 30.0, speed: 8.0 };
+            let control = driver.drive(frame.as_ref(), &cx)?;
+            ensure(control.steering.is_finite() && control.throttle.is_finite(), || {
+                format!("it steers {} with throttle {}, which is no control", control.steering, control.throttle)
+            })?;
+            run.push(control);
+        }
+    }
+    ensure(runs[0] == runs[1], || "after a reset it decides differently on the same frames".to_owned())
+}
+
+/// Checks that a simulator renders, moves, and does the same again after a reset.
+///
+/// # Errors
+/// The first check that fails.
+pub fn check_simulator(config: &Config, make: Make<'_, dyn Simulator>) -> Result<()> {
+    let mut simulator = make(config)?;
+    let camera = simulator.camera();
+    let scenario = Scenario { index: 0, seed: 1, road: Value::Null, duration: 10.0 };
+    let mut runs = [Vec::new(), Vec::new()];
+    for run in &mut runs {
+        simulator.reset(&scenario)?;
+        for _ in 0..5 {
+            let mut frame = FrameBuf::new(camera.width as usize, camera.height as usize);
+            let state = simulator.frame(frame.as_mut())?;
+            ensure(state.time.is_finite() && state.position.iter().all(|p| p.is_finite()), || {
+                "its state holds numbers that are not finite".to_owned()
+            })?;
+            run.push((frame, state));
+            simulator.act(crate::driver::Control { steering: 0.1, throttle: 0.5 })?;
+        }
+    }
+    let [first, second] = &runs;
+    ensure(first[4].1.time > first[0].1.time, || "its time does not go on".to_owned())?;
+    ensure(first == second, || "the same scenario comes out differently the second time".to_owned())
+}
+
+/// Checks that a saliency map has values from 0 to 1 and comes out the same twice.
+///
+/// # Errors
+/// The first check that fails.
+pub fn check_saliency(config: &Config, make: Make<'_, dyn Saliency>) -> Result<()> {
+    let mut method = make(config)?;
+    let frame = sample_frame(160, 120);
+    let mut maps = [vec![f32::NAN; 160 * 120], vec![f32::NAN; 160 * 120]];
+    for map in &mut maps {
+        method.map(frame.as_ref(), HeatmapMut::new(map, 160, 120)?)?;
+        ensure(map.iter().all(|value| (0.0..=1.0).contains(value)), || {
+            "its map has values that are not from 0 to 1, or that were not written".to_owned()
+        })?;
+    }
+    ensure(maps[0] == maps[1], || "the same frame gives two maps".to_owned())
+}
+
+/// Checks that a search strategy proposes no more than it is asked for, and takes the results.
+///
+/// # Errors
+/// The first check that fails.
+pub fn check_search(config: &Config, make: Make<'_, dyn Search>) -> Result<()> {
+    let mut strategy = make(config)?;
+    for _ in 0..3 {
+        let candidates = strategy.ask(4)?;
+        ensure(candidates.len() <= 4, || format!("asked for 4 candidates it proposes {}", candidates.len()))?;
+        let evaluated = candidates.iter().map(|c| Evaluated { id: c.id, objectives: vec![0.5; 4], critical: false });
+        strategy.tell(&evaluated.collect::<Vec<_>>())?;
+    }
+    Ok(())
+}
+
+/// Checks that a dataset's frames can be read in any order.
+///
+/// # Errors
+/// The first check that fails.
+pub fn check_dataset(config: &Config, make: Make<'_, dyn Dataset>) -> Result<()> {
+    let mut dataset = make(config)?;
+    ensure(!dataset.is_empty(), || "it has no frames".to_owned())?;
+    let last = dataset.len() - 1;
+    let before = dataset.read(last)?;
+    dataset.read(0)?;
+    ensure(before == dataset.read(last)?, || "the same frame is read differently the second time".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Breaks one rule, as told.
+    struct Rogue(&'static str, u8);
+
+    impl Perturbation for Rogue {
+        fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, _: &Context<'_>) -> Result<()> {
+            let width = src.width();
+            for y in 0..src.height() {
+                match self.0 {
+                    "leaves a pixel" => dst.row_mut(y)[3.min(width * 3)..].copy_from_slice(&src.row(y)[3.min(width * 3)..]),
+                    _ => dst.row_mut(y).copy_from_slice(src.row(y)),
+                }
+            }
+            match self.0 {
+                "remembers" => {
+                    self.1 += 1;
+                    dst.row_mut(0)[0] = self.1;
+                }
+                "ignores the stride" => {
+                    let len = (width * 3 * src.height()).min(dst.data().len());
+                    dst.data_mut()[..len].fill(1);
+                }
+                _ => {}
+            }
+            Ok(())
+        }
+    }
+
+    fn check(rule: &'static str) -> Result<()> {
+        let description = Description::perturbation("rogue", "Breaks a rule");
+        let mut make = |_: &Config| Ok(Box::new(Rogue(rule, 0)) as Box<dyn Perturbation>);
+        check_perturbation(&description, &Config::default(), &mut make)
+    }
+
+    #[test]
+    fn every_broken_rule_is_found() {
+        assert!(check("keeps them all").is_ok());
+        assert!(check("remembers").unwrap_err().to_string().contains("alone and after others"));
+        assert!(check("leaves a pixel").unwrap_err().to_string().contains("has to be written"));
+        assert!(check("ignores the stride").unwrap_err().to_string().contains("stride"));
+    }
+}

@@ -1,0 +1,136 @@
+//! `pdk doctor`: what is installed, what is missing, what to do.
+
+use std::path::{Path, PathBuf};
+
+use pdk::registry::{self, PATH_VARIABLE, Registry};
+use pdk_sdk::SDK_VERSION;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, Result};
+use serde_json::json;
+
+use super::{Global, print_json};
+
+/// Arguments of `pdk doctor`
+#[derive(clap::Args)]
+pub struct Arguments {}
+
+/// One thing that was looked at.
+struct Finding {
+    subject: &'static str,
+    state: State,
+    text: String,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum State {
+    Good,
+    /// Works, but something could be better.
+    Note,
+    Bad,
+}
+
+impl State {
+    fn mark(self) -> &'static str {
+        match self {
+            State::Good => "ok  ",
+            State::Note => "note",
+            State::Bad => "BAD ",
+        }
+    }
+}
+
+/// Looks at everything that pdk needs. Fails where something does not work.
+pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
+    let registry = Registry::discover(&global.plugins)?;
+    let mut findings = vec![
+        Finding {
+            subject: "version",
+            state: State::Good,
+            text: format!("pdk {}, plugins for pdk-sdk {SDK_VERSION}", env!("CARGO_PKG_VERSION")),
+        },
+        components(&registry),
+    ];
+    findings.extend(registry.refused().iter().map(|error| Finding {
+        subject: "left out",
+        state: State::Bad,
+        text: error.to_string(),
+    }));
+    findings.extend([plugin_folders(), routing(), ffmpeg()]);
+    if global.json {
+        let list: Vec<_> = findings
+            .iter()
+            .map(|f| json!({ "subject": f.subject, "state": f.state.mark().trim().to_lowercase(), "text": f.text }))
+            .collect();
+        print_json(&json!(list))?;
+    } else {
+        for finding in &findings {
+            println!("{} {:<10} {}", finding.state.mark(), finding.subject, finding.text);
+        }
+    }
+    match findings.iter().filter(|finding| finding.state == State::Bad).count() {
+        0 => Ok(()),
+        bad => Err(Error::new(format!("{bad} of the points above need attention"))),
+    }
+}
+
+fn components(registry: &Registry) -> Finding {
+    let counts: Vec<_> = Kind::ALL
+        .into_iter()
+        .map(|kind| (kind, registry.of_kind(kind).count()))
+        .filter(|(_, count)| *count > 0)
+        .map(|(kind, count)| format!("{count} {kind}"))
+        .collect();
+    let (state, text) = match counts.is_empty() {
+        true => (State::Bad, "none found; build the plugins with `cargo build --release`".to_owned()),
+        false => (State::Good, format!("{} from {} plugins", counts.join(", "), registry.plugins().len())),
+    };
+    Finding { subject: "components", state, text }
+}
+
+fn plugin_folders() -> Finding {
+    let named = std::env::var_os(PATH_VARIABLE);
+    let folders: Vec<PathBuf> = named.iter().flat_map(std::env::split_paths).collect();
+    if let Some(missing) = folders.iter().find(|folder| !folder.exists()) {
+        return Finding {
+            subject: "plugins",
+            state: State::Bad,
+            text: format!("{PATH_VARIABLE} names {}, which does not exist", missing.display()),
+        };
+    }
+    let own = registry::user_folder().map_or_else(String::new, |folder| folder.display().to_string());
+    Finding { subject: "plugins", state: State::Good, text: format!("your own go to {own}, or use --plugins DIR") }
+}
+
+/// Publishes and reads back a frame.
+fn routing() -> Finding {
+    let attempt = || -> Result<(), pdk_bus::Error> {
+        let run = format!("doctor-{}", std::process::id());
+        let bus = pdk_bus::Bus::create(&run, 0, 32, 32)?;
+        bus.loan_frame(pdk_bus::Topic::Raw, pdk_bus::Stamp::default())?.publish().map(|_| ())
+    };
+    match attempt() {
+        Ok(()) => Finding {
+            subject: "routing",
+            state: State::Good,
+            text: "frames go through shared memory".to_owned(),
+        },
+        Err(error) => Finding { subject: "routing", state: State::Bad, text: error.to_string() },
+    }
+}
+
+fn ffmpeg() -> Finding {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let found = std::env::split_paths(&path).map(|folder| folder.join("ffmpeg")).find(|file| is_program(file));
+    match found {
+        Some(file) => Finding { subject: "ffmpeg", state: State::Good, text: file.display().to_string() },
+        None => Finding {
+            subject: "ffmpeg",
+            state: State::Note,
+            text: "not on the PATH; needed only for video in other codecs than H.264".to_owned(),
+        },
+    }
+}
+
+fn is_program(file: &Path) -> bool {
+    file.is_file()
+}

@@ -1,0 +1,35 @@
+//! `pdk export`: the record of a run in the shape of other tools.
+
+use std::path::PathBuf;
+
+use pdk::record::{RunDirectory, published};
+use pdk_sdk::error::Result;
+use serde_json::json;
+
+use super::{Global, print_json};
+
+/// Arguments of `pdk export`
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The folder of the record
+    #[arg(value_name = "RUN")]
+    record: PathBuf,
+    /// Where to write the scenarios, in the JSON shape of the published tool; without it they go to standard output
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// Reads the scenarios of a run and writes them in the published shape.
+pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    let outcomes = published::outcomes(&RunDirectory::open(&arguments.record)?)?;
+    match &arguments.output {
+        None => print_json(&json!(outcomes)),
+        Some(path) => {
+            published::write(path, &outcomes)?;
+            if global.json {
+                print_json(&json!({ "output": path, "scenarios": outcomes.len() }))?;
+            }
+            Ok(())
+        }
+    }
+}

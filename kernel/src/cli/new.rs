@@ -1,0 +1,131 @@
+//! `pdk new`: writes a working starting point.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use pdk_sdk::SDK_VERSION;
+use pdk_sdk::error::{Error, Place, Result};
+
+use super::Global;
+
+/// Arguments of `pdk new`
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// What to write
+    what: What,
+    /// Its name: lower-case letters, digits and underscores
+    name: String,
+    /// The folder to write to [default: the working directory]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// The folder of the pdk-sdk crate that a plugin builds against [default: the one that pdk was built from, else the registry's]
+    #[arg(long, value_name = "DIR")]
+    sdk: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum What {
+    /// A perturbation in Lua: one file
+    Perturbation,
+    /// A plugin in Rust: a crate of its own
+    Plugin,
+    /// A pipeline in Lua: one file
+    Pipeline,
+}
+
+/// Writes the files and says what to do with them.
+pub fn run(_: &Global, arguments: &Arguments) -> Result<()> {
+    let name = &arguments.name;
+    let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+    if !name.starts_with(|c: char| c.is_ascii_lowercase()) || !name.chars().all(fits) {
+        return Err(Error::new(format!(
+            "`{name}` is no name; use lower-case letters, digits and underscores, with a letter first"
+        )));
+    }
+    let folder = arguments.out.clone().unwrap_or_default();
+    match arguments.what {
+        What::Perturbation => {
+            let file = folder.join(format!("{name}.lua"));
+            write(&file, include_str!("../../templates/perturbation.lua"), arguments)?;
+            println!("Wrote {}. Try it:", file.display());
+            println!("  pdk --plugins {} perturb IMAGE --with {name}@2 -o out.png", shown(&folder));
+        }
+        What::Pipeline => {
+            let file = folder.join(format!("{name}.lua"));
+            write(&file, include_str!("../../templates/pipeline.lua"), arguments)?;
+            println!("Wrote {}. Try it:\n  pdk run {}", file.display(), file.display());
+        }
+        What::Plugin => {
+            let folder = folder.join(name);
+            if folder.exists() {
+                return Err(Error::new(format!("{} exists already; choose another name", folder.display())));
+            }
+            for (file, text) in [
+                ("Cargo.toml", include_str!("../../templates/plugin/Cargo.toml.txt")),
+                ("src/lib.rs", include_str!("../../templates/plugin/lib.rs.txt")),
+                ("README.md", include_str!("../../templates/plugin/README.md")),
+                (".gitignore", "/target\n"),
+            ] {
+                write(&folder.join(file), text, arguments)?;
+            }
+            let library = format!("target/release/lib{name}.{}", std::env::consts::DLL_EXTENSION);
+            println!("Wrote {}. Build, test and check it:", folder.display());
+            println!("  cd {} && cargo test --release && cargo build --release && pdk check {library}", folder.display());
+        }
+    }
+    Ok(())
+}
+
+/// Writes a file from a template; never over one that is there.
+fn write(file: &Path, template: &str, arguments: &Arguments) -> Result<()> {
+    let text = template.replace("{{name}}", &arguments.name).replace("{{sdk}}", &sdk_dependency(arguments)?);
+    let text = text.replace("{{type}}", &type_name(&arguments.name));
+    if let Some(folder) = file.parent() {
+        fs::create_dir_all(folder).place(format_args!("cannot make the folder {}", folder.display()))?;
+    }
+    let mut target = fs::File::create_new(file)
+        .place(format_args!("cannot write {}; choose another name or --out", file.display()))?;
+    std::io::Write::write_all(&mut target, text.as_bytes()).place(format_args!("cannot write {}", file.display()))
+}
+
+/// The SDK as a Cargo dependency: a path where its source is at hand, else the version in the registry.
+fn sdk_dependency(arguments: &Arguments) -> Result<String> {
+    let given = arguments.sdk.as_deref();
+    let found = match given {
+        Some(folder) if !folder.join("Cargo.toml").is_file() => {
+            return Err(Error::new(format!(
+                "--sdk: {} is no crate; name the folder with the Cargo.toml of pdk-sdk",
+                folder.display()
+            )));
+        }
+        Some(folder) => Some(folder.to_owned()),
+        None => built_from(),
+    };
+    Ok(match found {
+        Some(folder) => {
+            let folder = fs::canonicalize(&folder).place(folder.display())?;
+            format!("{{ path = {:?} }}", folder.to_string_lossy())
+        }
+        None => format!("\"={SDK_VERSION}\""),
+    })
+}
+
+/// The SDK in the source tree that the executable was built in.
+fn built_from() -> Option<PathBuf> {
+    let executable = fs::canonicalize(std::env::current_exe().ok()?).ok()?;
+    executable.ancestors().map(|folder| folder.join("sdk/pdk-sdk")).find(|folder| folder.join("Cargo.toml").is_file())
+}
+
+/// `salt_spray` as a type: `SaltSpray`.
+fn type_name(name: &str) -> String {
+    let capital = |word: &str| {
+        let mut letters = word.chars();
+        letters.next().map(|first| first.to_ascii_uppercase().to_string() + letters.as_str()).unwrap_or_default()
+    };
+    name.split('_').map(capital).collect()
+}
+
+fn shown(folder: &Path) -> String {
+    if folder.as_os_str().is_empty() { ".".to_owned() } else { folder.display().to_string() }
+}

@@ -1,0 +1,446 @@
+//! The offline loop: perturbs every frame of a dataset and compares what the driver makes of it with the recorded
+//! ground truth and with what it made of the original.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+use indicatif::ProgressBar;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::prelude::{Control, Dataset, DriveContext, Driver, Entry, Frame, FrameBuf};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::chain::{Chain, Spec};
+use crate::component::ComponentSpec;
+use crate::record::{Lines, RESULTS, RunDirectory};
+use crate::registry::Registry;
+use crate::watchdog::Watch;
+
+/// What to evaluate, as a pipeline writes it.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Request {
+    dataset: Value,
+    driver: Value,
+    perturbations: Vec<Value>,
+    levels: Vec<f64>,
+    #[serde(default)]
+    frames: Option<usize>,
+}
+
+/// What to evaluate.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// Where the frames come from: a path that any reader may open, or a named reader.
+    pub dataset: DatasetSpec,
+    /// The driver under test.
+    pub driver: ComponentSpec,
+    /// Each perturbation at each level.
+    pub cells: Vec<Spec>,
+    /// At most this many frames, from the first.
+    pub frames: Option<usize>,
+}
+
+/// Where the frames come from.
+#[derive(Debug, Clone)]
+pub enum DatasetSpec {
+    /// A folder; the reader is found by trying.
+    Path(String),
+    /// A reader with its parameters.
+    Reader(ComponentSpec),
+}
+
+impl Plan {
+    /// Reads what a pipeline wrote.
+    ///
+    /// # Errors
+    /// Where a field is unknown, missing or of the wrong type, or a level is out of range.
+    pub fn from_json(request: Value) -> Result<Self> {
+        let request: Request = serde_json::from_value(request)
+            .map_err(|error| Error::new(format!("pdk.evaluate: {error}")))?;
+        let dataset = match &request.dataset {
+            Value::String(path) => DatasetSpec::Path(path.clone()),
+            other => DatasetSpec::Reader(ComponentSpec::from_json("dataset", other)?),
+        };
+        let mut cells = Vec::new();
+        for perturbation in &request.perturbations {
+            for &level in &request.levels {
+                cells.push(Spec::from_json(perturbation, level)?);
+                if !(0.0..=crate::chain::MAX_INTENSITY).contains(&level) {
+                    return Err(Error::new(format!(
+                        "the level {level} is out of range; levels are numbers from 0 to {}",
+                        crate::chain::MAX_INTENSITY
+                    )));
+                }
+            }
+        }
+        let driver = ComponentSpec::from_json("driver", &request.driver)?;
+        Ok(Self { dataset, driver, cells, frames: request.frames })
+    }
+}
+
+/// How an evaluation is run.
+pub struct Settings {
+    /// The seed of the run.
+    pub seed: u64,
+    /// The number of threads.
+    pub threads: usize,
+    /// How long one call of a component may take.
+    pub patience: Duration,
+}
+
+/// The result of an evaluation.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary {
+    /// Frames that were evaluated.
+    pub frames: usize,
+    /// Frames that could not be read or driven, with the reason.
+    pub bad_frames: Vec<BadFrame>,
+    /// Mean absolute steering error on the original frames.
+    pub original_steering_error: f64,
+    /// One row for each perturbation and level.
+    pub rows: Vec<Row>,
+}
+
+/// A frame that could not be evaluated.
+#[derive(Debug, Clone, Serialize)]
+pub struct BadFrame {
+    /// Its name.
+    pub frame: String,
+    /// The reason.
+    pub error: String,
+}
+
+/// How the driver did under one perturbation at one level.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    /// The perturbation.
+    pub perturbation: String,
+    /// Its level.
+    pub level: f64,
+    /// Mean absolute difference between the prediction on the perturbed frame and the recorded steering.
+    pub steering_error: f64,
+    /// Mean absolute difference between the predictions on the perturbed and on the original frame.
+    pub steering_drift: f64,
+    /// The same for the throttle.
+    pub throttle_error: f64,
+    /// The same for the throttle.
+    pub throttle_drift: f64,
+}
+
+/// How long it took: the part of the result that differs from run to run.
+#[derive(Debug, Clone, Serialize)]
+pub struct Performance {
+    /// Threads that were used.
+    pub threads: usize,
+    /// Wall time in seconds.
+    pub wall_seconds: f64,
+    /// Perturbed frames, each with a prediction, per second of wall time.
+    pub frames_per_second: f64,
+    /// Mean time of one perturbation in milliseconds, over all perturbations and levels.
+    pub perturbation_milliseconds: f64,
+    /// Mean time of one prediction in milliseconds.
+    pub driver_milliseconds: f64,
+}
+
+/// One line of the results.
+#[derive(Serialize)]
+struct Line<'a> {
+    index: usize,
+    frame: &'a str,
+    perturbation: &'a str,
+    level: f64,
+    truth: Control,
+    original: Control,
+    perturbed: Control,
+}
+
+/// What one frame gave.
+struct FrameResult {
+    index: usize,
+    frame: String,
+    outcome: Result<Predictions>,
+    perturbation_time: Duration,
+    driver_time: Duration,
+}
+
+struct Predictions {
+    truth: Control,
+    original: Control,
+    /// One for each cell of the plan.
+    perturbed: Vec<Control>,
+}
+
+/// Labels of the calls under watch.
+const DATASET: usize = 0;
+const DRIVER: usize = 1;
+const PERTURBATION: usize = 2;
+
+/// Opens the dataset of a plan.
+///
+/// # Errors
+/// Where no reader can open it.
+pub fn open_dataset(registry: &Registry, spec: &DatasetSpec) -> Result<(ComponentSpec, Box<dyn Dataset>)> {
+    match spec {
+        DatasetSpec::Reader(spec) => Ok((spec.clone(), registry.dataset(&spec.name, &spec.parameters)?.0)),
+        DatasetSpec::Path(path) => {
+            let mut reasons = Vec::new();
+            for reader in registry.of_kind(Kind::Dataset) {
+                let name = reader.description.name.clone();
+                let parameters = Map::from_iter([("path".to_owned(), Value::String(path.clone()))]);
+                match registry.dataset(&name, &parameters) {
+                    Ok((dataset, _)) => return Ok((ComponentSpec { name, parameters }, dataset)),
+                    Err(error) => reasons.push(error.to_string()),
+                }
+            }
+            Err(Error::new(match reasons.is_empty() {
+                true => format!("cannot open the dataset {path}: no dataset reader is installed"),
+                false => format!("cannot open the dataset {path}: {}", reasons.join("; ")),
+            }))
+        }
+    }
+}
+
+/// Evaluates every frame, perturbation and level, and writes a line for each. The lines come in the order of the
+/// frames, and are the same for any number of threads.
+///
+/// # Errors
+/// Where a component cannot be made, no frame can be evaluated, or the record cannot be written.
+pub fn evaluate(
+    registry: &Registry,
+    plan: &Plan,
+    settings: &Settings,
+    directory: &RunDirectory,
+    progress: &ProgressBar,
+) -> Result<(Summary, Performance)> {
+    let (reader, dataset) = open_dataset(registry, &plan.dataset)?;
+    let frames = plan.frames.unwrap_or(usize::MAX).min(dataset.len());
+    if frames == 0 {
+        return Err(Error::new("the dataset has no frames; name a folder that has some"));
+    }
+    let threads = settings.threads.clamp(1, frames);
+    let workers = (0..threads)
+        .map(|_| Worker::new(registry, plan, &reader, settings))
+        .collect::<Result<Vec<_>>>()?;
+    drop(dataset);
+
+    progress.set_length(frames as u64);
+    let started = Instant::now();
+    let mut collector = Collector::new(plan, directory.lines(RESULTS)?);
+    let next = AtomicUsize::new(0);
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let (sender, receiver) = mpsc::channel();
+        for mut worker in workers {
+            let (sender, next, stop) = (sender.clone(), &next, &stop);
+            scope.spawn(move || {
+                while !stop.load(Ordering::Relaxed) {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    if index >= frames || sender.send(worker.evaluate(index)).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        for result in &receiver {
+            progress.inc(1);
+            if let Err(error) = collector.add(result) {
+                stop.store(true, Ordering::Relaxed);
+                return Err(error);
+            }
+        }
+        Ok(())
+    })?;
+    progress.finish_and_clear();
+    collector.finish(threads, started.elapsed())
+}
+
+/// One thread's instances.
+struct Worker {
+    dataset: Box<dyn Dataset>,
+    driver: Box<dyn Driver>,
+    chains: Vec<Chain>,
+    perturbed: FrameBuf,
+    watch: Watch,
+}
+
+impl Worker {
+    fn new(registry: &Registry, plan: &Plan, reader: &ComponentSpec, settings: &Settings) -> Result<Self> {
+        let watch = Watch::new(
+            vec![
+                format!("dataset `{}`", reader.name),
+                format!("driver `{}`", plan.driver.name),
+                "a perturbation".to_owned(),
+            ],
+            settings.patience,
+        );
+        let (dataset, _) = watch.call(DATASET, || registry.dataset(&reader.name, &reader.parameters))?;
+        let (driver, _) =
+            watch.call(DRIVER, || registry.driver(&plan.driver.name, &plan.driver.parameters))?;
+        let chains = plan
+            .cells
+            .iter()
+            .map(|cell| Chain::new(registry, std::slice::from_ref(cell), settings.seed, 0))
+            .collect::<Result<_>>()?;
+        Ok(Self { dataset, driver, chains, perturbed: FrameBuf::default(), watch })
+    }
+
+    fn evaluate(&mut self, index: usize) -> FrameResult {
+        let frame = self.dataset.name(index);
+        let (mut perturbation_time, mut driver_time) = (Duration::ZERO, Duration::ZERO);
+        let outcome = self.watch.call(DATASET, || self.dataset.read(index)).and_then(|entry| {
+            self.predict(index, &entry, &mut perturbation_time, &mut driver_time)
+        });
+        FrameResult { index, frame, outcome, perturbation_time, driver_time }
+    }
+
+    fn predict(
+        &mut self,
+        index: usize,
+        entry: &Entry,
+        perturbation_time: &mut Duration,
+        driver_time: &mut Duration,
+    ) -> Result<Predictions> {
+        let cx = DriveContext { frame_index: index as u64, time: entry.time, speed: f64::NAN };
+        let source = entry.frame.as_ref();
+        let Self { driver, chains, perturbed, watch, .. } = self;
+        let mut drive = |frame: Frame<'_>| {
+            let started = Instant::now();
+            // Every frame counts for itself: what a driver remembers must not leak from one into the next.
+            let control = watch.call(DRIVER, || driver.reset().and_then(|()| driver.drive(frame, &cx)));
+            *driver_time += started.elapsed();
+            control
+        };
+        let original = drive(source)?;
+        perturbed.resize(source.width(), source.height());
+        let mut controls = Vec::with_capacity(chains.len());
+        for chain in chains {
+            let started = Instant::now();
+            watch.call(PERTURBATION, || chain.apply(source, perturbed.as_mut(), index as u64, entry.time))?;
+            *perturbation_time += started.elapsed();
+            controls.push(drive(perturbed.as_ref())?);
+        }
+        let truth = Control { steering: entry.steering, throttle: entry.throttle };
+        Ok(Predictions { truth, original, perturbed: controls })
+    }
+}
+
+/// Puts the frames back in order, writes their lines and sums them up.
+struct Collector<'a> {
+    plan: &'a Plan,
+    lines: Lines,
+    /// Frames that came before their turn.
+    waiting: BTreeMap<usize, FrameResult>,
+    next: usize,
+    frames: usize,
+    bad_frames: Vec<BadFrame>,
+    original_error: f64,
+    sums: Vec<[f64; 4]>,
+    perturbation_time: Duration,
+    driver_time: Duration,
+    text: Vec<u8>,
+}
+
+impl<'a> Collector<'a> {
+    fn new(plan: &'a Plan, lines: Lines) -> Self {
+        Self {
+            plan,
+            lines,
+            waiting: BTreeMap::new(),
+            next: 0,
+            frames: 0,
+            bad_frames: Vec::new(),
+            original_error: 0.0,
+            sums: vec![[0.0; 4]; plan.cells.len()],
+            perturbation_time: Duration::ZERO,
+            driver_time: Duration::ZERO,
+            text: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, result: FrameResult) -> Result<()> {
+        self.waiting.insert(result.index, result);
+        while let Some(result) = self.waiting.remove(&self.next) {
+            self.next += 1;
+            self.write(result)?;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, result: FrameResult) -> Result<()> {
+        self.perturbation_time += result.perturbation_time;
+        self.driver_time += result.driver_time;
+        let predictions = match result.outcome {
+            Ok(predictions) => predictions,
+            Err(error) => {
+                let bad = BadFrame { frame: result.frame, error: error.to_string() };
+                self.lines.write(&serde_json::json!({ "index": result.index, "frame": bad.frame, "error": bad.error }))?;
+                self.bad_frames.push(bad);
+                return Ok(());
+            }
+        };
+        self.frames += 1;
+        let Predictions { truth, original, perturbed } = predictions;
+        self.original_error += (original.steering - truth.steering).abs();
+        self.text.clear();
+        for ((cell, sums), control) in self.plan.cells.iter().zip(&mut self.sums).zip(perturbed) {
+            sums[0] += (control.steering - truth.steering).abs();
+            sums[1] += (control.steering - original.steering).abs();
+            sums[2] += (control.throttle - truth.throttle).abs();
+            sums[3] += (control.throttle - original.throttle).abs();
+            let line = Line {
+                index: result.index,
+                frame: &result.frame,
+                perturbation: &cell.name,
+                level: cell.level,
+                truth,
+                original,
+                perturbed: control,
+            };
+            serde_json::to_writer(&mut self.text, &line)?;
+            self.text.write_all(b"\n")?;
+        }
+        self.lines.write_text(&self.text)
+    }
+
+    fn finish(mut self, threads: usize, wall: Duration) -> Result<(Summary, Performance)> {
+        self.lines.sync()?;
+        if self.frames == 0 {
+            let first = self.bad_frames.first().map(|bad| format!("{}: {}", bad.frame, bad.error));
+            return Err(Error::new(format!(
+                "none of the {} frames could be evaluated; the first: {}",
+                self.bad_frames.len(),
+                first.unwrap_or_default()
+            )));
+        }
+        let count = self.frames as f64;
+        let rows = self.plan.cells.iter().zip(&self.sums).map(|(cell, sums)| Row {
+            perturbation: cell.name.clone(),
+            level: cell.level,
+            steering_error: sums[0] / count,
+            steering_drift: sums[1] / count,
+            throttle_error: sums[2] / count,
+            throttle_drift: sums[3] / count,
+        });
+        let perturbed = count * self.plan.cells.len() as f64;
+        let performance = Performance {
+            threads,
+            wall_seconds: wall.as_secs_f64(),
+            frames_per_second: perturbed / wall.as_secs_f64(),
+            perturbation_milliseconds: self.perturbation_time.as_secs_f64() * 1e3 / perturbed.max(1.0),
+            driver_milliseconds: self.driver_time.as_secs_f64() * 1e3 / (perturbed + count),
+        };
+        let summary = Summary {
+            frames: self.frames,
+            original_steering_error: self.original_error / count,
+            rows: rows.collect(),
+            bad_frames: self.bad_frames,
+        };
+        Ok((summary, performance))
+    }
+}

@@ -1,0 +1,333 @@
+//! What a pipeline does through the global `pdk`: it collects settings, drives, evaluates, and keeps the record.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, Result};
+use serde_json::{Map, Value, json};
+
+use super::settings::{self, COMMON, Override};
+use super::table;
+use crate::chain::Spec;
+use crate::component::ComponentSpec;
+use crate::drive::{self, Cause, Outcome};
+use crate::evaluate;
+use crate::record::manifest::{InUse, Machine, Manifest, Pipeline};
+use crate::record::{MANIFEST, PERFORMANCE, RunDirectory, SUMMARY};
+use crate::registry::Registry;
+use crate::watchdog;
+
+/// The folder for records where the user names none.
+const RUNS: &str = "runs";
+
+/// How a pipeline is run.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// What the command line sets, in order.
+    pub overrides: Vec<Override>,
+    /// Whether people read along: then there are progress bars and tables.
+    pub quiet: bool,
+}
+
+/// What a run came to.
+#[derive(Debug, Clone)]
+pub struct Finished {
+    /// The folder of the record; none where the pipeline neither drove nor evaluated.
+    pub record: Option<PathBuf>,
+    /// The table at the end.
+    pub summary: Value,
+    /// What did not go well without ending the run, one sentence each.
+    pub warnings: Vec<String>,
+    /// Why the run counts as failed although it came to its end.
+    pub failure: Option<Error>,
+}
+
+/// The state behind the global `pdk` of one pipeline.
+pub struct Host {
+    registry: Arc<Registry>,
+    pipeline: Pipeline,
+    options: Options,
+    settings: Option<Value>,
+    common: Common,
+    directory: Option<RunDirectory>,
+    in_use: InUse,
+    outcomes: Vec<Value>,
+    evaluations: Vec<Value>,
+    performance: Vec<Value>,
+    warnings: Vec<String>,
+    failed_scenarios: Vec<String>,
+    started: SystemTime,
+}
+
+/// The settings that every pipeline understands.
+struct Common {
+    seed: u64,
+    threads: usize,
+    out: Option<PathBuf>,
+    patience: Duration,
+}
+
+impl Common {
+    fn read(overrides: &[Override]) -> Result<Self> {
+        let mut common = Self {
+            seed: 0,
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
+            out: None,
+            patience: watchdog::DEFAULT_PATIENCE,
+        };
+        for Override { key, value } in overrides {
+            let wrong = |expected: &str| Error::new(format!("--set {key}: `{value}` is no {expected}"));
+            match key.as_str() {
+                "seed" => common.seed = value.parse().map_err(|_| wrong("whole number of at least 0"))?,
+                "threads" => {
+                    common.threads =
+                        value.parse().ok().filter(|&n| n > 0).ok_or_else(|| wrong("whole number of at least 1"))?;
+                }
+                "out" => common.out = Some(PathBuf::from(value)),
+                "patience" => {
+                    let seconds = value.parse().ok().filter(|&seconds: &f64| seconds > 0.0);
+                    common.patience = seconds
+                        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
+                        .ok_or_else(|| wrong("positive number of seconds"))?;
+                }
+                _ => {}
+            }
+        }
+        Ok(common)
+    }
+}
+
+impl Host {
+    /// The host for one pipeline.
+    ///
+    /// # Errors
+    /// Where a setting that every pipeline understands has a wrong value.
+    pub fn new(registry: Arc<Registry>, pipeline: Pipeline, options: Options) -> Result<Self> {
+        let common = Common::read(&options.overrides)?;
+        Ok(Self {
+            registry,
+            pipeline,
+            options,
+            settings: None,
+            common,
+            directory: None,
+            in_use: InUse::default(),
+            outcomes: Vec::new(),
+            evaluations: Vec::new(),
+            performance: Vec::new(),
+            warnings: Vec::new(),
+            failed_scenarios: Vec::new(),
+            started: SystemTime::now(),
+        })
+    }
+
+    /// `pdk.settings`: the defaults with what the command line puts in their place.
+    pub(super) fn settings(&mut self, defaults: Value) -> Result<Value> {
+        if self.settings.is_some() {
+            return Err(Error::new("pdk.settings may be called once; put all settings into one table"));
+        }
+        if let Some((name, meaning)) = COMMON.iter().find(|(name, _)| defaults.get(name).is_some()) {
+            return Err(Error::new(format!(
+                "`{name}` is a setting that every pipeline has ({meaning}); leave it out of pdk.settings"
+            )));
+        }
+        let settings = settings::apply(defaults, &self.own_overrides())?;
+        self.settings = Some(settings.clone());
+        Ok(settings)
+    }
+
+    /// The overrides that are not of the common settings.
+    fn own_overrides(&self) -> Vec<Override> {
+        let common = |o: &&Override| !COMMON.iter().any(|(name, _)| *name == o.key);
+        self.options.overrides.iter().filter(common).cloned().collect()
+    }
+
+    /// `pdk.drive`: the closed loop.
+    pub(super) fn drive(&mut self, request: Value) -> Result<Value> {
+        let plan = drive::Plan::from_json(request)?;
+        let registry = Arc::clone(&self.registry);
+        let perturbations = plan.scenarios.iter().flat_map(|scenario| &scenario.perturbations);
+        self.begin(
+            [(Kind::Simulator, &plan.simulator), (Kind::Driver, &plan.driver)],
+            perturbations,
+        )?;
+        let directory = self.directory()?;
+        let settings = drive::Settings {
+            seed: self.common.seed,
+            threads: self.common.threads,
+            patience: self.common.patience,
+            run_id: run_id(directory.path()),
+            first_index: self.outcomes.len() as u64,
+        };
+        let progress = self.progress("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {per_sec}, {eta} left");
+        let (outcomes, performance) = drive::drive(&registry, &plan, &settings, &directory, &progress)?;
+        let overruns = performance.stages.overruns;
+        if overruns > 0 {
+            self.warnings.push(format!(
+                "{overruns} of {} steps took longer than a frame lasts; {PERFORMANCE} has the times of the stages",
+                performance.stages.steps
+            ));
+        }
+        let rows: Vec<Value> = outcomes.iter().map(outcome_row).collect();
+        for outcome in outcomes.iter().filter(|outcome| outcome.cause == Cause::Error) {
+            let error = outcome.error.as_deref().unwrap_or_default();
+            self.failed_scenarios.push(format!("scenario {} `{}`: {error}", outcome.index, outcome.scenario.name));
+        }
+        self.outcomes.extend(rows.iter().cloned());
+        self.performance.push(json!({ "drive": performance }));
+        Ok(Value::Array(rows))
+    }
+
+    /// `pdk.evaluate`: the offline loop.
+    pub(super) fn evaluate(&mut self, request: Value) -> Result<Value> {
+        let plan = evaluate::Plan::from_json(request)?;
+        let registry = Arc::clone(&self.registry);
+        let (reader, _) = evaluate::open_dataset(&registry, &plan.dataset)?;
+        self.begin([(Kind::Dataset, &reader), (Kind::Driver, &plan.driver)], &plan.cells)?;
+        let directory = self.directory()?;
+        let settings = evaluate::Settings {
+            seed: self.common.seed,
+            threads: self.common.threads,
+            patience: self.common.patience,
+        };
+        let progress = self.progress("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {eta} left");
+        let (summary, performance) = evaluate::evaluate(&registry, &plan, &settings, &directory, &progress)?;
+        for bad in &summary.bad_frames {
+            self.warnings.push(format!("{} was left out: {}", bad.frame, bad.error));
+        }
+        let summary = serde_json::to_value(summary)?;
+        self.evaluations.push(summary.clone());
+        self.performance.push(json!({ "evaluate": performance }));
+        Ok(summary)
+    }
+
+    /// `pdk.show`: a table of what `pdk.drive` or `pdk.evaluate` returned.
+    pub(super) fn show(&self, result: &Value) -> Result<()> {
+        let text = table::render(result)?;
+        if !self.options.quiet {
+            println!("{text}");
+        }
+        Ok(())
+    }
+
+    /// `pdk.perturbations`: the names of the perturbations, all or those of the default set.
+    pub(super) fn perturbations(&self, all: bool) -> Vec<String> {
+        let wanted = self.registry.of_kind(Kind::Perturbation).filter(|c| all || c.description.default);
+        wanted.map(|component| component.description.name.clone()).collect()
+    }
+
+    /// `pdk.path`: a path that counts from the pipeline's folder.
+    pub(super) fn path(&self, relative: &str) -> String {
+        let folder = self.pipeline.path.parent().unwrap_or(Path::new(""));
+        folder.join(relative).to_string_lossy().into_owned()
+    }
+
+    /// Completes the record after the pipeline has come to its end, or to an error.
+    ///
+    /// # Errors
+    /// Where the record cannot be written, or the command line sets something that the pipeline does not have.
+    pub fn finish(&mut self) -> Result<Finished> {
+        if self.settings.is_none() {
+            // Says that the setting does not exist.
+            settings::apply(Value::Object(Map::new()), &self.own_overrides())?;
+        }
+        let summary = json!({ "outcomes": self.outcomes, "evaluations": self.evaluations });
+        if let Some(directory) = &self.directory {
+            directory.write_json(SUMMARY, &summary)?;
+            let started = self.started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
+            let performance = json!({ "started_unix_seconds": started, "steps": self.performance });
+            directory.write_json(PERFORMANCE, &performance)?;
+        }
+        let failure = self.failed_scenarios.first().map(|first| {
+            Error::new(format!(
+                "{} of {} scenarios could not be driven because a component failed; the first: {first}",
+                self.failed_scenarios.len(),
+                self.outcomes.len()
+            ))
+        });
+        let record = self.directory.as_ref().map(|directory| directory.path().to_owned());
+        Ok(Finished { record, summary, warnings: std::mem::take(&mut self.warnings), failure })
+    }
+
+    /// Notes what is used from here on, and writes it down before anything is computed.
+    fn begin<'a>(
+        &mut self,
+        components: [(Kind, &ComponentSpec); 2],
+        perturbations: impl IntoIterator<Item = &'a Spec>,
+    ) -> Result<()> {
+        for (kind, spec) in components {
+            self.in_use.add(&self.registry, kind, &spec.name, &spec.parameters)?;
+        }
+        for spec in perturbations {
+            self.in_use.add(&self.registry, Kind::Perturbation, &spec.name, &spec.parameters)?;
+        }
+        let manifest = Manifest {
+            pdk: env!("CARGO_PKG_VERSION").to_owned(),
+            seed: self.common.seed,
+            pipeline: self.pipeline.clone(),
+            settings: self.settings.clone().unwrap_or_default(),
+            components: self.in_use.components(),
+            files: self.in_use.files(),
+            machine: Machine::this(),
+        };
+        self.directory()?.write_json(MANIFEST, &manifest)
+    }
+
+    /// The folder of the record, which is made when it is first needed.
+    fn directory(&mut self) -> Result<RunDirectory> {
+        if let Some(directory) = &self.directory {
+            return Ok(directory.clone());
+        }
+        let path = match &self.common.out {
+            Some(path) => path.clone(),
+            None => next_folder(&self.pipeline.path),
+        };
+        Ok(self.directory.insert(RunDirectory::create(&path)?).clone())
+    }
+
+    fn progress(&self, template: &str) -> ProgressBar {
+        let progress = ProgressBar::with_draw_target(None, match self.options.quiet {
+            true => ProgressDrawTarget::hidden(),
+            // Draws nothing where standard error is no terminal.
+            false => ProgressDrawTarget::stderr(),
+        });
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            progress.set_style(style.progress_chars("=> "));
+        }
+        progress
+    }
+}
+
+/// What a pipeline and the summary see of an outcome; the telemetry stays in the record.
+fn outcome_row(outcome: &Outcome) -> Value {
+    json!({
+        "index": outcome.index,
+        "name": outcome.scenario.name,
+        "success": outcome.success,
+        "cause": outcome.cause,
+        "error": outcome.error,
+        "time": outcome.time,
+        "frames": outcome.frames,
+        "progress": outcome.progress,
+        "mean_cross_track_error": outcome.mean_cross_track_error,
+        "max_cross_track_error": outcome.max_cross_track_error,
+    })
+}
+
+/// The first folder `runs/NAME-N` that does not exist.
+fn next_folder(pipeline: &Path) -> PathBuf {
+    let name = pipeline.file_stem().unwrap_or_default().to_string_lossy();
+    let candidates = (1..).map(|number| Path::new(RUNS).join(format!("{name}-{number}")));
+    candidates.into_iter().find(|folder| !folder.exists()).unwrap_or_else(|| PathBuf::from(RUNS))
+}
+
+/// The name of the run on its topics: letters, digits, dashes and underscores, unique on this machine.
+fn run_id(folder: &Path) -> String {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy();
+    let fits = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+    let name: String = name.chars().map(fits).take(40).collect();
+    format!("{name}-{}", std::process::id())
+}

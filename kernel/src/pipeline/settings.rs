@@ -1,0 +1,140 @@
+//! The settings of a pipeline: the defaults it declares, and what the command line puts in their place.
+
+use pdk_sdk::error::{Error, Result};
+use serde_json::{Map, Value};
+
+use crate::suggest;
+
+/// Settings that every pipeline understands, with what they mean.
+pub const COMMON: &[(&str, &str)] = &[
+    ("seed", "the seed that all random numbers come from"),
+    ("threads", "how many frames or scenarios are computed at the same time"),
+    ("out", "the folder of the record"),
+    ("patience", "how many seconds one call of a component may take"),
+];
+
+/// One `--set KEY=VALUE`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Override {
+    /// The setting; dots lead into tables.
+    pub key: String,
+    /// The value as it was written.
+    pub value: String,
+}
+
+impl std::str::FromStr for Override {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text.split_once('=') {
+            Some((key, value)) if !key.trim().is_empty() => {
+                Ok(Self { key: key.trim().to_owned(), value: value.to_owned() })
+            }
+            _ => Err(Error::new(format!("`{text}` sets nothing; write KEY=VALUE"))),
+        }
+    }
+}
+
+/// Puts the overrides in the place of the defaults.
+///
+/// # Errors
+/// Where a setting does not exist, or the value has another type than the default.
+pub fn apply(defaults: Value, overrides: &[Override]) -> Result<Value> {
+    let mut settings = match defaults {
+        Value::Object(settings) => settings,
+        // An empty Lua table.
+        Value::Array(list) if list.is_empty() => Map::new(),
+        other => return Err(Error::new(format!("pdk.settings takes a table of defaults, not {other}"))),
+    };
+    for Override { key, value } in overrides {
+        set(&mut settings, key, key, value)?;
+    }
+    Ok(Value::Object(settings))
+}
+
+fn set(table: &mut Map<String, Value>, key: &str, rest: &str, text: &str) -> Result<()> {
+    let (name, deeper) = match rest.split_once('.') {
+        Some((name, deeper)) => (name, Some(deeper)),
+        None => (rest, None),
+    };
+    let known: Vec<String> = table.keys().cloned().collect();
+    let Some(current) = table.get_mut(name) else {
+        let known = known.iter().map(String::as_str).chain(COMMON.iter().map(|(name, _)| *name));
+        return Err(Error::new(format!(
+            "--set {key}: the pipeline has no setting `{name}`; {}",
+            suggest::hint(name, known)
+        )));
+    };
+    match (deeper, &mut *current) {
+        (Some(deeper), Value::Object(table)) => set(table, key, deeper, text),
+        (Some(deeper), _) => {
+            Err(Error::new(format!("--set {key}: `{name}` is no table, so it has no `{deeper}`")))
+        }
+        (None, _) => {
+            *current = parse(current, text).map_err(|error| error.at(format_args!("--set {key}")))?;
+            Ok(())
+        }
+    }
+}
+
+/// Reads a value of the type that the default has.
+fn parse(default: &Value, text: &str) -> Result<Value> {
+    let wrong = |expected: &str| Err(Error::new(format!("`{text}` is no {expected}")));
+    let json = serde_json::from_str::<Value>(text).ok();
+    match (default, json) {
+        (Value::Number(_), Some(Value::Number(number))) => Ok(Value::Number(number)),
+        (Value::Number(_), _) => wrong("number"),
+        (Value::Bool(_), Some(Value::Bool(set))) => Ok(Value::Bool(set)),
+        (Value::Bool(_), _) => wrong("true or false"),
+        (Value::String(_), _) => Ok(Value::String(text.to_owned())),
+        (Value::Array(_), Some(Value::Array(list))) => Ok(Value::Array(list)),
+        (Value::Array(list), _) => {
+            let like = list.first().cloned().unwrap_or(Value::Null);
+            let parts = text.split(',').map(str::trim).filter(|part| !part.is_empty());
+            parts.map(|part| parse(&like, part)).collect::<Result<Vec<_>>>().map(Value::Array)
+        }
+        (Value::Object(_), Some(Value::Object(table))) => Ok(Value::Object(table)),
+        // A table with a name, such as a driver with parameters, can be replaced by the name alone.
+        (Value::Object(table), None) if table.contains_key("name") => Ok(Value::String(text.to_owned())),
+        (Value::Object(_), _) => wrong("table; write it as JSON, or set its fields one by one with a dot"),
+        (Value::Null, json) => Ok(json.unwrap_or_else(|| Value::String(text.to_owned()))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn defaults() -> Value {
+        json!({
+            "model": "pilot.onnx", "frames": 10, "loud": false, "levels": [0, 1], "names": ["a"],
+            "simulator": { "name": "lane", "width": 320 },
+        })
+    }
+
+    fn with(text: &str) -> Result<Value> {
+        apply(defaults(), &[text.parse()?])
+    }
+
+    #[test]
+    fn values_take_the_type_of_their_default() {
+        assert_eq!(with("model=7").unwrap()["model"], "7");
+        assert_eq!(with("frames=7").unwrap()["frames"], 7);
+        assert_eq!(with("loud=true").unwrap()["loud"], true);
+        assert_eq!(with("levels=2,3.5").unwrap()["levels"], json!([2, 3.5]));
+        assert_eq!(with("names=x,y").unwrap()["names"], json!(["x", "y"]));
+        assert_eq!(with("simulator.width=64").unwrap()["simulator"]["width"], 64);
+        assert_eq!(with("simulator=donkey").unwrap()["simulator"], "donkey");
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let error = |text: &str| with(text).unwrap_err().to_string();
+        assert_eq!(error("modle=x"), "--set modle: the pipeline has no setting `modle`; did you mean `model`?");
+        assert_eq!(error("frames=many"), "--set frames: `many` is no number");
+        assert_eq!(error("frames.x=1"), "--set frames.x: `frames` is no table, so it has no `x`");
+        assert_eq!(error("nothing"), "`nothing` sets nothing; write KEY=VALUE");
+        assert!(error("levels=a").contains("`a` is no number"));
+    }
+}

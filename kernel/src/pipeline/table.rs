@@ -1,0 +1,113 @@
+//! Results as tables for people.
+
+use comfy_table::{Cell, CellAlignment, Table, presets};
+use pdk_sdk::error::{Error, Result};
+use serde_json::Value;
+
+/// Renders what `pdk.drive` or `pdk.evaluate` returned.
+///
+/// # Errors
+/// Where it is neither.
+pub fn render(result: &Value) -> Result<String> {
+    match result {
+        Value::Array(outcomes) if outcomes.iter().all(|outcome| outcome.get("cause").is_some()) => {
+            Ok(outcome_table(outcomes))
+        }
+        Value::Object(summary) if summary.contains_key("rows") => Ok(evaluation_tables(result)),
+        _ => Err(Error::new("pdk.show takes what pdk.drive or pdk.evaluate returned")),
+    }
+}
+
+/// An empty table in the style of all of pdk's tables.
+pub fn table<'a>(header: impl IntoIterator<Item = &'a str>) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::UTF8_FULL_CONDENSED);
+    table.set_header(header);
+    table
+}
+
+fn right(text: String) -> Cell {
+    Cell::new(text).set_alignment(CellAlignment::Right)
+}
+
+fn number(value: &Value, digits: usize) -> String {
+    value.as_f64().map_or_else(String::new, |value| format!("{value:.digits$}"))
+}
+
+fn outcome_table(outcomes: &[Value]) -> String {
+    let mut table = table(["scenario", "outcome", "time s", "road", "mean |XTE| m", "max |XTE| m"]);
+    for outcome in outcomes {
+        let cause = outcome["cause"].as_str().unwrap_or_default().replace('_', " ");
+        let mark = if outcome["success"] == true { "ok" } else { "FAIL" };
+        table.add_row([
+            Cell::new(outcome["name"].as_str().unwrap_or_default()),
+            Cell::new(format!("{mark:<4} {cause}")),
+            right(number(&outcome["time"], 1)),
+            right(format!("{:.0} %", outcome["progress"].as_f64().unwrap_or_default() * 100.0)),
+            right(number(&outcome["mean_cross_track_error"], 2)),
+            right(number(&outcome["max_cross_track_error"], 2)),
+        ]);
+    }
+    table.to_string()
+}
+
+/// Two tables, perturbations by levels: the error against the ground truth, and the drift from the original.
+fn evaluation_tables(summary: &Value) -> String {
+    let rows: Vec<&Value> = summary["rows"].as_array().into_iter().flatten().collect();
+    let mut levels: Vec<f64> = rows.iter().filter_map(|row| row["level"].as_f64()).collect();
+    levels.sort_by(f64::total_cmp);
+    levels.dedup();
+    let mut names: Vec<&str> = Vec::new();
+    for row in &rows {
+        let name = row["perturbation"].as_str().unwrap_or_default();
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    let grid = |field: &str| {
+        let header: Vec<String> = levels.iter().map(|level| format!("level {level}")).collect();
+        let mut table = table(std::iter::once("perturbation").chain(header.iter().map(String::as_str)));
+        for name in &names {
+            let cell = |level: &f64| {
+                let row = rows.iter().find(|row| row["perturbation"] == **name && row["level"] == *level);
+                right(row.map_or_else(String::new, |row| number(&row[field], 3)))
+            };
+            table.add_row(std::iter::once(Cell::new(name)).chain(levels.iter().map(cell)));
+        }
+        table
+    };
+    let bad = summary["bad_frames"].as_array().map_or(0, Vec::len);
+    let left_out = if bad > 0 { format!(", {bad} left out") } else { String::new() };
+    format!(
+        "{} frames{left_out}; mean absolute steering error on the original frames: {}\n\n\
+         Mean absolute steering error against the ground truth\n{}\n\n\
+         Mean absolute drift of the steering from the prediction on the original frame\n{}",
+        summary["frames"],
+        number(&summary["original_steering_error"], 3),
+        grid("steering_error"),
+        grid("steering_drift")
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn what_is_no_result_is_refused() {
+        assert!(render(&json!([1, 2])).is_err());
+        assert!(render(&json!({"a": 1})).is_err());
+    }
+
+    #[test]
+    fn an_evaluation_is_a_grid_of_perturbations_and_levels() {
+        let row = |name: &str, level: f64, error: f64| json!({"perturbation": name, "level": level, "steering_error": error, "steering_drift": 0.5});
+        let summary = json!({
+            "frames": 3, "bad_frames": [], "original_steering_error": 0.07,
+            "rows": [row("fog", 0.0, 0.1), row("fog", 1.0, 0.2), row("rain", 0.0, 0.3)],
+        });
+        let text = render(&summary).unwrap();
+        assert!(text.contains("level 0") && text.contains("0.200") && text.contains("rain"), "{text}");
+    }
+}

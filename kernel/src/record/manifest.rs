@@ -1,0 +1,139 @@
+//! What was run: everything that has to be equal for two runs to be equal.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Place, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::registry::Registry;
+
+/// The manifest of a run.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Manifest {
+    /// The version of pdk.
+    pub pdk: String,
+    /// The seed that all random numbers come from.
+    pub seed: u64,
+    /// The pipeline.
+    pub pipeline: Pipeline,
+    /// The settings of the pipeline with what was overridden.
+    pub settings: Value,
+    /// The components in use.
+    pub components: Vec<ComponentRecord>,
+    /// Models and other files that components were given.
+    pub files: Vec<FileRecord>,
+    /// The machine.
+    pub machine: Machine,
+}
+
+/// The pipeline of a run.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Pipeline {
+    /// The file.
+    pub path: PathBuf,
+    /// Its text.
+    pub source: String,
+}
+
+/// A component in use.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct ComponentRecord {
+    /// Its kind.
+    pub kind: Kind,
+    /// Its name.
+    pub name: String,
+    /// The version of its algorithm.
+    pub version: u32,
+    /// The library or script that it comes from.
+    pub file: FileRecord,
+}
+
+/// A file and its content.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct FileRecord {
+    /// The file.
+    pub path: PathBuf,
+    /// BLAKE3 of its content, in hexadecimal.
+    pub blake3: String,
+}
+
+/// The machine of a run.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Machine {
+    /// The operating system.
+    pub system: String,
+    /// The processor's architecture.
+    pub architecture: String,
+    /// The number of processors.
+    pub processors: usize,
+}
+
+impl Machine {
+    /// This machine.
+    pub fn this() -> Self {
+        Self {
+            system: std::env::consts::OS.to_owned(),
+            architecture: std::env::consts::ARCH.to_owned(),
+            processors: std::thread::available_parallelism().map_or(1, usize::from),
+        }
+    }
+}
+
+impl FileRecord {
+    /// Reads a file's hash.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn of(path: &Path) -> Result<Self> {
+        let mut hasher = blake3::Hasher::new();
+        let mut file = std::fs::File::open(path).place(path.display())?;
+        std::io::copy(&mut file, &mut hasher).place(path.display())?;
+        Ok(Self { path: path.to_owned(), blake3: hasher.finalize().to_hex().to_string() })
+    }
+}
+
+/// The components and files that a run uses, collected while it is set up.
+#[derive(Debug, Default)]
+pub struct InUse {
+    components: BTreeSet<ComponentRecord>,
+    files: BTreeSet<FileRecord>,
+}
+
+impl InUse {
+    /// Notes a component and the files among its parameters.
+    ///
+    /// # Errors
+    /// Where the component does not exist, or one of its files cannot be read.
+    pub fn add(&mut self, registry: &Registry, kind: Kind, name: &str, parameters: &Map<String, Value>) -> Result<()> {
+        let component = registry.get(kind, name)?;
+        let known = self.components.iter().any(|c| c.kind == kind && c.name == name);
+        if !known {
+            self.components.insert(ComponentRecord {
+                kind,
+                name: name.to_owned(),
+                version: component.description.version,
+                file: FileRecord::of(registry.file_of(component))?,
+            });
+        }
+        for value in parameters.values().filter_map(Value::as_str) {
+            let path = Path::new(value);
+            if path.is_file() && !self.files.iter().any(|f| f.path == path) {
+                self.files.insert(FileRecord::of(path)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// The components, in order.
+    pub fn components(&self) -> Vec<ComponentRecord> {
+        self.components.iter().cloned().collect()
+    }
+
+    /// The files, in order.
+    pub fn files(&self) -> Vec<FileRecord> {
+        self.files.iter().cloned().collect()
+    }
+}

@@ -1,0 +1,241 @@
+//! What components there are, where they come from, and how instances of them are made.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use pdk_sdk::abi::host::Instance;
+use pdk_sdk::config::Config;
+use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::prelude::{Dataset, Driver, Perturbation, Simulator};
+use serde_json::{Map, Value};
+
+use crate::loader::Plugin;
+use crate::lua;
+use crate::suggest;
+
+/// Names the folders with further plugins and Lua perturbations, separated as in PATH.
+pub const PATH_VARIABLE: &str = "PDK_PLUGIN_PATH";
+
+/// All components that were found.
+#[derive(Default)]
+pub struct Registry {
+    components: BTreeMap<(Kind, String), Component>,
+    plugins: Vec<Plugin>,
+    refused: Vec<Error>,
+}
+
+/// A component and where it comes from.
+pub struct Component {
+    /// What it says of itself.
+    pub description: Description,
+    source: Source,
+}
+
+enum Source {
+    Plugin { plugin: usize, index: usize },
+    Lua { path: PathBuf },
+}
+
+impl Registry {
+    /// Loads everything that lies in the given folders and in the usual places, in this order: `folders`, what
+    /// `PDK_PLUGIN_PATH` names, the user's plugin folder, the executable's own folder. Where two components have the
+    /// same name the first one counts. What cannot be used is left out and listed by [`Registry::refused`].
+    ///
+    /// # Errors
+    /// Where one of `folders` does not exist.
+    pub fn discover(folders: &[PathBuf]) -> Result<Self> {
+        let mut registry = Self::default();
+        for folder in folders {
+            if !folder.exists() {
+                return Err(Error::new(format!(
+                    "the plugin folder {} does not exist; create it or correct --plugins",
+                    folder.display()
+                )));
+            }
+            registry.add_place(folder);
+        }
+        for place in std::env::var_os(PATH_VARIABLE).iter().flat_map(std::env::split_paths) {
+            registry.add_place(&place);
+        }
+        if let Some(place) = user_folder() {
+            registry.add_place(&place);
+        }
+        if let Some(folder) = executable_folder() {
+            registry.add_built_in(&folder);
+        }
+        Ok(registry)
+    }
+
+    /// What was found but cannot be used, one sentence each.
+    pub fn refused(&self) -> &[Error] {
+        &self.refused
+    }
+
+    /// The plugins that were loaded.
+    pub fn plugins(&self) -> &[Plugin] {
+        &self.plugins
+    }
+
+    /// All components of a kind, by name.
+    pub fn of_kind(&self, kind: Kind) -> impl Iterator<Item = &Component> + Clone {
+        self.components.iter().filter(move |((k, _), _)| *k == kind).map(|(_, component)| component)
+    }
+
+    /// A component by kind and name.
+    ///
+    /// # Errors
+    /// Where there is none, with what was probably meant.
+    pub fn get(&self, kind: Kind, name: &str) -> Result<&Component> {
+        self.components.get(&(kind, name.to_owned())).ok_or_else(|| {
+            let known = self.of_kind(kind).map(|c| c.description.name.as_str());
+            Error::new(format!("there is no {kind} `{name}`; {}", suggest::hint(name, known)))
+        })
+    }
+
+    /// The file that a component comes from: a library or a script.
+    pub fn file_of<'a>(&'a self, component: &'a Component) -> &'a Path {
+        match &component.source {
+            Source::Plugin { plugin, .. } => &self.plugins[*plugin].path,
+            Source::Lua { path } => path,
+        }
+    }
+
+    fn create(&self, kind: Kind, name: &str, parameters: &Map<String, Value>) -> Result<(Instance, Config)> {
+        let component = self.get(kind, name)?;
+        let config = Config::check(&component.description, parameters)?;
+        let instance = match &component.source {
+            Source::Plugin { plugin, index } => self.plugins[*plugin].create(*index, config.values()),
+            Source::Lua { path } => lua::perturbation::create(path, &config).map(Instance::Perturbation),
+        };
+        let instance = instance.map_err(|error| error.at(format!("{kind} `{name}`")))?;
+        if instance.kind() != kind {
+            return Err(Error::new(format!("{kind} `{name}` made a {}, which is a mistake in its plugin", instance.kind())));
+        }
+        Ok((instance, config))
+    }
+
+    fn add_place(&mut self, place: &Path) {
+        if place.is_file() {
+            self.add_file(place);
+        } else {
+            self.add_folder(place, |_| true);
+        }
+    }
+
+    /// The plugins beside the executable, and the scripts that come with an installation or a source tree.
+    fn add_built_in(&mut self, folder: &Path) {
+        self.add_folder(folder, |stem| stem.starts_with("libpdk_"));
+        self.add_folder(&folder.join("plugins"), |_| true);
+        for scripts in ["../share/pdk/perturbations", "../../scripts/perturbations"] {
+            self.add_folder(&folder.join(scripts), |_| true);
+        }
+    }
+
+    /// Adds the libraries and scripts of a folder, by name; a folder that does not exist has none.
+    fn add_folder(&mut self, folder: &Path, wanted: impl Fn(&str) -> bool) {
+        let mut files: Vec<_> = match std::fs::read_dir(folder) {
+            Ok(entries) => entries.filter_map(|entry| Some(entry.ok()?.path())).collect(),
+            Err(_) => return,
+        };
+        files.sort();
+        for file in files {
+            let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+            let extension = file.extension().unwrap_or_default();
+            if extension == std::env::consts::DLL_EXTENSION && wanted(&stem) || extension == "lua" {
+                self.add_file(&file);
+            }
+        }
+    }
+
+    fn add_file(&mut self, file: &Path) {
+        let file = std::fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
+        let known = self.components.values().any(|component| self.file_of(component) == file);
+        if known {
+            return;
+        }
+        if file.extension().is_some_and(|e| e == "lua") {
+            match lua::perturbation::description(&file) {
+                Ok(description) => self.add(description, Source::Lua { path: file }),
+                Err(error) => self.refused.push(error),
+            }
+            return;
+        }
+        match Plugin::load(&file) {
+            Ok(plugin) => {
+                let (plugin_index, descriptions) = (self.plugins.len(), plugin.description.components.clone());
+                self.plugins.push(plugin);
+                for (index, description) in descriptions.into_iter().enumerate() {
+                    self.add(description, Source::Plugin { plugin: plugin_index, index });
+                }
+            }
+            Err(error) => self.refused.push(error),
+        }
+    }
+
+    fn add(&mut self, description: Description, source: Source) {
+        let key = (description.kind, description.name.clone());
+        let component = Component { description, source };
+        if let Some(first) = self.components.get(&key) {
+            self.refused.push(Error::new(format!(
+                "{} `{}` of {} is left out, because {} has one of the same name and comes first; rename one",
+                key.0,
+                key.1,
+                self.file_of(&component).display(),
+                self.file_of(first).display()
+            )));
+        } else {
+            self.components.insert(key, component);
+        }
+    }
+}
+
+/// One function for each kind whose instances the kernel itself uses.
+macro_rules! create_functions {
+    ($($(#[$doc:meta])* $function:ident: $kind:ident as $trait:ident;)*) => {
+        impl Registry {
+            $(
+                $(#[$doc])*
+                ///
+                /// # Errors
+                /// Where there is no such component, or it refuses the parameters.
+                pub fn $function(
+                    &self,
+                    name: &str,
+                    parameters: &Map<String, Value>,
+                ) -> Result<(Box<dyn $trait>, Config)> {
+                    match self.create(Kind::$kind, name, parameters)? {
+                        (Instance::$kind(instance), config) => Ok((instance, config)),
+                        _ => Err(Error::new(concat!("no ", stringify!($kind)))),
+                    }
+                }
+            )*
+        }
+    };
+}
+
+create_functions! {
+    /// Makes a perturbation.
+    perturbation: Perturbation as Perturbation;
+    /// Makes a simulator.
+    simulator: Simulator as Simulator;
+    /// Makes a driver.
+    driver: Driver as Driver;
+    /// Opens a dataset.
+    dataset: Dataset as Dataset;
+}
+
+/// The folder of the running executable.
+fn executable_folder() -> Option<PathBuf> {
+    let executable = std::env::current_exe().ok()?;
+    let folder = std::fs::canonicalize(executable).ok()?.parent()?.to_owned();
+    // Test executables lie one folder below the libraries.
+    Some(if folder.ends_with("deps") { folder.parent()?.to_owned() } else { folder })
+}
+
+/// Where a user's own plugins and perturbations lie.
+pub fn user_folder() -> Option<PathBuf> {
+    let data = std::env::var_os("XDG_DATA_HOME").map(PathBuf::from).filter(|p| p.is_absolute());
+    let data = data.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".local/share")))?;
+    Some(data.join("pdk/plugins"))
+}
