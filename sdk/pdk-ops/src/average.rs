@@ -226,3 +226,83 @@ vectorised! {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::frame::FrameBuf;
+    use crate::testing::{plain, run_on, samples};
+
+    /// The mean over places relative to each pixel, rounded as the kernels round.
+    fn plain_mean(src: Frame<'_>, places: &[(isize, isize)]) -> FrameBuf {
+        plain(src, |x, y| {
+            let mut sums = [0u32; 3];
+            for &(right, down) in places {
+                let row = reflect(y as isize + down, src.height());
+                let pixel = src.pixel(reflect(x as isize + right, src.width()), row);
+                (0..3).for_each(|c| sums[c] += u32::from(pixel[c]));
+            }
+            sums.map(|sum| (sum as f32 * (1.0 / places.len() as f32)).round_ties_even() as u8)
+        })
+    }
+
+    fn disc(radius: f64) -> Vec<(isize, isize)> {
+        let reach = radius as isize;
+        let all = (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (x, y)));
+        all.filter(|(x, y)| (x * x + y * y) as f64 <= radius * radius).collect()
+    }
+
+    #[test]
+    fn discs_have_the_published_areas() {
+        assert_eq!([2.0, 5.0, 6.0, 9.0, 12.0].map(|r| disc(r).len()), [13, 81, 113, 253, 441]);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn disc_blur_matches_the_plain_version(sample in samples(), radius in 0.0..24.0) {
+            let expected = plain_mean(sample.frame(), &disc(radius));
+            let mut workspace = Workspace::default();
+            prop_assert_eq!(run_on(&sample, |src, dst| disc_blur(src, dst, radius, &mut workspace)), expected);
+        }
+
+        #[test]
+        fn pixel_average_matches_the_plain_version(
+            sample in samples(), places in prop::collection::vec((-90isize..90, -30isize..30), 1..40),
+        ) {
+            let expected = plain_mean(sample.frame(), &places);
+            let mut workspace = Workspace::default();
+            let result = run_on(&sample, |src, dst| pixel_average(src, dst, &places, &mut workspace));
+            prop_assert_eq!(result, expected);
+        }
+    }
+
+    #[test]
+    fn the_largest_disc_and_the_most_neighbours_keep_a_white_frame_white() {
+        let white = FrameBuf::from_vec(vec![255; 40 * 3 * 3], 40, 3).unwrap();
+        let mut workspace = Workspace::default();
+        let mut dst = FrameBuf::new(40, 3);
+        disc_blur(white.as_ref(), dst.as_mut(), MAX_RADIUS, &mut workspace);
+        assert_eq!(dst, white);
+        pixel_average(white.as_ref(), dst.as_mut(), &[(5, -2); MAX_NEIGHBOURS], &mut workspace);
+        assert_eq!(dst, white);
+    }
+
+    #[test]
+    fn a_workspace_serves_frames_and_discs_of_any_size_in_turn() {
+        let mut kept = Workspace::default();
+        for (width, height, radius) in
+            [(40, 30, 12.0), (7, 3, 2.0), (40, 30, 5.5), (90, 2, 9.0), (1, 1, 20.0)]
+        {
+            let bytes: Vec<u8> = (0..width * height * 3).map(|i| (i * 37 % 251) as u8).collect();
+            let src = Frame::new(&bytes, width, height).unwrap();
+            let (mut first, mut second) = (src.to_buf(), src.to_buf());
+            disc_blur(src, first.as_mut(), radius, &mut kept);
+            disc_blur(src, second.as_mut(), radius, &mut Workspace::default());
+            assert_eq!(first, second);
+        }
+    }
+}

@@ -60,3 +60,48 @@ vectorised! {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::{pairs, plain, run_on, samples};
+
+    fn plain_blend(a: u8, weight: f64, b: u8) -> u8 {
+        (f32::from(a) * weight as f32 + f32::from(b) * (1.0 - weight) as f32).round_ties_even() as u8
+    }
+
+    proptest! {
+        #[test]
+        fn blend_matches_the_plain_version((a, b) in pairs(), weight in 0.0..=1.0) {
+            let (first, second) = (a.frame(), b.frame());
+            let expected = plain(first, |x, y| {
+                let (p, q) = (first.pixel(x, y), second.pixel(x, y));
+                [0, 1, 2].map(|c| plain_blend(p[c], weight, q[c]))
+            });
+            prop_assert_eq!(run_on(&a, |src, dst| blend(src, weight, second, dst)), expected);
+        }
+
+        #[test]
+        fn blend_with_grey_matches_the_plain_version(sample in samples(), weight in 0.0..=1.0) {
+            let src = sample.frame();
+            let expected = plain(src, |x, y| {
+                let [r, g, b] = src.pixel(x, y);
+                [r, g, b].map(|v| plain_blend(grey(r, g, b), weight, v))
+            });
+            prop_assert_eq!(run_on(&sample, |src, dst| blend_with_grey(src, dst, weight)), expected);
+        }
+    }
+
+    #[test]
+    fn weights_beyond_the_ends_give_one_frame_or_the_other() {
+        let (mut a, b) = (crate::FrameBuf::new(3, 2), crate::FrameBuf::new(3, 2));
+        a.as_mut().data_mut().fill(255);
+        for (weight, expected) in [(-0.5, 0), (0.0, 0), (0.5, 128), (1.0, 255), (7.0, 255)] {
+            let mut dst = crate::FrameBuf::new(3, 2);
+            blend(a.as_ref(), weight, b.as_ref(), dst.as_mut());
+            assert!(dst.data().iter().all(|&v| v == expected), "{weight}: {dst:?}");
+        }
+    }
+}

@@ -27,3 +27,36 @@ vectorised! {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::{plain, run_on, samples};
+
+    #[test]
+    fn grey_is_the_luma_to_within_rounding() {
+        for r in (0..=255).step_by(5) {
+            for g in (0..=255).step_by(3) {
+                for b in (0..=255).step_by(5) {
+                    let luma = 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
+                    assert!((f64::from(grey(r, g, b)) - luma).abs() < 0.51, "{r} {g} {b}");
+                }
+            }
+        }
+        assert_eq!([grey(255, 255, 255), grey(0, 0, 0), grey(255, 0, 0)], [255, 0, 76]);
+    }
+
+    proptest! {
+        #[test]
+        fn grayscale_matches_the_plain_version(sample in samples()) {
+            let src = sample.frame();
+            let expected = plain(src, |x, y| {
+                let [r, g, b] = src.pixel(x, y);
+                [grey(r, g, b); 3]
+            });
+            prop_assert_eq!(run_on(&sample, grayscale), expected);
+        }
+    }
+}

@@ -63,3 +63,86 @@ pub fn draw_line(mut dst: FrameMut<'_>, x0: i32, y0: i32, x1: i32, y1: i32, rgb:
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::run;
+
+    const WHITE: [u8; 3] = [255; 3];
+
+    /// The pixels that a drawing function sets, over a black frame.
+    fn drawn(width: usize, height: usize, draw: impl Fn(FrameMut<'_>)) -> Vec<(i64, i64)> {
+        let frame = run(width, height, |mut dst| {
+            dst.rows_mut().for_each(|row| row.fill(0));
+            draw(dst);
+        });
+        let all = (0..height as i64).flat_map(|y| (0..width as i64).map(move |x| (x, y)));
+        all.filter(|&(x, y)| frame.as_ref().pixel(x as usize, y as usize) == WHITE).collect()
+    }
+
+    fn inside(width: usize, height: usize, test: impl Fn(i64, i64) -> bool) -> Vec<(i64, i64)> {
+        let all = (0..height as i64).flat_map(|y| (0..width as i64).map(move |x| (x, y)));
+        all.filter(|&(x, y)| test(x, y)).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn circles_hold_the_pixels_within_the_radius(
+            width in 1usize..40, height in 1usize..40, cx in -20i32..60, cy in -20i32..60, r in 0i32..40,
+        ) {
+            let actual = drawn(width, height, |dst| fill_circle(dst, cx.into(), cy.into(), r.into(), WHITE));
+            let (cx, cy, r) = (i64::from(cx), i64::from(cy), i64::from(r));
+            let expected = inside(width, height, |x, y| (x - cx).pow(2) + (y - cy).pow(2) <= r * r);
+            prop_assert_eq!(actual, expected);
+        }
+
+        #[test]
+        fn rectangles_hold_their_pixels(
+            width in 1usize..40, height in 1usize..40, x0 in -50i32..50, y0 in -50i32..50, w in -5i32..80,
+            h in -5i32..80,
+        ) {
+            let actual = drawn(width, height, |dst| fill_rectangle(dst, x0, y0, w, h, WHITE));
+            let (x0, y0, w, h) = (i64::from(x0), i64::from(y0), i64::from(w), i64::from(h));
+            let expected = inside(width, height, |x, y| x >= x0 && x < x0 + w && y >= y0 && y < y0 + h);
+            prop_assert_eq!(actual, expected);
+        }
+
+        #[test]
+        fn lines_stay_within_half_a_pixel_of_the_straight_line(
+            x0 in -60i32..100, y0 in -60i32..100, x1 in -60i32..100, y1 in -60i32..100,
+        ) {
+            let (dx, dy) = (f64::from(x1 - x0), f64::from(y1 - y0));
+            let steps = dx.abs().max(dy.abs()).max(1.0);
+            let actual = drawn(40, 30, |dst| draw_line(dst, x0, y0, x1, y1, WHITE));
+            let mut expected: Vec<(i64, i64)> = (0..=steps as i64)
+                .map(|step| {
+                    // Halves go up, in the direction of the coordinate.
+                    let along = |start: i32, d: f64| {
+                        (f64::from(start) + d * step as f64 / steps + 0.5 + 1e-9).floor() as i64
+                    };
+                    (along(x0, dx), along(y0, dy))
+                })
+                .filter(|&(x, y)| (0..40).contains(&x) && (0..30).contains(&y))
+                .collect();
+            expected.sort_by_key(|&(x, y)| (y, x));
+            expected.dedup();
+            prop_assert_eq!(actual, expected);
+        }
+    }
+
+    #[test]
+    fn extreme_arguments_cost_nothing_and_draw_what_is_inside() {
+        let (low, high) = (i32::MIN, i32::MAX);
+        assert_eq!(drawn(5, 4, |dst| draw_line(dst, low, 2, high, 2, WHITE)).len(), 5);
+        assert_eq!(drawn(5, 4, |dst| fill_rectangle(dst, low, low, high, high, WHITE)).len(), 0);
+        assert_eq!(drawn(5, 4, |dst| fill_rectangle(dst, -9, -9, high, high, WHITE)).len(), 20);
+        assert_eq!(drawn(5, 4, |dst| fill_circle(dst, 0.0, 0.0, 1e300, WHITE)).len(), 20);
+        assert_eq!(drawn(5, 4, |dst| fill_circle(dst, 0.0, 0.0, 1e9, WHITE)).len(), 20);
+        for (cx, r) in [(f64::NAN, 1.0), (f64::INFINITY, 1.0), (1.0, f64::NAN), (1.0, -1.0), (1e30, 5.0)] {
+            assert!(drawn(5, 4, |dst| fill_circle(dst, cx, 1.0, r, WHITE)).is_empty());
+        }
+    }
+}

@@ -169,7 +169,10 @@ vectorised! {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+    use crate::testing::{plain, run_on, samples};
 
     #[test]
     fn weights_sum_to_256_at_every_size() {
@@ -178,6 +181,63 @@ mod tests {
             weights(size, &mut half);
             let total: u32 = half.iter().map(|&w| u32::from(w)).sum();
             assert_eq!(2 * total - u32::from(half[0]), 256, "size {size}");
+        }
+    }
+
+    #[test]
+    fn weights_follow_the_gaussian() {
+        let mut half = Vec::new();
+        for size in [9, 15, 25, 41, 99] {
+            weights(size, &mut half);
+            let sigma = sigma_of_kernel(size);
+            let density: Vec<f64> =
+                (0..half.len()).map(|x| (-((x * x) as f64) / (2.0 * sigma * sigma)).exp()).collect();
+            let total = 2.0 * density.iter().sum::<f64>() - 1.0;
+            for (x, (&weight, density)) in half.iter().zip(&density).enumerate() {
+                // The centre takes what rounding leaves on both sides.
+                let tolerance = if x == 0 { 2.0 } else { 1.0 };
+                assert!(
+                    (f64::from(weight) - 256.0 * density / total).abs() <= tolerance,
+                    "{size} {x} {weight}"
+                );
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn matches_the_plain_version(sample in samples(), size in 1usize..60) {
+            let mut half = Vec::new();
+            weights(size | 1, &mut half);
+            let radius = half.len() as isize - 1;
+            let src = sample.frame();
+            let expected = plain(src, |x, y| {
+                let mut sums = [32768u32; 3];
+                for down in -radius..=radius {
+                    for right in -radius..=radius {
+                        let weight = u32::from(half[down.unsigned_abs()]) * u32::from(half[right.unsigned_abs()]);
+                        let row = reflect(y as isize + down, src.height());
+                        let pixel = src.pixel(reflect(x as isize + right, src.width()), row);
+                        (0..3).for_each(|c| sums[c] += weight * u32::from(pixel[c]));
+                    }
+                }
+                sums.map(|sum| (sum >> 16) as u8)
+            });
+            let mut workspace = Workspace::default();
+            prop_assert_eq!(run_on(&sample, |src, dst| gaussian_blur(src, dst, size, &mut workspace)), expected);
+        }
+    }
+
+    #[test]
+    fn a_workspace_serves_frames_and_kernels_of_any_size_in_turn() {
+        let mut kept = Workspace::default();
+        for (width, height, size) in [(40, 30, 41), (7, 3, 3), (40, 30, 25), (90, 2, 25), (1, 1, 99)] {
+            let bytes: Vec<u8> = (0..width * height * 3).map(|i| (i * 37 % 251) as u8).collect();
+            let src = Frame::new(&bytes, width, height).unwrap();
+            let (mut first, mut second) = (src.to_buf(), src.to_buf());
+            gaussian_blur(src, first.as_mut(), size, &mut kept);
+            gaussian_blur(src, second.as_mut(), size, &mut Workspace::default());
+            assert_eq!(first, second);
         }
     }
 }

@@ -91,3 +91,81 @@ vectorised! {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::{plain, run_on, samples};
+
+    /// The conversion with integers and tables of reciprocals.
+    fn plain_hsv([r, g, b]: [i32; 3], saturations: &[i32; 256], hues: &[i32; 256]) -> [u8; 3] {
+        let value = r.max(g).max(b);
+        let range = value - r.min(g).min(b);
+        let saturation = (range * saturations[value as usize] + 2048) >> 12;
+        let position = match value {
+            v if v == r => g - b,
+            v if v == g => b - r + 2 * range,
+            _ => r - g + 4 * range,
+        };
+        let hue = (position * hues[range as usize] + 2048) >> 12;
+        [if hue < 0 { hue + 180 } else { hue }, saturation, value].map(|v| v as u8)
+    }
+
+    #[test]
+    fn every_colour_has_the_hue_saturation_and_value_of_the_table_method() {
+        let reciprocals = |numerator: f64| -> [i32; 256] {
+            std::array::from_fn(|i| if i == 0 { 0 } else { (numerator / i as f64).round_ties_even() as i32 })
+        };
+        let (saturations, hues) = (reciprocals(255.0 * 4096.0), reciprocals(180.0 * 4096.0 / 6.0));
+        for colour in 0..1 << 24 {
+            let rgb = [colour >> 16, colour >> 8 & 255, colour & 255];
+            let expected = plain_hsv(rgb, &saturations, &hues);
+            let actual = rgb_to_hsv(rgb.map(|v| v as u8));
+            assert_eq!(actual, expected, "{rgb:?}");
+            assert!(actual[0] < 180);
+        }
+    }
+
+    #[test]
+    fn every_hue_saturation_and_value_gives_the_nearest_colour() {
+        for hue in 0..180u8 {
+            for saturation in 0..=255u8 {
+                for value in 0..=255u8 {
+                    let actual = hsv_to_rgb([hue, saturation, value]);
+                    // In units of 1/7650: 255 for the saturation times 30 for the slope along a sixth of the circle.
+                    let (h, s, v) = (i32::from(hue), i32::from(saturation), i32::from(value));
+                    let (sector, slope) = (h / 30, h % 30);
+                    let (full, none) = (v * 7650, v * 7650 - v * s * 30);
+                    let (falling, rising) = (v * 7650 - v * s * slope, v * 7650 - v * s * (30 - slope));
+                    let exact = match sector {
+                        0 => [full, rising, none],
+                        1 => [falling, full, none],
+                        2 => [none, full, rising],
+                        3 => [none, falling, full],
+                        4 => [rising, none, full],
+                        _ => [full, none, falling],
+                    };
+                    for (actual, exact) in actual.iter().zip(exact) {
+                        let off = 2 * (i32::from(*actual) * 7650 - exact).abs();
+                        assert!(off <= 7650, "{hue} {saturation} {value}: {actual}");
+                    }
+                }
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn scale_hsv_matches_the_plain_version(sample in samples(), saturation in -1.0..3.0, value in -1.0..3.0) {
+            let src = sample.frame();
+            let expected = plain(src, |x, y| {
+                let [h, s, v] = rgb_to_hsv(src.pixel(x, y));
+                let scale = |v: u8, factor: f64| (f64::from(v) * factor).clamp(0.0, 255.0) as u8;
+                hsv_to_rgb([h, scale(s, saturation), scale(v, value)])
+            });
+            prop_assert_eq!(run_on(&sample, |src, dst| scale_hsv(src, dst, saturation, value)), expected);
+        }
+    }
+}

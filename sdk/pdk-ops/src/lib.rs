@@ -21,6 +21,8 @@ pub mod poisson;
 pub mod random;
 pub mod resize;
 mod simd;
+#[cfg(test)]
+mod testing;
 
 pub use frame::{Frame, FrameBuf, FrameError, FrameMut};
 pub use random::{Key, Random};

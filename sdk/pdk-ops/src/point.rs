@@ -34,3 +34,33 @@ vectorised! {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::{plain, run_on, samples};
+
+    proptest! {
+        #[test]
+        fn lookup_matches_the_plain_version(sample in samples(), first: u8, factor in 1u8..) {
+            let table: [u8; 256] = std::array::from_fn(|v| first.wrapping_add((v as u8).wrapping_mul(factor)));
+            let src = sample.frame();
+            let expected = plain(src, |x, y| src.pixel(x, y).map(|v| table[usize::from(v)]));
+            prop_assert_eq!(run_on(&sample, |src, dst| lookup(src, dst, &table)), expected);
+        }
+
+        #[test]
+        fn scale_about_matches_the_plain_version(
+            sample in samples(), pivot in 0.0..255.0, factor in -3.0..10.0,
+        ) {
+            let src = sample.frame();
+            let expected = plain(src, |x, y| src.pixel(x, y).map(|v| {
+                let value = pivot as f32 + (f32::from(v) - pivot as f32) * factor as f32;
+                value.round_ties_even().clamp(0.0, 255.0) as u8
+            }));
+            prop_assert_eq!(run_on(&sample, |src, dst| scale_about(src, dst, pivot, factor)), expected);
+        }
+    }
+}

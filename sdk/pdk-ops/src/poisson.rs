@@ -121,3 +121,71 @@ pub fn poisson_noise(src: Frame<'_>, mut dst: FrameMut<'_>, table: &PoissonTable
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::random::Key;
+    use crate::testing::{run_on, samples};
+
+    /// The probabilities that the table draws with.
+    fn drawn(table: &PoissonTable, value: u8) -> [f64; 256] {
+        let mut outputs = [0.0; 256];
+        let one = f64::from(1u32 << THRESHOLD_BITS);
+        for bin in 0..256 {
+            let entry = table.entries[usize::from(value) * 256 + bin];
+            let share = f64::from(entry >> 8) / one;
+            outputs[bin] += share / 256.0;
+            outputs[(entry & 255) as usize] += (1.0 - share) / 256.0;
+        }
+        outputs
+    }
+
+    #[test]
+    fn tables_draw_with_the_probabilities_of_the_distribution() {
+        for count in [1.0, 30.0, 61.7, 120.0, 500.0, MAX_COUNT] {
+            let table = PoissonTable::new(count);
+            for value in [0u8, 1, 7, 100, 128, 254, 255] {
+                let wanted = output_probabilities(value, count);
+                assert!((wanted.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{count} {value}");
+                for (output, (drawn, wanted)) in drawn(&table, value).iter().zip(wanted).enumerate() {
+                    assert!((drawn - wanted).abs() < 1e-6, "{count} {value} {output}: {drawn} {wanted}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn probabilities_are_those_of_a_poisson_distribution() {
+        // Mean 30 * 51 / 255 = 6: exp(-6) * 6^n / n!, at n counts, which come out as n / 30 * 255.
+        let outputs = output_probabilities(51, 30.0);
+        for (n, expected) in [(0, 0.002_478_752), (1, 0.014_872_513), (6, 0.160_623_141), (12, 0.011_264_480)]
+        {
+            let output = (f64::from(n) * 8.5).round_ties_even() as usize;
+            assert!((outputs[output] - expected).abs() < 1e-9, "{n}: {}", outputs[output]);
+        }
+        assert_eq!(output_probabilities(0, 30.0)[0], 1.0);
+    }
+
+    #[test]
+    fn a_table_forgets_its_last_count() {
+        let mut table = PoissonTable::new(30.0);
+        table.set_count(87.0);
+        assert_eq!(table.entries, PoissonTable::new(87.0).entries);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn strides_do_not_matter(sample in samples(), key: [u8; 32]) {
+            let table = PoissonTable::new(55.0);
+            let result = run_on(&sample, |src, dst| poisson_noise(src, dst, &table, &mut Key(key).frame(1)));
+            let src = sample.frame().to_buf();
+            // Black has no photons.
+            prop_assert!(src.data().iter().zip(result.data()).all(|(a, b)| *a != 0 || *b == 0));
+        }
+    }
+}

@@ -81,3 +81,57 @@ fn interpolate_row(row: &[u8], taps: &[Tap], into: &mut [i32]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::frame::FrameBuf;
+    use crate::testing::{run, samples};
+
+    /// Linear interpolation in floating point.
+    fn plain(src: Frame<'_>, width: usize, height: usize) -> Vec<f64> {
+        let place = |i: usize, from: usize, to: usize| {
+            let centre = ((i as f64 + 0.5) * from as f64 / to as f64 - 0.5).clamp(0.0, (from - 1) as f64);
+            (centre.floor() as usize, (centre.floor() as usize + 1).min(from - 1), centre.fract())
+        };
+        let mut out = Vec::new();
+        for y in 0..height {
+            let (top, bottom, down) = place(y, src.height(), height);
+            for x in 0..width {
+                let (left, right, across) = place(x, src.width(), width);
+                for c in 0..CHANNELS {
+                    let at = |x: usize, y: usize| f64::from(src.pixel(x, y)[c]);
+                    let upper = at(left, top) * (1.0 - across) + at(right, top) * across;
+                    let lower = at(left, bottom) * (1.0 - across) + at(right, bottom) * across;
+                    out.push(upper * (1.0 - down) + lower * down);
+                }
+            }
+        }
+        out
+    }
+
+    proptest! {
+        #[test]
+        fn matches_linear_interpolation(sample in samples(), width in 1usize..300, height in 1usize..40) {
+            let result = run(width, height, |dst| resize_linear(sample.frame(), dst));
+            let expected = plain(sample.frame(), width, height);
+            for (actual, expected) in result.data().iter().zip(expected) {
+                prop_assert!((f64::from(*actual) - expected).abs() < 1.0, "{} {}", actual, expected);
+            }
+        }
+    }
+
+    #[test]
+    fn a_constant_frame_stays_constant() {
+        for value in [0, 1, 127, 255] {
+            let src = FrameBuf::from_vec(vec![value; 7 * 5 * 3], 7, 5).unwrap();
+            for (width, height) in [(1, 1), (13, 4), (400, 11)] {
+                let mut dst = FrameBuf::new(width, height);
+                resize_linear(src.as_ref(), dst.as_mut());
+                assert!(dst.data().iter().all(|&v| v == value), "{value} {width}x{height}");
+            }
+        }
+    }
+}

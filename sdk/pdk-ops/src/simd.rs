@@ -14,7 +14,7 @@ macro_rules! vectorised {
         #[inline]
         $visibility fn $name($($argument: $type),*) {
             #[cfg(target_arch = "x86_64")]
-            if std::arch::is_x86_feature_detected!("avx2") {
+            if std::arch::is_x86_feature_detected!("avx2") && !$crate::simd::portable_only() {
                 // SAFETY: the processor has AVX2, which is all that this version asks for.
                 return unsafe { $avx2($($argument),*) };
             }
@@ -34,6 +34,23 @@ macro_rules! vectorised {
     };
 }
 pub(crate) use vectorised;
+
+/// Whether a test has asked for the portable versions on this thread.
+#[cfg(test)]
+pub(crate) fn portable_only() -> bool {
+    PORTABLE_ONLY.get()
+}
+
+#[cfg(not(test))]
+#[inline(always)]
+pub(crate) const fn portable_only() -> bool {
+    false
+}
+
+#[cfg(test)]
+thread_local! {
+    pub(crate) static PORTABLE_ONLY: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+}
 
 /// Adding this to a number in `0.0..=255.0` leaves the number, rounded half to even, in the lowest byte.
 const ROUNDING: f32 = 8_388_608.0;
