@@ -1,1 +1,31 @@
-//! The embedded simulator and its classical driver.
+//! The embedded simulator `lane` and the classical driver `lane_keeper`: a closed loop with nothing to install.
+//!
+//! The world is a flat two-lane road through grassland. It is described in the same terms everywhere: `x` to the right,
+//! `z` ahead, headings clockwise from `+z`, metres, seconds and radians. [`road`] turns what a scenario says into the
+//! centre line of the driven lane, [`vehicle`] moves the car, [`render`] draws what its camera sees, and [`simulator`]
+//! ties them together. The driver sees the image only; what it shares with the simulator is the [`camera`], which any
+//! driver of a real car would know too.
+
+mod camera;
+mod driver;
+mod field;
+mod lines;
+mod path;
+mod render;
+mod road;
+mod scene;
+mod section;
+mod simulator;
+mod sprite;
+mod texture;
+mod vehicle;
+
+#[cfg(test)]
+mod pictures;
+#[cfg(test)]
+mod tests;
+
+pdk_sdk::export! {
+    simulators: [simulator::Lane],
+    drivers: [driver::LaneKeeper],
+}

@@ -1,0 +1,65 @@
+//! Pictures and timings for people:
+//! `LANE_FRAMES=/tmp/frames cargo test --release -p pdk-lane -- --ignored --nocapture`.
+
+use std::time::Instant;
+
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::Value;
+
+use crate::tests::{guide, lane, scenario};
+
+#[test]
+#[ignore = "writes pictures to LANE_FRAMES for a person to look at"]
+fn frames_to_look_at() {
+    let folder = std::env::var("LANE_FRAMES").expect("LANE_FRAMES names the folder for the pictures");
+    std::fs::create_dir_all(&folder).unwrap();
+    for (width, height) in [(320, 240), (640, 480), (320, 160)] {
+        for seed in 1..=3 {
+            let mut simulator = lane(width, height);
+            let mut state = simulator.reset(&scenario(Value::Null, seed)).unwrap();
+            let mut frame = FrameBuf::new(width, height);
+            for step in 0..420 {
+                if step % 140 == 0 {
+                    state = simulator.frame(frame.as_mut()).unwrap();
+                    let name = format!("{folder}/{width}x{height}-{seed}-{step:03}.png");
+                    image::save_buffer(
+                        name,
+                        frame.data(),
+                        width as u32,
+                        height as u32,
+                        image::ExtendedColorType::Rgb8,
+                    )
+                    .unwrap();
+                }
+                simulator.act(guide(&simulator, &state)).unwrap();
+                state = simulator.state().unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+#[ignore = "measures time, which depends on the machine"]
+fn time_per_frame() {
+    for (width, height) in [(320, 160), (320, 240), (640, 480)] {
+        let mut simulator = lane(width, height);
+        let mut state = simulator.reset(&scenario(Value::Null, 1)).unwrap();
+        let mut frame = FrameBuf::new(width, height);
+        let mut times = Vec::new();
+        for _ in 0..400 {
+            let start = Instant::now();
+            simulator.frame(frame.as_mut()).unwrap();
+            times.push(start.elapsed().as_secs_f64() * 1e3);
+            simulator.act(guide(&simulator, &state)).unwrap();
+            state = simulator.state().unwrap();
+        }
+        times.sort_by(f64::total_cmp);
+        println!("{width}x{height}: median {:.2} ms, 99 % below {:.2} ms", times[200], times[396]);
+    }
+    let start = Instant::now();
+    let mut simulator = lane(320, 240);
+    println!("new: {:.1} ms", start.elapsed().as_secs_f64() * 1e3);
+    let start = Instant::now();
+    simulator.reset(&scenario(Value::Null, 1)).unwrap();
+    println!("reset: {:.1} ms", start.elapsed().as_secs_f64() * 1e3);
+}

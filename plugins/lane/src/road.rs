@@ -1,0 +1,382 @@
+//! The road: from what a scenario says to the centre line of the driven lane.
+//!
+//! A road is `{"angles": [0, 10, -20], "segment": 25}`, `{"waypoints": [[x, height, z], ...]}`, or null for random
+//! angles. All of them describe the centre line of the driven lane, the right one of two; the vehicle starts on it.
+
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::{Map, Value};
+
+use crate::path::{Path, Point, distance, spline};
+use crate::section;
+
+/// Points on the spline from one node to the next, both included.
+const POINTS_PER_SEGMENT: usize = 20;
+/// Number of angles of a random road.
+const RANDOM_ANGLES: usize = 8;
+/// Largest angle of a random road in degrees: that of the published study.
+const RANDOM_ANGLE: i32 = 35;
+/// Length of a segment where the scenario names none, in metres.
+const DEFAULT_SEGMENT: f64 = 25.0;
+/// Largest angle accepted, in degrees.
+const LARGEST_ANGLE: f64 = 90.0;
+/// Most angles, and most waypoints, of a road.
+const MOST_ANGLES: usize = 200;
+const MOST_WAYPOINTS: usize = 10_000;
+/// Shortest and longest road in metres.
+const LENGTHS: (f64, f64) = (10.0, 5_000.0);
+/// The path is divided into pieces of this length in metres; it departs from the true spline by less than a millimetre.
+const STEP: f64 = 0.25;
+/// Smallest radius of a bend in metres: the far edge of the road lies up to 6 m from the driven lane's centre.
+const SMALLEST_RADIUS: f64 = 8.0;
+/// Parts of the road farther apart along it than this must not come closer than the road is wide, in metres.
+const CROSSING_SEPARATION: f64 = 30.0;
+
+/// A road that has been checked.
+#[derive(Debug, Clone)]
+pub struct Road {
+    /// The centre line of the driven lane as `[x, height, z]` in metres. A road made from these is the same road.
+    pub waypoints: Vec<[f64; 3]>,
+    /// The same line, finely divided.
+    pub path: Path,
+}
+
+impl Road {
+    /// Makes the road of a scenario.
+    ///
+    /// # Errors
+    /// Where the road is not one of the forms above, or nothing that can be driven on: it bends too sharply, crosses
+    /// itself, is not flat, too short or too long.
+    pub fn new(road: &Value, seed: u64) -> Result<Self> {
+        let fields = match road {
+            Value::Null => return Self::random(seed),
+            Value::Object(fields) => fields,
+            other => {
+                return Err(Error::new(format!(
+                    "the road is {}, but has to be null or an object with `angles` or `waypoints`",
+                    shortened(other)
+                )));
+            }
+        };
+        if let Some(name) = fields.keys().find(|k| !["angles", "segment", "waypoints"].contains(&k.as_str()))
+        {
+            return Err(Error::new(format!(
+                "the road has an unknown key `{name}`; it takes `angles` and `segment`, or `waypoints`"
+            )));
+        }
+        match (fields.get("angles"), fields.get("waypoints")) {
+            (Some(angles), None) => Self::from_angles(&read_angles(angles)?, read_segment(fields)?),
+            (None, Some(_)) if fields.contains_key("segment") => Err(Error::new(
+                "the road has `segment` beside `waypoints`; it belongs to `angles`: remove it",
+            )),
+            (None, Some(waypoints)) => Self::from_waypoints(read_waypoints(waypoints)?),
+            (Some(_), Some(_)) => {
+                Err(Error::new("the road has both `angles` and `waypoints`; give one of them"))
+            }
+            (None, None) => {
+                Err(Error::new("the road has neither `angles` nor `waypoints`; give one of them"))
+            }
+        }
+    }
+
+    /// A road with random angles that can be driven.
+    fn random(seed: u64) -> Result<Self> {
+        let mut random = pdk_sdk::seed::key(seed, "lane road", 0, 0).sequence();
+        let mut refused = Error::new("no road was tried");
+        for _ in 0..1000 {
+            let angles: Vec<f64> =
+                (0..RANDOM_ANGLES).map(|_| f64::from(random.between(-RANDOM_ANGLE, RANDOM_ANGLE))).collect();
+            match Self::from_angles(&angles, DEFAULT_SEGMENT) {
+                Ok(road) => return Ok(road),
+                Err(error) => refused = error,
+            }
+        }
+        Err(refused.at(format!("seed {seed} gives no road that can be driven")))
+    }
+
+    /// The road whose node `i + 1` lies `segment` metres from the one before, turned by angle `i` in degrees, clockwise.
+    ///
+    /// # Errors
+    /// As [`Road::new`].
+    pub fn from_angles(angles: &[f64], segment: f64) -> Result<Self> {
+        // The first node lies behind the start, so that the road leaves towards +z.
+        let mut nodes: Vec<Point> = vec![[0.0, -segment], [0.0, 0.0]];
+        let (mut at, mut heading) = ([0.0, 0.0], 0.0f64);
+        for angle in angles {
+            heading += angle.to_radians();
+            at = [at[0] + segment * libm::sin(heading), at[1] + segment * libm::cos(heading)];
+            nodes.push(at);
+        }
+        let points = spline(&nodes, POINTS_PER_SEGMENT);
+        Self::from_waypoints(points.into_iter().map(|[x, z]| [x, 0.0, z]).collect())
+    }
+
+    fn from_waypoints(waypoints: Vec<[f64; 3]>) -> Result<Self> {
+        if waypoints.len() < 2 {
+            return Err(Error::new(format!(
+                "the road has {} waypoints, but needs at least 2",
+                waypoints.len()
+            )));
+        }
+        let height = waypoints[0][1];
+        if let Some(i) = waypoints.iter().position(|p| (p[1] - height).abs() > 0.01) {
+            return Err(Error::new(format!(
+                "waypoint {i} of the road is {} m high and waypoint 0 is {height} m high, but roads of this simulator are \
+                 flat: give all the same height",
+                waypoints[i][1]
+            )));
+        }
+        let points: Vec<Point> = waypoints.iter().map(|p| [p[0], p[2]]).collect();
+        if let Some(i) = points.windows(2).position(|p| distance(p[0], p[1]) < 0.05) {
+            return Err(Error::new(format!(
+                "waypoints {i} and {} of the road are less than 5 cm apart: remove one of them",
+                i + 1
+            )));
+        }
+        // Measured before the path is divided, which would take memory in proportion.
+        let length: f64 = points.windows(2).map(|p| distance(p[0], p[1])).sum();
+        if !(LENGTHS.0..=LENGTHS.1).contains(&length) {
+            return Err(Error::new(format!(
+                "the road is {length:.1} m long, but has to be {} to {} m long",
+                LENGTHS.0, LENGTHS.1
+            )));
+        }
+        let path = Path::through(&points, STEP);
+        check_bends(&path)?;
+        check_crossings(&path)?;
+        Ok(Self { waypoints, path })
+    }
+}
+
+/// Refuses bends that the far edge of the road could not follow.
+fn check_bends(path: &Path) -> Result<()> {
+    // Over 2 m to either side, so that waypoints rounded to centimetres do not count as bends.
+    const REACH: f64 = 2.0;
+    let steps = ((path.length() - 2.0 * REACH) / 0.5) as usize;
+    for step in 0..=steps {
+        let along = REACH + step as f64 * 0.5;
+        let [a, b, c] = [along - REACH, along, along + REACH].map(|s| path.point_at(s));
+        // Radius of the circle through three points: product of the sides over four times the area.
+        let doubled_area = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
+        let sides = distance(a, b) * distance(b, c) * distance(c, a);
+        let turns_back = (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1]) <= 0.0;
+        if turns_back || sides < 2.0 * doubled_area * SMALLEST_RADIUS {
+            return Err(Error::new(format!(
+                "the road bends too sharply {along:.0} m after its start, near x {:.1}, z {:.1}: the radius of a bend has to be \
+                 at least {SMALLEST_RADIUS} m",
+                b[0], b[1]
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses roads that cross or touch themselves.
+fn check_crossings(path: &Path) -> Result<()> {
+    const SPACING: f64 = 2.0;
+    let centre: Vec<Point> = (0..=(path.length() / SPACING) as usize)
+        .map(|i| path.beside(i as f64 * SPACING, section::ROAD_CENTRE))
+        .collect();
+    let separation = (CROSSING_SEPARATION / SPACING) as usize;
+    let closest = 2.0 * section::PAVED_HALF_WIDTH + 0.5;
+    for (i, &a) in centre.iter().enumerate() {
+        for (j, &b) in centre.iter().enumerate().skip(i + separation) {
+            let (dx, dz) = (b[0] - a[0], b[1] - a[1]);
+            if dx * dx + dz * dz < closest * closest {
+                return Err(Error::new(format!(
+                    "the road crosses itself: {:.0} m and {:.0} m after its start it is at the same place, near x {:.1}, z {:.1}; \
+                     choose smaller angles, or waypoints that stay apart",
+                    i as f64 * SPACING,
+                    j as f64 * SPACING,
+                    a[0],
+                    a[1]
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn read_angles(value: &Value) -> Result<Vec<f64>> {
+    let expected = "`angles` of the road has to be a list of degrees, as in [0, 10, -20]";
+    let Value::Array(items) = value else {
+        return Err(Error::new(format!("{expected}, and is {}", shortened(value))));
+    };
+    if !(2..=MOST_ANGLES).contains(&items.len()) {
+        return Err(Error::new(format!(
+            "`angles` of the road has {} numbers, but needs 2 to {MOST_ANGLES}",
+            items.len()
+        )));
+    }
+    items
+        .iter()
+        .enumerate()
+        .map(|(i, item)| match item.as_f64() {
+            Some(angle) if angle.abs() <= LARGEST_ANGLE => Ok(angle),
+            Some(angle) => Err(Error::new(format!(
+                "angle {i} of the road is {angle} degrees, but has to be from -{LARGEST_ANGLE} to {LARGEST_ANGLE}"
+            ))),
+            None => Err(Error::new(format!("{expected}, and number {i} is {}", shortened(item)))),
+        })
+        .collect()
+}
+
+fn read_segment(fields: &Map<String, Value>) -> Result<f64> {
+    match fields.get("segment") {
+        None => Ok(DEFAULT_SEGMENT),
+        Some(value) => match value.as_f64() {
+            Some(length) if (5.0..=200.0).contains(&length) => Ok(length),
+            _ => Err(Error::new(format!(
+                "`segment` of the road is {}, but has to be a length from 5 to 200 m",
+                shortened(value)
+            ))),
+        },
+    }
+}
+
+fn read_waypoints(value: &Value) -> Result<Vec<[f64; 3]>> {
+    let expected = "`waypoints` of the road has to be a list of points [x, height, z] in metres";
+    let Value::Array(items) = value else {
+        return Err(Error::new(format!("{expected}, and is {}", shortened(value))));
+    };
+    if items.len() > MOST_WAYPOINTS {
+        return Err(Error::new(format!(
+            "the road has {} waypoints, but may have at most {MOST_WAYPOINTS}",
+            items.len()
+        )));
+    }
+    items
+        .iter()
+        .enumerate()
+        .map(|(i, item)| {
+            let numbers: Option<Vec<f64>> =
+                item.as_array().and_then(|point| point.iter().map(Value::as_f64).collect());
+            match numbers.as_deref() {
+                // Beyond 100 km positions lose the precision that the renderer needs.
+                Some(&[x, height, z]) if [x, height, z].iter().all(|v| v.abs() <= 100_000.0) => {
+                    Ok([x, height, z])
+                }
+                Some(&[_, _, _]) => {
+                    Err(Error::new(format!("waypoint {i} of the road is more than 100 km from the origin")))
+                }
+                _ => Err(Error::new(format!("{expected}, and waypoint {i} is {}", shortened(item)))),
+            }
+        })
+        .collect()
+}
+
+/// A value as it is quoted in an error.
+fn shortened(value: &Value) -> String {
+    let text = value.to_string();
+    match text.char_indices().nth(40) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_sdk::serde_json::json;
+
+    fn error(road: Value) -> String {
+        Road::new(&road, 0).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn eight_angles_make_the_published_road() {
+        let road = Road::new(&json!({"angles": [0, 0, 10, -20, 35, 0, -35, 0]}), 0).unwrap();
+        assert_eq!(road.waypoints.len(), 134);
+        assert_eq!(road.waypoints[0], [0.0, 0.0, 0.0]);
+        // A little longer than its seven chords of 25 m.
+        assert!((175.0..178.0).contains(&road.path.length()), "{}", road.path.length());
+        let straight = Road::new(&json!({"angles": [0, 0, 0, 0, 0, 0, 0, 0]}), 0).unwrap();
+        assert!((straight.path.length() - 175.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn positive_angles_turn_right() {
+        let road = Road::new(&json!({"angles": [0, 20, 20, 0]}), 0).unwrap();
+        assert!(road.waypoints.last().unwrap()[0] > 5.0);
+    }
+
+    #[test]
+    fn a_road_made_from_its_waypoints_is_the_same_road() {
+        let road = Road::new(&Value::Null, 5).unwrap();
+        let again = Road::new(&json!({"waypoints": road.waypoints}), 99).unwrap();
+        assert_eq!(road.path.points(), again.path.points());
+    }
+
+    #[test]
+    fn random_roads_depend_on_the_seed_alone() {
+        let road = |seed| Road::new(&Value::Null, seed).unwrap().waypoints;
+        assert_eq!(road(1), road(1));
+        assert_ne!(road(1), road(2));
+        for seed in 0..200 {
+            assert_eq!(road(seed).len(), 134);
+        }
+    }
+
+    #[test]
+    fn errors_name_what_is_wrong() {
+        let long = "[1,2,3,4,5,6,7,8,9,10,11,12,13,14,15,16,17,18]";
+        for (road, expected) in [
+            (json!(3), "the road is 3, but has to be null or an object with `angles` or `waypoints`"),
+            (
+                json!({"angle": []}),
+                "the road has an unknown key `angle`; it takes `angles` and `segment`, or `waypoints`",
+            ),
+            (json!({}), "the road has neither `angles` nor `waypoints`; give one of them"),
+            (
+                json!({"angles": [0, 0], "waypoints": []}),
+                "the road has both `angles` and `waypoints`; give one of them",
+            ),
+            (
+                json!({"angles": 4}),
+                "`angles` of the road has to be a list of degrees, as in [0, 10, -20], and is 4",
+            ),
+            (json!({"angles": [0]}), "`angles` of the road has 1 numbers, but needs 2 to 200"),
+            (
+                json!({"angles": [0, "1"]}),
+                "`angles` of the road has to be a list of degrees, as in [0, 10, -20], and number 1 is \"1\"",
+            ),
+            (json!({"angles": [0, 91]}), "angle 1 of the road is 91 degrees, but has to be from -90 to 90"),
+            (
+                json!({"angles": [0, 0], "segment": 4}),
+                "`segment` of the road is 4, but has to be a length from 5 to 200 m",
+            ),
+            (
+                json!({"waypoints": [[0, 0, 0], [1, 2]]}),
+                "`waypoints` of the road has to be a list of points [x, height, z] in metres, and waypoint 1 is [1,2]",
+            ),
+            (json!({"waypoints": [[0, 0, 0]]}), "the road has 1 waypoints, but needs at least 2"),
+            (
+                json!({"waypoints": [[0, 0, 0], [0, 0, 0.01], [0, 0, 50]]}),
+                "waypoints 0 and 1 of the road are less than 5 cm apart: remove one of them",
+            ),
+            (
+                json!({"waypoints": [[0, 0, 0], [0, 0, 9]]}),
+                "the road is 9.0 m long, but has to be 10 to 5000 m long",
+            ),
+            (
+                json!({"waypoints": [[0, 0, 0], [1e9, 0, 0]]}),
+                "waypoint 1 of the road is more than 100 km from the origin",
+            ),
+        ] {
+            assert_eq!(error(road), expected);
+        }
+        assert!(
+            error(json!({"waypoints": [[0, 0, 0], [0, 3, 50]]})).contains("roads of this simulator are flat")
+        );
+        assert!(error(json!(long)).ends_with("`waypoints`") && error(json!(long)).contains("..."));
+    }
+
+    #[test]
+    fn roads_that_nobody_could_drive_are_refused() {
+        let sharp = error(json!({"waypoints": [[0, 0, 0], [0, 0, 50], [2, 0, 10]]}));
+        assert!(sharp.starts_with("the road bends too sharply 49 m"), "{sharp}");
+        assert!(error(json!({"angles": [0, 90, 90, 90, 0], "segment": 8})).contains("bends too sharply"));
+        let circle: Vec<i32> = vec![40; 12];
+        let crossing = error(json!({"angles": circle}));
+        assert!(crossing.starts_with("the road crosses itself: "), "{crossing}");
+    }
+}

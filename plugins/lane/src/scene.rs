@@ -1,0 +1,129 @@
+//! What there is to see of one road: the road itself, what stands beside it, and the hills around.
+
+use std::f64::consts::PI;
+
+use pdk_sdk::prelude::Random;
+
+use crate::field::Field;
+use crate::path::Path;
+use crate::section;
+
+/// Distance between posts along the road in metres.
+const POST_SPACING: f64 = 15.0;
+/// Distance of the posts from the middle of the road in metres.
+const POST_OFFSET: f64 = section::PAVED_HALF_WIDTH + 0.65;
+/// Nearest and farthest distance of trees from the middle of the road in metres.
+const TREE_OFFSETS: (f64, f64) = (10.0, 45.0);
+/// Trees for each metre of road.
+const TREE_DENSITY: f64 = 0.55;
+/// Trees stand this far before and beyond the road too, in metres.
+const TREES_BEYOND: f64 = 60.0;
+/// Number of directions for which the height of the hills is stored.
+const DIRECTIONS: usize = 2048;
+
+/// Something upright beside the road.
+#[derive(Debug, Clone, Copy)]
+pub struct Object {
+    /// x and z in metres.
+    pub at: [f64; 2],
+    /// Width and height in metres.
+    pub size: [f64; 2],
+    /// What it is.
+    pub kind: ObjectKind,
+    /// Brightness relative to its picture.
+    pub brightness: f32,
+}
+
+/// Kinds of object, each with its own picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ObjectKind {
+    /// A delineator post.
+    Post,
+    /// A conifer.
+    Conifer,
+    /// A broad-leaved tree.
+    Broadleaf,
+}
+
+/// Everything around one road.
+#[derive(Debug)]
+pub struct Scene {
+    /// The road.
+    pub field: Field,
+    /// What stands beside it.
+    pub objects: Vec<Object>,
+    /// Tangent of the elevation of the far and the near hills in each direction.
+    hills: Vec<[f32; 2]>,
+}
+
+impl Scene {
+    /// Furnishes a road; the same random numbers give the same scene.
+    pub fn new(path: &Path, random: &mut Random) -> Self {
+        let field = Field::new(path);
+        let mut objects = Vec::new();
+        let mut along = POST_SPACING / 2.0;
+        while along < path.length() {
+            for side in [-1.0, 1.0] {
+                let at = path.beside(along, section::ROAD_CENTRE + side * POST_OFFSET);
+                objects.push(Object { at, size: [0.13, 1.0], kind: ObjectKind::Post, brightness: 1.0 });
+            }
+            along += POST_SPACING;
+        }
+        let trees = ((path.length() + 2.0 * TREES_BEYOND) * TREE_DENSITY) as usize;
+        for _ in 0..trees {
+            let along = random.uniform(-TREES_BEYOND, path.length() + TREES_BEYOND);
+            // More of them close to the road than far from it.
+            let share = random.unit();
+            let offset = TREE_OFFSETS.0 + (TREE_OFFSETS.1 - TREE_OFFSETS.0) * share * share;
+            let side = if random.below(2) == 0 { -1.0 } else { 1.0 };
+            let at = path.beside(along, section::ROAD_CENTRE + side * offset);
+            let kind = if random.below(5) < 2 { ObjectKind::Conifer } else { ObjectKind::Broadleaf };
+            let height = random.uniform(4.5, 9.0);
+            let width = height * if kind == ObjectKind::Conifer { 0.45 } else { 0.8 };
+            let brightness = random.uniform(0.85, 1.12) as f32;
+            // A bend may have brought the place onto another part of the road.
+            let place = field.at((at[0] - field.origin()[0]) as f32, (at[1] - field.origin()[1]) as f32);
+            let from_road =
+                place.map_or(f64::INFINITY, |p| (f64::from(p.lateral) - section::ROAD_CENTRE).abs());
+            if from_road > section::PAVED_HALF_WIDTH + 1.0 + width / 2.0 {
+                objects.push(Object { at, size: [width, height], kind, brightness });
+            }
+        }
+        let hills = hills(random);
+        Self { field, objects, hills }
+    }
+
+    /// Tangent of the elevation of the far and the near hills in a direction, in radians clockwise from +z.
+    pub fn hills_towards(&self, heading: f64) -> [f32; 2] {
+        let turns = heading / (2.0 * PI);
+        let position = (turns - turns.floor()) * DIRECTIONS as f64;
+        let index = position as usize;
+        let share = (position - index as f64) as f32;
+        let (a, b) = (self.hills[index % DIRECTIONS], self.hills[(index + 1) % DIRECTIONS]);
+        [a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share]
+    }
+}
+
+fn hills(random: &mut Random) -> Vec<[f32; 2]> {
+    // Height, and waves around the horizon: number and weight. Whole numbers, so that the ends meet.
+    let ridges: [(f64, f64, &[(f64, f64)]); 2] = [
+        (0.062, 0.03, &[(3.0, 0.7), (7.0, 0.5), (13.0, 0.35), (29.0, 0.14), (61.0, 0.06)]),
+        (0.022, 0.016, &[(4.0, 0.7), (9.0, 0.5), (17.0, 0.3), (41.0, 0.1), (150.0, 0.05), (331.0, 0.04)]),
+    ];
+    let phases =
+        ridges.map(|(_, _, waves)| waves.iter().map(|_| random.uniform(0.0, 2.0 * PI)).collect::<Vec<f64>>());
+    (0..DIRECTIONS)
+        .map(|i| {
+            let angle = 2.0 * PI * i as f64 / DIRECTIONS as f64;
+            [0, 1].map(|ridge| {
+                let (height, swing, waves) = ridges[ridge];
+                let wave: f64 = waves
+                    .iter()
+                    .zip(&phases[ridge])
+                    .map(|(&(number, weight), phase)| weight * libm::sin(number * angle + phase))
+                    .sum();
+                (height + swing * wave).max(0.004) as f32
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,171 @@
+//! The road's cross-section: lane markings, asphalt, shoulder and grass as a function of the distance from its middle.
+//!
+//! The camera sees every part of it at another scale. So that thin lines neither flicker nor break up, a pixel takes the
+//! mean of the section over all that it covers; a running sum makes the mean of any stretch cost two look-ups.
+
+/// Width of a lane in metres; the road has two.
+pub const LANE_WIDTH: f64 = 4.0;
+/// Where the middle of the road lies, seen from the centre line of the driven lane: to the left.
+pub const ROAD_CENTRE: f64 = -LANE_WIDTH / 2.0;
+/// Distance from the middle of the road to where the asphalt ends, in metres.
+pub const PAVED_HALF_WIDTH: f64 = LANE_WIDTH + 0.45;
+/// Distance from the middle of the road to the middle of a white edge line, in metres.
+pub const EDGE_LINE: f64 = LANE_WIDTH - 0.1;
+/// Width of the lane markings in metres.
+pub const LINE_WIDTH: f64 = 0.16;
+/// Length of a dash of the middle line in metres, and of a dash with the gap behind it.
+pub const DASH: f32 = 3.0;
+pub const DASH_PERIOD: f32 = 7.5;
+
+/// The section is known from the middle to this distance, in metres; beyond there is only grass.
+pub const HALF_WIDTH: f32 = 7.0;
+const SAMPLES_PER_METRE: f32 = 100.0;
+const SAMPLES: usize = (2.0 * HALF_WIDTH * SAMPLES_PER_METRE) as usize;
+
+/// Colour of the ground at one place, and what texture does to it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Ground {
+    /// Red, green and blue, 0 to 255.
+    pub rgb: [f32; 3],
+    /// How strongly the texture changes the brightness: 0.1 for 10 %.
+    pub texture: f32,
+}
+
+/// Colour of grass without its texture.
+pub const GRASS: Ground = Ground { rgb: [94.0, 124.0, 56.0], texture: 0.2 };
+const ASPHALT: Ground = Ground { rgb: [88.0, 89.0, 92.0], texture: 0.075 };
+const WHITE: Ground = Ground { rgb: [232.0, 233.0, 228.0], texture: 0.035 };
+const GRAVEL: Ground = Ground { rgb: [146.0, 134.0, 110.0], texture: 0.16 };
+/// Colour of the line in the middle.
+pub const YELLOW: [f32; 3] = [236.0, 184.0, 48.0];
+
+/// The section without the yellow line, in a form that gives means quickly.
+#[derive(Debug)]
+pub struct Section {
+    /// Sums of all samples before each: red, green, blue, texture.
+    sums: Vec<[f32; 4]>,
+}
+
+impl Section {
+    /// Builds the sums.
+    pub fn new() -> Self {
+        let mut sums = Vec::with_capacity(SAMPLES + 1);
+        // Summed in double precision: the mean is a small difference of large sums.
+        let mut total = [0.0f64; 4];
+        sums.push([0.0; 4]);
+        for i in 0..SAMPLES {
+            let ground = at((i as f32 + 0.5) / SAMPLES_PER_METRE - HALF_WIDTH);
+            let values = [ground.rgb[0], ground.rgb[1], ground.rgb[2], ground.texture];
+            for channel in 0..4 {
+                // Less the grass, which keeps the sums small.
+                total[channel] += f64::from(values[channel] - grass()[channel]);
+            }
+            sums.push(total.map(|t| t as f32));
+        }
+        Self { sums }
+    }
+
+    /// The mean over `width` metres around the place `offset` metres to the right of the middle of the road.
+    pub fn mean(&self, offset: f32, width: f32) -> Ground {
+        let width = width.max(1.0 / SAMPLES_PER_METRE);
+        let high = self.sum(offset + width * 0.5);
+        let low = self.sum(offset - width * 0.5);
+        let scale = 1.0 / (width * SAMPLES_PER_METRE);
+        let base = grass();
+        let mean = |channel: usize| base[channel] + (high[channel] - low[channel]) * scale;
+        Ground { rgb: [mean(0), mean(1), mean(2)], texture: mean(3) }
+    }
+
+    fn sum(&self, offset: f32) -> [f32; 4] {
+        let position = ((offset + HALF_WIDTH) * SAMPLES_PER_METRE).clamp(0.0, SAMPLES as f32 - 0.01);
+        let index = position as usize;
+        let share = position - index as f32;
+        let (a, b) = (&self.sums[index], &self.sums[index + 1]);
+        [0, 1, 2, 3].map(|channel| a[channel] + (b[channel] - a[channel]) * share)
+    }
+}
+
+const fn grass() -> [f32; 4] {
+    [GRASS.rgb[0], GRASS.rgb[1], GRASS.rgb[2], GRASS.texture]
+}
+
+/// The section at one place, `offset` metres to the right of the middle of the road.
+fn at(offset: f32) -> Ground {
+    let from_middle = offset.abs();
+    let from_line = (from_middle - EDGE_LINE as f32).abs();
+    if from_line <= LINE_WIDTH as f32 / 2.0 {
+        return WHITE;
+    }
+    let paved = PAVED_HALF_WIDTH as f32;
+    if from_middle <= paved {
+        // Tyres polish two tracks in each lane, and what drips from engines darkens the strip between them.
+        let from_track = ((from_middle - LANE_WIDTH as f32 / 2.0).abs() - 0.8).abs();
+        let polish = (1.0 - from_track / 0.45).max(0.0);
+        let from_lane = (from_middle - LANE_WIDTH as f32 / 2.0).abs();
+        let drip = (1.0 - from_lane / 0.35).max(0.0);
+        let brightness = 1.0 + 0.07 * polish - 0.05 * drip;
+        return Ground { rgb: ASPHALT.rgb.map(|c| c * brightness), texture: ASPHALT.texture };
+    }
+    // Gravel, overgrown the more the farther out.
+    let overgrown = ((from_middle - paved - 0.25) / 1.1).clamp(0.0, 1.0);
+    let mixed = |gravel: f32, grass: f32| gravel + (grass - gravel) * overgrown;
+    Ground {
+        rgb: [0, 1, 2].map(|c| mixed(GRAVEL.rgb[c], GRASS.rgb[c])),
+        texture: mixed(GRAVEL.texture, GRASS.texture),
+    }
+}
+
+/// The share of the stretch of `width` metres around `position` that lies between `from` and `to`.
+pub fn cover(position: f32, width: f32, from: f32, to: f32) -> f32 {
+    let half = width * 0.5;
+    (((position + half).min(to) - (position - half).max(from)) / width).clamp(0.0, 1.0)
+}
+
+/// The share of the stretch of `width` metres around `along` that dashes of the middle line cover.
+pub fn dash_cover(along: f32, width: f32) -> f32 {
+    let painted = |position: f32| {
+        let periods = (position / DASH_PERIOD).floor();
+        periods * DASH + (position - periods * DASH_PERIOD).min(DASH)
+    };
+    let width = width.max(0.01);
+    (painted(along + width * 0.5) - painted(along - width * 0.5)) / width
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mean_is_the_mean_of_the_samples() {
+        let section = Section::new();
+        for (offset, width) in [(3.9, 0.3), (0.0, 0.02), (-4.3, 2.0), (6.9, 0.5), (1.0, 13.0)] {
+            let count = 4000;
+            let direct = (0..count)
+                .map(|i| at(offset + width * ((i as f32 + 0.5) / count as f32 - 0.5)).rgb[0])
+                .sum::<f32>()
+                / count as f32;
+            let mean = section.mean(offset, width).rgb[0];
+            assert!((mean - direct).abs() < 0.7, "{offset} {width}: {mean} {direct}");
+        }
+        assert_eq!(section.mean(50.0, 3.0), GRASS);
+    }
+
+    #[test]
+    fn the_edge_line_is_white_and_lies_inside_the_lane_edge() {
+        let section = Section::new();
+        for side in [-1.0, 1.0] {
+            assert_eq!(section.mean(side * EDGE_LINE as f32, 0.05).rgb[0].round(), WHITE.rgb[0]);
+        }
+        assert!(EDGE_LINE + LINE_WIDTH / 2.0 < LANE_WIDTH);
+    }
+
+    #[test]
+    fn dashes_cover_their_share_of_the_road() {
+        assert_eq!(dash_cover(1.5, 0.5), 1.0);
+        assert_eq!(dash_cover(5.0, 0.5), 0.0);
+        assert!((dash_cover(3.0, 1.0) - 0.5).abs() < 1e-6);
+        assert!((dash_cover(40.0, 10.0 * DASH_PERIOD) - DASH / DASH_PERIOD).abs() < 1e-5);
+        assert_eq!(dash_cover(-6.0, 0.5), 1.0);
+        assert_eq!(cover(0.0, 1.0, -0.25, 0.25), 0.5);
+    }
+}
