@@ -7,6 +7,14 @@
 //!
 //! The loop owns a [`Bus`]: it borrows the memory of a frame, writes into it and publishes it, and nothing is
 //! copied. Any other process opens a [`Tap`]. A slow tap loses the oldest frames, it never holds up the loop.
+//!
+//! A tap in another language opens the same services with its own iceoryx2 0.10: publish-subscribe, user header
+//! `PdkFrameHeader`, payload a slice of `u8` for the frames, `PdkControl` and `PdkState` for the others, with the
+//! fields in the order given here.
+//!
+//! A [`Bus`] or [`Tap`] that is dropped takes its files along. Those of a killed process stay in `/dev/shm` and
+//! `/tmp/iceoryx2` until the next bus or tap is made, or [`cleanup_dead`] is called. Only the user who started
+//! the first process on a machine can use its folder; other users give theirs with [`ROOT_VARIABLE`].
 
 mod bus;
 mod error;
