@@ -13,7 +13,7 @@ pub struct ApiFunction {
     pub signature: &'static str,
     /// What it does, in one or more sentences.
     pub doc: &'static str,
-    /// Makes it.
+    /// Makes it. What it needs to know of the host it finds in `Lua::app_data_ref`.
     pub make: fn(&Lua) -> mlua::Result<Function>,
 }
 
@@ -91,7 +91,7 @@ impl<T: 'static> ApiClass<T> {
 
 /// A field of a table that a script writes or reads.
 pub struct ApiField {
-    /// Its name.
+    /// Its name, or `[string]` for fields of any name.
     pub name: &'static str,
     /// Its type in Luau; ends in `?` where it may be left out.
     pub luau_type: &'static str,
@@ -110,8 +110,8 @@ pub struct ApiRecord {
 }
 
 impl ApiRecord {
-    /// The names of the fields.
-    pub fn names(&self) -> impl Iterator<Item = &'static str> {
-        self.fields.iter().map(|field| field.name)
+    /// The names of the fields, without that of an indexer such as `[string]`.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> + Clone {
+        self.fields.iter().map(|field| field.name).filter(|name| !name.starts_with('['))
     }
 }

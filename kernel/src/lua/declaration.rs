@@ -8,6 +8,8 @@ use pdk_sdk::error::{Error, Result};
 use pdk_sdk::serde_json;
 
 use super::api::{ApiField, ApiRecord};
+use super::failure::type_of;
+use crate::suggest;
 
 /// The table that a script returns.
 pub const PERTURBATION: ApiRecord = ApiRecord {
@@ -87,7 +89,7 @@ pub const PARAMETER: ApiRecord = ApiRecord {
 /// What `apply` is given beside the image. The parameters are there as well, each under its name.
 pub const CONTEXT: ApiRecord = ApiRecord {
     name: "Context",
-    doc: "What a perturbation knows about the frame at hand. Each parameter is there under its name as well.",
+    doc: "What a perturbation knows about the frame at hand.",
     fields: &[
         ApiField {
             name: "intensity",
@@ -114,6 +116,7 @@ pub const CONTEXT: ApiRecord = ApiRecord {
             luau_type: "Random",
             doc: "Random numbers that are the same for all frames of a sequence.",
         },
+        ApiField { name: "[string]", luau_type: "any", doc: "The parameters, each under its name." },
     ],
 };
 
@@ -356,10 +359,7 @@ impl Fields<'_> {
                 }
             };
             if !self.record.names().any(|known| known == name) {
-                let remedy = match closest(&name, self.record.names()) {
-                    Some(known) => format!("did you mean `{known}`?"),
-                    None => format!("it may have {}", self.record.names().collect::<Vec<_>>().join(", ")),
-                };
+                let remedy = suggest::hint(&name, self.record.names());
                 return Err(Error::new(format!("{} has an unknown field `{name}`; {remedy}", self.of)));
             }
         }
@@ -448,20 +448,10 @@ fn check_name(name: &str) -> Result<()> {
 /// A value as it is called in an error.
 fn describe(value: &Value) -> String {
     match value {
-        Value::Nil => "nothing".to_owned(),
         Value::Boolean(value) => value.to_string(),
         Value::Integer(number) => number.to_string(),
         Value::Number(number) => number.to_string(),
         Value::String(text) if text.as_bytes().len() <= 40 => format!("\"{}\"", text.to_string_lossy()),
-        other => format!("a {}", other.type_name()),
+        other => type_of(other),
     }
-}
-
-/// The known name that a misspelt one comes closest to, where one is close.
-pub(super) fn closest(name: &str, known: impl Iterator<Item = &'static str>) -> Option<&'static str> {
-    known
-        .map(|candidate| (strsim::damerau_levenshtein(name, candidate), candidate))
-        .filter(|(distance, candidate)| *distance <= 1 + candidate.len() / 4)
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, candidate)| candidate)
 }

@@ -78,7 +78,7 @@ pub(super) fn sentence(script: &str, raised: &Value) -> Error {
     let message = match raised {
         Value::String(text) => text.to_string_lossy(),
         Value::Error(error) => root(error),
-        other => format!("raised an error that is a {}; use a text, as in error(\"...\")", other.type_name()),
+        other => format!("raised an error that is {}; use a text, as in error(\"...\")", type_of(other)),
     };
     with_location(script, &message)
 }
@@ -106,14 +106,25 @@ fn with_location(script: &str, message: &str) -> Error {
 fn root(error: &mlua::Error) -> String {
     match error {
         mlua::Error::CallbackError { cause, .. } | mlua::Error::WithContext { cause, .. } => root(cause),
-        mlua::Error::BadArgument { to, name, .. } if name.as_deref() == Some("self") => format!(
-            "`{}` is called with a dot; call it with a colon, as in value:name(...)",
-            to.as_deref().unwrap_or_default()
-        ),
+        mlua::Error::BadArgument { to, name, .. } if name.as_deref() == Some("self") => {
+            let method = to.as_deref().and_then(|to| to.rsplit('.').next()).unwrap_or_default();
+            format!("`{method}` is called with a dot; call it with a colon, as in image:{method}(...)")
+        }
         mlua::Error::RuntimeError(message)
         | mlua::Error::SyntaxError { message, .. }
         | mlua::Error::MemoryError(message) => message.clone(),
         other => other.to_string(),
+    }
+}
+
+/// The type of a value as it is called in an error, with its article.
+pub(super) fn type_of(value: &Value) -> String {
+    match value {
+        Value::Nil => "nothing".to_owned(),
+        // Whole numbers are no type of their own in Luau.
+        Value::Integer(_) => "a number".to_owned(),
+        Value::Error(_) => "an error".to_owned(),
+        other => format!("a {}", other.type_name()),
     }
 }
 

@@ -12,6 +12,7 @@ use mlua::{
 use pdk_sdk::ops::{Frame, FrameBuf, FrameMut, blend, color, draw, gaussian, noise, point, resize};
 
 use super::api::{ApiClass, ApiMethod, ApiProperty};
+use super::failure::type_of;
 use super::random::LuaRandom;
 
 /// The largest width and height of an image that a script can make.
@@ -274,9 +275,16 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
                 class.add_method_mut(name, |lua, image, (sigma, random): (Value, Value)| {
                     let sigma = within("gaussian_noise", "sigma", &sigma, 0.0, 100.0)?;
                     let mut random = match &random {
-                        Value::UserData(random) if random.is::<LuaRandom>() => random.borrow_mut::<LuaRandom>()?,
+                        Value::UserData(random) if random.is::<LuaRandom>() => {
+                            random.borrow_mut::<LuaRandom>()?
+                        }
                         other => {
-                            return Err(wrong("gaussian_noise", "random", "a stream such as cx.frame_random", other));
+                            return Err(wrong(
+                                "gaussian_noise",
+                                "random",
+                                "a stream such as cx.frame_random",
+                                other,
+                            ));
                         }
                     };
                     image.transform(lua, |src, dst, _| noise::gaussian_noise(src, dst, sigma, &mut random.0))
@@ -421,7 +429,7 @@ fn number(method: &str, name: &str, value: &Value) -> mlua::Result<f64> {
 fn wrong(method: &str, name: &str, expected: &str, value: &Value) -> mlua::Error {
     let found = match value {
         Value::Nil => "is missing".to_owned(),
-        other => format!("is a {}", other.type_name()),
+        other => format!("is {}", type_of(other)),
     };
     mlua::Error::runtime(format!("image:{method} needs `{name}` to be {expected}, but it {found}"))
 }

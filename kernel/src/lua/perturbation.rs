@@ -10,9 +10,11 @@ use pdk_sdk::ops::{Frame, FrameMut, Key};
 use pdk_sdk::perturbation::{Context, Perturbation};
 
 use super::declaration::{self, CONTEXT, Declaration};
+use super::failure::type_of;
 use super::image::LuaImage;
 use super::random::LuaRandom;
 use super::sandbox::{Limits, Sandbox};
+use crate::suggest;
 
 /// Reads the description of the perturbation in a file.
 ///
@@ -118,8 +120,8 @@ impl Perturbation for LuaPerturbation {
             Value::UserData(returned) if *returned == image => {}
             other => {
                 return Err(Error::new(format!(
-                    "`apply` returns a {}, but has to change `image` in place and return nothing",
-                    other.type_name()
+                    "`apply` returns {}, but has to change `image` in place and return nothing",
+                    type_of(other)
                 ))
                 .at(&self.script));
             }
@@ -176,7 +178,7 @@ impl ScriptContext {
             .chain(description.parameters.iter().map(|parameter| parameter.name.clone()))
             .collect();
         let table = lua.create_table()?;
-        table.set_metatable(Some(strict(lua, names.join(", "))?))?;
+        table.set_metatable(Some(strict(lua, names)?))?;
         Ok(Self {
             parameters: parameters.collect::<mlua::Result<_>>()?,
             intensity: lua.create_string("intensity")?,
@@ -209,20 +211,25 @@ impl ScriptContext {
 }
 
 /// A metatable that refuses names which are not there: a misspelt parameter, or something left for the next frame.
-fn strict(lua: &Lua, names: String) -> mlua::Result<Table> {
+fn strict(lua: &Lua, names: Vec<String>) -> mlua::Result<Table> {
     let metatable = lua.create_table()?;
-    let known = names.clone();
     metatable.raw_set(
         "__index",
         lua.create_function(move |_, (_, name): (Value, Value)| -> mlua::Result<Value> {
-            Err(mlua::Error::runtime(format!("cx has no field {}; it has {known}", text(&name))))
+            let remedy = match &name {
+                Value::String(name) => {
+                    suggest::hint(&name.to_string_lossy(), names.iter().map(String::as_str))
+                }
+                _ => format!("there is {}", names.join(", ")),
+            };
+            Err(mlua::Error::runtime(format!("cx has no field {}; {remedy}", text(&name))))
         })?,
     )?;
     metatable.raw_set(
         "__newindex",
         lua.create_function(move |_, (_, name, _): (Value, Value, Value)| -> mlua::Result<()> {
             Err(mlua::Error::runtime(format!(
-                "cx.{} cannot be set, because a frame must not depend on those before it; use a local variable",
+                "cx has no field {} and gets none, because a frame must not depend on those before it; use a local variable",
                 text(&name)
             )))
         })?,
@@ -235,7 +242,7 @@ fn strict(lua: &Lua, names: String) -> mlua::Result<Table> {
 fn text(name: &Value) -> String {
     match name {
         Value::String(name) => format!("`{}`", name.to_string_lossy()),
-        other => format!("for a {}", other.type_name()),
+        other => format!("for {}", type_of(other)),
     }
 }
 

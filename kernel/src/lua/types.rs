@@ -14,7 +14,7 @@ pub trait Declare {
 impl<T> Declare for ApiClass<T> {
     fn declare(&self) -> String {
         let mut text = comment(self.doc, "");
-        text += &format!("declare class {}\n", self.name);
+        text += &format!("declare extern type {} with\n", self.name);
         for property in self.properties {
             text += &comment(property.doc, INDENT);
             text += &format!("{INDENT}{}: {}\n", property.name, property.luau_type);
@@ -51,9 +51,8 @@ impl Declare for ApiTable {
     }
 }
 
-/// What perturbation scripts see, in the order of the file.
-pub const PERTURBATION_API: &[&(dyn Declare + Sync)] =
-    &[&PERTURBATION, &PARAMETER, &CONTEXT, &IMAGE, &RANDOM];
+/// What scripts see, in the order of the file.
+pub const API: &[&(dyn Declare + Sync)] = &[&PERTURBATION, &PARAMETER, &CONTEXT, &IMAGE, &RANDOM];
 
 /// The type definition file.
 pub fn definitions(api: &[&(dyn Declare + Sync)]) -> String {
@@ -104,15 +103,19 @@ mod tests {
     fn signatures_get_self() {
         assert_eq!(with_self("() -> ()"), "(self): ()");
         assert_eq!(with_self("(sigma: number) -> Image"), "(self, sigma: number): Image");
-        assert_eq!(with_self("(f: (x: number) -> number) -> Image"), "(self, f: (x: number) -> number): Image");
+        assert_eq!(
+            with_self("(f: (x: number) -> number) -> Image"),
+            "(self, f: (x: number) -> number): Image"
+        );
     }
 
     /// `PDK_BLESS=1` writes the file anew.
     #[test]
     fn the_committed_file_is_up_to_date() {
-        let root = std::env::var("PDK_TEST_ROOT").unwrap_or(concat!(env!("CARGO_MANIFEST_DIR"), "/..").into());
+        let root =
+            std::env::var("PDK_TEST_ROOT").unwrap_or(concat!(env!("CARGO_MANIFEST_DIR"), "/..").into());
         let file = std::path::Path::new(&root).join("sdk/lua/pdk.d.luau");
-        let expected = definitions(PERTURBATION_API);
+        let expected = definitions(API);
         if std::env::var_os("PDK_BLESS").is_some() {
             std::fs::write(&file, &expected).unwrap();
         }

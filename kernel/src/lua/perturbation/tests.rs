@@ -113,7 +113,7 @@ fn wrong_declarations_are_refused_with_the_field_and_the_remedy() {
         ),
         (
             "return { doc = 'x', apply = print, speed = 1 }",
-            "the perturbation has an unknown field `speed`; it may have doc, apply, name, family, source, version, \
+            "the perturbation has an unknown field `speed`; there is doc, apply, name, family, source, version, \
              temporal, default, parameters",
         ),
         (
@@ -145,7 +145,10 @@ fn wrong_declarations_are_refused_with_the_field_and_the_remedy() {
         ("doc = 'x'", "parameter 1 has no `name`, which has to be a text"),
         ("name = 's', default = 1", "parameter `s` has no `doc`, which has to be a text"),
         ("name = 's', doc = 'x'", "parameter `s` needs a `default` or `levels`"),
-        ("name = 's', doc = 'x', levels = { 1, 2 }", "`levels` of parameter `s` has to be a list of 5 numbers"),
+        (
+            "name = 's', doc = 'x', levels = { 1, 2 }",
+            "`levels` of parameter `s` has to be a list of 5 numbers",
+        ),
         (
             "name = 's', doc = 'x', levels = { 1, 2, 3, 4, 'x' }",
             "`levels` of parameter `s` has to be a list of 5 numbers",
@@ -174,14 +177,18 @@ fn wrong_declarations_are_refused_with_the_field_and_the_remedy() {
             "name = 's', doc = 'x', default = 5, max = 4",
             "parameter `s`: the value 5 is not within its `min` and `max`",
         ),
-        ("name = 's', doc = 'x', default = true, max = 4", "parameter `s`: only numbers have `min` and `max`"),
+        (
+            "name = 's', doc = 'x', default = true, max = 4",
+            "parameter `s`: only numbers have `min` and `max`",
+        ),
     ] {
         let source = format!("return {{ doc = 'x', apply = print, parameters = {{ {{ {parameter} }} }} }}");
         assert_eq!(declaration_error(&source), expected, "{source}");
     }
     let twice = "local p = { name = 's', doc = 'x', default = 1 } return { doc = 'x', apply = print, parameters = { p, p } }";
     assert_eq!(declaration_error(twice), "there are two parameters named `s`");
-    let hostile = "return setmetatable({ doc = 'x', apply = print }, { __index = error, __iter = error, __len = error,
+    let hostile =
+        "return setmetatable({ doc = 'x', apply = print }, { __index = error, __iter = error, __len = error,
         __pairs = error, __tostring = error, __metatable = 1 })";
     assert!(make(hostile, json!({})).is_ok());
 }
@@ -190,10 +197,7 @@ fn wrong_declarations_are_refused_with_the_field_and_the_remedy() {
 fn a_broken_file_is_named() {
     let missing = description(std::path::Path::new("no/such/file.lua")).unwrap_err().to_string();
     assert!(missing.starts_with("no/such/file.lua: "), "{missing}");
-    assert_eq!(
-        make("error('at once')", json!({})).err().unwrap().to_string(),
-        "scripts/foo.lua:1: at once"
-    );
+    assert_eq!(make("error('at once')", json!({})).err().unwrap().to_string(), "scripts/foo.lua:1: at once");
 }
 
 #[test]
@@ -212,9 +216,12 @@ fn the_context_has_all_that_a_plugin_sees() {
     let mut perturbation = make(source, json!({ "size": 4, "soft": false, "edge": "square" })).unwrap();
     let src = picture(20, 10);
     assert_eq!(run(&mut perturbation, &src, &Context::new(1.5, 3, 0.25, &key())).unwrap(), src);
-    let mut fixed = make(&source.replace("cx.strength == 25", "cx.strength == 7"), json!({
-        "strength": 7, "size": 4, "soft": false, "edge": "square"
-    }))
+    let mut fixed = make(
+        &source.replace("cx.strength == 25", "cx.strength == 7"),
+        json!({
+            "strength": 7, "size": 4, "soft": false, "edge": "square"
+        }),
+    )
     .unwrap();
     run(&mut fixed, &src, &Context::new(1.5, 3, 0.25, &key())).unwrap();
 }
@@ -224,13 +231,14 @@ fn misuse_is_refused_with_the_line_and_the_remedy() {
     for (source, expected) in [
         (
             "return cx.strenght",
-            "cx has no field `strenght`; it has intensity, frame_index, time, frame_random, sequence_random",
+            "cx has no field `strenght`; there is intensity, frame_index, time, frame_random, sequence_random",
         ),
+        ("return cx.intensty", "cx has no field `intensty`; did you mean `intensity`?"),
         (
             "cx.count = 1",
-            "cx.`count` cannot be set, because a frame must not depend on those before it; use a local variable",
+            "cx has no field `count` and gets none, because a frame must not depend on those before it; use a local variable",
         ),
-        ("image.blur(3)", "`Image.blur` is called with a dot; call it with a colon, as in value:name(...)"),
+        ("image.blur(3)", "`blur` is called with a dot; call it with a colon, as in image:blur(...)"),
         ("image:blur('x')", "image:blur needs `kernel_size` to be a number, but it is a string"),
         ("image:blur()", "image:blur needs `kernel_size` to be a number, but it is missing"),
         ("image:blur(0/0)", "image:blur needs `kernel_size` to be a finite number, but it is NaN"),
@@ -248,7 +256,7 @@ fn misuse_is_refused_with_the_line_and_the_remedy() {
         ("image:circle(1, 2, 3, 4, 5)", "image:circle needs `blue` to be a number, but it is missing"),
         (
             "image:gaussian_noise(1, 2)",
-            "image:gaussian_noise needs `random` to be a stream such as cx.frame_random, but it is a integer",
+            "image:gaussian_noise needs `random` to be a stream such as cx.frame_random, but it is a number",
         ),
         (
             "cx.frame_random:fill_unit(buffer.create(9))",
@@ -260,7 +268,7 @@ fn misuse_is_refused_with_the_line_and_the_remedy() {
     }
     assert_eq!(
         apply_error("return 1"),
-        "scripts/foo.lua: `apply` returns a integer, but has to change `image` in place and return nothing"
+        "scripts/foo.lua: `apply` returns a number, but has to change `image` in place and return nothing"
     );
     for source in [
         "image.width = 3",
@@ -282,10 +290,12 @@ fn misuse_is_refused_with_the_line_and_the_remedy() {
 
 #[test]
 fn an_instance_goes_on_after_an_error() {
-    let source = body("if cx.frame_index == 0 then while true do end end
+    let source = body(
+        "if cx.frame_index == 0 then while true do end end
         if cx.frame_index == 1 then return string.rep('x', 1e9) end
         if cx.frame_index == 2 then error('x') end
-        image:fill(1, 2, 3)");
+        image:fill(1, 2, 3)",
+    );
     let mut perturbation = make(&source, json!({})).unwrap();
     let src = picture(20, 10);
     for index in [0, 1, 2, 3, 1, 0, 3] {
@@ -428,24 +438,29 @@ fn shipped_perturbations_keep_their_promises() {
         let description = description(&path).unwrap();
         let config = Config::check(&description, &Map::new()).unwrap();
         let make = || create(&path, &config).unwrap();
-        let src = picture(64, 48);
+        let (src, key) = (picture(64, 48), key());
         let apply = |perturbation: &mut dyn Perturbation, intensity, frame, key: &Key| {
             let mut dst = FrameBuf::new(64, 48);
             let cx = Context::new(intensity, frame, frame as f64 / 30.0, key);
             perturbation.apply(src.as_ref(), dst.as_mut(), &cx).unwrap();
             dst
         };
+        for (width, height) in [(1, 1), (2, 5), (7, 1)] {
+            let mut dst = FrameBuf::new(width, height);
+            let cx = Context::new(4.0, 0, 0.0, &key);
+            make().apply(self::picture(width, height).as_ref(), dst.as_mut(), &cx).unwrap();
+        }
         let mut first = make();
-        let late = apply(first.as_mut(), 4.0, 9, &key());
-        let early = apply(first.as_mut(), 4.0, 0, &key());
+        let late = apply(first.as_mut(), 4.0, 10, &key);
+        let early = apply(first.as_mut(), 4.0, 0, &key);
         // Any frame can be computed on its own and again.
-        assert_eq!(apply(make().as_mut(), 4.0, 9, &key()), late, "{path:?}");
-        assert_eq!(apply(first.as_mut(), 4.0, 9, &key()), late, "{path:?}");
+        assert_eq!(apply(make().as_mut(), 4.0, 10, &key), late, "{path:?}");
+        assert_eq!(apply(first.as_mut(), 4.0, 10, &key), late, "{path:?}");
         assert_eq!(early != late, description.temporal == Temporal::Dynamic, "{path:?}");
-        assert_ne!(apply(first.as_mut(), 4.0, 9, &seed::key(8, "foo", 0, 0)), late, "{path:?}");
+        assert_ne!(apply(first.as_mut(), 4.0, 10, &seed::key(8, "foo", 0, 0)), late, "{path:?}");
         // Stronger means further from the original.
         let distance = |intensity| {
-            let frame = apply(make().as_mut(), intensity, 5, &key());
+            let frame = apply(make().as_mut(), intensity, 5, &key);
             src.data().iter().zip(frame.data()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum::<u64>()
         };
         let distances: Vec<_> = (0..5).map(|level| distance(f64::from(level))).collect();
@@ -458,7 +473,10 @@ fn shipped_perturbations_keep_their_promises() {
 fn shipped_perturbations_on_a_real_picture() {
     let data = std::env::var_os("PDK_TEST_DATA").map_or(root().join("../shared"), PathBuf::from);
     let Ok(picture) = image::open(data.join("data/road/solidWhiteCurve.jpg")) else {
-        eprintln!("skipped: there is no data/road/solidWhiteCurve.jpg in {}; set PDK_TEST_DATA", data.display());
+        eprintln!(
+            "skipped: there is no data/road/solidWhiteCurve.jpg in {}; set PDK_TEST_DATA",
+            data.display()
+        );
         return;
     };
     let picture = image::imageops::thumbnail(&picture.to_rgb8(), 480, 270);

@@ -40,7 +40,8 @@ fn number(source: &str) -> f64 {
 
 #[test]
 fn loops_without_end_are_ended_with_their_line() {
-    let expected = "used more than 0.1 s of time; make the loop shorter or raise the limit with PDK_SCRIPT_SECONDS";
+    let expected =
+        "used more than 0.1 s of time; make the loop shorter or raise the limit with PDK_SCRIPT_SECONDS";
     for (line, source) in [
         (2, "local x = 0\nwhile true do x += 1 end"),
         (1, "for i = 1, math.huge do end"),
@@ -50,7 +51,10 @@ fn loops_without_end_are_ended_with_their_line() {
         (1, "local function f() pcall(f) pcall(f) end while true do f() end"),
         (1, "xpcall(function() while true do end end, function() while true do end end)"),
         (1, "local ok = pcall(function() while true do end end) return ok"),
-        (1, "local co = coroutine.wrap(function() while true do coroutine.yield() end end) while true do co() end"),
+        (
+            1,
+            "local co = coroutine.wrap(function() while true do coroutine.yield() end end) while true do co() end",
+        ),
         (1, "coroutine.wrap(function() while true do end end)()"),
         (1, "coroutine.resume(coroutine.create(function() while true do end end))"),
         (1, "return (string.rep('a', 100000)):find(('.-'):rep(20) .. 'b')"),
@@ -81,7 +85,11 @@ fn memory_bombs_are_refused_with_their_line() {
         let sandbox = Sandbox::new(Limits { time: Duration::from_secs(20), ..limits() }).unwrap();
         let error = run(&sandbox, source).expect_err(source).to_string();
         assert_eq!(error, format!("{SCRIPT}:{line}: {expected}"), "{source}");
-        assert!(sandbox.lua().used_memory() < 1 << 20, "{} bytes after {source}", sandbox.lua().used_memory());
+        assert!(
+            sandbox.lua().used_memory() < 1 << 20,
+            "{} bytes after {source}",
+            sandbox.lua().used_memory()
+        );
         assert!(run(&sandbox, "return buffer.create(16777216)").is_ok(), "after {source}");
     }
 }
@@ -98,8 +106,11 @@ fn what_a_script_raises_becomes_one_sentence() {
         ("local x = 1\nerror('no road')", "scripts/foo.lua:2: no road"),
         ("local x = 1\nerror('no road', 0)", "scripts/foo.lua:2: no road"),
         ("local x = nil\nreturn x.y", "scripts/foo.lua:2: attempt to index nil with 'y'"),
-        ("error({ code = 1 })", "scripts/foo.lua:1: raised an error that is a table; use a text, as in error(\"...\")"),
-        ("error()", "scripts/foo.lua:1: raised an error that is a nil; use a text, as in error(\"...\")"),
+        (
+            "error({ code = 1 })",
+            "scripts/foo.lua:1: raised an error that is a table; use a text, as in error(\"...\")",
+        ),
+        ("error()", "scripts/foo.lua:1: raised an error that is nothing; use a text, as in error(\"...\")"),
         (
             "error(setmetatable({}, { __tostring = function() while true do end end }))",
             "scripts/foo.lua:1: raised an error that is a table; use a text, as in error(\"...\")",
@@ -144,8 +155,20 @@ fn recursion_without_end_is_an_error() {
 #[test]
 fn there_is_no_way_out() {
     for name in [
-        "io", "os", "debug", "require", "loadstring", "load", "dofile", "package", "collectgarbage", "gcinfo",
-        "getfenv", "setfenv", "newproxy", "vector",
+        "io",
+        "os",
+        "debug",
+        "require",
+        "loadstring",
+        "load",
+        "dofile",
+        "package",
+        "collectgarbage",
+        "gcinfo",
+        "getfenv",
+        "setfenv",
+        "newproxy",
+        "vector",
     ] {
         assert_eq!(run(&sandbox(), &format!("return {name}")).unwrap(), Value::Nil, "{name}");
     }
@@ -226,7 +249,8 @@ fn replaced_functions_are_called_and_not_bypassed() {
             _ => "0.5",
         };
         calls.store(0, std::sync::atomic::Ordering::Relaxed);
-        run(&sandbox, &format!("local s = 0 for i = 1, 10 do s += {name}({arguments}) end return s")).unwrap();
+        run(&sandbox, &format!("local s = 0 for i = 1, 10 do s += {name}({arguments}) end return s"))
+            .unwrap();
         assert_eq!(calls.load(std::sync::atomic::Ordering::Relaxed), 10, "{name}");
     }
 }
@@ -236,11 +260,14 @@ fn exact_powers_are_exact_in_native_code_too() {
     let x = 1.000_000_1_f64;
     let sum = |f: fn(f64) -> f64| (1..=1000).fold(0.0, |sum, i| sum + f(x * f64::from(i)));
     for (power, f) in [("2", (|v| v * v) as fn(f64) -> f64), ("3", |v| v * v * v), ("0.5", f64::sqrt)] {
-        let source =
-            format!("local function f(v: number) return v ^ {power} end local s = 0 for i = 1, 1000 do s += f({x} * i) end return s");
+        let source = format!(
+            "local function f(v: number) return v ^ {power} end local s = 0 for i = 1, 1000 do s += f({x} * i) end return s"
+        );
         assert_eq!(number(&source).to_bits(), sum(f).to_bits(), "{power}");
     }
-    assert!(error("return 2 ^ 1.5").starts_with("scripts/foo.lua:1: `^` takes the exponents 2, 3 and 0.5 only"));
+    assert!(
+        error("return 2 ^ 1.5").starts_with("scripts/foo.lua:1: `^` takes the exponents 2, 3 and 0.5 only")
+    );
 }
 
 #[test]
@@ -276,7 +303,11 @@ fn time_of_a_host_function_can_be_left_out() {
     let sleep = |lua: &Lua| {
         lua.create_function(|_, outside: bool| {
             let sleep = || std::thread::sleep(Duration::from_millis(200));
-            if outside { without_clock(sleep) } else { sleep() }
+            if outside {
+                without_clock(sleep)
+            } else {
+                sleep()
+            }
             Ok(())
         })
     };
@@ -341,12 +372,96 @@ fn sandbox_error(source: &str) -> String {
 #[test]
 fn random_texts_neither_crash_nor_hang() {
     const WORDS: &[&str] = &[
-        "local", "function", "end", "if", "then", "else", "while", "do", "for", "in", "return", "break", "continue",
-        "repeat", "until", "true", "false", "nil", "and", "or", "not", "x", "y", "t", "math", "string", "table",
-        "buffer", "coroutine", "pcall", "error", "setmetatable", "pairs", "select", "tostring", "wrap", "create",
-        "rep", "sin", "floor", "1", "2", "0", "1e9", "-1", "0/0", "'s'", "[[s]]", "`{x}`", "(", ")", "(", ")", "{",
-        "}", "[", "]", "=", "==", "~=", "<", "+", "-", "*", "/", "//", "%", "..", "#", ".", ":", ",", ";", "+=", "^",
-        "\n", "--", "--[[", "]]", "::", "->", "?", "type", "export", "@native", "...", "\"", "'", "`", "\\",
+        "local",
+        "function",
+        "end",
+        "if",
+        "then",
+        "else",
+        "while",
+        "do",
+        "for",
+        "in",
+        "return",
+        "break",
+        "continue",
+        "repeat",
+        "until",
+        "true",
+        "false",
+        "nil",
+        "and",
+        "or",
+        "not",
+        "x",
+        "y",
+        "t",
+        "math",
+        "string",
+        "table",
+        "buffer",
+        "coroutine",
+        "pcall",
+        "error",
+        "setmetatable",
+        "pairs",
+        "select",
+        "tostring",
+        "wrap",
+        "create",
+        "rep",
+        "sin",
+        "floor",
+        "1",
+        "2",
+        "0",
+        "1e9",
+        "-1",
+        "0/0",
+        "'s'",
+        "[[s]]",
+        "`{x}`",
+        "(",
+        ")",
+        "(",
+        ")",
+        "{",
+        "}",
+        "[",
+        "]",
+        "=",
+        "==",
+        "~=",
+        "<",
+        "+",
+        "-",
+        "*",
+        "/",
+        "//",
+        "%",
+        "..",
+        "#",
+        ".",
+        ":",
+        ",",
+        ";",
+        "+=",
+        "^",
+        "\n",
+        "--",
+        "--[[",
+        "]]",
+        "::",
+        "->",
+        "?",
+        "type",
+        "export",
+        "@native",
+        "...",
+        "\"",
+        "'",
+        "`",
+        "\\",
     ];
     let sandbox = Sandbox::new(Limits { memory_bytes: 8 << 20, time: Duration::from_millis(20) }).unwrap();
     let mut random = Key([5; 32]).sequence();
