@@ -6,6 +6,7 @@ pub mod chain;
 pub mod component;
 pub mod drive;
 pub mod evaluate;
+pub mod exit_guard;
 pub mod image_file;
 pub mod loader;
 pub mod lua;

@@ -1,9 +1,13 @@
 //! Ends the process when a component does not come back: code in a library cannot be interrupted from outside, so the
 //! choice is between waiting for ever and stopping with a sentence that says who hangs. What is recorded stays.
 
+use std::cell::Cell;
+use std::ptr;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 use std::time::{Duration, Instant};
+
+use crate::exit_guard;
 
 /// The exit code of a process that was ended because a component did not come back.
 pub const EXIT_CODE: i32 = 75;
@@ -38,12 +42,49 @@ impl Watch {
 
     /// Makes a call under watch.
     pub fn call<T>(&self, label: usize, work: impl FnOnce() -> T) -> T {
-        self.slot.current.store(label, Ordering::Relaxed);
-        self.slot.since.store(now().max(1), Ordering::Release);
-        let result = work();
-        self.slot.since.store(0, Ordering::Release);
-        result
+        let _call = Call::begin(&self.slot, label);
+        work()
     }
+}
+
+thread_local! {
+    /// What this thread is calling; null while it calls nothing.
+    static CALLED: Cell<*const Slot> = const { Cell::new(ptr::null()) };
+}
+
+/// A call in progress; it ends also where it unwinds.
+struct Call<'a> {
+    slot: &'a Slot,
+    /// The call within which this one was made; null where it is the outermost.
+    outer: *const Slot,
+}
+
+impl<'a> Call<'a> {
+    fn begin(slot: &'a Slot, label: usize) -> Self {
+        slot.current.store(label, Ordering::Relaxed);
+        slot.since.store(now().max(1), Ordering::Release);
+        Self { slot, outer: CALLED.replace(slot) }
+    }
+}
+
+impl Drop for Call<'_> {
+    fn drop(&mut self) {
+        CALLED.set(self.outer);
+        self.slot.since.store(0, Ordering::Release);
+    }
+}
+
+/// The label of what this thread is calling; where it calls nothing, the labels of what the others are calling.
+pub fn calls_in_progress() -> Vec<String> {
+    let called = CALLED.get();
+    if !called.is_null() {
+        // SAFETY: it is set for the length of a call only, and the slot outlives the call.
+        return vec![unsafe { &*called }.label().to_owned()];
+    }
+    // A thread that ends the process may hold the lock; then nobody is named.
+    let Ok(slots) = slots().try_lock() else { return Vec::new() };
+    let busy = slots.iter().filter_map(Weak::upgrade).filter(|slot| slot.since.load(Ordering::Acquire) != 0);
+    busy.map(|slot| slot.label().to_owned()).collect()
 }
 
 /// Nanoseconds since the first use of the clock.
@@ -69,17 +110,41 @@ fn slots() -> &'static Mutex<Vec<Weak<Slot>>> {
 }
 
 impl Slot {
+    fn label(&self) -> &str {
+        self.labels.get(self.current.load(Ordering::Relaxed)).map_or("a component", String::as_str)
+    }
+
     fn check(&self) {
         let since = self.since.load(Ordering::Acquire);
         if since == 0 || Duration::from_nanos(now().saturating_sub(since)) < self.patience {
             return;
         }
-        let label = self.labels.get(self.current.load(Ordering::Relaxed)).map_or("a component", String::as_str);
         eprintln!(
-            "pdk: error: {label} has not come back for {} s, so the run ends here; what was recorded is kept \
-             (raise the limit with --set patience=SECONDS)",
+            "pdk: error: {} has not come back for {} s, so pdk ends here; what was recorded is kept \
+             (the limit of a run is raised with --set patience=SECONDS)",
+            self.label(),
             self.patience.as_secs_f64()
         );
-        std::process::exit(EXIT_CODE);
+        exit_guard::end_now(EXIT_CODE);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn calls_are_known_while_they_last() {
+        let watches = ["outer", "inner"].map(|label| Watch::new(vec![label.to_owned()], DEFAULT_PATIENCE));
+        watches[0].call(0, || {
+            watches[1].call(0, || assert_eq!(calls_in_progress(), ["inner"]));
+            assert_eq!(calls_in_progress(), ["outer"]);
+            let unwound = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| watches[1].call(0, || panic!())));
+            assert!(unwound.is_err());
+            assert_eq!(calls_in_progress(), ["outer"]);
+            let seen_by_others = std::thread::scope(|scope| scope.spawn(calls_in_progress).join());
+            assert!(seen_by_others.is_ok_and(|calls| calls.contains(&"outer".to_owned())));
+        });
+        assert!(CALLED.get().is_null());
     }
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use pdk::exit_guard::ExitGuard;
 use pdk::registry::Registry;
 use pdk_sdk::error::Result;
 
@@ -23,7 +24,7 @@ mod show;
     version,
     propagate_version = true,
     after_help = "Exit codes: 0 done, 1 failed with a sentence on standard error, 2 wrong usage, \
-                  75 ended because a component did not come back."
+                  70 ended by a component, 75 ended because a component did not come back."
 )]
 pub struct Cli {
     #[command(flatten)]
@@ -82,6 +83,8 @@ enum Verb {
 /// Runs the verb on the command line.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
+    // From here on, only returning from this function is a regular end.
+    let _guard = ExitGuard::new();
     let Cli { global, verb } = &cli;
     let result = match verb {
         Verb::Run(arguments) => run::run(global, arguments),
