@@ -16,8 +16,8 @@ use crate::selection::{Selection, Slot};
 /// threads. Another backend or another processor may round differently in the last digits, because both pick their
 /// arithmetic by what the processor can do.
 pub struct Onnx {
-    /// The file, for messages.
-    file: String,
+    /// The file and who runs it, for messages.
+    place: String,
     session: Box<dyn Session>,
     input: ImageInput,
     pixels: Pixels,
@@ -70,13 +70,12 @@ impl Component for Onnx {
     }
 
     fn new(config: &Config) -> Result<Self> {
-        let file = format!("model `{}`", config.text("model"));
-        Self::open(config, &file).map_err(|e| e.at(file))
+        Self::open(config).map_err(|e| e.at(format!("model `{}`", config.text("model"))))
     }
 }
 
 impl Onnx {
-    fn open(config: &Config, file: &str) -> Result<Self> {
+    fn open(config: &Config) -> Result<Self> {
         let model = ModelFile::read(Path::new(config.text("model")), config.text("layout"))?;
         let mut session = backend::open(&model, config.text("backend"))?;
         // A first run shows how many values each output has, which files need not declare.
@@ -87,7 +86,7 @@ impl Onnx {
         let (steering, throttle) = (config.text("steering_output"), config.text("throttle_output"));
         let selection = Selection::new(&model.outputs, &sizes, steering, throttle)?;
         Ok(Self {
-            file: file.to_owned(),
+            place: format!("model `{}` on {}", config.text("model"), session.backend()),
             session,
             pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
             selection,
@@ -127,7 +126,7 @@ impl Onnx {
 
 impl Driver for Onnx {
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
-        self.infer(frame, cx).map_err(|e| e.at(&self.file))
+        self.infer(frame, cx).map_err(|e| e.at(&self.place))
     }
 }
 

@@ -154,7 +154,8 @@ fn sorted(folder: &Path) -> Vec<PathBuf> {
     entries
 }
 
-#[cfg(all(test, target_os = "linux"))]
+#[cfg(test)]
+#[cfg(target_os = "linux")]
 mod tests {
     use super::*;
     use tempfile::TempDir;

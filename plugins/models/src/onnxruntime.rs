@@ -35,10 +35,12 @@ impl Runtime {
 /// Where the library cannot be loaded, is another one, or is too old; and where the process already uses another file,
 /// because there can be one only.
 pub fn load(path: &Path) -> Result<Arc<Runtime>> {
+    // Two names of the same file are no contradiction.
+    let path = &path.canonicalize().place(format!("ONNX Runtime at `{}`", path.display()))?;
     static LOADED: Mutex<Option<Arc<Runtime>>> = Mutex::new(None);
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
     match &*loaded {
-        Some(runtime) if runtime.path == path => Ok(runtime.clone()),
+        Some(runtime) if runtime.path == *path => Ok(runtime.clone()),
         Some(runtime) => Err(Error::new(format!(
             "ONNX Runtime at `{}` cannot be used, because this process already uses the one at `{}`",
             path.display(),
@@ -120,5 +122,39 @@ impl Session for OnnxRuntime {
 
     fn backend(&self) -> String {
         self.runtime.name()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::locate::Search;
+
+    #[test]
+    fn a_file_that_is_no_library_is_refused() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), "no library").unwrap();
+        let error = load(file.path()).err().unwrap().to_string();
+        assert!(error.contains(&file.path().display().to_string()), "{error}");
+        assert!(
+            load(Path::new("/no/such.so"))
+                .err()
+                .unwrap()
+                .message()
+                .starts_with("ONNX Runtime at `/no/such.so`")
+        );
+    }
+
+    #[test]
+    fn the_first_library_holds_for_the_process() {
+        let Some(found) = Search::from_environment().find().unwrap() else {
+            println!("skipped: ONNX Runtime is not installed");
+            return;
+        };
+        let runtime = load(&found.path).unwrap();
+        assert!(Arc::ptr_eq(&runtime, &load(&found.path).unwrap()));
+        let other = tempfile::NamedTempFile::new().unwrap();
+        let error = load(other.path()).err().unwrap().to_string();
+        assert!(error.contains("this process already uses the one at"), "{error}");
     }
 }

@@ -55,7 +55,11 @@ fn prepare(model: &ModelFile, shape: &[usize]) -> TractResult<TypedSimpleState> 
     // What the file says about intermediate shapes names the batch, which is 1 here.
     let onnx = tract_onnx::onnx().with_ignore_value_info(true);
     let folder = model.path.parent().and_then(|folder| folder.to_str());
-    let mut graph = onnx.parse(&model.proto, folder)?.model;
+    let parsed = onnx.parse(&model.proto, folder)?;
+    if !parsed.unresolved_inputs.is_empty() {
+        return Err(TractError::msg(format!("nothing computes {}", parsed.unresolved_inputs.join(", "))));
+    }
+    let mut graph = parsed.model;
     graph.set_input_fact(0, InferenceFact::dt_shape(f32::datum_type(), shape))?;
     graph.into_optimized()?.into_runnable()?.spawn()
 }
