@@ -1,0 +1,38 @@
+//! A saliency method that misbehaves.
+
+use super::{Manner, describe};
+use pdk_sdk::prelude::*;
+
+/// Finds everything equally important, or misbehaves.
+pub struct Misbehaving {
+    manner: Manner,
+}
+
+impl Component for Misbehaving {
+    fn description() -> Description {
+        let description = Description::saliency("misbehave", "Misbehaves as told");
+        describe(description, &["new", "drop", "map"], &["out_of_range", "leave_values"])
+    }
+
+    fn new(config: &Config) -> Result<Self> {
+        Ok(Self { manner: Manner::new(config) })
+    }
+}
+
+impl Saliency for Misbehaving {
+    fn map(&mut self, _frame: Frame<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
+        self.manner.reach("map");
+        match self.manner.how.as_str() {
+            "out_of_range" => out.values_mut().fill(2.0),
+            "leave_values" => out.row_mut(0).fill(0.5),
+            _ => out.values_mut().fill(0.5),
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Misbehaving {
+    fn drop(&mut self) {
+        self.manner.reach("drop");
+    }
+}

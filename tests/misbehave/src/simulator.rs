@@ -1,0 +1,88 @@
+//! A simulator that misbehaves.
+
+use super::{Manner, describe};
+use pdk_sdk::prelude::*;
+
+/// Frames of the road.
+const ROAD: u64 = 20;
+/// Frames per second.
+const RATE: f64 = 20.0;
+
+/// A road of one second, straight ahead; or misbehaves.
+pub struct Misbehaving {
+    manner: Manner,
+    step: u64,
+}
+
+impl Misbehaving {
+    fn state(&self) -> State {
+        let step = self.step as f64;
+        let time = if self.manner.is("stand_still") { 0.0 } else { step / RATE };
+        State {
+            time,
+            position: [0.0, 0.0, if self.manner.is("no_number") { f64::NAN } else { step }],
+            speed: RATE,
+            progress: step / ROAD as f64,
+            finished: self.step >= ROAD && !self.manner.is("stand_still"),
+            ..State::default()
+        }
+    }
+}
+
+impl Component for Misbehaving {
+    fn description() -> Description {
+        let functions = ["new", "camera", "reset", "waypoints", "act", "drop", "frame"];
+        let own = ["no_camera", "large_camera", "endless_camera", "slow_camera", "fast_camera", "no_number", "stand_still"];
+        describe(Description::simulator("misbehave", "Misbehaves as told"), &functions, &own)
+    }
+
+    fn new(config: &Config) -> Result<Self> {
+        Ok(Self { manner: Manner::new(config), step: 0 })
+    }
+}
+
+impl Simulator for Misbehaving {
+    fn camera(&self) -> Camera {
+        self.manner.reach("camera");
+        let usual = Camera { width: 32, height: 24, rate: RATE };
+        match self.manner.how.as_str() {
+            "no_camera" => Camera { width: 0, height: 0, ..usual },
+            "large_camera" => Camera { width: 1 << 14, height: 1 << 14, ..usual },
+            "endless_camera" => Camera { width: u32::MAX, height: u32::MAX, ..usual },
+            "slow_camera" => Camera { rate: 1e-300, ..usual },
+            "fast_camera" => Camera { rate: 1e300, ..usual },
+            _ => usual,
+        }
+    }
+
+    fn reset(&mut self, _scenario: &Scenario) -> Result<State> {
+        self.manner.reach("reset");
+        self.step = 0;
+        Ok(self.state())
+    }
+
+    fn frame(&mut self, mut into: FrameMut<'_>) -> Result<State> {
+        self.manner.reach_frame("frame", self.step);
+        for row in into.rows_mut() {
+            row.fill((self.step * 10) as u8);
+        }
+        Ok(self.state())
+    }
+
+    fn act(&mut self, _control: Control) -> Result<()> {
+        self.manner.reach_frame("act", self.step);
+        self.step += 1;
+        Ok(())
+    }
+
+    fn waypoints(&self) -> Vec<[f64; 3]> {
+        self.manner.reach("waypoints");
+        vec![[0.0; 3], [0.0, 0.0, ROAD as f64]]
+    }
+}
+
+impl Drop for Misbehaving {
+    fn drop(&mut self) {
+        self.manner.reach("drop");
+    }
+}
