@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
+use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
@@ -57,10 +58,24 @@ pub struct Performance {
     pub stages: LoopTimes,
 }
 
-/// Labels of the calls under watch.
+/// Labels of the calls under watch; from `PERTURBATIONS` on there is one for each scenario of the plan.
 const SIMULATOR: usize = 0;
-const PERTURBATION: usize = 1;
-const DRIVER: usize = 2;
+const DRIVER: usize = 1;
+const PERTURBATIONS: usize = 2;
+
+/// What is said of a scenario's perturbations when one of them does not come back.
+fn perturbations_label(scenario: &ScenarioSpec) -> String {
+    let names: Vec<_> = scenario.perturbations.iter().map(ToString::to_string).collect();
+    match names.as_slice() {
+        [name] => format!("perturbation `{name}`"),
+        names => format!("one of the perturbations `{}`", names.join("`, `")),
+    }
+}
+
+fn watch(plan: &Plan, patience: Duration) -> Watch {
+    let components = [format!("simulator `{}`", plan.simulator.name), format!("driver `{}`", plan.driver.name)];
+    Watch::new(components.into_iter().chain(plan.scenarios.iter().map(perturbations_label)).collect(), patience)
+}
 
 /// Drives all scenarios of a plan and writes a line and a trace for each. The outcomes are the same for any number of
 /// threads.
@@ -76,8 +91,11 @@ pub fn drive(
     progress: &ProgressBar,
 ) -> Result<(Vec<Outcome>, Performance)> {
     // A wrong name or parameter shows before the first scenario rather than in the middle of the night.
-    for scenario in &plan.scenarios {
-        Chain::new(registry, &scenario.perturbations, settings.seed, 0)?;
+    let watch = watch(plan, settings.patience);
+    for (position, scenario) in plan.scenarios.iter().enumerate() {
+        watch.call(PERTURBATIONS + position, || {
+            Chain::new(registry, &scenario.perturbations, settings.seed, 0).map(drop)
+        })?;
     }
     let threads = settings.threads.clamp(1, plan.scenarios.len());
     let workers = (0..threads)
@@ -105,7 +123,7 @@ pub fn drive(
                             break;
                         }
                     }
-                    worker.stopwatch
+                    worker.finish()
                 })
             })
             .collect();
@@ -124,7 +142,11 @@ pub fn drive(
                 failure.get_or_insert(error);
             }
         }
-        let stopwatches: Vec<_> = threads.into_iter().filter_map(|thread| thread.join().ok()).collect();
+        // A panic in the kernel ends the run rather than leaving scenarios out.
+        let join = |thread: ScopedJoinHandle<'_, Stopwatch>| {
+            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        let stopwatches: Vec<_> = threads.into_iter().map(join).collect();
         failure.map_or(Ok(stopwatches), Err)
     })?;
     progress.finish_and_clear();
@@ -146,6 +168,11 @@ pub fn drive(
     };
     Ok((outcomes, performance))
 }
+
+/// A simulator may deliver so many times the frames that its rate and the time limit make, and so many more; a scenario
+/// whose time does not go on would never end.
+const PATIENT_FACTOR: u64 = 10;
+const PATIENT_FRAMES: u64 = 1000;
 
 fn expected_frames(scenario: &ScenarioSpec, rate: f64) -> u64 {
     (scenario.duration * rate).ceil() as u64 + 1
@@ -188,18 +215,14 @@ impl<'a> Worker<'a> {
         directory: &'a RunDirectory,
         lane: u32,
     ) -> Result<Self> {
-        let labels = [
-            format!("simulator `{}`", plan.simulator.name),
-            "a perturbation".to_owned(),
-            format!("driver `{}`", plan.driver.name),
-        ];
-        let watch = Watch::new(labels.to_vec(), settings.patience);
+        let watch = watch(plan, settings.patience);
         let (simulator, driver) = make_components(registry, plan, &watch)?;
         let camera = simulator.camera();
         let bus = Bus::create(&settings.run_id, lane, camera.width, camera.height)
             .map_err(|error| Error::new(error.to_string()))?;
         let steps: u64 = plan.scenarios.iter().map(|s| expected_frames(s, camera.rate)).sum();
-        let stopwatch = Stopwatch::new(Duration::from_secs_f64(1.0 / camera.rate), steps as usize);
+        let steps = usize::try_from(steps).unwrap_or(usize::MAX);
+        let stopwatch = Stopwatch::new(Duration::from_secs_f64(1.0 / camera.rate), steps);
         let recorder = Recorder::new()?;
         Ok(Self { registry, plan, settings, directory, simulator, driver, camera, bus, recorder, watch, stopwatch })
     }
@@ -208,7 +231,7 @@ impl<'a> Worker<'a> {
     fn scenario(&mut self, position: u64, spec: &ScenarioSpec, progress: &ProgressBar) -> Result<Outcome> {
         let index = self.settings.first_index + position;
         self.recorder.start(self.directory.trace(index)?);
-        let mut run = ScenarioRun::new(index, spec);
+        let mut run = ScenarioRun::new(index, PERTURBATIONS + position as usize, spec);
         let fault = run.drive(self, progress).err();
         let error = match fault {
             Some(Fault::Kernel(error)) => return Err(error),
@@ -219,11 +242,21 @@ impl<'a> Worker<'a> {
         let text = error.as_deref().unwrap_or(run.cause.text());
         self.recorder.event(run.state.time, run.cause != Cause::Finished, text);
         self.recorder.finish()?;
+        let waypoints = outcome::waypoint_string(&self.simulator.waypoints());
         if error.is_some() {
             // What failed may be in any state.
-            (self.simulator, self.driver) = make_components(self.registry, self.plan, &self.watch)?;
+            let (simulator, driver) = make_components(self.registry, self.plan, &self.watch)?;
+            let simulator = std::mem::replace(&mut self.simulator, simulator);
+            let driver = std::mem::replace(&mut self.driver, driver);
+            drop_components(simulator, driver, &self.watch);
         }
-        Ok(run.into_outcome(error, outcome::waypoint_string(&self.simulator.waypoints())))
+        Ok(run.into_outcome(error, waypoints))
+    }
+
+    /// Ends the loop and returns the times of its steps.
+    fn finish(self) -> Stopwatch {
+        drop_components(self.simulator, self.driver, &self.watch);
+        self.stopwatch
     }
 }
 
@@ -238,9 +271,17 @@ fn make_components(
     Ok((simulator, driver))
 }
 
+/// What a component does at its end is under watch as well.
+fn drop_components(simulator: Box<dyn Simulator>, driver: Box<dyn Driver>, watch: &Watch) {
+    watch.call(SIMULATOR, || drop(simulator));
+    watch.call(DRIVER, || drop(driver));
+}
+
 /// A scenario while it is driven.
 struct ScenarioRun<'a> {
     index: u64,
+    /// The label of its perturbations.
+    label: usize,
     spec: &'a ScenarioSpec,
     observer: outcome::Observer,
     digest: blake3::Hasher,
@@ -250,9 +291,10 @@ struct ScenarioRun<'a> {
 }
 
 impl<'a> ScenarioRun<'a> {
-    fn new(index: u64, spec: &'a ScenarioSpec) -> Self {
+    fn new(index: u64, label: usize, spec: &'a ScenarioSpec) -> Self {
         Self {
             index,
+            label,
             spec,
             observer: outcome::Observer::new(spec.duration),
             digest: blake3::Hasher::new(),
@@ -263,12 +305,23 @@ impl<'a> ScenarioRun<'a> {
     }
 
     fn drive(&mut self, worker: &mut Worker<'_>, progress: &ProgressBar) -> Result<(), Fault> {
-        let seed = worker.settings.seed;
-        let mut chain = Chain::new(worker.registry, &self.spec.perturbations, seed, self.index)
-            .map_err(Fault::Component)?;
+        let (registry, seed) = (worker.registry, worker.settings.seed);
+        let make = || Chain::new(registry, &self.spec.perturbations, seed, self.index);
+        let mut chain = worker.watch.call(self.label, make).map_err(Fault::Component)?;
+        let result = self.drive_through(worker, &mut chain, progress);
+        worker.watch.call(self.label, || drop(chain));
+        result
+    }
+
+    fn drive_through(
+        &mut self,
+        worker: &mut Worker<'_>,
+        chain: &mut Chain,
+        progress: &ProgressBar,
+    ) -> Result<(), Fault> {
         let scenario = Scenario {
             index: self.index,
-            seed: self.spec.seed.unwrap_or(seed),
+            seed: self.spec.seed.unwrap_or(worker.settings.seed),
             road: self.spec.road.clone(),
             duration: self.spec.duration,
         };
@@ -281,7 +334,7 @@ impl<'a> ScenarioRun<'a> {
         worker.recorder.event(0.0, false, &self.spec.name);
         loop {
             worker.stopwatch.start_step();
-            let end = self.step(worker, &mut chain)?;
+            let end = self.step(worker, chain)?;
             worker.stopwatch.end_step();
             progress.inc(1);
             if let Some(cause) = end {
@@ -305,6 +358,7 @@ impl<'a> ScenarioRun<'a> {
         let target = FrameMut::new(&mut loan, width, height).map_err(wrong_size)?;
         let state = stopwatch
             .measure(Stage::Simulator, || watch.call(SIMULATOR, || simulator.frame(target)))
+            .and_then(|state| self.plausible(state, camera.rate))
             .map_err(simulator_fault)?;
         let raw = loan.publish()?;
         let raw_frame = Frame::new(&raw, width, height).map_err(wrong_size)?;
@@ -314,7 +368,7 @@ impl<'a> ScenarioRun<'a> {
         let target = FrameMut::new(&mut loan, width, height).map_err(wrong_size)?;
         stopwatch
             .measure(Stage::Perturbation, || {
-                watch.call(PERTURBATION, || chain.apply(raw_frame, target, sequence, state.time))
+                watch.call(self.label, || chain.apply(raw_frame, target, sequence, state.time))
             })
             .map_err(Fault::Component)?;
         let perturbed = loan.publish()?;
@@ -347,6 +401,22 @@ impl<'a> ScenarioRun<'a> {
         Ok(end)
     }
 
+    /// A state that a scenario can be judged by: numbers throughout, and a time that goes on.
+    fn plausible(&self, state: State, rate: f64) -> Result<State> {
+        let State { time, position: [x, height, z], heading, speed, cross_track_error, progress, .. } = state;
+        if ![time, x, height, z, heading, speed, cross_track_error, progress].iter().all(|v| v.is_finite()) {
+            return Err(Error::new(format!("its state in frame {} holds numbers that are not finite", self.frames)));
+        }
+        let limit = PATIENT_FRAMES + PATIENT_FACTOR * expected_frames(self.spec, rate);
+        if self.frames > limit {
+            return Err(Error::new(format!(
+                "after {limit} frames it says that {time} s have passed of {} s, so its time does not go on",
+                self.spec.duration
+            )));
+        }
+        Ok(state)
+    }
+
     fn into_outcome(self, error: Option<String>, waypoints: String) -> Outcome {
         let (mean_cross_track_error, max_cross_track_error) = self.observer.cross_track_error();
         Outcome {
@@ -372,7 +442,10 @@ fn driver_fault(plan: &Plan, error: Error) -> Fault {
 }
 
 /// A driver's control within its range.
-fn checked(control: Control) -> Result<Control> {
+///
+/// # Errors
+/// Where it is no number.
+pub fn checked(control: Control) -> Result<Control> {
     if !control.steering.is_finite() || !control.throttle.is_finite() {
         return Err(Error::new(format!(
             "it steers {} with throttle {}, which is no control; look at its output layer",

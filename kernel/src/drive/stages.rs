@@ -19,6 +19,9 @@ pub enum Stage {
 
 const STAGES: usize = 4;
 
+/// Room is made beforehand for at most so many steps: ten hours at 30 frames a second.
+const LARGEST_RESERVE: usize = 1 << 20;
+
 /// Measures the stages of each step of a loop.
 pub struct Stopwatch {
     budget: Duration,
@@ -57,8 +60,9 @@ pub struct LoopTimes {
 }
 
 impl Stopwatch {
-    /// A stopwatch for a loop whose steps should take no longer than `budget`.
+    /// A stopwatch for a loop of about so many steps, which should take no longer than `budget` each.
     pub fn new(budget: Duration, steps: usize) -> Self {
+        let steps = steps.min(LARGEST_RESERVE);
         Self {
             budget,
             step_started: Instant::now(),
