@@ -8,6 +8,7 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
+use pdk_sdk::abi::PANICKED;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Control, Dataset, DriveContext, Driver, Entry, Frame, FrameBuf};
@@ -16,9 +17,10 @@ use serde_json::{Map, Value};
 
 use crate::chain::{Chain, Spec};
 use crate::component::ComponentSpec;
+use crate::drive;
 use crate::record::{Lines, RESULTS, RunDirectory};
 use crate::registry::Registry;
-use crate::watchdog::Watch;
+use crate::watchdog::{DEFAULT_PATIENCE, Watch};
 
 /// What to evaluate, as a pipeline writes it.
 #[derive(Debug, Deserialize)]
@@ -175,10 +177,10 @@ struct Predictions {
     perturbed: Vec<Control>,
 }
 
-/// Labels of the calls under watch.
+/// Labels of the calls under watch; from `PERTURBATIONS` on there is one for each cell of the plan.
 const DATASET: usize = 0;
 const DRIVER: usize = 1;
-const PERTURBATION: usize = 2;
+const PERTURBATIONS: usize = 2;
 
 /// Opens the dataset of a plan.
 ///
@@ -186,14 +188,14 @@ const PERTURBATION: usize = 2;
 /// Where no reader can open it.
 pub fn open_dataset(registry: &Registry, spec: &DatasetSpec) -> Result<(ComponentSpec, Box<dyn Dataset>)> {
     match spec {
-        DatasetSpec::Reader(spec) => Ok((spec.clone(), registry.dataset(&spec.name, &spec.parameters)?.0)),
+        DatasetSpec::Reader(spec) => Ok((spec.clone(), open_with(registry, &spec.name, &spec.parameters)?)),
         DatasetSpec::Path(path) => {
             let mut reasons = Vec::new();
             for reader in registry.of_kind(Kind::Dataset) {
                 let name = reader.description.name.clone();
                 let parameters = Map::from_iter([("path".to_owned(), Value::String(path.clone()))]);
-                match registry.dataset(&name, &parameters) {
-                    Ok((dataset, _)) => return Ok((ComponentSpec { name, parameters }, dataset)),
+                match open_with(registry, &name, &parameters) {
+                    Ok(dataset) => return Ok((ComponentSpec { name, parameters }, dataset)),
                     Err(error) => reasons.push(error.to_string()),
                 }
             }
@@ -203,6 +205,12 @@ pub fn open_dataset(registry: &Registry, spec: &DatasetSpec) -> Result<(Componen
             }))
         }
     }
+}
+
+/// Opens a dataset with a reader; one that does not come back ends the process.
+fn open_with(registry: &Registry, reader: &str, parameters: &Map<String, Value>) -> Result<Box<dyn Dataset>> {
+    let watch = Watch::new(vec![format!("dataset `{reader}`")], DEFAULT_PATIENCE);
+    watch.call(0, || Ok(registry.dataset(reader, parameters)?.0))
 }
 
 /// Evaluates every frame, perturbation and level, and writes a line for each. The lines come in the order of the
@@ -244,12 +252,13 @@ pub fn evaluate(
                         break;
                     }
                 }
+                worker.instances.drop(&worker.watch);
             });
         }
         drop(sender);
         for result in &receiver {
             progress.inc(1);
-            if let Err(error) = collector.add(result) {
+            if let Err(error) = result.and_then(|result| collector.add(result)) {
                 stop.store(true, Ordering::Relaxed);
                 return Err(error);
             }
@@ -261,42 +270,78 @@ pub fn evaluate(
 }
 
 /// One thread's instances.
-struct Worker {
-    dataset: Box<dyn Dataset>,
-    driver: Box<dyn Driver>,
-    chains: Vec<Chain>,
+struct Worker<'a> {
+    registry: &'a Registry,
+    plan: &'a Plan,
+    reader: &'a ComponentSpec,
+    seed: u64,
+    instances: Instances,
     perturbed: FrameBuf,
     watch: Watch,
 }
 
-impl Worker {
-    fn new(registry: &Registry, plan: &Plan, reader: &ComponentSpec, settings: &Settings) -> Result<Self> {
-        let watch = Watch::new(
-            vec![
-                format!("dataset `{}`", reader.name),
-                format!("driver `{}`", plan.driver.name),
-                "a perturbation".to_owned(),
-            ],
-            settings.patience,
-        );
+struct Instances {
+    dataset: Box<dyn Dataset>,
+    driver: Box<dyn Driver>,
+    chains: Vec<Chain>,
+}
+
+impl Instances {
+    fn new(registry: &Registry, plan: &Plan, reader: &ComponentSpec, seed: u64, watch: &Watch) -> Result<Self> {
         let (dataset, _) = watch.call(DATASET, || registry.dataset(&reader.name, &reader.parameters))?;
         let (driver, _) =
             watch.call(DRIVER, || registry.driver(&plan.driver.name, &plan.driver.parameters))?;
-        let chains = plan
-            .cells
-            .iter()
-            .map(|cell| Chain::new(registry, std::slice::from_ref(cell), settings.seed, 0))
-            .collect::<Result<_>>()?;
-        Ok(Self { dataset, driver, chains, perturbed: FrameBuf::default(), watch })
+        let chain = |(number, cell): (usize, &Spec)| {
+            watch.call(PERTURBATIONS + number, || {
+                Chain::new(registry, std::slice::from_ref(cell), seed, 0)
+            })
+        };
+        let chains = plan.cells.iter().enumerate().map(chain).collect::<Result<_>>()?;
+        Ok(Self { dataset, driver, chains })
     }
 
-    fn evaluate(&mut self, index: usize) -> FrameResult {
-        let frame = self.dataset.name(index);
+    /// What a component does at its end is under watch as well.
+    fn drop(self, watch: &Watch) {
+        watch.call(DATASET, || drop(self.dataset));
+        watch.call(DRIVER, || drop(self.driver));
+        for (number, chain) in self.chains.into_iter().enumerate() {
+            watch.call(PERTURBATIONS + number, || drop(chain));
+        }
+    }
+}
+
+impl<'a> Worker<'a> {
+    fn new(
+        registry: &'a Registry,
+        plan: &'a Plan,
+        reader: &'a ComponentSpec,
+        settings: &Settings,
+    ) -> Result<Self> {
+        let components = [format!("dataset `{}`", reader.name), format!("driver `{}`", plan.driver.name)];
+        let cells = plan.cells.iter().map(|cell| format!("perturbation `{cell}`"));
+        let watch = Watch::new(components.into_iter().chain(cells).collect(), settings.patience);
+        let seed = settings.seed;
+        let instances = Instances::new(registry, plan, reader, seed, &watch)?;
+        Ok(Self { registry, plan, reader, seed, instances, perturbed: FrameBuf::default(), watch })
+    }
+
+    /// Evaluates a frame. What is wrong with the frame is part of its result.
+    ///
+    /// # Errors
+    /// Where a component panicked and new instances cannot be made.
+    fn evaluate(&mut self, index: usize) -> Result<FrameResult> {
+        let frame = self.watch.call(DATASET, || self.instances.dataset.name(index));
         let (mut perturbation_time, mut driver_time) = (Duration::ZERO, Duration::ZERO);
-        let outcome = self.watch.call(DATASET, || self.dataset.read(index)).and_then(|entry| {
-            self.predict(index, &entry, &mut perturbation_time, &mut driver_time)
-        });
-        FrameResult { index, frame, outcome, perturbation_time, driver_time }
+        let entry = self.watch.call(DATASET, || self.instances.dataset.read(index)).and_then(plausible);
+        let outcome = entry
+            .map_err(|error| error.at(format_args!("dataset `{}`", self.reader.name)))
+            .and_then(|entry| self.predict(index, &entry, &mut perturbation_time, &mut driver_time));
+        // Or the frames that this thread happens to get next would fail as well.
+        if outcome.as_ref().is_err_and(|error| error.message().contains(PANICKED)) {
+            let fresh = Instances::new(self.registry, self.plan, self.reader, self.seed, &self.watch)?;
+            std::mem::replace(&mut self.instances, fresh).drop(&self.watch);
+        }
+        Ok(FrameResult { index, frame, outcome, perturbation_time, driver_time })
     }
 
     fn predict(
@@ -308,25 +353,36 @@ impl Worker {
     ) -> Result<Predictions> {
         let cx = DriveContext { frame_index: index as u64, time: entry.time, speed: f64::NAN };
         let source = entry.frame.as_ref();
-        let Self { driver, chains, perturbed, watch, .. } = self;
+        let Self { plan, instances: Instances { driver, chains, .. }, perturbed, watch, .. } = self;
         let mut drive = |frame: Frame<'_>| {
             let started = Instant::now();
             // Every frame counts for itself: what a driver remembers must not leak from one into the next.
             let control = watch.call(DRIVER, || driver.reset().and_then(|()| driver.drive(frame, &cx)));
             *driver_time += started.elapsed();
-            control
+            control.and_then(drive::checked).map_err(|error| error.at(format_args!("driver `{}`", plan.driver.name)))
         };
         let original = drive(source)?;
         perturbed.resize(source.width(), source.height());
         let mut controls = Vec::with_capacity(chains.len());
-        for chain in chains {
+        for (number, chain) in chains.iter_mut().enumerate() {
             let started = Instant::now();
-            watch.call(PERTURBATION, || chain.apply(source, perturbed.as_mut(), index as u64, entry.time))?;
+            watch.call(PERTURBATIONS + number, || chain.apply(source, perturbed.as_mut(), index as u64, entry.time))?;
             *perturbation_time += started.elapsed();
             controls.push(drive(perturbed.as_ref())?);
         }
         let truth = Control { steering: entry.steering, throttle: entry.throttle };
         Ok(Predictions { truth, original, perturbed: controls })
+    }
+}
+
+/// A frame that a prediction can be compared with.
+fn plausible(entry: Entry) -> Result<Entry> {
+    match [entry.steering, entry.throttle, entry.time].iter().all(|value| value.is_finite()) {
+        true => Ok(entry),
+        false => Err(Error::new(format!(
+            "the record has steering {}, throttle {} and time {}, which have to be numbers",
+            entry.steering, entry.throttle, entry.time
+        ))),
     }
 }
 

@@ -31,6 +31,9 @@ pub const VERSION_SYMBOL: &str = "pdk_plugin_sdk_version";
 /// The type of the function behind [`VERSION_SYMBOL`].
 pub type VersionFn = extern "C" fn() -> *const c_char;
 
+/// With this an error begins where the component panicked, now or earlier: such an instance is of no more use.
+pub const PANICKED: &str = "the plugin panicked";
+
 /// What a call returns: a value, or one sentence.
 pub type Outcome<T> = RResult<T, RString>;
 

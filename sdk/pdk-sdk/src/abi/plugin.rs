@@ -12,7 +12,7 @@ use pdk_ops::Key;
 use serde_json::{Map, Value};
 
 use super::{
-    Outcome, PluginDescription, PluginModule, PluginModuleRef, RawComponent, RawContext, RawDataset,
+    Outcome, PANICKED, PluginDescription, PluginModule, PluginModuleRef, RawComponent, RawContext, RawDataset,
     RawDataset_TO, RawDriver, RawDriver_TO, RawEntry, RawFrame, RawFrameMut, RawHeatmap, RawPerturbation,
     RawPerturbation_TO, RawSaliency, RawSaliency_TO, RawSearch, RawSearch_TO, RawSimulator, RawSimulator_TO,
 };
@@ -119,7 +119,7 @@ fn guard<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
         // A payload may itself panic when it is dropped.
         std::mem::forget(payload);
         let place = PANIC_PLACE.with(|slot| slot.borrow().clone());
-        Err(Error::new(format!("the plugin panicked at {place}: {message}")))
+        Err(Error::new(format!("{PANICKED} at {place}: {message}")))
     })
 }
 
@@ -146,7 +146,7 @@ impl<T> Guarded<T> {
 
     fn call<R>(&mut self, work: impl FnOnce(&mut T, &[String]) -> Result<R>) -> Outcome<R> {
         if self.broken {
-            return RErr("the plugin panicked earlier, so this instance is no longer used".into());
+            return RErr(format!("{PANICKED} earlier, so this instance is no longer used").into());
         }
         // Stays set where `work` panics.
         self.broken = true;
@@ -161,12 +161,15 @@ impl<T> Guarded<T> {
 
 impl<T> Drop for Guarded<T> {
     fn drop(&mut self) {
-        // An error here has nobody left to go to: the instance is gone either way.
-        // SAFETY: the component is dropped here and nowhere else.
-        let _ = guard(|| {
+        let dropped = guard(|| {
+            // SAFETY: the component is dropped here and nowhere else.
             unsafe { ManuallyDrop::drop(&mut self.component) };
             Ok(())
         });
+        // No call is in progress that could return it, and no result depends on it.
+        if let Err(error) = dropped {
+            eprintln!("pdk: warning: when an instance was dropped, {error}");
+        }
     }
 }
 
