@@ -58,10 +58,10 @@ pub fn instance(raw: RawComponent) -> Result<Instance> {
             let usable = |length: u32| (1..=1 << 14).contains(&length);
             if !usable(camera.width)
                 || !usable(camera.height)
-                || !(camera.rate.is_finite() && camera.rate > 0.0)
+                || !(0.01..=100_000.0).contains(&camera.rate)
             {
                 return Err(Error::new(format!(
-                    "the simulator's camera has {}x{} pixels at {} frames a second, which is out of range",
+                    "the simulator's camera has {}x{} pixels at {:?} frames a second, which is out of range",
                     camera.width, camera.height, camera.rate
                 )));
             }
