@@ -54,7 +54,10 @@ fn time_per_frame() {
             state = simulator.state().unwrap();
         }
         times.sort_by(f64::total_cmp);
-        println!("{width}x{height}: median {:.2} ms, 99 % below {:.2} ms", times[200], times[396]);
+        println!(
+            "{width}x{height}: fastest {:.2} ms, median {:.2} ms, 99 % below {:.2} ms",
+            times[0], times[200], times[396]
+        );
     }
     let start = Instant::now();
     let mut simulator = lane(320, 240);

@@ -23,10 +23,9 @@ const HILLS: [[f32; 3]; 2] = [[138.0, 163.0, 184.0], [108.0, 140.0, 124.0]];
 const VISIBILITY: f64 = 700.0;
 /// Objects farther away than this are not drawn, in metres.
 const FARTHEST_OBJECT: f64 = 260.0;
-/// Texels a metre of the three layers of texture: patches, tufts, grain.
+/// Texels a metre of the two layers of texture: grain everywhere, and patches in the grass.
+const GRAIN: f32 = 30.0;
 const PATCHES: f32 = 0.45;
-const TUFTS: f32 = 6.5;
-const GRAIN: f32 = 37.0;
 
 /// What a row of pixels shows.
 #[derive(Debug)]
@@ -42,9 +41,8 @@ struct GroundRow {
     pixel_width: f32,
     pixel_depth: f32,
     haze: f32,
-    patches: Scale,
-    tufts: Scale,
     grain: Scale,
+    patches: Scale,
 }
 
 /// Where the camera is.
@@ -80,7 +78,8 @@ impl Renderer {
     /// Prepares everything that is the same for all frames.
     pub fn new(width: usize, height: usize, random: &mut Random) -> Self {
         let projection = Projection::new(width, height);
-        let rows = (0..height).map(|y| row(&projection, y as f64 + 0.5)).collect();
+        let texture = Texture::new(random);
+        let rows = (0..height).map(|y| row(&projection, &texture, y as f64 + 0.5)).collect();
         let columns = (0..width)
             .map(|x| {
                 let angle = libm::atan((x as f64 + 0.5 - projection.centre_x) / projection.focal);
@@ -94,7 +93,7 @@ impl Renderer {
             columns,
             hill_tops: vec![[0.0; 2]; width],
             visible: Vec::new(),
-            texture: Texture::new(random),
+            texture,
             section: Section::new(),
             post: Sprite::post(),
             conifer: Sprite::conifer(random),
@@ -141,8 +140,7 @@ impl Renderer {
         let haze = HAZE.map(|c| c * ground.haze);
         for (i, pixel) in row.chunks_exact_mut(3).enumerate() {
             let (x, z) = (start[0] + across[0] * i as f32, start[1] + across[1] * i as f32);
-            let tufts = self.texture.at(x, z, ground.tufts);
-            let grain = self.texture.at(z, x, ground.grain);
+            let grain = self.texture.at(x, z, ground.grain);
             let mut surface = section::GRASS;
             let mut meadow = 1.0;
             if let Some(place) = scene.field.at(x, z) {
@@ -166,8 +164,9 @@ impl Renderer {
                     meadow = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
                 }
             }
-            let detail = 1.0 + surface.texture * (tufts * (0.25 + 0.75 * meadow) + grain * 0.8);
-            let mut rgb = surface.rgb.map(|c| c * detail);
+            let detail = 1.0 + surface.texture * grain * 1.6;
+            let mut rgb = surface.rgb;
+            rgb.iter_mut().for_each(|c| *c *= detail);
             if meadow > 0.0 {
                 let patch = self.texture.at(x, z, ground.patches) * meadow;
                 rgb = [rgb[0] + patch * 24.0, rgb[1] + patch * 13.0, rgb[2] - patch * 2.0];
@@ -192,8 +191,9 @@ impl Renderer {
             // Not where the near hills hide it anyway.
             if clouds > 0.0 && y < tops[1] + 1.0 {
                 let to_right = right * (i as f32 + left);
-                let place = [0, 1].map(|k| view.ahead[k] * ahead + view.right[k] * to_right);
-                let density = self.texture.at(place[0], place[1], scale) + 0.05;
+                let x = view.ahead[0] * ahead + view.right[0] * to_right;
+                let z = view.ahead[1] * ahead + view.right[1] * to_right;
+                let density = self.texture.at(x, z, scale) + 0.05;
                 let cover = (density * 1.6).clamp(0.0, 1.0) * clouds;
                 for (c, cloud) in rgb.iter_mut().zip(CLOUD) {
                     *c += (cloud - *c) * cover;
@@ -297,9 +297,9 @@ struct View {
     right: [f32; 2],
 }
 
-fn row(projection: &Projection, y: f64) -> Row {
+fn row(projection: &Projection, texture: &Texture, y: f64) -> Row {
     if y < projection.horizon() {
-        return sky(projection, y);
+        return sky(projection, texture, y);
     }
     // What is left between the horizon and the first row of ground is so far away that it is all haze.
     let ground = projection.ground(y).unwrap_or(crate::camera::GroundRow {
@@ -314,13 +314,12 @@ fn row(projection: &Projection, y: f64) -> Row {
         pixel_width: ground.pixel_width as f32,
         pixel_depth: ground.pixel_depth as f32,
         haze: (0.9 * (1.0 - libm::exp(-ground.ahead.abs() / VISIBILITY))) as f32,
-        patches: Scale::new(PATCHES, footprint),
-        tufts: Scale::new(TUFTS, footprint),
-        grain: Scale::new(GRAIN, footprint),
+        grain: texture.scale(GRAIN, footprint),
+        patches: texture.scale(PATCHES, footprint),
     })
 }
 
-fn sky(projection: &Projection, y: f64) -> Row {
+fn sky(projection: &Projection, texture: &Texture, y: f64) -> Row {
     let elevation = projection.elevation(y).max(0.0);
     // Blue grows quickly above the horizon and slowly further up.
     let share = (1.0 - libm::exp(-elevation * 4.5)) as f32;
@@ -336,6 +335,6 @@ fn sky(projection: &Projection, y: f64) -> Row {
         clouds: clouds as f32,
         right: pixel_width as f32,
         ahead: ahead as f32,
-        scale: Scale::new(7.0, footprint as f32),
+        scale: texture.scale(7.0, footprint as f32),
     }
 }

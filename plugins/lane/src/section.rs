@@ -66,22 +66,29 @@ impl Section {
     }
 
     /// The mean over `width` metres around the place `offset` metres to the right of the middle of the road.
+    #[inline]
     pub fn mean(&self, offset: f32, width: f32) -> Ground {
         let width = width.max(1.0 / SAMPLES_PER_METRE);
         let high = self.sum(offset + width * 0.5);
         let low = self.sum(offset - width * 0.5);
         let scale = 1.0 / (width * SAMPLES_PER_METRE);
-        let base = grass();
-        let mean = |channel: usize| base[channel] + (high[channel] - low[channel]) * scale;
-        Ground { rgb: [mean(0), mean(1), mean(2)], texture: mean(3) }
+        let mut mean = grass();
+        for channel in 0..4 {
+            mean[channel] += (high[channel] - low[channel]) * scale;
+        }
+        Ground { rgb: [mean[0], mean[1], mean[2]], texture: mean[3] }
     }
 
+    #[inline]
     fn sum(&self, offset: f32) -> [f32; 4] {
         let position = ((offset + HALF_WIDTH) * SAMPLES_PER_METRE).clamp(0.0, SAMPLES as f32 - 0.01);
         let index = position as usize;
         let share = position - index as f32;
-        let (a, b) = (&self.sums[index], &self.sums[index + 1]);
-        [0, 1, 2, 3].map(|channel| a[channel] + (b[channel] - a[channel]) * share)
+        let (mut sum, next) = (self.sums[index], &self.sums[index + 1]);
+        for channel in 0..4 {
+            sum[channel] += (next[channel] - sum[channel]) * share;
+        }
+        sum
     }
 }
 

@@ -198,6 +198,7 @@ impl Sprite {
 }
 
 /// The picture at a place in texels, transparent outside it.
+#[inline]
 fn bilinear(texels: &[[f32; 4]], size: usize, u: f32, v: f32) -> [f32; 4] {
     let (left, top) = ((u + 1.0) as i32 - 1, (v + 1.0) as i32 - 1);
     let (fx, fy) = (u - left as f32, v - top as f32);
@@ -205,11 +206,13 @@ fn bilinear(texels: &[[f32; 4]], size: usize, u: f32, v: f32) -> [f32; 4] {
         let inside = x >= 0 && y >= 0 && (x as usize) < size && (y as usize) < size;
         if inside { texels[y as usize * size + x as usize] } else { [0.0; 4] }
     };
-    let [a, b] = [texel(left, top), texel(left + 1, top)];
-    let [c, d] = [texel(left, top + 1), texel(left + 1, top + 1)];
-    [0, 1, 2, 3].map(|k| {
+    let ([a, b], [c, d]) =
+        ([texel(left, top), texel(left + 1, top)], [texel(left, top + 1), texel(left + 1, top + 1)]);
+    let mut mixed = [0.0; 4];
+    for k in 0..4 {
         let upper = a[k] + (b[k] - a[k]) * fx;
         let lower = c[k] + (d[k] - c[k]) * fx;
-        upper + (lower - upper) * fy
-    })
+        mixed[k] = upper + (lower - upper) * fy;
+    }
+    mixed
 }

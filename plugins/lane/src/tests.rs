@@ -101,31 +101,39 @@ fn the_driver_completes_ten_random_roads() {
 }
 
 #[test]
-#[ignore = "figures for a person: how the driver degrades"]
-fn degradation() {
+fn heavy_blur_and_heavy_noise_make_the_driver_fail() {
     let mut simulator = lane(320, 240);
-    for angles in [
-        [35, 35, 35, 35, 35, 35, 0, 0],
-        [0, 35, -35, 35, -35, 35, -35, 0],
-        [35, 35, -35, -35, 35, 35, -35, -35],
-    ] {
-        println!("{angles:?} {:.3?}", drive(&mut simulator, json!({"angles": angles}), 0, |_, _| {}));
+    let blurred = drive(&mut simulator, Value::Null, 1, |_, mut frame| blur(&mut frame, 12));
+    assert!(blurred.departed && blurred.progress < 0.5, "{blurred:?}");
+    let noisy = drive(&mut simulator, Value::Null, 1, |step, mut frame| add_noise(step, &mut frame, 0.5));
+    assert!(noisy.departed && noisy.progress < 1.0, "{noisy:?}");
+}
+
+#[test]
+fn the_driver_masters_sharp_bends_and_other_frame_sizes() {
+    let sharp = json!({"angles": [0, 35, -35, 35, -35, 35, -35, 0]});
+    for (size, road) in
+        [((160, 120), sharp), ((160, 80), Value::Null), ((200, 66), Value::Null), ((96, 72), Value::Null)]
+    {
+        let outcome = drive(&mut lane(size.0, size.1), road, 1, |_, _| {});
+        assert!(outcome.finished && outcome.mean < 0.4, "{size:?}: {outcome:?}");
     }
-    for (w, h) in [(160, 120), (320, 160), (640, 480), (200, 66), (96, 72)] {
-        println!("{w}x{h} {:.3?}", drive(&mut lane(w, h), Value::Null, 1, |_, _| {}));
-    }
-    for sigma in [0.03, 0.06, 0.12, 0.18, 0.22, 0.4, 0.6] {
-        for seed in 0..3 {
-            let o = drive(&mut simulator, Value::Null, seed, |step, mut frame| {
+}
+
+#[test]
+#[ignore = "figures for a person: takes minutes"]
+fn how_the_driver_degrades() {
+    let mut simulator = lane(320, 240);
+    for seed in 0..3 {
+        for sigma in [0.06, 0.12, 0.18, 0.22, 0.4, 0.6] {
+            let outcome = drive(&mut simulator, Value::Null, seed, |step, mut frame| {
                 add_noise(step, &mut frame, sigma)
             });
-            println!("noise {sigma} seed {seed}: {o:.3?}");
+            println!("seed {seed}, noise {sigma}: {outcome:.3?}");
         }
-    }
-    for radius in [1, 2, 3, 5, 8, 12, 20] {
-        for seed in 0..3 {
-            let o = drive(&mut simulator, Value::Null, seed, |_, mut frame| blur(&mut frame, radius));
-            println!("blur {radius} seed {seed}: {o:.3?}");
+        for radius in [1, 2, 3, 5, 8, 12] {
+            let outcome = drive(&mut simulator, Value::Null, seed, |_, mut frame| blur(&mut frame, radius));
+            println!("seed {seed}, blur {radius}: {outcome:.3?}");
         }
     }
 }
@@ -166,4 +174,177 @@ fn blur(frame: &mut FrameMut<'_>, radius: usize) {
             frame.row_mut(y)[x] = v;
         }
     }
+}
+
+/// The frame of a simulator after some steps of a scenario.
+fn frame_after(simulator: &mut Lane, seed: u64, steps: usize) -> FrameBuf {
+    let camera = simulator.camera();
+    let mut state = simulator.reset(&scenario(Value::Null, seed)).unwrap();
+    for _ in 0..steps {
+        simulator.act(guide(simulator, &state)).unwrap();
+        state = simulator.state().unwrap();
+    }
+    let mut frame = FrameBuf::new(camera.width as usize, camera.height as usize);
+    simulator.frame(frame.as_mut()).unwrap();
+    frame
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_whatever_came_before() {
+    let mut fresh = lane(160, 120);
+    let expected = frame_after(&mut fresh, 7, 40);
+    let mut used = lane(160, 120);
+    let other = frame_after(&mut used, 8, 13);
+    assert_ne!(other, expected);
+    assert_eq!(frame_after(&mut used, 7, 40), expected);
+    // Drawing has no effect on what is drawn next.
+    let mut again = FrameBuf::new(160, 120);
+    used.frame(again.as_mut()).unwrap();
+    assert_eq!(again, expected);
+    assert_eq!(std::thread::spawn(|| frame_after(&mut lane(160, 120), 7, 40)).join().unwrap(), expected);
+}
+
+#[test]
+fn a_stride_changes_nothing_and_its_gap_is_left_alone() {
+    let mut simulator = lane(80, 60);
+    let expected = frame_after(&mut simulator, 3, 5);
+    let mut bytes = vec![77; 256 * 60];
+    simulator.frame(FrameMut::with_stride(&mut bytes, 80, 60, 256).unwrap()).unwrap();
+    assert_eq!(Frame::with_stride(&bytes, 80, 60, 256).unwrap(), expected.as_ref());
+    assert!(bytes.chunks(256).all(|row| row[240..].iter().all(|&b| b == 77)));
+}
+
+#[test]
+fn every_pixel_is_drawn_whatever_was_there() {
+    let mut simulator = lane(64, 48);
+    let expected = frame_after(&mut simulator, 3, 5);
+    let mut frame = FrameBuf::from_vec(vec![255; 64 * 48 * 3], 64, 48).unwrap();
+    simulator.frame(frame.as_mut()).unwrap();
+    assert_eq!(frame, expected);
+}
+
+#[test]
+fn sky_is_above_and_asphalt_between_the_lines_below() {
+    let mut simulator = lane(320, 240);
+    simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0]}), 1)).unwrap();
+    let mut frame = FrameBuf::new(320, 240);
+    simulator.frame(frame.as_mut()).unwrap();
+    let frame = frame.as_ref();
+    let sum = |x: usize, y: usize| frame.pixel(x, y).iter().map(|&v| u32::from(v)).sum::<u32>();
+    for x in (0..320).step_by(10) {
+        let [r, _, b] = frame.pixel(x, 0);
+        assert!(b >= r, "the sky at {x} is {:?}", frame.pixel(x, 0));
+    }
+    let [r, g, b] = frame.pixel(160, 220);
+    assert!(r.abs_diff(g) < 12 && g.abs_diff(b) < 12 && (50..130).contains(&r), "{r} {g} {b}");
+    // Where the white line has to be, on the row that shows the ground 5 m ahead.
+    let projection = crate::camera::Projection::new(320, 240);
+    let [x, y, _] = projection.project(1.9, 5.0, 0.0).unwrap();
+    assert!(sum(x as usize, y as usize) > 600, "no line at {x:.0}, {y:.0}");
+    assert!(sum(x as usize - 20, y as usize) < 400);
+}
+
+#[test]
+fn motion_shows_on_the_ground() {
+    let mut simulator = lane(160, 120);
+    let before = frame_after(&mut simulator, 3, 0);
+    let after = frame_after(&mut simulator, 3, 1);
+    let changed = |rows: std::ops::Range<usize>| {
+        rows.clone()
+            .flat_map(|y| (0..160).map(move |x| (x, y)))
+            .filter(|&(x, y)| before.as_ref().pixel(x, y) != after.as_ref().pixel(x, y))
+            .count() as f64
+            / (rows.len() * 160) as f64
+    };
+    assert!(changed(80..120) > 0.5, "{}", changed(80..120));
+}
+
+#[test]
+fn frames_of_any_size_can_be_drawn() {
+    for (width, height) in [(1, 1), (1, 240), (320, 1), (2, 3), (17, 5), (3, 500)] {
+        frame_after(&mut lane(width, height), 1, 3);
+    }
+}
+
+#[test]
+fn cross_track_error_is_positive_to_the_right_and_departs_at_two_metres() {
+    for side in [1.0, -1.0] {
+        let mut simulator = lane(16, 12);
+        let mut state = simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0, 0]}), 0)).unwrap();
+        assert!(state.cross_track_error.abs() < 1e-9 && !state.lane_departure);
+        while !state.lane_departure {
+            simulator.act(Control { steering: 0.1 * side, throttle: 0.0 }).unwrap();
+            state = simulator.state().unwrap();
+            assert_eq!(state.lane_departure, state.cross_track_error.abs() > 2.0);
+            assert!(state.time < 10.0);
+        }
+        assert!((state.position[0] - state.cross_track_error).abs() < 1e-9);
+        assert!(state.cross_track_error * side > 2.0);
+    }
+}
+
+#[test]
+fn a_straight_road_is_finished_on_time() {
+    let mut simulator =
+        lane_with(json!({"width": 8, "height": 6, "initial_speed": 10, "speed_limit": 10})).unwrap();
+    let road = json!({"waypoints": [[5, 2, 5], [5, 2, 105]]});
+    let mut state = simulator.reset(&scenario(road, 0)).unwrap();
+    assert_eq!((state.position, state.speed, state.progress), ([5.0, 2.0, 5.0], 10.0, 0.0));
+    while !state.finished {
+        simulator.act(Control { steering: 0.0, throttle: 1.0 }).unwrap();
+        state = simulator.state().unwrap();
+    }
+    assert!((state.time - 10.0).abs() < 0.04 && state.progress == 1.0, "{state:?}");
+    assert_eq!(simulator.waypoints(), [[5.0, 2.0, 5.0], [5.0, 2.0, 105.0]]);
+}
+
+#[test]
+fn misuse_is_refused_with_a_sentence() {
+    let mut simulator = lane(8, 6);
+    let mut frame = FrameBuf::new(8, 7);
+    assert_eq!(
+        simulator.frame(frame.as_mut()).unwrap_err().to_string(),
+        "simulator `lane` has no scenario yet: call reset first"
+    );
+    assert!(simulator.act(Control::default()).is_err());
+    assert!(simulator.waypoints().is_empty());
+    let error = simulator.reset(&scenario(json!({"angle": 1}), 0)).unwrap_err().to_string();
+    assert!(error.starts_with("simulator `lane`: the road has an unknown key `angle`"), "{error}");
+    simulator.reset(&scenario(Value::Null, 0)).unwrap();
+    assert_eq!(
+        simulator.frame(frame.as_mut()).unwrap_err().to_string(),
+        "simulator `lane` was given a 8x7 frame, but its camera delivers 8x6"
+    );
+    assert_eq!(
+        simulator.act(Control { steering: f64::NAN, throttle: 0.0 }).unwrap_err().to_string(),
+        "simulator `lane`: steering is NaN at 0.00 s, but has to be a number from -1 to 1"
+    );
+    let error = lane_with(json!({"initial_speed": 30})).err().unwrap().to_string();
+    assert!(error.contains("initial_speed is 30 m/s, above speed_limit, which is 20 m/s"), "{error}");
+    let small = FrameBuf::new(8, 6);
+    let error = keeper(json!({})).drive(small.as_ref(), &DriveContext::default()).unwrap_err().to_string();
+    assert!(error.contains("cannot make out a lane in frames of 8x6 pixels"), "{error}");
+}
+
+#[test]
+fn without_a_lane_the_steering_decays_and_the_vehicle_rolls() {
+    let mut simulator = lane(320, 240);
+    simulator.reset(&scenario(json!({"angles": [30, 30, 0, 0]}), 0)).unwrap();
+    let mut frame = FrameBuf::new(320, 240);
+    simulator.frame(frame.as_mut()).unwrap();
+    let mut driver = keeper(json!({}));
+    let cx = DriveContext { speed: 8.0, ..DriveContext::default() };
+    let seen = driver.drive(frame.as_ref(), &cx).unwrap();
+    assert!(seen.steering > 0.05, "{seen:?}");
+    let dark = FrameBuf::new(320, 240);
+    let first = driver.drive(dark.as_ref(), &cx).unwrap();
+    let second = driver.drive(dark.as_ref(), &cx).unwrap();
+    assert!(first.steering < seen.steering && second.steering < first.steering && second.steering > 0.0);
+    assert_eq!(second.throttle, 0.0);
+    driver.reset().unwrap();
+    assert_eq!(driver.drive(dark.as_ref(), &cx).unwrap().steering, 0.0);
+    // Without a speed it still steers, and holds a little throttle.
+    let unknown = DriveContext { speed: f64::NAN, ..cx };
+    let control = driver.drive(frame.as_ref(), &unknown).unwrap();
+    assert!(control.steering > 0.05 && control.throttle > 0.0);
 }

@@ -3,39 +3,34 @@
 use pdk_sdk::prelude::Random;
 
 /// Texels along a side of the largest copy; a power of two, so that coordinates wrap by masking.
-const SIZE: usize = 128;
+const SIZE: usize = 256;
 /// Number of copies, each half as large as the one before.
-const LEVELS: usize = 8;
+const LEVELS: usize = 9;
 
-/// Random brightness from about -1 to 1, mean 0, that repeats every 128 texels.
+/// Random brightness from about -1 to 1, mean 0, that repeats every 256 texels.
 #[derive(Debug)]
 pub struct Texture {
     levels: Vec<Vec<f32>>,
+    /// Root mean square of each copy.
+    spreads: [f32; LEVELS],
 }
 
-/// Which copies to read for one scale, and in what proportion.
+/// How to read the texture at one scale.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale {
-    /// Texels a metre.
+    /// Texels of the chosen copy a metre.
     frequency: f32,
+    /// The copy to read.
     level: usize,
-    share: f32,
-}
-
-impl Scale {
-    /// For a texture of `frequency` texels a metre where a pixel covers `footprint` metres.
-    pub fn new(frequency: f32, footprint: f32) -> Self {
-        let texels = (frequency * footprint).max(1.0);
-        let position = libm::log2f(texels).min((LEVELS - 1) as f32 - 0.001);
-        Self { frequency, level: position as usize, share: position - (position as usize) as f32 }
-    }
+    /// What its values are multiplied with.
+    strength: f32,
 }
 
 impl Texture {
     /// Draws a texture: several layers of random values, the coarser ones interpolated.
     pub fn new(random: &mut Random) -> Self {
         let mut finest = vec![0.0f32; SIZE * SIZE];
-        for (shift, weight) in [(0, 0.45), (1, 0.4), (2, 0.4), (4, 0.35)] {
+        for (shift, weight) in [(0, 0.5), (1, 0.4), (2, 0.35), (3, 0.3), (4, 0.3), (5, 0.2)] {
             let size = SIZE >> shift;
             let lattice: Vec<f32> =
                 (0..size * size).map(|_| weight * random.uniform(-1.0, 1.0) as f32).collect();
@@ -60,23 +55,35 @@ impl Texture {
                 .collect();
             levels.push(smaller);
         }
-        Self { levels }
+        let mut spreads = [0.0; LEVELS];
+        for (spread, level) in spreads.iter_mut().zip(&levels) {
+            *spread = (level.iter().map(|v| v * v).sum::<f32>() / level.len() as f32).sqrt();
+        }
+        Self { levels, spreads }
+    }
+
+    /// How to read it with `frequency` texels a metre where a pixel covers `footprint` metres.
+    ///
+    /// One copy is read, the largest that does not flicker. Towards the distance at which the next one takes over
+    /// its contrast falls to that of the next, so that the change does not show as an edge.
+    pub fn scale(&self, frequency: f32, footprint: f32) -> Scale {
+        let texels = (frequency * footprint).max(1.0);
+        let position = libm::log2f(texels).min((LEVELS - 2) as f32 - 0.001);
+        let level = position as usize;
+        let share = position - level as f32;
+        let next = self.spreads[level + 1] / self.spreads[level];
+        Scale { frequency: frequency / (1u32 << level) as f32, level, strength: 1.0 + (next - 1.0) * share }
     }
 
     /// The brightness at a place on the ground.
+    #[inline]
     pub fn at(&self, x: f32, z: f32, scale: Scale) -> f32 {
-        let texel = scale.frequency / (1u32 << scale.level) as f32;
-        let fine = bilinear(&self.levels[scale.level], SIZE >> scale.level, x * texel, z * texel);
-        // The largest copy stays sharp; between the others the change must not show as an edge.
-        if scale.share == 0.0 {
-            return fine;
-        }
-        let half = texel * 0.5;
-        let coarse = bilinear(&self.levels[scale.level + 1], SIZE >> (scale.level + 1), x * half, z * half);
-        fine + (coarse - fine) * scale.share
+        let (x, y) = (x * scale.frequency, z * scale.frequency);
+        scale.strength * bilinear(&self.levels[scale.level], SIZE >> scale.level, x, y)
     }
 }
 
+#[inline]
 fn bilinear(texels: &[f32], size: usize, x: f32, y: f32) -> f32 {
     let (left, top) = (floor(x), floor(y));
     let (fx, fy) = (x - left as f32, y - top as f32);
@@ -89,6 +96,7 @@ fn bilinear(texels: &[f32], size: usize, x: f32, y: f32) -> f32 {
 }
 
 /// The largest whole number that is not larger. Without SSE 4.1, `f32::floor` is a call of a function.
+#[inline]
 fn floor(value: f32) -> i32 {
     let cut = value as i32;
     cut - i32::from((cut as f32) > value)
@@ -102,13 +110,13 @@ mod tests {
     #[test]
     fn the_texture_repeats_and_fades_with_distance() {
         let texture = Texture::new(&mut Key([1; 32]).sequence());
-        let near = Scale::new(8.0, 0.01);
-        assert_eq!(texture.at(3.25, -7.5, near), texture.at(3.25 + 16.0, -7.5 - 32.0, near));
+        let near = texture.scale(8.0, 0.01);
+        assert_eq!(texture.at(3.25, -7.5, near), texture.at(3.25 + 32.0, -7.5 - 64.0, near));
         let spread = |scale| {
             (0..1000).map(|i| texture.at(i as f32 * 0.37, i as f32 * 0.11, scale).abs()).sum::<f32>() / 1000.0
         };
         assert!(spread(near) > 0.2, "{}", spread(near));
-        assert!(spread(Scale::new(8.0, 20.0)) < 0.05);
+        assert!(spread(texture.scale(8.0, 20.0)) < 0.05);
     }
 
     #[test]
