@@ -74,10 +74,9 @@ pub(super) fn is_memory(error: &mlua::Error) -> bool {
 }
 
 /// The sentence for what a script raised.
-pub(super) fn sentence(script: &str, raised: &Value) -> Error {
+pub(super) fn raised(script: &str, raised: &Value) -> Error {
     let message = match raised {
         Value::String(text) => text.to_string_lossy(),
-        Value::Error(error) => root(error),
         other => format!("raised an error that is {}; use a text, as in error(\"...\")", type_of(other)),
     };
     with_location(script, &message)

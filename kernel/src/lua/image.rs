@@ -12,7 +12,7 @@ use mlua::{
 use pdk_sdk::ops::{Frame, FrameBuf, FrameMut, blend, color, draw, gaussian, noise, point, resize};
 
 use super::api::{ApiClass, ApiMethod, ApiProperty};
-use super::failure::type_of;
+use super::failure::{is_memory, type_of};
 use super::random::LuaRandom;
 
 /// The largest width and height of an image that a script can make.
@@ -46,7 +46,16 @@ impl LuaImage {
         let bytes = bytes.filter(|&bytes| bytes > 0).ok_or_else(|| {
             mlua::Error::runtime(format!("an image of {width}x{height} pixels cannot be made"))
         })?;
-        let pixels = lua.create_buffer_with_capacity(bytes)?;
+        let pixels = match lua.create_buffer_with_capacity(bytes) {
+            // Luau does not collect when memory runs out, and images make much garbage with few objects. The first
+            // round drops images that nothing refers to, the second their pixels.
+            Err(error) if is_memory(&error) => {
+                lua.gc_collect()?;
+                lua.gc_collect()?;
+                lua.create_buffer_with_capacity(bytes)?
+            }
+            made => made?,
+        };
         let (data, len) = buffer_bytes(lua, &pixels)?;
         debug_assert_eq!(len, bytes);
         Ok(Self { width, height, pixels, data })

@@ -72,7 +72,7 @@ impl LuaPerturbation {
     pub fn new(script: &str, source: &[u8], stem: &str, config: Config, limits: Limits) -> Result<Self> {
         let sandbox = Sandbox::new(limits)?;
         let Declaration { description, apply } = declare(&sandbox, script, source, stem)?;
-        let cx = ScriptContext::new(sandbox.lua(), &description, &config).place(script)?;
+        let cx = sandbox.make(script, |lua| ScriptContext::new(lua, &description, &config))?;
         Ok(Self {
             script: script.to_owned(),
             description,
@@ -91,19 +91,23 @@ impl LuaPerturbation {
     }
 
     /// An image of the size of `src` with its pixels.
-    fn image_of(&mut self, src: Frame<'_>) -> mlua::Result<AnyUserData> {
-        if let Some(image) = &self.image {
-            let mut pixels = image.borrow_mut::<LuaImage>()?;
-            if (pixels.width(), pixels.height()) == (src.width(), src.height()) {
-                pixels.frame_mut()?.copy_from(src);
-                return Ok(image.clone());
+    fn image_of(&mut self, src: Frame<'_>) -> Result<AnyUserData> {
+        let latest = self.image.take();
+        let image = self.sandbox.make(&self.script, |lua| {
+            if let Some(image) = latest {
+                let mut pixels = image.borrow_mut::<LuaImage>()?;
+                if (pixels.width(), pixels.height()) == (src.width(), src.height()) {
+                    pixels.frame_mut()?.copy_from(src);
+                    drop(pixels);
+                    return Ok(image);
+                }
+                drop(pixels);
+                drop(image);
             }
-        }
-        self.image = None;
-        let lua = self.sandbox.lua();
-        let mut pixels = LuaImage::new(lua, src.width(), src.height())?;
-        pixels.frame_mut()?.copy_from(src);
-        let image = lua.create_userdata(pixels)?;
+            let mut pixels = LuaImage::new(lua, src.width(), src.height())?;
+            pixels.frame_mut()?.copy_from(src);
+            lua.create_userdata(pixels)
+        })?;
         self.image = Some(image.clone());
         Ok(image)
     }
@@ -112,8 +116,8 @@ impl LuaPerturbation {
 impl Perturbation for LuaPerturbation {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
-        let image = self.image_of(src).place(&self.script)?;
-        self.cx.set(cx, &self.values).place(&self.script)?;
+        let image = self.image_of(src)?;
+        self.sandbox.make(&self.script, |_| self.cx.set(cx, &self.values))?;
         let returned = self.sandbox.call(&self.script, &self.apply, (&image, &self.cx.table))?;
         match &returned {
             Value::Nil => {}

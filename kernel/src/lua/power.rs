@@ -31,14 +31,11 @@ pub(super) fn check(script: &str, source: &[u8]) -> Result<()> {
                 }
             }
             b'"' | b'\'' => scanner.skip_text(byte),
-            b'`' => {
-                if scanner.skip_interpolated() {
-                    braces.push(true);
-                }
-            }
             b'{' => braces.push(false),
-            b'}' => {
-                if braces.pop() == Some(true) && scanner.skip_interpolated() {
+            b'`' | b'}' => {
+                // A text begins, or goes on behind an expression.
+                let text = byte == b'`' || braces.pop() == Some(true);
+                if text && scanner.skip_interpolated() {
                     braces.push(true);
                 }
             }

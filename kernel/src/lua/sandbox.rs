@@ -148,13 +148,7 @@ impl Sandbox {
             .set_name(format!("@{script}"))
             .set_mode(ChunkMode::Text)
             .into_function()
-            .map_err(|error| {
-                if failure::is_memory(&error) {
-                    self.out_of_memory(script)
-                } else {
-                    failure::binding(script, &error)
-                }
-            })?;
+            .map_err(|error| self.explain(script, &error))?;
         // After the compiler, which has the better messages for what is not Lua at all.
         power::check(script, source)?;
         Ok(function)
@@ -191,11 +185,10 @@ impl Sandbox {
         }
         match outcome {
             Ok(Ok(value)) if status == ffi::LUA_OK => Ok(value),
-            Ok(Ok(Value::Error(error))) if failure::is_memory(&error) => Err(self.out_of_memory(script)),
+            Ok(Ok(Value::Error(error))) => Err(self.explain(script, &error)),
             Ok(Ok(_)) if status == ffi::LUA_ERRMEM => Err(self.out_of_memory(script)),
-            Ok(Ok(raised)) => Err(failure::sentence(script, &raised)),
-            Ok(Err(error)) if failure::is_memory(&error) => Err(self.out_of_memory(script)),
-            Ok(Err(error)) => Err(failure::binding(script, &error)),
+            Ok(Ok(raised)) => Err(failure::raised(script, &raised)),
+            Ok(Err(error)) => Err(self.explain(script, &error)),
             Err(panic) => {
                 let text = panic
                     .downcast_ref::<String>()
@@ -206,6 +199,20 @@ impl Sandbox {
                     .at(failure::location(script)))
             }
         }
+    }
+
+    /// Makes a value for a script outside of a call.
+    ///
+    /// # Errors
+    /// Where memory runs out, in one sentence.
+    pub fn make<T>(&self, script: &str, make: impl FnOnce(&Lua) -> mlua::Result<T>) -> Result<T> {
+        failure::forget_location();
+        make(&self.lua).map_err(|error| self.explain(script, &error))
+    }
+
+    /// The sentence for an error of the binding.
+    fn explain(&self, script: &str, error: &mlua::Error) -> Error {
+        if failure::is_memory(error) { self.out_of_memory(script) } else { failure::binding(script, error) }
     }
 
     fn out_of_time(&self, script: &str) -> Error {

@@ -400,6 +400,27 @@ fn strides_and_changing_sizes_are_fine() {
 }
 
 #[test]
+fn large_images_fit_as_long_as_few_are_kept() {
+    let limits = Limits { memory_bytes: 8 << 20, time: Duration::from_secs(10) };
+    let make = |source: &str| {
+        LuaPerturbation::new(SCRIPT, body(source).as_bytes(), "foo", Config::default(), limits).unwrap()
+    };
+    let mut copies = make("for i = 1, 300 do local copy = image:copy() copy:fill(i, 0, 0) end");
+    let (large, small) = (FrameBuf::new(1000, 800), FrameBuf::new(10, 800));
+    let key = key();
+    let cx = Context::new(0.0, 0, 0.0, &key);
+    for src in [&large, &small, &large, &small, &large] {
+        assert_eq!(&run(&mut copies, src, &cx).unwrap(), src);
+    }
+    let mut keeps = make("local all = {} for i = 1, 300 do all[i] = image:copy() end");
+    let error = run(&mut keeps, &large, &cx).unwrap_err().to_string();
+    assert!(error.starts_with("scripts/foo.lua:3: used more than 8 MiB of memory; keep less"), "{error}");
+    let error = run(&mut copies, &FrameBuf::new(4000, 3000), &cx).unwrap_err().to_string();
+    assert!(error.starts_with("scripts/foo.lua: used more than 8 MiB of memory"), "{error}");
+    assert_eq!(run(&mut copies, &small, &cx).unwrap(), small);
+}
+
+#[test]
 fn an_instance_can_move_between_threads() {
     fn sendable<T: Send>(value: T) -> T {
         value
