@@ -83,10 +83,10 @@ pub fn gaussian_blur(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, 
     }
     for y in 0..height {
         scale_bytes(src.row(y), sum, weights[0]);
-        for (distance, &weight) in weights.iter().enumerate().take(radius + 1).skip(1) {
-            let above = src.row(reflect(y as isize - distance as isize, height));
-            let below = src.row(reflect(y as isize + distance as isize, height));
-            add_bytes(above, below, sum, weight);
+        for (near, far, shares) in pairs(&weights[..=radius]) {
+            let row = |down: isize| src.row(reflect(y as isize + down, height));
+            let (near, far) = (near as isize, far as isize);
+            add_bytes(row(-near), row(near), row(-far), row(far), sum, shares);
         }
         split(sum, &mut upper[border..border + values], &mut lower[border..border + values]);
         for buffer in [&mut *upper, &mut *lower] {
@@ -94,15 +94,23 @@ pub fn gaussian_blur(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, 
         }
         for (padded, sum) in [(&*upper, &mut *sum), (&*lower, &mut *lower_sum)] {
             scale_words(&padded[border..border + values], sum, weights[0]);
-            for (distance, &weight) in weights.iter().enumerate().take(radius + 1).skip(1) {
-                let offset = distance * CHANNELS;
-                let left = &padded[border - offset..border - offset + values];
-                let right = &padded[border + offset..border + offset + values];
-                add_words(left, right, sum, weight);
+            for (near, far, shares) in pairs(&weights[..=radius]) {
+                let left = |distance: usize| &padded[border - distance * CHANNELS..][..values];
+                let right = |distance: usize| &padded[border + distance * CHANNELS..][..values];
+                add_words(left(near), right(near), left(far), right(far), sum, shares);
             }
         }
         finish(sum, lower_sum, dst.row_mut(y));
     }
+}
+
+/// The distances from the centre two by two, with their weights: sums are then read and written half as often. Where
+/// the number of distances is odd, the last one comes twice, the second time with no weight.
+fn pairs(weights: &[u16]) -> impl Iterator<Item = (usize, usize, [u16; 2])> + '_ {
+    (1..weights.len()).step_by(2).map(|near| match weights.get(near + 1) {
+        Some(&far) => (near, near + 1, [weights[near], far]),
+        None => (near, near, [weights[near], 0]),
+    })
 }
 
 /// Fills `radius` pixels at both ends of a row of `width` pixels with the mirrored row.
@@ -126,9 +134,13 @@ vectorised! {
 }
 
 vectorised! {
-    fn add_bytes / add_bytes_portable / add_bytes_avx2 (a: &[u8], b: &[u8], sum: &mut [u16], weight: u16) {
-        for ((sum, &a), &b) in sum.iter_mut().zip(a).zip(b) {
-            *sum = sum.wrapping_add((u16::from(a) + u16::from(b)).wrapping_mul(weight));
+    fn add_bytes / add_bytes_portable / add_bytes_avx2 (
+        a: &[u8], b: &[u8], c: &[u8], d: &[u8], sum: &mut [u16], weights: [u16; 2],
+    ) {
+        for ((sum, (&a, &b)), (&c, &d)) in sum.iter_mut().zip(a.iter().zip(b)).zip(c.iter().zip(d)) {
+            let near = (u16::from(a) + u16::from(b)).wrapping_mul(weights[0]);
+            let far = (u16::from(c) + u16::from(d)).wrapping_mul(weights[1]);
+            *sum = sum.wrapping_add(near).wrapping_add(far);
         }
     }
 }
@@ -151,9 +163,13 @@ vectorised! {
 }
 
 vectorised! {
-    fn add_words / add_words_portable / add_words_avx2 (a: &[u16], b: &[u16], sum: &mut [u16], weight: u16) {
-        for ((sum, &a), &b) in sum.iter_mut().zip(a).zip(b) {
-            *sum = sum.wrapping_add(a.wrapping_add(b).wrapping_mul(weight));
+    fn add_words / add_words_portable / add_words_avx2 (
+        a: &[u16], b: &[u16], c: &[u16], d: &[u16], sum: &mut [u16], weights: [u16; 2],
+    ) {
+        for ((sum, (&a, &b)), (&c, &d)) in sum.iter_mut().zip(a.iter().zip(b)).zip(c.iter().zip(d)) {
+            let near = a.wrapping_add(b).wrapping_mul(weights[0]);
+            let far = c.wrapping_add(d).wrapping_mul(weights[1]);
+            *sum = sum.wrapping_add(near).wrapping_add(far);
         }
     }
 }

@@ -86,8 +86,11 @@ vectorised! {
     ) {
         for ((to, &from), &normal) in to.iter_mut().zip(from).zip(normal) {
             let product = f32::from(from) * (1.0 + f32::from(normal) * scale);
-            // SAFETY: the product is finite and clipped to what an i32 holds. The checked conversion costs half the time.
-            *to = unsafe { product.clamp(0.0, 255.0).to_int_unchecked::<i32>() } as u8;
+            // Unlike `clamp`, this makes a number of what is none.
+            #[allow(clippy::manual_clamp)]
+            let clipped = product.max(0.0).min(255.0);
+            // SAFETY: a number from 0 to 255 fits. The checked conversion would double the time of the whole kernel.
+            *to = unsafe { clipped.to_int_unchecked::<i32>() } as u8;
         }
     }
 }

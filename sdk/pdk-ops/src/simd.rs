@@ -61,10 +61,11 @@ pub(crate) fn round_inside_byte(value: f32) -> u8 {
     (value + ROUNDING).to_bits() as u8
 }
 
-/// Clips to `0.0..=255.0` and rounds half to even.
+/// Clips to `0.0..=255.0` and rounds half to even; what is not a number becomes 0.
+#[allow(clippy::manual_clamp)] // `clamp` keeps what is not a number
 #[inline(always)]
 pub(crate) fn round_to_byte(value: f32) -> u8 {
-    round_inside_byte(value.clamp(0.0, 255.0))
+    round_inside_byte(value.max(0.0).min(255.0))
 }
 
 #[cfg(test)]
@@ -73,9 +74,17 @@ mod tests {
 
     #[test]
     fn rounds_half_to_even_and_clips() {
-        for (value, byte) in
-            [(-3.0, 0), (0.5, 0), (1.5, 2), (2.5, 2), (2.51, 3), (254.5, 254), (255.0, 255), (1e9, 255)]
-        {
+        for (value, byte) in [
+            (f32::NAN, 0),
+            (-3.0, 0),
+            (0.5, 0),
+            (1.5, 2),
+            (2.5, 2),
+            (2.51, 3),
+            (254.5, 254),
+            (255.0, 255),
+            (1e9, 255),
+        ] {
             assert_eq!(round_to_byte(value), byte, "{value}");
         }
     }

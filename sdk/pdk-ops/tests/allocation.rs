@@ -1,0 +1,77 @@
+//! After the first frame of a size, kernels allocate nothing.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use pdk_ops::{FrameBuf, Key, average, blend, color, draw, gaussian, hsv, noise, point, poisson, resize};
+
+/// The system's allocator, counting what this thread asks for.
+struct Counting;
+
+thread_local! {
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: everything is passed on to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
+        // SAFETY: the caller keeps the contract of `realloc`.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn kernels_allocate_on_the_first_frame_only() {
+    let src = FrameBuf::from_vec((0..=255).cycle().take(65 * 40 * 3).collect(), 65, 40).unwrap();
+    let other = FrameBuf::new(33, 21);
+    let mut dst = FrameBuf::new(65, 40);
+    let mut smoothing = gaussian::Workspace::default();
+    let mut averages = average::Workspace::default();
+    let mut table = poisson::PoissonTable::new(30.0);
+    let mut all = |frame: u64| {
+        let src = src.as_ref();
+        let random = || Key([1; 32]).frame(frame);
+        point::lookup(src, dst.as_mut(), &[7; 256]);
+        point::scale_about(src, dst.as_mut(), 127.5, 1.5);
+        blend::blend(src, 0.5, src, dst.as_mut());
+        blend::blend_with_grey(src, dst.as_mut(), 0.5);
+        color::grayscale(src, dst.as_mut());
+        hsv::scale_hsv(src, dst.as_mut(), 1.0, 1.5);
+        resize::resize_linear(other.as_ref(), dst.as_mut());
+        gaussian::gaussian_blur(src, dst.as_mut(), 25 - 2 * (frame % 2) as usize, &mut smoothing);
+        average::disc_blur(src, dst.as_mut(), 9.0 - (frame % 2) as f64, &mut averages);
+        average::pixel_average(src, dst.as_mut(), &[(0, 0), (3, -2)], &mut averages);
+        noise::gaussian_noise(src, dst.as_mut(), 0.1, &mut random());
+        noise::speckle_noise(src, dst.as_mut(), 0.1, &mut random());
+        noise::impulse_noise(src, dst.as_mut(), 0.1, noise::Impulses::Published, &mut random());
+        table.set_count(30.0 + frame as f64);
+        poisson::poisson_noise(src, dst.as_mut(), &table, &mut random());
+        draw::fill_circle(dst.as_mut(), 20.0, 20.0, 9.0, [1, 2, 3]);
+        draw::fill_rectangle(dst.as_mut(), 3, 4, 5, 6, [1, 2, 3]);
+        draw::draw_line(dst.as_mut(), 3, 4, 50, 6, [1, 2, 3]);
+    };
+    let count = |work: &mut dyn FnMut()| {
+        let before = ALLOCATIONS.get();
+        work();
+        ALLOCATIONS.get() - before
+    };
+    assert!(count(&mut || all(0)) > 0, "the counter does not count");
+    for frame in 1..5 {
+        assert_eq!(count(&mut || all(frame)), 0, "frame {frame}");
+    }
+}
