@@ -5,6 +5,7 @@
 pub mod chain;
 pub mod component;
 pub mod drive;
+mod elf;
 pub mod evaluate;
 pub mod exit_guard;
 pub mod image_file;

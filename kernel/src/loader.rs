@@ -10,6 +10,9 @@ use pdk_sdk::abi::{self, PluginDescription, PluginModuleRef};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::{Map, Value};
 
+use crate::elf;
+use crate::watchdog::{DEFAULT_PATIENCE, Watch};
+
 /// A plugin that has been loaded. Its library stays in memory until the process ends.
 pub struct Plugin {
     /// The library's file.
@@ -25,8 +28,10 @@ impl Plugin {
     /// # Errors
     /// Where the file is no library, is no pdk plugin, was built with another SDK version, or cannot describe itself.
     pub fn load(path: &Path) -> Result<Self> {
-        let module = open(path).place(format_args!("plugin {}", path.display()))?;
-        let description = host::result((module.describe())())
+        let watch = Watch::new(vec![format!("plugin {}", path.display())], DEFAULT_PATIENCE);
+        let module = watch.call(0, || open(path)).place(format_args!("plugin {}", path.display()))?;
+        let description = watch
+            .call(0, || host::result((module.describe())()))
             .and_then(|json| Ok(serde_json::from_str::<PluginDescription>(&json)?))
             .and_then(|description| check_names(&description).map(|()| description))
             .place(format_args!("plugin {}", path.display()))?;
@@ -44,6 +49,11 @@ impl Plugin {
 }
 
 fn open(path: &Path) -> Result<PluginModuleRef> {
+    if let Some((needed, has)) = elf::missing_part(path)? {
+        return Err(Error::new(format!(
+            "is cut off: it has {has} of at least {needed} bytes; build or copy it again"
+        )));
+    }
     // SAFETY: loading runs the library's initialisers. That is what it means to use a plugin: the user put it there.
     let library = unsafe { libloading::Library::new(path) }
         .map_err(|error| Error::new(format!("is no library that this machine can load ({})", cause(&error))))?;
