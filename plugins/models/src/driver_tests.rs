@@ -147,6 +147,26 @@ fn an_unsuitable_model_is_refused_when_it_is_opened() {
     assert!(missing.starts_with("model `/no/such.onnx`: cannot read the file"), "{missing}");
 }
 
+#[test]
+fn a_damaged_model_is_an_error_or_a_driver_but_never_a_panic() {
+    let whole = Pilot::new(&["batch", "3", "4", "6"]).bytes();
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let mut refused = 0;
+    for position in 0..whole.len() {
+        // Most of the file is weights, in which any value is as good as another.
+        if position > 120 && position < whole.len() - 160 {
+            continue;
+        }
+        for bit in 0..8 {
+            let mut bytes = whole.clone();
+            bytes[position] ^= 1 << bit;
+            std::fs::write(file.path(), bytes).unwrap();
+            refused += usize::from(open(json!({"model": file.path(), "backend": "tract"})).is_err());
+        }
+    }
+    assert!(refused > 500, "{refused}");
+}
+
 /// The recorded steering of the drive that comes with the real model, with its frames.
 fn tub() -> Option<(String, Vec<(FrameBuf, f64)>)> {
     let (model, tub) = (fixture::shared("tub_pilot.onnx")?, fixture::shared("tub")?);

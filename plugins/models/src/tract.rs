@@ -83,3 +83,13 @@ impl Session for Tract {
         name().to_owned()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_version_is_the_one_that_is_built_in() {
+        let version = super::name().strip_prefix("tract ").unwrap();
+        let workspace = include_str!("../../../Cargo.toml");
+        assert!(workspace.contains(&format!("tract-onnx = {{ version = \"={version}\"")));
+    }
+}
