@@ -55,7 +55,8 @@ replacements! {
     sinh(x) = libm::sinh(x);
     tan(x) = libm::tan(x);
     tanh(x) = libm::tanh(x);
-    // Two operations in a row, which some C compilers fuse into one on some processors.
+    // A product and a sum, which Luau's native code fuses into one operation on processors that can, and rounds once
+    // instead of twice.
     lerp(a, b, t) = if t == 1.0 { b } else { a + (b - a) * t };
     map(x, in_low, in_high, low, high) = low + (x - in_low) * (high - low) / (in_high - in_low);
 }

@@ -155,7 +155,8 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             name: "pixels",
             luau_type: "buffer",
             doc: "The pixels: the red, green and blue byte of (x, y) are at (y * width + x) * 3 and the two places \
-                  behind.",
+                  behind. A byte drops fractions and everything outside of 0 to 255 wraps around, so round with + 0.5 \
+                  and clip with math.clamp.",
             add: |class, name| class.add_field_method_get(name, |_, image| Ok(image.pixels.clone())),
         },
     ],

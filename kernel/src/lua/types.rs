@@ -98,6 +98,7 @@ fn comment(text: &str, indent: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lua::{ApiFunction, Limits, Sandbox};
 
     #[test]
     fn signatures_get_self() {
@@ -106,6 +107,29 @@ mod tests {
         assert_eq!(
             with_self("(f: (x: number) -> number) -> Image"),
             "(self, f: (x: number) -> number): Image"
+        );
+    }
+
+    #[test]
+    fn a_table_is_installed_and_declared_from_the_same_list() {
+        const TABLE: ApiTable = ApiTable {
+            name: "greet",
+            doc: "Greets.",
+            functions: &[ApiFunction {
+                name: "hello",
+                signature: "(name: string) -> string",
+                doc: "Says hello.",
+                make: |lua| lua.create_function(|_, name: String| Ok(format!("hello {name}"))),
+            }],
+        };
+        let sandbox = Sandbox::with_api(Limits::default(), |lua| TABLE.install(lua)).unwrap();
+        let chunk = sandbox.load("s.lua", b"return greet.hello('road')").unwrap();
+        assert_eq!(sandbox.call("s.lua", &chunk, ()).unwrap().to_string().unwrap(), "hello road");
+        let change = sandbox.load("s.lua", b"greet.hello = nil").unwrap();
+        assert!(sandbox.call("s.lua", &change, ()).is_err());
+        assert_eq!(
+            TABLE.declare(),
+            "--- Greets.\ndeclare greet: {\n    --- Says hello.\n    hello: (name: string) -> string,\n}\n"
         );
     }
 

@@ -65,7 +65,7 @@ fn loops_without_end_are_ended_with_their_line() {
         let start = Instant::now();
         let error = error(source);
         assert_eq!(error, format!("{SCRIPT}:{line}: {expected}"), "{source}");
-        assert!(start.elapsed() < Duration::from_millis(900), "{:?} for {source}", start.elapsed());
+        assert!(start.elapsed() < Duration::from_secs(3), "{:?} for {source}", start.elapsed());
     }
 }
 
@@ -221,6 +221,23 @@ fn transcendental_functions_are_those_of_libm() {
     assert_eq!(number("return math.lerp(2, 4, 0.25) + math.map(1, 0, 2, 10, 20)"), 17.5);
 }
 
+/// Luau's own `math.lerp` is a fused multiply-add in native code where the processor has one.
+#[test]
+fn interpolation_is_not_fused() {
+    // Only the last bits count, so that they are not lost in the sum.
+    let source = "local s = 0 for i = 1, 1000 do
+        local v = math.lerp(0.1 * i, 0.7, i / 3000) * 1e14 s += v - math.floor(v) end return s";
+    let sum = |lerp: fn(f64, f64, f64) -> f64| {
+        (1..=1000).map(f64::from).fold(0.0, |sum, i| {
+            let v = lerp(0.1 * i, 0.7, i / 3000.0) * 1e14;
+            sum + (v - v.floor())
+        })
+    };
+    let plain = sum(|a, b, t| a + (b - a) * t);
+    assert_ne!(plain.to_bits(), sum(|a, b, t| (b - a).mul_add(t, a)).to_bits(), "the test could not fail");
+    assert_eq!(number(source).to_bits(), plain.to_bits());
+}
+
 /// That Luau's compiler and interpreter really bypass a replaced function unless told not to: without this the test
 /// above could pass by chance, wherever libm and the C library agree.
 #[test]
@@ -281,6 +298,15 @@ fn a_stale_interrupt_does_not_end_the_next_call() {
             assert_eq!(sandbox.call(SCRIPT, &long, ()).unwrap(), Value::Number(500_000_500_000.0));
         }
     }
+}
+
+/// The watchdog goes to sleep when nothing runs. (Other tests keep it awake: this says most when it runs alone.)
+#[test]
+fn a_sleeping_watchdog_is_woken() {
+    let sandbox = sandbox();
+    assert!(run(&sandbox, "return 1").is_ok());
+    std::thread::sleep(Duration::from_millis(1_500));
+    assert!(run(&sandbox, "while true do end").is_err());
 }
 
 #[test]
