@@ -40,6 +40,13 @@ pub struct Place {
     pub gradient: [f32; 2],
 }
 
+impl Place {
+    /// Whether it lies where the field is exact, away from its outer border.
+    pub fn is_near(&self) -> bool {
+        self.lateral.abs() < (REACH - 1.0) as f32
+    }
+}
+
 /// The field of one road.
 #[derive(Debug)]
 pub struct Field {
@@ -108,7 +115,8 @@ impl Field {
         if !inside {
             return None;
         }
-        let (column, row) = (cx as usize, cz as usize);
+        // By way of signed numbers, which CPUs convert to directly.
+        let (column, row) = (cx as i32 as usize, cz as i32 as usize);
         let tile = self.tiles[(row >> SHIFT) * self.columns + (column >> SHIFT)];
         if tile == EMPTY {
             return None;
@@ -122,13 +130,17 @@ impl Field {
         let (lateral_near, lateral_far) = (near[0][0] + across_near * fx, far[0][0] + across_far * fx);
         let (along_near, along_far) =
             (near[0][1] + (near[1][1] - near[0][1]) * fx, far[0][1] + (far[1][1] - far[0][1]) * fx);
+        let gradient =
+            [(across_near + (across_far - across_near) * fz) * CELLS, (lateral_far - lateral_near) * CELLS];
+        // A distance changes by a metre a metre. Where it changes faster, the corners of the cell belong to different
+        // parts of the road, or one of them to none.
+        if gradient[0].abs() + gradient[1].abs() > 2.0 {
+            return None;
+        }
         Some(Place {
             lateral: lateral_near + (lateral_far - lateral_near) * fz,
             along: along_near + (along_far - along_near) * fz,
-            gradient: [
-                (across_near + (across_far - across_near) * fz) * CELLS,
-                (lateral_far - lateral_near) * CELLS,
-            ],
+            gradient,
         })
     }
 }
@@ -204,6 +216,30 @@ mod tests {
             }
         }
         assert!(worst < 0.01 && asked == 8500, "{worst}");
+    }
+
+    #[test]
+    fn no_road_appears_where_there_is_none() {
+        // Two parts of a road side by side: between them the nearest one changes.
+        let road = Road::from_angles(&[0.0, 0.0, 60.0, 60.0, 60.0, 0.0, 0.0], 20.0).unwrap();
+        let field = Field::new(&road.path);
+        let (path, lead_in) = continued(&road.path);
+        let centre = |lateral: f64| lateral - crate::section::ROAD_CENTRE;
+        let mut on_road = 0;
+        for i in 0..300 {
+            for j in 0..300 {
+                let (x, z) = (i as f32 * 0.331, j as f32 * 0.473);
+                let at = [field.origin()[0] + f64::from(x), field.origin()[1] + f64::from(z)];
+                let expected = path.locate(at, 0, path.segments());
+                let Some(place) = field.at(x, z) else { continue };
+                if centre(f64::from(place.lateral)).abs() < crate::section::PAVED_HALF_WIDTH {
+                    assert!((f64::from(place.lateral) - expected.lateral).abs() < 0.05, "{at:?} {place:?}");
+                    assert!((f64::from(place.along) - expected.along + lead_in).abs() < 0.3, "{at:?}");
+                    on_road += 1;
+                }
+            }
+        }
+        assert!(on_road > 5000, "{on_road}");
     }
 
     #[test]

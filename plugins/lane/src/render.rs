@@ -8,6 +8,7 @@
 use pdk_sdk::prelude::{Frame, FrameMut, Random};
 
 use crate::camera::Projection;
+use crate::field::{Field, Place};
 use crate::scene::{Object, ObjectKind, Scene};
 use crate::section::{self, Section};
 use crate::sprite::{Placement, Sprite};
@@ -26,6 +27,8 @@ const FARTHEST_OBJECT: f64 = 260.0;
 /// Texels a metre of the two layers of texture: grain everywhere, and patches in the grass.
 const GRAIN: f32 = 30.0;
 const PATCHES: f32 = 0.45;
+/// What patches add to the colour of grass; the fourth number goes unused, as in all colours that are computed by fours.
+const PATCH: [f32; 4] = [24.0, 13.0, -2.0, 0.0];
 
 /// What a row of pixels shows.
 #[derive(Debug)]
@@ -137,13 +140,15 @@ impl Renderer {
         let left = 0.5 - self.projection.centre_x as f32;
         let start = [0, 1].map(|k| view.at[k] + view.ahead[k] * ground.ahead + across[k] * left);
         let clear = 1.0 - ground.haze;
-        let haze = HAZE.map(|c| c * ground.haze);
+        let [r, g, b] = HAZE.map(|c| c * ground.haze);
+        let haze = [r, g, b, 0.0];
+        let mut places = Places::new(&scene.field, start, across, ground.pixel_width);
         for (i, pixel) in row.chunks_exact_mut(3).enumerate() {
             let (x, z) = (start[0] + across[0] * i as f32, start[1] + across[1] * i as f32);
             let grain = self.texture.at(x, z, ground.grain);
-            let mut surface = section::GRASS;
+            let mut surface = section::grass();
             let mut meadow = 1.0;
-            if let Some(place) = scene.field.at(x, z) {
+            if let Some(place) = places.at(i, x, z) {
                 let offset = place.lateral - section::ROAD_CENTRE as f32;
                 if offset.abs() < section::HALF_WIDTH + 1.0 {
                     let [gx, gz] = place.gradient;
@@ -151,29 +156,28 @@ impl Renderer {
                     let extent = |x: f32, z: f32| {
                         (x * across[0] + z * across[1]).abs() + (x * along[0] + z * along[1]).abs()
                     };
-                    let (wide, long) = (extent(gx, gz), extent(gz, -gx));
+                    let wide = extent(gx, gz);
                     surface = self.section.mean(offset, wide);
                     let half_line = section::LINE_WIDTH as f32 / 2.0;
-                    let line = section::cover(offset, wide.max(0.01), -half_line, half_line);
-                    if line > 0.0 {
-                        let share = line * section::dash_cover(place.along, long);
-                        for (c, yellow) in surface.rgb.iter_mut().zip(section::YELLOW) {
+                    if offset.abs() < half_line + wide {
+                        let line = section::cover(offset, wide.max(0.01), -half_line, half_line);
+                        let share = line * section::dash_cover(place.along, extent(gz, -gx));
+                        for (c, yellow) in surface.iter_mut().zip(section::YELLOW) {
                             *c += (yellow - *c) * share;
                         }
                     }
                     meadow = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
                 }
             }
-            let detail = 1.0 + surface.texture * grain * 1.6;
-            let mut rgb = surface.rgb;
-            rgb.iter_mut().for_each(|c| *c *= detail);
+            let mut patch = 0.0;
             if meadow > 0.0 {
-                let patch = self.texture.at(x, z, ground.patches) * meadow;
-                rgb = [rgb[0] + patch * 24.0, rgb[1] + patch * 13.0, rgb[2] - patch * 2.0];
+                patch = self.texture.at(x, z, ground.patches) * meadow * clear;
             }
-            for channel in 0..3 {
-                pixel[channel] = (rgb[channel] * clear + haze[channel] + 0.5) as u8;
+            let detail = (1.0 + surface[3] * grain * 1.6) * clear;
+            for channel in 0..4 {
+                surface[channel] = surface[channel] * detail + patch * PATCH[channel] + haze[channel];
             }
+            write(pixel, surface);
         }
     }
 
@@ -211,9 +215,7 @@ impl Renderer {
                     }
                 }
             }
-            for channel in 0..3 {
-                pixel[channel] = (rgb[channel] + 0.5) as u8;
-            }
+            write(pixel, [rgb[0], rgb[1], rgb[2], 0.0]);
         }
     }
 
@@ -290,6 +292,78 @@ impl Renderer {
     }
 }
 
+/// The places on the road along one row of pixels. Where pixels are small the field is asked at every eighth alone: in
+/// between it is straight to within a few millimetres.
+struct Places<'a> {
+    field: &'a Field,
+    start: [f32; 2],
+    across: [f32; 2],
+    /// Whether places are interpolated.
+    sparse: bool,
+    /// The places at both ends of the block at hand, where they are near the road.
+    ends: [Option<Place>; 2],
+    /// Whether both belong to the same part of the road.
+    straight: bool,
+}
+
+impl<'a> Places<'a> {
+    /// Pixels in a block.
+    const BLOCK: usize = 8;
+    /// Longest block that counts as straight, in metres.
+    const LONGEST: f32 = 0.5;
+
+    fn new(field: &'a Field, start: [f32; 2], across: [f32; 2], pixel_width: f32) -> Self {
+        let sparse = pixel_width * Self::BLOCK as f32 <= Self::LONGEST;
+        let mut places = Self { field, start, across, sparse, ends: [None; 2], straight: false };
+        places.ends[1] = places.end(0);
+        places
+    }
+
+    fn end(&self, pixel: usize) -> Option<Place> {
+        if !self.sparse {
+            return None;
+        }
+        let (x, z) =
+            (self.start[0] + self.across[0] * pixel as f32, self.start[1] + self.across[1] * pixel as f32);
+        self.field.at(x, z).filter(Place::is_near)
+    }
+
+    /// The place of a pixel, which lies at `x`, `z`. Pixels have to be asked for in order.
+    #[inline]
+    fn at(&mut self, pixel: usize, x: f32, z: f32) -> Option<Place> {
+        let within = pixel % Self::BLOCK;
+        if self.sparse && within == 0 {
+            self.ends = [self.ends[1], self.end(pixel + Self::BLOCK)];
+            self.straight = matches!(self.ends, [Some(a), Some(b)]
+                if (a.lateral - b.lateral).abs() <= 2.0 * Self::LONGEST
+                    && (a.along - b.along).abs() <= 2.0 * Self::LONGEST);
+        }
+        match self.ends {
+            [Some(a), Some(b)] if self.straight => {
+                let share = within as f32 * (1.0 / Self::BLOCK as f32);
+                let mix = |a: f32, b: f32| a + (b - a) * share;
+                Some(Place {
+                    lateral: mix(a.lateral, b.lateral),
+                    along: mix(a.along, b.along),
+                    gradient: a.gradient,
+                })
+            }
+            // Far from the road, at its ends, or where pixels are large.
+            _ => self.field.at(x, z),
+        }
+    }
+}
+
+/// Rounds a colour to bytes. The fourth number is left out.
+#[inline]
+fn write(pixel: &mut [u8], colour: [f32; 4]) {
+    // In a number just above 2^23 the lowest bits are those of the whole number added: faster than a conversion.
+    let rounded = colour.map(|c| (c.clamp(0.0, 255.0) + 8_388_608.0).to_bits());
+    for channel in 0..3 {
+        pixel[channel] = rounded[channel] as u8;
+    }
+}
+
 /// The camera's place and directions on the ground, relative to the corner of the field.
 struct View {
     at: [f32; 2],
@@ -336,5 +410,36 @@ fn sky(projection: &Projection, texture: &Texture, y: f64) -> Row {
         right: pixel_width as f32,
         ahead: ahead as f32,
         scale: texture.scale(7.0, footprint as f32),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::road::Road;
+
+    #[test]
+    fn places_in_between_are_those_of_the_field() {
+        let road = Road::from_angles(&[0.0, 35.0, -35.0, 35.0, -35.0, 35.0, 35.0, 0.0], 25.0).unwrap();
+        let field = Field::new(&road.path);
+        let mut compared = 0;
+        for step in 0..300 {
+            let along = 2.0 + step as f64 * 0.5;
+            let at = road.path.beside(along, -8.0);
+            let [dx, dz] = road.path.direction(road.path.segment_at(along));
+            let across = [(dz * 0.06) as f32, (-dx * 0.06) as f32];
+            let start = [(at[0] - field.origin()[0]) as f32, (at[1] - field.origin()[1]) as f32];
+            let mut places = Places::new(&field, start, across, 0.06);
+            for pixel in 0..200 {
+                let (x, z) = (start[0] + across[0] * pixel as f32, start[1] + across[1] * pixel as f32);
+                let (fast, plain) = (places.at(pixel, x, z), field.at(x, z));
+                if let (Some(fast), Some(plain)) = (fast, plain.filter(Place::is_near)) {
+                    assert!((fast.lateral - plain.lateral).abs() < 0.01, "{fast:?} {plain:?}");
+                    assert!((fast.along - plain.along).abs() < 0.06, "{fast:?} {plain:?}");
+                    compared += 1;
+                }
+            }
+        }
+        assert!(compared > 50_000, "{compared}");
     }
 }

@@ -24,15 +24,15 @@ const SAMPLES: usize = (2.0 * HALF_WIDTH * SAMPLES_PER_METRE) as usize;
 
 /// Colour of the ground at one place, and what texture does to it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Ground {
+struct Ground {
     /// Red, green and blue, 0 to 255.
-    pub rgb: [f32; 3],
+    rgb: [f32; 3],
     /// How strongly the texture changes the brightness: 0.1 for 10 %.
-    pub texture: f32,
+    texture: f32,
 }
 
 /// Colour of grass without its texture.
-pub const GRASS: Ground = Ground { rgb: [94.0, 124.0, 56.0], texture: 0.2 };
+const GRASS: Ground = Ground { rgb: [94.0, 124.0, 56.0], texture: 0.2 };
 const ASPHALT: Ground = Ground { rgb: [88.0, 89.0, 92.0], texture: 0.075 };
 const WHITE: Ground = Ground { rgb: [232.0, 233.0, 228.0], texture: 0.035 };
 const GRAVEL: Ground = Ground { rgb: [146.0, 134.0, 110.0], texture: 0.16 };
@@ -65,9 +65,10 @@ impl Section {
         Self { sums }
     }
 
-    /// The mean over `width` metres around the place `offset` metres to the right of the middle of the road.
+    /// The mean over `width` metres around the place `offset` metres to the right of the middle of the road: red, green,
+    /// blue, texture.
     #[inline]
-    pub fn mean(&self, offset: f32, width: f32) -> Ground {
+    pub fn mean(&self, offset: f32, width: f32) -> [f32; 4] {
         let width = width.max(1.0 / SAMPLES_PER_METRE);
         let high = self.sum(offset + width * 0.5);
         let low = self.sum(offset - width * 0.5);
@@ -76,13 +77,14 @@ impl Section {
         for channel in 0..4 {
             mean[channel] += (high[channel] - low[channel]) * scale;
         }
-        Ground { rgb: [mean[0], mean[1], mean[2]], texture: mean[3] }
+        mean
     }
 
     #[inline]
     fn sum(&self, offset: f32) -> [f32; 4] {
         let position = ((offset + HALF_WIDTH) * SAMPLES_PER_METRE).clamp(0.0, SAMPLES as f32 - 0.01);
-        let index = position as usize;
+        // By way of a signed number, which CPUs convert to directly.
+        let index = position as i32 as usize;
         let share = position - index as f32;
         let (mut sum, next) = (self.sums[index], &self.sums[index + 1]);
         for channel in 0..4 {
@@ -92,7 +94,8 @@ impl Section {
     }
 }
 
-const fn grass() -> [f32; 4] {
+/// Grass as red, green, blue, texture.
+pub const fn grass() -> [f32; 4] {
     [GRASS.rgb[0], GRASS.rgb[1], GRASS.rgb[2], GRASS.texture]
 }
 
@@ -151,17 +154,17 @@ mod tests {
                 .map(|i| at(offset + width * ((i as f32 + 0.5) / count as f32 - 0.5)).rgb[0])
                 .sum::<f32>()
                 / count as f32;
-            let mean = section.mean(offset, width).rgb[0];
+            let mean = section.mean(offset, width)[0];
             assert!((mean - direct).abs() < 0.7, "{offset} {width}: {mean} {direct}");
         }
-        assert_eq!(section.mean(50.0, 3.0), GRASS);
+        assert_eq!(section.mean(50.0, 3.0), grass());
     }
 
     #[test]
     fn the_edge_line_is_white_and_lies_inside_the_lane_edge() {
         let section = Section::new();
         for side in [-1.0, 1.0] {
-            assert_eq!(section.mean(side * EDGE_LINE as f32, 0.05).rgb[0].round(), WHITE.rgb[0]);
+            assert_eq!(section.mean(side * EDGE_LINE as f32, 0.05)[0].round(), WHITE.rgb[0]);
         }
         assert!(EDGE_LINE + LINE_WIDTH / 2.0 < LANE_WIDTH);
     }

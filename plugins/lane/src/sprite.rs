@@ -80,7 +80,9 @@ impl Sprite {
             let tier = (y / 0.9 * TIERS as f32) as usize;
             let within = y / 0.9 * TIERS as f32 - tier as f32;
             let widest = 0.12 + 0.8 * (tier as f32 + 1.0) / TIERS as f32;
-            let half = widest * (0.55 + 0.45 * within);
+            // The topmost comes to a point.
+            let narrowest = if tier == 0 { 0.05 } else { 0.55 };
+            let half = widest * (narrowest + (1.0 - narrowest) * within);
             let centre = lean[tier.min(TIERS - 1)];
             let tooth = ragged[((x + 1.0) * 16.0) as usize + tier * 5 & 63];
             let side = (x - centre) / half;

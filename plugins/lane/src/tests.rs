@@ -40,8 +40,9 @@ fn keeper(parameters: Value) -> LaneKeeper {
     LaneKeeper::new(&Config::check(&LaneKeeper::description(), &given).unwrap()).unwrap()
 }
 
-/// What became of a scenario.
+/// What became of a scenario; some of it for people only, who read it in the output.
 #[derive(Debug)]
+#[allow(dead_code)]
 struct Outcome {
     mean: f64,
     worst: f64,
