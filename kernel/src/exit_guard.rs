@@ -39,8 +39,13 @@ impl Default for ExitGuard {
 
 impl Drop for ExitGuard {
     fn drop(&mut self) {
-        ARMED.store(false, Ordering::SeqCst);
+        disarm();
     }
+}
+
+/// Stops guarding, for a process that another one watches: that one sees for itself how this one ends.
+pub fn disarm() {
+    ARMED.store(false, Ordering::SeqCst);
 }
 
 /// Ends the process at once, whatever other threads do: nothing that components registered for its end is run.

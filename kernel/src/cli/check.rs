@@ -2,19 +2,23 @@
 //! that hangs, crashes or exits is a finding like any other.
 
 use std::io::{BufRead, BufReader};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
 
+use pdk::chain::parse_value;
+use pdk::exit_guard;
 use pdk::loader::Plugin;
+use pdk::pipeline::settings::Override;
+use pdk::suggest;
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::testing;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Map, Value, json};
 
 use super::{Global, print_json};
 
@@ -27,10 +31,18 @@ pub struct Arguments {
     /// How many seconds one check may take
     #[arg(long, default_value_t = 30.0, value_name = "SECONDS")]
     patience: f64,
-    /// Load the plugin in this very process and report in JSON lines
+    /// Set a parameter of a component, such as a file that it needs
+    #[arg(long = "set", value_name = "COMPONENT.PARAMETER=VALUE")]
+    values: Vec<Override>,
+    /// Load the plugin in this very process, leave out so many checks of components, and report in JSON lines
     #[arg(long, hide = true)]
-    worker: bool,
+    worker: Option<usize>,
 }
+
+/// The check that opens the library.
+const LOADING: &str = "loading the plugin";
+/// What comes after the last check.
+const LEAVING: &str = "the end of the process";
 
 /// What the process with the plugin reports, a line each.
 #[derive(Serialize, Deserialize)]
@@ -48,44 +60,66 @@ enum Report {
 
 /// Checks a plugin and prints what it carries.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    if arguments.worker {
-        return work(arguments);
+    if let Some(skipped) = arguments.worker {
+        return work(arguments, skipped);
     }
     let patience = Duration::try_from_secs_f64(arguments.patience)
         .map_err(|_| Error::new(format!("--patience is {}, but has to be a number of seconds", arguments.patience)))?;
+    let mut findings = Findings::default();
+    let mut checked = 0;
+    // A process that the plugin hangs or ends is followed by another, which takes up after the fatal check.
+    while let Some(count) = observe(arguments, patience, checked, &mut findings)? {
+        checked += count;
+    }
+    findings.print(global, &arguments.plugin)
+}
+
+/// Watches a process that checks the components of the plugin from check number `skipped` on. Returns how many checks
+/// it began where it did not come to its end, and where there may be more.
+fn observe(
+    arguments: &Arguments,
+    patience: Duration,
+    skipped: usize,
+    findings: &mut Findings,
+) -> Result<Option<usize>> {
     let executable = std::env::current_exe().place("cannot find the pdk executable")?;
     let mut child = Command::new(executable)
-        .arg("check")
-        .arg("--worker")
+        .args(["check", "--worker", &skipped.to_string()])
+        .args(arguments.values.iter().map(|Override { key, value }| format!("--set={key}={value}")))
         .arg(&arguments.plugin)
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
         .spawn()
         .place("cannot start a process for the plugin")?;
     let reports = read_reports(&mut child)?;
 
-    let mut findings = Findings::default();
-    let mut current = "loading the plugin".to_owned();
+    let mut current = LOADING.to_owned();
+    let mut began = 0;
     let hung = loop {
         match reports.recv_timeout(patience) {
-            Ok(Report::Begin(step)) => current = step,
+            Ok(Report::Begin(step)) => {
+                began += usize::from(step != LOADING);
+                current = step;
+            }
+            // Loading is a check of the first process only.
+            Ok(Report::End(None)) if current == LOADING && skipped > 0 => {}
             Ok(Report::End(failure)) => findings.add(&current, failure),
             Ok(Report::Carries { name, version, components }) => findings.carries = Some((name, version, components)),
-            Ok(Report::Done) => current = "the end of the process".to_owned(),
+            Ok(Report::Done) => current = LEAVING.to_owned(),
             Err(mpsc::RecvTimeoutError::Timeout) => break true,
             Err(mpsc::RecvTimeoutError::Disconnected) => break false,
         }
     };
     if hung {
         child.kill().place("cannot end the process of the plugin")?;
-        findings.add(&current, Some(format!("it has not come back for {} s", arguments.patience)));
     }
     let status = child.wait().place("cannot wait for the process of the plugin")?;
-    if !hung && (current != "the end of the process" || !status.success()) {
-        findings.add(&current, Some(format!("the plugin ended the process ({status})")));
+    match (hung, current == LEAVING && status.success()) {
+        (false, true) => return Ok(None),
+        (true, _) => findings.add(&current, Some(format!("it has not come back for {} s", patience.as_secs_f64()))),
+        (false, false) => findings.add(&current, Some(format!("the plugin ended the process ({status})"))),
     }
-    findings.print(global, &arguments.plugin)
+    Ok((current != LOADING && current != LEAVING).then_some(began))
 }
 
 /// Reads the reports on a thread, so that waiting for them can end.
@@ -116,7 +150,7 @@ impl Findings {
         self.steps.push((step.to_owned(), failure));
     }
 
-    fn print(&self, global: &Global, plugin: &std::path::Path) -> Result<()> {
+    fn print(&self, global: &Global, plugin: &Path) -> Result<()> {
         let failures = self.steps.iter().filter(|(_, failure)| failure.is_some()).count();
         if global.json {
             let steps: Vec<_> = self.steps.iter().map(|(step, failure)| json!({ "check": step, "failure": failure })).collect();
@@ -144,9 +178,10 @@ impl Findings {
     }
 }
 
-/// The process with the plugin: takes each step and reports it.
-fn work(arguments: &Arguments) -> Result<()> {
-    let plugin = match step("loading the plugin", || Plugin::load(&arguments.plugin)) {
+/// The process with the plugin: takes each step from number `skipped` on, and reports it.
+fn work(arguments: &Arguments, skipped: usize) -> Result<()> {
+    exit_guard::disarm();
+    let plugin = match step(LOADING, || Plugin::load(&arguments.plugin).and_then(|plugin| known(plugin, arguments))) {
         Some(plugin) => plugin,
         None => {
             report(&Report::Done);
@@ -159,21 +194,58 @@ fn work(arguments: &Arguments) -> Result<()> {
         version: plugin.description.version.clone(),
         components: components.iter().map(|c| format!("{} `{}`", c.kind, c.name)).collect(),
     });
+    let mut number = 0;
     for (index, description) in components.iter().enumerate() {
-        for config in testing::configs(description) {
-            let name = format!("{} `{}`", description.kind, description.name);
-            match config {
-                Ok(config) => {
-                    step(&name, || check(&plugin, index, description, &config));
-                }
-                Err(error) => {
-                    step(&name, || Err::<(), _>(error.at("cannot be run; give it an example with Description::example")));
-                }
+        for (parameters, name) in parameters(description, &arguments.values) {
+            number += 1;
+            if number <= skipped {
+                continue;
             }
+            let remedy = "cannot be run; give it what it needs with --set COMPONENT.PARAMETER=VALUE or Description::example";
+            step(&name, || {
+                let config = Config::check(description, &parameters).place(remedy)?;
+                check(&plugin, index, description, &config)
+            });
         }
     }
     report(&Report::Done);
     Ok(())
+}
+
+/// The plugin, where all parameters that the command line sets are of its components.
+fn known(plugin: Plugin, arguments: &Arguments) -> Result<Plugin> {
+    for Override { key, .. } in &arguments.values {
+        let names = plugin.description.components.iter().map(|component| component.name.as_str());
+        let component = key.split_once('.').map(|(component, _)| component);
+        if component.is_none_or(|component| !names.clone().any(|name| name == component)) {
+            let hint = suggest::hint(component.unwrap_or(key), names);
+            return Err(Error::new(format!("--set {key}: write COMPONENT.PARAMETER=VALUE with a component of the plugin; {hint}")));
+        }
+    }
+    Ok(plugin)
+}
+
+/// The parameters that a component is checked with, and what each check is called: its examples, or its defaults where
+/// it has none, and what the command line sets.
+fn parameters(description: &Description, values: &[Override]) -> Vec<(Map<String, Value>, String)> {
+    let name = format!("{} `{}`", description.kind, description.name);
+    let defaults = [Map::new()];
+    let (examples, named): (&[_], _) = match description.examples.as_slice() {
+        [] => (&defaults, false),
+        examples => (examples, examples.len() > 1),
+    };
+    let prepare = |example: &Map<String, Value>| {
+        let mut parameters = example.clone();
+        for Override { key, value } in values {
+            if let Some((component, parameter)) = key.split_once('.')
+                && component == description.name
+            {
+                parameters.insert(parameter.to_owned(), parse_value(value));
+            }
+        }
+        (parameters, if named { format!("{name} with {}", json!(example)) } else { name.clone() })
+    };
+    examples.iter().map(prepare).collect()
 }
 
 fn step<T>(name: &str, work: impl FnOnce() -> Result<T>) -> Option<T> {

@@ -233,8 +233,13 @@ pub fn check_dataset(config: &Config, make: Make<'_, dyn Dataset>) -> Result<()>
     let mut dataset = make(config)?;
     ensure(!dataset.is_empty(), || "it has no frames".to_owned())?;
     let last = dataset.len() - 1;
+    // A panic in `name` shows in the next call.
+    ensure(!dataset.name(last).is_empty(), || "its last frame has an empty name".to_owned())?;
     let before = dataset.read(last)?;
     dataset.read(0)?;
+    ensure([before.steering, before.throttle, before.time].iter().all(|value| value.is_finite()), || {
+        "its last frame has a steering, throttle or time that is no number".to_owned()
+    })?;
     ensure(before == dataset.read(last)?, || "the same frame is read differently the second time".to_owned())
 }
 

@@ -11,7 +11,8 @@ pub struct Misbehaving {
 impl Component for Misbehaving {
     fn description() -> Description {
         let description = Description::dataset("misbehave", "Misbehaves as told");
-        let description = describe(description, &["new", "len", "name", "drop", "read"], &["empty", "no_number"]);
+        let description =
+            describe(description, &["new", "len", "name", "drop", "read"], &["empty", "no_number"]);
         description.parameter(Parameter::path("path", "read by nobody").optional())
     }
 

@@ -36,10 +36,8 @@ struct Manner {
 
 impl Manner {
     fn new(config: &Config) -> Self {
-        let manner = Self {
-            how: config.text("how").to_owned(),
-            only_at: u64::try_from(config.integer("at")).ok(),
-        };
+        let manner =
+            Self { how: config.text("how").to_owned(), only_at: u64::try_from(config.integer("at")).ok() };
         manner.reach("new");
         manner
     }
@@ -82,10 +80,12 @@ fn describe(mut description: Description, functions: &[&str], own: &[&str]) -> D
     let hang_in_last = everywhere("hang").pop();
     let examples = [vec![BEHAVE.to_owned()], everywhere("panic"), everywhere("exit")].concat();
     let examples = examples.into_iter().chain(hang_in_last).chain(own.iter().map(|&how| how.to_owned()));
-    for how in examples {
+    // A frame of that size takes too long and too much memory to check by the way.
+    for how in examples.filter(|how| how != "large_camera") {
         description = description.example(json!({ "how": how }));
     }
-    let options = [vec![BEHAVE.to_owned()], everywhere("panic"), everywhere("exit"), everywhere("hang")].concat();
+    let options =
+        [vec![BEHAVE.to_owned()], everywhere("panic"), everywhere("exit"), everywhere("hang")].concat();
     let options: Vec<_> = options.iter().map(String::as_str).chain(own.iter().copied()).collect();
     description
         .not_default()

@@ -32,7 +32,15 @@ impl Misbehaving {
 impl Component for Misbehaving {
     fn description() -> Description {
         let functions = ["new", "camera", "reset", "waypoints", "act", "drop", "frame"];
-        let own = ["no_camera", "large_camera", "endless_camera", "slow_camera", "fast_camera", "no_number", "stand_still"];
+        let own = [
+            "no_camera",
+            "large_camera",
+            "endless_camera",
+            "slow_camera",
+            "fast_camera",
+            "no_number",
+            "stand_still",
+        ];
         describe(Description::simulator("misbehave", "Misbehaves as told"), &functions, &own)
     }
 

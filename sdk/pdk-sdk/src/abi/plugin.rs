@@ -166,9 +166,10 @@ impl<T> Drop for Guarded<T> {
             unsafe { ManuallyDrop::drop(&mut self.component) };
             Ok(())
         });
-        // No call is in progress that could return it, and no result depends on it.
+        // No call is in progress that could return it, and no result depends on it. Once is enough to find it.
         if let Err(error) = dropped {
-            eprintln!("pdk: warning: when an instance was dropped, {error}");
+            static SAID: Once = Once::new();
+            SAID.call_once(|| eprintln!("pdk: warning: when an instance was dropped, {error}"));
         }
     }
 }
@@ -230,6 +231,10 @@ impl<T: Driver> RawDriver for Guarded<T> {
     fn drive(&mut self, frame: RawFrame, cx: DriveContext) -> Outcome<Control> {
         // SAFETY: the host lends the frame for this call.
         self.call(|component, _| component.drive(unsafe { frame.get()? }, &cx))
+    }
+
+    fn info(&mut self) -> Outcome<RString> {
+        self.call(|component, _| Ok(serde_json::to_string(&component.info())?.into()))
     }
 }
 
