@@ -8,7 +8,6 @@ pub mod drive;
 mod elf;
 pub mod evaluate;
 pub mod exit_guard;
-pub mod image_file;
 pub mod loader;
 pub mod lua;
 pub mod pipeline;

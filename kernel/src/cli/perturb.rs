@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use pdk::chain::{Chain, Spec};
-use pdk::image_file;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::FrameBuf;
 use serde_json::json;
@@ -44,10 +43,10 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         arguments.perturbations.iter().map(|text| Spec::parse(text, DEFAULT_LEVEL)).collect::<Result<_>>()?;
     let registry = global.registry()?;
     let mut chain = Chain::new(&registry, &specs, arguments.seed, 0)?;
-    let image = image_file::read(&arguments.image)?;
+    let image = pdk_image::read(&arguments.image)?;
     let mut perturbed = FrameBuf::new(image.width(), image.height());
     chain.apply(image.as_ref(), perturbed.as_mut(), arguments.frame, arguments.time)?;
-    image_file::write(&arguments.output, perturbed.as_ref())?;
+    pdk_image::write(&arguments.output, perturbed.as_ref())?;
     if global.json {
         let specs = specs.iter().map(Spec::to_string).collect::<Vec<_>>();
         print_json(&json!({ "output": arguments.output, "perturbations": specs, "seed": arguments.seed }))?;

@@ -259,10 +259,14 @@ impl Host {
         perturbations: impl IntoIterator<Item = &'a Spec>,
     ) -> Result<()> {
         for (kind, spec) in components {
-            self.in_use.add(&self.registry, kind, &spec.name, &spec.parameters)?;
+            let info = match kind {
+                Kind::Driver => self.driver_info(spec)?,
+                _ => Vec::new(),
+            };
+            self.in_use.add(&self.registry, kind, &spec.name, &spec.parameters, info)?;
         }
         for spec in perturbations {
-            self.in_use.add(&self.registry, Kind::Perturbation, &spec.name, &spec.parameters)?;
+            self.in_use.add(&self.registry, Kind::Perturbation, &spec.name, &spec.parameters, Vec::new())?;
         }
         let manifest = Manifest {
             pdk: env!("CARGO_PKG_VERSION").to_owned(),
@@ -274,6 +278,12 @@ impl Host {
             machine: Machine::this(),
         };
         self.directory()?.write_json(MANIFEST, &manifest)
+    }
+
+    /// What a driver says of itself once it is made.
+    fn driver_info(&self, spec: &ComponentSpec) -> Result<Vec<(String, String)>> {
+        let watch = watchdog::Watch::new(vec![format!("driver `{}`", spec.name)], self.common.patience);
+        watch.call(0, || Ok(self.registry.driver(&spec.name, &spec.parameters)?.0.info()))
     }
 
     /// The folder of the record, which is made when it is first needed.

@@ -12,6 +12,7 @@ use crate::record::manifest::Pipeline;
 use crate::registry::Registry;
 
 mod host;
+pub mod records;
 pub mod settings;
 pub mod table;
 

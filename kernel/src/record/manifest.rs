@@ -49,6 +49,9 @@ pub struct ComponentRecord {
     pub version: u32,
     /// The library or script that it comes from.
     pub file: FileRecord,
+    /// What it decided itself when it was made, such as the library that runs a network.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub info: Vec<(String, String)>,
 }
 
 /// A file and its content.
@@ -103,19 +106,27 @@ pub struct InUse {
 }
 
 impl InUse {
-    /// Notes a component and the files among its parameters.
+    /// Notes a component, what it says of itself once it is made, and the files among its parameters.
     ///
     /// # Errors
     /// Where the component does not exist, or one of its files cannot be read.
-    pub fn add(&mut self, registry: &Registry, kind: Kind, name: &str, parameters: &Map<String, Value>) -> Result<()> {
+    pub fn add(
+        &mut self,
+        registry: &Registry,
+        kind: Kind,
+        name: &str,
+        parameters: &Map<String, Value>,
+        info: Vec<(String, String)>,
+    ) -> Result<()> {
         let component = registry.get(kind, name)?;
-        let known = self.components.iter().any(|c| c.kind == kind && c.name == name);
+        let known = self.components.iter().any(|c| c.kind == kind && c.name == name && c.info == info);
         if !known {
             self.components.insert(ComponentRecord {
                 kind,
                 name: name.to_owned(),
                 version: component.description.version,
                 file: FileRecord::of(registry.file_of(component))?,
+                info,
             });
         }
         for value in parameters.values().filter_map(Value::as_str) {

@@ -11,7 +11,6 @@ use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{self, Map, Value};
 
 use crate::clock::Clock;
-use crate::image_file;
 use crate::record::Record;
 
 /// Reads a folder of images with one record each.
@@ -98,7 +97,7 @@ impl Dataset for Folder {
             }
         };
         Ok(Entry {
-            frame: image_file::read(&self.root.join(name))?,
+            frame: pdk_image::read(&self.root.join(name))?,
             steering: record.steering,
             throttle: record.throttle,
             time: self.clock.time(index, &record).map_err(|e| e.at(name))?,

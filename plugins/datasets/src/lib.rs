@@ -7,7 +7,6 @@
 
 mod clock;
 mod folder;
-mod image_file;
 mod record;
 mod tub;
 

@@ -13,7 +13,6 @@ use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{self, Map, Value};
 
 use crate::clock::Clock;
-use crate::image_file;
 use crate::record::Record;
 
 /// Reads a DonkeyCar tub, version 2.
@@ -74,7 +73,7 @@ impl Dataset for Tub {
         })?;
         let record = row.record.clone()?;
         Ok(Entry {
-            frame: image_file::read(&self.images.join(&row.name))?,
+            frame: pdk_image::read(&self.images.join(&row.name))?,
             steering: record.steering,
             throttle: record.throttle,
             time: self.clock.time(index, &record).map_err(|e| e.at(&row.name))?,

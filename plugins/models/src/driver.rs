@@ -128,6 +128,10 @@ impl Driver for Onnx {
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
         self.infer(frame, cx).map_err(|e| e.at(&self.place))
     }
+
+    fn info(&self) -> Vec<(String, String)> {
+        vec![("backend".to_owned(), self.session.backend())]
+    }
 }
 
 #[cfg(test)]

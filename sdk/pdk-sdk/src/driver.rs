@@ -21,6 +21,12 @@ pub trait Driver: Send {
     /// # Errors
     /// Where the driver cannot use the frame, for instance because of its size.
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control>;
+
+    /// What was decided when the instance was made and is not among its parameters, such as the library that runs a
+    /// network: names and values for the record.
+    fn info(&self) -> Vec<(String, String)> {
+        Vec::new()
+    }
 }
 
 /// What a driver knows besides the frame.

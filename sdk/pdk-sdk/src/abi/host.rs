@@ -67,7 +67,10 @@ pub fn instance(raw: RawComponent) -> Result<Instance> {
             }
             Instance::Simulator(Box::new(HostSimulator { raw, camera, waypoints: Vec::new() }))
         }
-        RawComponent::Driver(raw) => Instance::Driver(Box::new(HostDriver(raw))),
+        RawComponent::Driver(mut raw) => {
+            let info = serde_json::from_str(&result(raw.info())?)?;
+            Instance::Driver(Box::new(HostDriver { raw, info }))
+        }
         RawComponent::Saliency(raw) => Instance::Saliency(Box::new(HostSaliency(raw))),
         RawComponent::Search(raw) => Instance::Search(Box::new(HostSearch(raw))),
         RawComponent::Dataset(mut raw) => {
@@ -134,15 +137,22 @@ impl Simulator for HostSimulator {
     }
 }
 
-struct HostDriver(RawDriver_TO<'static, RBox<()>>);
+struct HostDriver {
+    raw: RawDriver_TO<'static, RBox<()>>,
+    info: Vec<(String, String)>,
+}
 
 impl Driver for HostDriver {
     fn reset(&mut self) -> Result<()> {
-        result(self.0.reset())
+        result(self.raw.reset())
     }
 
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
-        result(self.0.drive(RawFrame::new(frame), *cx))
+        result(self.raw.drive(RawFrame::new(frame), *cx))
+    }
+
+    fn info(&self) -> Vec<(String, String)> {
+        self.info.clone()
     }
 }
 

@@ -161,8 +161,10 @@ pub trait RawDriver: Send {
     /// Forgets everything about earlier frames.
     fn reset(&mut self) -> Outcome<()>;
     /// Decides what to do.
-    #[sabi(last_prefix_field)]
     fn drive(&mut self, frame: RawFrame, cx: DriveContext) -> Outcome<Control>;
+    /// What was decided when the instance was made, as JSON.
+    #[sabi(last_prefix_field)]
+    fn info(&mut self) -> Outcome<RString>;
 }
 
 /// What crosses the boundary for a saliency method.

@@ -1,5 +1,7 @@
-//! Reads an image file, all of it or not at all.
+//! Image files as frames. Reading is strict: a file is read whole and undamaged, or it is an error, because a model
+//! would be judged on what a lenient decoder makes up.
 
+use std::io::Cursor;
 use std::path::Path;
 
 use image::ImageFormat;
@@ -76,17 +78,45 @@ fn reaches_end(bytes: &[u8]) -> bool {
     }
 }
 
+/// Writes a frame as PNG, JPEG, BMP or WebP; the ending of the name says which. Folders on the way are made.
+///
+/// # Errors
+/// Where the ending is another one, or the file cannot be written.
+pub fn write(path: &Path, frame: Frame<'_>) -> Result<()> {
+    let place = format!("cannot write the image {}", path.display());
+    let format = ImageFormat::from_path(path)
+        .ok()
+        .filter(|format| {
+            matches!(format, ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Bmp | ImageFormat::WebP)
+        })
+        .ok_or_else(|| Error::new(format!("{place}: its name has to end in .png, .jpg, .bmp or .webp")))?;
+    let (width, height) = (frame.width() as u32, frame.height() as u32);
+    let image = image::RgbImage::from_raw(width, height, frame.to_buf().into_vec())
+        .ok_or_else(|| Error::new(format!("{place}: it is too large")))?;
+    let mut encoded = Cursor::new(Vec::new());
+    image.write_to(&mut encoded, format).place(&place)?;
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).place(&place)?;
+    }
+    std::fs::write(path, encoded.into_inner()).place(&place)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixture;
     use image::codecs::jpeg::JpegEncoder;
     use image::{DynamicImage, ExtendedColorType, ImageEncoder};
-    use std::io::Cursor;
+
+    /// A picture with some structure.
+    fn picture(width: u32, height: u32) -> image::RgbImage {
+        image::RgbImage::from_fn(width, height, |x, y| {
+            image::Rgb([(x * 4) as u8, (y * 5) as u8, ((x * 7 + y * 3) % 251) as u8])
+        })
+    }
 
     fn encoded(format: ImageFormat) -> Vec<u8> {
         let mut bytes = Cursor::new(Vec::new());
-        DynamicImage::from(fixture::picture(64, 48)).write_to(&mut bytes, format).unwrap();
+        DynamicImage::from(picture(64, 48)).write_to(&mut bytes, format).unwrap();
         bytes.into_inner()
     }
 
@@ -95,9 +125,9 @@ mod tests {
         for format in [ImageFormat::Png, ImageFormat::Bmp] {
             let frame = decode(&encoded(format)).unwrap();
             assert_eq!((frame.width(), frame.height()), (64, 48));
-            assert_eq!(frame.data(), fixture::picture(64, 48).as_raw().as_slice());
+            assert_eq!(frame.data(), picture(64, 48).as_raw().as_slice());
         }
-        let grey = DynamicImage::from(fixture::picture(9, 7)).into_luma8();
+        let grey = DynamicImage::from(picture(9, 7)).into_luma8();
         let mut bytes = Vec::new();
         JpegEncoder::new(&mut bytes).write_image(&grey, 9, 7, ExtendedColorType::L8).unwrap();
         let frame = decode(&bytes).unwrap();
@@ -157,6 +187,19 @@ mod tests {
     }
 
     #[test]
+    fn what_was_written_is_read_back() {
+        let folder = std::env::temp_dir().join(format!("pdk-image-{}", std::process::id()));
+        let frame = FrameBuf::from_vec(picture(9, 7).into_raw(), 9, 7).unwrap();
+        for name in ["a.png", "deeper/a.bmp", "a.webp"] {
+            write(&folder.join(name), frame.as_ref()).unwrap();
+            assert_eq!(read(&folder.join(name)).unwrap(), frame);
+        }
+        let error = write(&folder.join("a.xyz"), frame.as_ref()).unwrap_err().to_string();
+        assert!(error.ends_with("its name has to end in .png, .jpg, .bmp or .webp"), "{error}");
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    #[test]
     fn what_is_no_image_is_said_to_be_none() {
         assert_eq!(decode(b"hello").unwrap_err().message(), "it is no JPEG, PNG, BMP or WebP file");
         let missing = read(Path::new("/no/such.jpg")).unwrap_err();
@@ -165,12 +208,7 @@ mod tests {
 
     #[test]
     fn the_instruction_set_makes_no_difference_to_a_jpeg() {
-        let mut files = vec![encoded(ImageFormat::Jpeg)];
-        if let Some(images) = fixture::shared("tub/images") {
-            files.extend(
-                std::fs::read_dir(images).unwrap().map(|f| std::fs::read(f.unwrap().path()).unwrap()),
-            );
-        }
+        let files = [encoded(ImageFormat::Jpeg)];
         for bytes in files {
             let plain =
                 DecoderOptions::default().set_use_unsafe(false).jpeg_set_out_colorspace(ColorSpace::RGB);

@@ -1,0 +1,117 @@
+//! The tables that pipelines write and read, as types for editors.
+
+use crate::lua::api::{ApiField, ApiRecord};
+
+const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -> ApiField {
+    ApiField { name, luau_type, doc }
+}
+
+/// All of them, in the order of the type definition file.
+pub const RECORDS: [&ApiRecord; 8] = [
+    &COMPONENT,
+    &APPLIED,
+    &SCENARIO,
+    &DRIVE_REQUEST,
+    &OUTCOME,
+    &EVALUATE_REQUEST,
+    &EVALUATION,
+    &EVALUATION_ROW,
+];
+
+const COMPONENT: ApiRecord = ApiRecord {
+    name: "Component",
+    doc: "A simulator, driver or dataset reader with parameters, which stand beside the name.",
+    fields: &[field("name", "string", "Its name."), field("[string]", "any", "Its parameters.")],
+};
+
+const APPLIED: ApiRecord = ApiRecord {
+    name: "AppliedPerturbation",
+    doc: "A perturbation at an intensity with parameters, which stand beside the name. A text such as `\"contrast@2\"` \
+          does as well.",
+    fields: &[
+        field("name", "string", "Its name."),
+        field("level", "number?", "Its intensity: 0 to 4, any number in between."),
+        field("[string]", "any", "Its parameters."),
+    ],
+};
+
+const SCENARIO: ApiRecord = ApiRecord {
+    name: "Scenario",
+    doc: "A road, perturbations with intensities, a seed and a duration.",
+    fields: &[
+        field("name", "string?", "What it is called in tables; named after its perturbations where it is left out."),
+        field("road", "any", "The road in the simulator's own terms; the simulator's default where it is left out."),
+        field("perturbations", "{ string | AppliedPerturbation }?", "Applied to every frame, one after the other."),
+        field("duration", "number?", "The time limit in seconds of simulation time; that of the request where it is left out."),
+        field("seed", "number?", "The seed for what the simulator makes up; that of the run where it is left out."),
+    ],
+};
+
+const DRIVE_REQUEST: ApiRecord = ApiRecord {
+    name: "DriveRequest",
+    doc: "What `pdk.drive` takes.",
+    fields: &[
+        field("simulator", "string | Component", "The simulator."),
+        field("driver", "string | Component", "The driver under test."),
+        field("scenarios", "{ Scenario }", "What to drive."),
+        field("duration", "number?", "The time limit of a scenario in seconds of simulation time; 30 where it is left out."),
+        field("images_every", "number?", "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none."),
+    ],
+};
+
+const OUTCOME: ApiRecord = ApiRecord {
+    name: "Outcome",
+    doc: "What happened in a scenario.",
+    fields: &[
+        field("index", "number", "The number of the scenario in its run, from 0."),
+        field("name", "string", "The name of the scenario."),
+        field("success", "boolean", "Whether the end of the road was reached."),
+        field(
+            "cause",
+            "\"finished\" | \"lane_departure\" | \"collision\" | \"no_progress\" | \"time_out\" | \"error\"",
+            "How it ended.",
+        ),
+        field("error", "string?", "What failed, where a component did."),
+        field("time", "number", "Simulation time at the end in seconds."),
+        field("frames", "number", "Frames that were driven."),
+        field("progress", "number", "The share of the road that was driven, 0 to 1."),
+        field("mean_cross_track_error", "number", "Mean absolute cross-track error in metres."),
+        field("max_cross_track_error", "number", "Largest absolute cross-track error in metres."),
+    ],
+};
+
+const EVALUATE_REQUEST: ApiRecord = ApiRecord {
+    name: "EvaluateRequest",
+    doc: "What `pdk.evaluate` takes.",
+    fields: &[
+        field("dataset", "string | Component", "A folder that any reader may open, or a reader with its parameters."),
+        field("driver", "string | Component", "The driver under test."),
+        field("perturbations", "{ string | AppliedPerturbation }", "Each is applied by itself."),
+        field("levels", "{ number }", "The intensities at which each is applied."),
+        field("frames", "number?", "How many frames from the first; all where it is left out."),
+    ],
+};
+
+const EVALUATION: ApiRecord = ApiRecord {
+    name: "Evaluation",
+    doc: "What `pdk.evaluate` returns.",
+    fields: &[
+        field("frames", "number", "Frames that were evaluated."),
+        field("bad_frames", "{ { frame: string, error: string } }", "Frames that were left out, and why."),
+        field("original_steering_error", "number", "Mean absolute steering error on the original frames."),
+        field("rows", "{ EvaluationRow }", "One for each perturbation and level."),
+    ],
+};
+
+const EVALUATION_ROW: ApiRecord = ApiRecord {
+    name: "EvaluationRow",
+    doc: "How the driver did under one perturbation at one level. Steering and throttle are from -1 to 1.",
+    fields: &[
+        field("perturbation", "string", "The perturbation."),
+        field("level", "number", "Its intensity."),
+        field("steering_error", "number", "Mean absolute difference from the recorded steering."),
+        field("steering_drift", "number", "Mean absolute difference from the prediction on the original frame."),
+        field("throttle_error", "number", "Mean absolute difference from the recorded throttle."),
+        field("throttle_drift", "number", "Mean absolute difference from the prediction on the original frame."),
+    ],
+};

@@ -1,0 +1,30 @@
+-- A driver on the embedded simulator: once with a clear view, then through perturbations.
+--
+--   pdk run scripts/quickstart.lua
+--   pdk run scripts/quickstart.lua --set perturbations=gaussian_noise,dirty_lens --set levels=1,4 --seed 7
+
+local settings = pdk.settings({
+	simulator = "lane",
+	driver = "lane_keeper",
+	road = { angles = { 0, 12, -18, 10, 20, -15, -8, 0 }, segment = 25 }, -- degrees turned every 25 m
+	perturbations = { "gaussian_noise", "defocus_blur", "motion_blur", "contrast", "banding", "dirty_lens" },
+	levels = { 2, 4 },
+	duration = 40, -- seconds of simulation time
+})
+
+local scenarios = { { name = "nominal" } }
+for _, name in settings.perturbations do
+	for _, level in settings.levels do
+		table.insert(scenarios, { perturbations = { { name = name, level = level } } })
+	end
+end
+for _, scenario in scenarios do
+	scenario.road = settings.road
+end
+
+pdk.show(pdk.drive({
+	simulator = settings.simulator,
+	driver = settings.driver,
+	duration = settings.duration,
+	scenarios = scenarios,
+}))
