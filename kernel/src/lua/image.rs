@@ -12,7 +12,8 @@ use mlua::{
 use pdk_sdk::ops::{Frame, FrameBuf, FrameMut, blend, color, draw, gaussian, noise, point, resize};
 
 use super::api::{ApiClass, ApiMethod, ApiProperty};
-use super::failure::{is_memory, type_of};
+use super::arguments::{number, within, wrong};
+use super::failure::is_memory;
 use super::random::LuaRandom;
 
 /// The largest width and height of an image that a script can make.
@@ -179,8 +180,8 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             doc: "A new image of another size, interpolated linearly.",
             add: |class, name| {
                 class.add_method(name, |lua, image, (width, height): (Value, Value)| {
-                    let width = within("resized", "width", &width, 1.0, LARGEST_SIDE)?;
-                    let height = within("resized", "height", &height, 1.0, LARGEST_SIDE)?;
+                    let width = within("image:resized", "width", &width, 1.0, LARGEST_SIDE)?;
+                    let height = within("image:resized", "height", &height, 1.0, LARGEST_SIDE)?;
                     let mut other = LuaImage::new(lua, width as usize, height as usize)?;
                     resize::resize_linear(image.frame()?, other.frame_mut()?);
                     Ok(other)
@@ -193,7 +194,7 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             doc: "Gives all pixels one colour, each part from 0 to 255.",
             add: |class, name| {
                 class.add_method_mut(name, |_, image, rgb: Colour| {
-                    let rgb = colour("fill", &rgb)?;
+                    let rgb = colour("image:fill", &rgb)?;
                     for row in image.frame_mut()?.rows_mut() {
                         row.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(&rgb));
                     }
@@ -207,10 +208,10 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             doc: "Mixes in another image of the same size: `1 - weight` of this one and `weight` of the other.",
             add: |class, name| {
                 class.add_function(name, |lua, (this, other, weight): (AnyUserData, Value, Value)| {
-                    let weight = within("blend", "weight", &weight, 0.0, 1.0)?;
-                    let Some(other) = other_image("blend", &this, &other)? else { return Ok(()) };
+                    let weight = within("image:blend", "weight", &weight, 0.0, 1.0)?;
+                    let Some(other) = other_image("image:blend", &this, &other)? else { return Ok(()) };
                     let mut this = this.borrow_mut::<LuaImage>()?;
-                    same_size("blend", &this, &other)?;
+                    same_size("image:blend", &this, &other)?;
                     let other = other.frame()?;
                     this.transform(lua, |src, dst, _| blend::blend(src, 1.0 - weight, other, dst))
                 });
@@ -222,9 +223,9 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             doc: "Takes over the pixels of another image of the same size.",
             add: |class, name| {
                 class.add_function(name, |_, (this, other): (AnyUserData, Value)| {
-                    let Some(other) = other_image("copy_from", &this, &other)? else { return Ok(()) };
+                    let Some(other) = other_image("image:copy_from", &this, &other)? else { return Ok(()) };
                     let mut this = this.borrow_mut::<LuaImage>()?;
-                    same_size("copy_from", &this, &other)?;
+                    same_size("image:copy_from", &this, &other)?;
                     this.frame_mut()?.copy_from(other.frame()?);
                     Ok(())
                 });
@@ -236,7 +237,7 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             doc: "Gaussian blur with a kernel of that many pixels; an even number counts as the next odd one.",
             add: |class, name| {
                 class.add_method_mut(name, |lua, image, size: Value| {
-                    let size = within("blur", "kernel_size", &size, 1.0, LARGEST_KERNEL)? as usize;
+                    let size = within("image:blur", "kernel_size", &size, 1.0, LARGEST_KERNEL)? as usize;
                     image.transform(lua, |src, dst, workspace| {
                         gaussian::gaussian_blur(src, dst, size, workspace)
                     })
@@ -259,7 +260,7 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             doc: "Multiplies each value by `factor`, rounded and clipped to 0 to 255.",
             add: |class, name| {
                 class.add_method_mut(name, |lua, image, factor: Value| {
-                    let factor = number("brightness", "factor", &factor)?;
+                    let factor = number("image:brightness", "factor", &factor)?;
                     image.transform(lua, |src, dst, _| point::scale_about(src, dst, 0.0, factor))
                 });
             },
@@ -271,7 +272,7 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
                   to 255.",
             add: |class, name| {
                 class.add_method_mut(name, |lua, image, factor: Value| {
-                    let factor = number("contrast", "factor", &factor)?;
+                    let factor = number("image:contrast", "factor", &factor)?;
                     image.transform(lua, |src, dst, _| point::scale_about(src, dst, 127.5, factor))
                 });
             },
@@ -283,14 +284,14 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
                   of the range of values.",
             add: |class, name| {
                 class.add_method_mut(name, |lua, image, (sigma, random): (Value, Value)| {
-                    let sigma = within("gaussian_noise", "sigma", &sigma, 0.0, 100.0)?;
+                    let sigma = within("image:gaussian_noise", "sigma", &sigma, 0.0, 100.0)?;
                     let mut random = match &random {
                         Value::UserData(random) if random.is::<LuaRandom>() => {
                             random.borrow_mut::<LuaRandom>()?
                         }
                         other => {
                             return Err(wrong(
-                                "gaussian_noise",
+                                "image:gaussian_noise",
                                 "random",
                                 "a stream such as cx.frame_random",
                                 other,
@@ -308,7 +309,7 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             add: |class, name| {
                 class.add_method_mut(name, |lua, image, values: Value| {
                     let Value::Buffer(values) = &values else {
-                        return Err(wrong("lookup", "values", "a buffer of 256 bytes", &values));
+                        return Err(wrong("image:lookup", "values", "a buffer of 256 bytes", &values));
                     };
                     if values.len() != 256 {
                         return Err(mlua::Error::runtime(format!(
@@ -327,10 +328,10 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             doc: "Draws a filled circle.",
             add: |class, name| {
                 class.add_method_mut(name, |_, image, (x, y, radius, r, g, b): Six| {
-                    let rgb = colour("circle", &(r, g, b))?;
-                    let x = number("circle", "x", &x)?;
-                    let y = number("circle", "y", &y)?;
-                    let radius = number("circle", "radius", &radius)?;
+                    let rgb = colour("image:circle", &(r, g, b))?;
+                    let x = number("image:circle", "x", &x)?;
+                    let y = number("image:circle", "y", &y)?;
+                    let radius = number("image:circle", "radius", &radius)?;
                     draw::fill_circle(image.frame_mut()?, x, y, radius, rgb);
                     Ok(())
                 });
@@ -343,11 +344,11 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             doc: "Draws a filled rectangle with its upper left corner at (x, y), all four rounded to whole pixels.",
             add: |class, name| {
                 class.add_method_mut(name, |_, image, (x, y, width, height, r, g, b): Seven| {
-                    let rgb = colour("rectangle", &(r, g, b))?;
-                    let x = pixel("rectangle", "x", &x)?;
-                    let y = pixel("rectangle", "y", &y)?;
-                    let width = pixel("rectangle", "width", &width)?;
-                    let height = pixel("rectangle", "height", &height)?;
+                    let rgb = colour("image:rectangle", &(r, g, b))?;
+                    let x = pixel("image:rectangle", "x", &x)?;
+                    let y = pixel("image:rectangle", "y", &y)?;
+                    let width = pixel("image:rectangle", "width", &width)?;
+                    let height = pixel("image:rectangle", "height", &height)?;
                     draw::fill_rectangle(image.frame_mut()?, x, y, width, height, rgb);
                     Ok(())
                 });
@@ -360,9 +361,9 @@ pub const IMAGE: ApiClass<LuaImage> = ApiClass {
             doc: "Draws a line one pixel wide, from and to the pixels that the coordinates round to.",
             add: |class, name| {
                 class.add_method_mut(name, |_, image, (x0, y0, x1, y1, r, g, b): Seven| {
-                    let rgb = colour("line", &(r, g, b))?;
-                    let (x0, y0) = (pixel("line", "x0", &x0)?, pixel("line", "y0", &y0)?);
-                    let (x1, y1) = (pixel("line", "x1", &x1)?, pixel("line", "y1", &y1)?);
+                    let rgb = colour("image:line", &(r, g, b))?;
+                    let (x0, y0) = (pixel("image:line", "x0", &x0)?, pixel("image:line", "y0", &y0)?);
+                    let (x1, y1) = (pixel("image:line", "x1", &x1)?, pixel("image:line", "y1", &y1)?);
                     draw::draw_line(image.frame_mut()?, x0, y0, x1, y1, rgb);
                     Ok(())
                 });
@@ -382,64 +383,31 @@ type Six = (Value, Value, Value, Value, Value, Value);
 type Seven = (Value, Value, Value, Value, Value, Value, Value);
 
 /// The other image of a method with two; none where it is this one itself.
-fn other_image(
-    method: &str,
-    this: &AnyUserData,
-    other: &Value,
-) -> mlua::Result<Option<UserDataRef<LuaImage>>> {
+fn other_image(call: &str, this: &AnyUserData, other: &Value) -> mlua::Result<Option<UserDataRef<LuaImage>>> {
     match other {
         Value::UserData(other) if other.is::<LuaImage>() => {
             Ok(if other == this { None } else { Some(other.borrow()?) })
         }
-        _ => Err(wrong(method, "other", "an image", other)),
+        _ => Err(wrong(call, "other", "an image", other)),
     }
 }
 
-fn same_size(method: &str, this: &LuaImage, other: &LuaImage) -> mlua::Result<()> {
+fn same_size(call: &str, this: &LuaImage, other: &LuaImage) -> mlua::Result<()> {
     if (this.width, this.height) == (other.width, other.height) {
         return Ok(());
     }
     Err(mlua::Error::runtime(format!(
-        "image:{method} needs two images of the same size, but they have {}x{} and {}x{} pixels; use image:resized",
+        "{call} needs two images of the same size, but they have {}x{} and {}x{} pixels; use image:resized",
         this.width, this.height, other.width, other.height
     )))
 }
 
-fn colour(method: &str, (red, green, blue): &Colour) -> mlua::Result<[u8; 3]> {
-    let part = |name, value| number(method, name, value).map(|v| v.round_ties_even().clamp(0.0, 255.0) as u8);
+fn colour(call: &str, (red, green, blue): &Colour) -> mlua::Result<[u8; 3]> {
+    let part = |name, value| number(call, name, value).map(|v| v.round_ties_even().clamp(0.0, 255.0) as u8);
     Ok([part("red", red)?, part("green", green)?, part("blue", blue)?])
 }
 
 /// A coordinate or length in whole pixels; what lies outside of 32 bits lies outside of every image as well.
-fn pixel(method: &str, name: &str, value: &Value) -> mlua::Result<i32> {
-    number(method, name, value).map(|v| v.round_ties_even() as i32)
-}
-
-fn within(method: &str, name: &str, value: &Value, low: f64, high: f64) -> mlua::Result<f64> {
-    let number = number(method, name, value)?;
-    if (low..=high).contains(&number) {
-        return Ok(number);
-    }
-    Err(mlua::Error::runtime(format!(
-        "image:{method} needs `{name}` to be from {low} to {high}, but it is {number}"
-    )))
-}
-
-fn number(method: &str, name: &str, value: &Value) -> mlua::Result<f64> {
-    match value {
-        Value::Number(number) if number.is_finite() => Ok(*number),
-        Value::Integer(number) => Ok(*number as f64),
-        Value::Number(number) => Err(mlua::Error::runtime(format!(
-            "image:{method} needs `{name}` to be a finite number, but it is {number}"
-        ))),
-        _ => Err(wrong(method, name, "a number", value)),
-    }
-}
-
-fn wrong(method: &str, name: &str, expected: &str, value: &Value) -> mlua::Error {
-    let found = match value {
-        Value::Nil => "is missing".to_owned(),
-        other => format!("is {}", type_of(other)),
-    };
-    mlua::Error::runtime(format!("image:{method} needs `{name}` to be {expected}, but it {found}"))
+fn pixel(call: &str, name: &str, value: &Value) -> mlua::Result<i32> {
+    number(call, name, value).map(|v| v.round_ties_even() as i32)
 }

@@ -12,6 +12,7 @@
 //! | `arithmetic` | mathematical functions that give the same bits everywhere |
 //! | `power` | refuses the uses of `^` that would not |
 //! | [`api`] | how functions and classes are registered and documented |
+//! | `arguments` | the arguments of host functions, checked |
 //! | [`image`] | the image a script edits |
 //! | [`random`] | the random numbers a script draws |
 //! | [`declaration`] | the table by which a script describes its perturbation |
@@ -19,6 +20,7 @@
 //! | [`types`] | the type definition file |
 
 pub mod api;
+mod arguments;
 mod arithmetic;
 pub mod declaration;
 mod failure;

@@ -1,9 +1,10 @@
 //! The random numbers a script draws: the same streams, from the same keys, as those of a plugin.
 
-use mlua::{Buffer, UserData, UserDataMethods, UserDataRegistry};
+use mlua::{UserData, UserDataMethods, UserDataRegistry, Value};
 use pdk_sdk::ops::Random;
 
 use super::api::{ApiClass, ApiMethod};
+use super::arguments::{number, whole, wrong};
 use super::image::buffer_bytes;
 
 /// A stream of random numbers in a script.
@@ -26,7 +27,10 @@ pub const RANDOM: ApiClass<LuaRandom> = ApiClass {
             signature: "(low: number, high: number) -> number",
             doc: "A number of at least `low` and less than `high`.",
             add: |class, name| {
-                class.add_method_mut(name, |_, this, (low, high): (f64, f64)| Ok(this.0.uniform(low, high)));
+                class.add_method_mut(name, |_, this, (low, high): (Value, Value)| {
+                    let low = number("random:uniform", "low", &low)?;
+                    Ok(this.0.uniform(low, number("random:uniform", "high", &high)?))
+                });
             },
         },
         ApiMethod {
@@ -34,7 +38,10 @@ pub const RANDOM: ApiClass<LuaRandom> = ApiClass {
             signature: "(low: number, high: number) -> number",
             doc: "A whole number from `low` to `high`, both included.",
             add: |class, name| {
-                class.add_method_mut(name, |_, this, (low, high): (i32, i32)| Ok(this.0.between(low, high)));
+                class.add_method_mut(name, |_, this, (low, high): (Value, Value)| {
+                    let low = whole("random:integer", "low", &low)?;
+                    Ok(this.0.between(low, whole("random:integer", "high", &high)?))
+                });
             },
         },
         ApiMethod {
@@ -48,8 +55,8 @@ pub const RANDOM: ApiClass<LuaRandom> = ApiClass {
             signature: "(numbers: buffer) -> ()",
             doc: "Fills a buffer with what `unit` would draw, 8 bytes each, to be read with buffer.readf64.",
             add: |class, name| {
-                class.add_method_mut(name, |lua, this, numbers: Buffer| {
-                    fill(lua, &numbers, "fill_unit", || this.0.unit())
+                class.add_method_mut(name, |lua, this, numbers: Value| {
+                    fill(lua, &numbers, "random:fill_unit", || this.0.unit())
                 });
             },
         },
@@ -58,8 +65,8 @@ pub const RANDOM: ApiClass<LuaRandom> = ApiClass {
             signature: "(numbers: buffer) -> ()",
             doc: "Fills a buffer with what `normal` would draw, 8 bytes each, to be read with buffer.readf64.",
             add: |class, name| {
-                class.add_method_mut(name, |lua, this, numbers: Buffer| {
-                    fill(lua, &numbers, "fill_normal", || this.0.normal())
+                class.add_method_mut(name, |lua, this, numbers: Value| {
+                    fill(lua, &numbers, "random:fill_normal", || this.0.normal())
                 });
             },
         },
@@ -72,11 +79,14 @@ impl UserData for LuaRandom {
     }
 }
 
-fn fill(lua: &mlua::Lua, numbers: &Buffer, method: &str, mut draw: impl FnMut() -> f64) -> mlua::Result<()> {
+fn fill(lua: &mlua::Lua, numbers: &Value, call: &str, mut draw: impl FnMut() -> f64) -> mlua::Result<()> {
+    let Value::Buffer(numbers) = numbers else {
+        return Err(wrong(call, "numbers", "a buffer", numbers));
+    };
     let (data, len) = buffer_bytes(lua, numbers)?;
     if len % 8 != 0 {
         return Err(mlua::Error::runtime(format!(
-            "random:{method} writes numbers of 8 bytes, but the buffer has {len} bytes; make it with \
+            "{call} writes numbers of 8 bytes, but the buffer has {len} bytes; make it with \
              buffer.create(8 * count)"
         )));
     }

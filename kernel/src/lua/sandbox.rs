@@ -5,6 +5,10 @@
 //!
 //! What a script cannot do: read or write files, start processes, use the network, read the clock, draw random numbers
 //! that do not come from the run's seed, load compiled code, or change the globals of another script.
+//!
+//! What is left that differs between runs: the text of a table or function (`tostring({})`) is its address, and `pairs`
+//! visits keys that are tables or functions in the order of theirs. Keys that are numbers or texts have a fixed
+//! order.
 
 use std::ffi::c_int;
 use std::panic::{AssertUnwindSafe, catch_unwind};

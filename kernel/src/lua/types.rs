@@ -4,6 +4,7 @@ use super::api::{ApiClass, ApiRecord, ApiTable};
 use super::declaration::{CONTEXT, PARAMETER, PERTURBATION};
 use super::image::IMAGE;
 use super::random::RANDOM;
+use crate::pipeline;
 
 /// Something that has a place in the type definition file.
 pub trait Declare {
@@ -51,11 +52,16 @@ impl Declare for ApiTable {
     }
 }
 
-/// What scripts see, in the order of the file.
-pub const API: &[&(dyn Declare + Sync)] = &[&PERTURBATION, &PARAMETER, &CONTEXT, &IMAGE, &RANDOM];
+/// What scripts see, in the order of the file: first perturbations, then pipelines.
+pub fn api() -> Vec<&'static dyn Declare> {
+    let mut api: Vec<&dyn Declare> = vec![&PERTURBATION, &PARAMETER, &CONTEXT, &IMAGE, &RANDOM];
+    api.extend(pipeline::records::RECORDS.iter().map(|&record| record as &dyn Declare));
+    api.push(&pipeline::API);
+    api
+}
 
 /// The type definition file.
-pub fn definitions(api: &[&(dyn Declare + Sync)]) -> String {
+pub fn definitions(api: &[&dyn Declare]) -> String {
     let mut text = String::from(
         "-- Types for editors, such as luau-lsp. Written from the registration of the API; changes here are lost.\n",
     );
@@ -139,7 +145,7 @@ mod tests {
         let root =
             std::env::var("PDK_TEST_ROOT").unwrap_or(concat!(env!("CARGO_MANIFEST_DIR"), "/..").into());
         let file = std::path::Path::new(&root).join("sdk/lua/pdk.d.luau");
-        let expected = definitions(API);
+        let expected = definitions(&api());
         if std::env::var_os("PDK_BLESS").is_some() {
             std::fs::write(&file, &expected).unwrap();
         }

@@ -7,6 +7,8 @@ use pdk_sdk::seed;
 use pdk_sdk::serde_json::{Map, json};
 
 use super::*;
+use crate::lua::image::IMAGE;
+use crate::lua::random::RANDOM;
 
 const SCRIPT: &str = "scripts/foo.lua";
 
@@ -259,6 +261,15 @@ fn misuse_is_refused_with_the_line_and_the_remedy() {
             "image:gaussian_noise needs `random` to be a stream such as cx.frame_random, but it is a number",
         ),
         (
+            "cx.frame_random:integer(1, 2.5)",
+            "random:integer needs `high` to be a whole number, but it is 2.5",
+        ),
+        ("cx.frame_random:uniform(1)", "random:uniform needs `high` to be a number, but it is missing"),
+        (
+            "cx.frame_random:fill_unit(3)",
+            "random:fill_unit needs `numbers` to be a buffer, but it is a number",
+        ),
+        (
             "cx.frame_random:fill_unit(buffer.create(9))",
             "random:fill_unit writes numbers of 8 bytes, but the buffer has 9 bytes; make it with buffer.create(8 * \
              count)",
@@ -418,6 +429,84 @@ fn large_images_fit_as_long_as_few_are_kept() {
     let error = run(&mut copies, &FrameBuf::new(4000, 3000), &cx).unwrap_err().to_string();
     assert!(error.starts_with("scripts/foo.lua: used more than 8 MiB of memory"), "{error}");
     assert_eq!(run(&mut copies, &small, &cx).unwrap(), small);
+}
+
+/// Whatever a method is given, it works or refuses, and does not panic.
+#[test]
+fn random_arguments_are_accepted_or_refused() {
+    const VALUES: &[&str] = &[
+        "0",
+        "1",
+        "2",
+        "-1",
+        "0.5",
+        "3.7",
+        "7",
+        "255",
+        "1e3",
+        "-1e3",
+        "1e9",
+        "-1e9",
+        "2147483647",
+        "-2147483648",
+        "1e18",
+        "-1e300",
+        "1e308",
+        "1/0",
+        "-1/0",
+        "0/0",
+        "5e-324",
+        "nil",
+        "true",
+        "'x'",
+        "{}",
+        "print",
+        "image",
+        "other",
+        "image.pixels",
+        "buffer.create(0)",
+        "buffer.create(256)",
+        "buffer.create(8)",
+        "cx",
+        "cx.frame_random",
+        "image.blur",
+    ];
+    let methods = IMAGE.methods.iter().map(|method| ("image", method.name));
+    let methods: Vec<_> =
+        methods.chain(RANDOM.methods.iter().map(|method| ("cx.sequence_random", method.name))).collect();
+    let mut random = key().sequence();
+    let (mut accepted, mut refused) = (0, 0);
+    for _ in 0..20 {
+        let mut calls = String::new();
+        for _ in 0..200 {
+            let (object, method) = methods[random.below(methods.len() as u32) as usize];
+            let mut arguments = vec![object];
+            for _ in 0..random.below(9) {
+                // Mostly numbers, so that more than the check of types is tried.
+                let among = if random.below(3) > 0 { 21 } else { VALUES.len() as u32 };
+                arguments.push(VALUES[random.below(among) as usize]);
+            }
+            let arguments = arguments.join(", ");
+            calls += &format!("function(image, cx, other) {object}.{method}({arguments}) end,\n");
+        }
+        let source = format!(
+            "local calls = {{ {calls} }} return {{ doc = 'x', apply = function(image, cx)
+            calls[cx.frame_index + 1](image, cx, image:resized(5, 9)) end }}"
+        );
+        let mut perturbation = make(&source, json!({})).unwrap();
+        for index in 0..200 {
+            match run(&mut perturbation, &picture(20, 10), &Context::new(2.0, index, 0.1, &key())) {
+                Ok(_) => accepted += 1,
+                Err(error) => {
+                    let call = calls.lines().nth(index as usize).unwrap_or_default();
+                    assert!(!error.to_string().contains("defect"), "{error}: {call}");
+                    assert!(error.to_string().starts_with("scripts/foo.lua:"), "{error}: {call}");
+                    refused += 1;
+                }
+            }
+        }
+    }
+    assert!(accepted > 500 && refused > 500, "{accepted} accepted, {refused} refused");
 }
 
 #[test]
