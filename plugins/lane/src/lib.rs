@@ -11,6 +11,7 @@ mod driver;
 mod field;
 mod lines;
 mod path;
+mod places;
 mod render;
 mod road;
 mod scene;

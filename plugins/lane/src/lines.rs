@@ -225,8 +225,9 @@ fn fit(samples: &[[f64; 3]]) -> Option<LaneShape> {
         }
         for j in i + 1..3 {
             let factor = m[j][i] / m[i][i];
-            for k in i..4 {
-                m[j][k] -= factor * m[i][k];
+            let pivot = m[i];
+            for (value, above) in m[j].iter_mut().zip(pivot).skip(i) {
+                *value -= factor * above;
             }
         }
     }

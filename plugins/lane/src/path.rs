@@ -28,9 +28,8 @@ pub fn catmull_rom(p: [Point; 4], share: f64) -> Point {
                 _ => (knots[i], knots[i + level]),
             };
             let weight = (t - from) / (to - from);
-            for axis in 0..2 {
-                points[i][axis] += (points[i + 1][axis] - points[i][axis]) * weight;
-            }
+            let [[x, z], [next_x, next_z]] = [points[i], points[i + 1]];
+            points[i] = [x + (next_x - x) * weight, z + (next_z - z) * weight];
         }
     }
     points[0]

@@ -105,8 +105,10 @@ impl Scene {
 }
 
 fn hills(random: &mut Random) -> Vec<[f32; 2]> {
-    // Height, and waves around the horizon: number and weight. Whole numbers, so that the ends meet.
-    let ridges: [(f64, f64, &[(f64, f64)]); 2] = [
+    /// Mean height, swing, and the waves around the horizon: number and weight.
+    type Ridge = (f64, f64, &'static [(f64, f64)]);
+    // Whole numbers of waves, so that the ends meet.
+    let ridges: [Ridge; 2] = [
         (0.062, 0.03, &[(3.0, 0.7), (7.0, 0.5), (13.0, 0.35), (29.0, 0.14), (61.0, 0.06)]),
         (0.022, 0.016, &[(4.0, 0.7), (9.0, 0.5), (17.0, 0.3), (41.0, 0.1), (150.0, 0.05), (331.0, 0.04)]),
     ];

@@ -166,7 +166,7 @@ mod tests {
         for side in [-1.0, 1.0] {
             assert_eq!(section.mean(side * EDGE_LINE as f32, 0.05)[0].round(), WHITE.rgb[0]);
         }
-        assert!(EDGE_LINE + LINE_WIDTH / 2.0 < LANE_WIDTH);
+        const { assert!(EDGE_LINE + LINE_WIDTH / 2.0 < LANE_WIDTH) };
     }
 
     #[test]

@@ -84,7 +84,7 @@ impl Sprite {
             let narrowest = if tier == 0 { 0.05 } else { 0.55 };
             let half = widest * (narrowest + (1.0 - narrowest) * within);
             let centre = lean[tier.min(TIERS - 1)];
-            let tooth = ragged[((x + 1.0) * 16.0) as usize + tier * 5 & 63];
+            let tooth = ragged[(((x + 1.0) * 16.0) as usize + tier * 5) & 63];
             let side = (x - centre) / half;
             if side.abs() > tooth {
                 return None;
