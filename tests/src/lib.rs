@@ -1,1 +1,91 @@
-//! What the end-to-end tests share.
+//! What the end-to-end tests share: they use the built `pdk` as a user does.
+//!
+//! `cargo build --release` has to come first, because the tests need the binary and the plugins beside it.
+
+// A helper of a test may fail like the test itself.
+#![allow(clippy::unwrap_used)]
+
+pub mod datasets;
+pub mod onnx;
+pub mod pictures;
+pub mod process;
+
+use std::path::{Path, PathBuf};
+
+pub use process::{Finished, Pdk};
+
+/// The folder with the built binary and plugins: `target/release`.
+///
+/// # Panics
+/// Where the test does not lie in a target folder.
+pub fn target_folder() -> PathBuf {
+    // Test executables lie in `deps` below it.
+    let executable = std::env::current_exe().unwrap();
+    executable.parent().and_then(Path::parent).expect("a test lies in target/PROFILE/deps").to_owned()
+}
+
+/// A built file beside the binary.
+///
+/// # Panics
+/// Where it has not been built.
+pub fn built(name: &str) -> PathBuf {
+    let file = target_folder().join(name);
+    assert!(file.is_file(), "{} is missing: run `cargo build --release` first", file.display());
+    file
+}
+
+/// A plugin library by its name in Cargo, such as `misbehave`.
+///
+/// # Panics
+/// Where it has not been built.
+pub fn library(name: &str) -> PathBuf {
+    built(&format!("lib{name}.{}", std::env::consts::DLL_EXTENSION))
+}
+
+/// The libraries of the built-in plugins.
+///
+/// # Panics
+/// Where there are none.
+pub fn built_in_libraries() -> Vec<PathBuf> {
+    let ending = format!(".{}", std::env::consts::DLL_EXTENSION);
+    let mut libraries: Vec<_> = std::fs::read_dir(target_folder())
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| {
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            name.starts_with("libpdk_") && name.ends_with(&ending)
+        })
+        .collect();
+    libraries.sort();
+    assert!(
+        !libraries.is_empty(),
+        "no plugins in {}: run `cargo build --release` first",
+        target_folder().display()
+    );
+    libraries
+}
+
+/// The root of the repository.
+pub fn repository() -> PathBuf {
+    std::fs::canonicalize(Path::new(env!("CARGO_MANIFEST_DIR")).join("..")).unwrap()
+}
+
+/// Real data that does not come with the repository: below the folder that `PDK_TEST_DATA` names, or `shared` beside
+/// the repository. Where it is missing, says that what needs it is skipped.
+pub fn real_data(name: &str) -> Option<PathBuf> {
+    let root =
+        std::env::var_os("PDK_TEST_DATA").map_or_else(|| repository().join("../shared"), PathBuf::from);
+    let found = [root.join("data").join(name), root.join(name)].into_iter().find(|path| path.exists());
+    if found.is_none() {
+        eprintln!("skipped: no real data at {} (set PDK_TEST_DATA)", root.join(name).display());
+    }
+    found
+}
+
+/// A temporary folder that is removed when it is dropped.
+///
+/// # Panics
+/// Where it cannot be made.
+pub fn temp() -> tempfile::TempDir {
+    tempfile::Builder::new().prefix("pdk-test-").tempdir().unwrap()
+}

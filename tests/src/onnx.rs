@@ -1,0 +1,68 @@
+//! A small steering network as an ONNX file, written field by field: Protocol Buffers need no more than this.
+
+use std::path::Path;
+
+/// A field of bytes: a text, a message or packed numbers.
+fn bytes(field: u8, content: &[u8]) -> Vec<u8> {
+    let mut encoded = vec![field << 3 | 2];
+    encoded.extend(variable(content.len() as u64));
+    encoded.extend(content);
+    encoded
+}
+
+/// A field of one whole number.
+fn number(field: u8, value: u64) -> Vec<u8> {
+    let mut encoded = vec![field << 3];
+    encoded.extend(variable(value));
+    encoded
+}
+
+fn variable(mut value: u64) -> Vec<u8> {
+    let mut encoded = Vec::new();
+    while value >= 0x80 {
+        encoded.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    encoded.push(value as u8);
+    encoded
+}
+
+/// `NodeProto`.
+fn node(operator: &str, inputs: [&str; 2], output: &str) -> Vec<u8> {
+    let inputs = inputs.iter().filter(|input| !input.is_empty()).flat_map(|input| bytes(1, input.as_bytes()));
+    let mut node: Vec<u8> = inputs.collect();
+    node.extend(bytes(2, output.as_bytes()));
+    node.extend(bytes(4, operator.as_bytes()));
+    node
+}
+
+/// `ValueInfoProto` of a tensor of 32-bit floating-point numbers.
+fn value(name: &str, shape: &[u64]) -> Vec<u8> {
+    let shape: Vec<u8> = shape.iter().flat_map(|&length| bytes(1, &number(1, length))).collect();
+    let tensor = [number(1, 1), bytes(2, &shape)].concat();
+    [bytes(1, name.as_bytes()), bytes(2, &bytes(1, &tensor))].concat()
+}
+
+/// Writes a network whose steering is a weighted mean of the input: `channels` planes of `height` x `width` pixels in,
+/// steering and throttle out. Three channels make a picture; other numbers make a network that cannot drive.
+///
+/// # Panics
+/// Where it cannot be written.
+pub fn pilot(path: &Path, channels: u64, height: u64, width: u64) {
+    let inputs = channels * height * width;
+    let weight = |i: u64| ((i * 7 % 23) as f32 - 11.0) / (inputs as f32 * 50.0);
+    let weights: Vec<u8> = (0..inputs * 2).flat_map(|i| weight(i).to_le_bytes()).collect();
+    let tensor =
+        [number(1, inputs), number(1, 2), number(2, 1), bytes(8, b"weights"), bytes(9, &weights)].concat();
+    let graph = [
+        bytes(1, &node("Flatten", ["image", ""], "flat")),
+        bytes(1, &node("MatMul", ["flat", "weights"], "control")),
+        bytes(2, b"pilot"),
+        bytes(5, &tensor),
+        bytes(11, &value("image", &[1, channels, height, width])),
+        bytes(12, &value("control", &[1, 2])),
+    ]
+    .concat();
+    let model = [number(1, 8), bytes(7, &graph), bytes(8, &number(2, 17))].concat();
+    std::fs::write(path, model).unwrap();
+}

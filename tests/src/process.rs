@@ -1,0 +1,192 @@
+//! Runs the built `pdk` and looks at how it ended.
+
+use std::ffi::OsStr;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// No command of a test takes longer, even on a busy machine.
+const LIMIT: Duration = Duration::from_secs(120);
+
+/// A command line of `pdk`.
+pub struct Pdk {
+    command: Command,
+}
+
+/// How a process ended.
+#[derive(Debug)]
+pub struct Finished {
+    /// The exit code; none where a signal ended it.
+    pub code: Option<i32>,
+    /// What it wrote to standard output.
+    pub stdout: String,
+    /// What it wrote to standard error.
+    pub stderr: String,
+}
+
+impl Pdk {
+    /// `pdk` with these arguments, in an environment of its own: no plugins or scripts of the user's.
+    pub fn new<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Self {
+        let mut command = Command::new(crate::built("pdk"));
+        command.args(arguments);
+        Self { command }.clean()
+    }
+
+    /// Another program, such as a shell that starts `pdk`.
+    pub fn program(program: &str) -> Self {
+        Self { command: Command::new(program) }.clean()
+    }
+
+    fn clean(mut self) -> Self {
+        for variable in ["PDK_PLUGIN_PATH", "PDK_SCRIPT_SECONDS", "PDK_SCRIPT_MEGABYTES", "MISBEHAVE"] {
+            self.command.env_remove(variable);
+        }
+        self.command.env("XDG_DATA_HOME", "/nonexistent").stdin(Stdio::null());
+        self
+    }
+
+    /// Adds an argument.
+    pub fn arg(mut self, argument: impl AsRef<OsStr>) -> Self {
+        self.command.arg(argument);
+        self
+    }
+
+    /// Adds arguments.
+    pub fn args<S: AsRef<OsStr>>(mut self, arguments: impl IntoIterator<Item = S>) -> Self {
+        self.command.args(arguments);
+        self
+    }
+
+    /// Adds `--set KEY=VALUE`.
+    pub fn set(self, key: &str, value: impl std::fmt::Display) -> Self {
+        self.arg("--set").arg(format!("{key}={value}"))
+    }
+
+    /// Adds the plugin whose only work is to misbehave.
+    pub fn misbehave(self) -> Self {
+        self.arg("--plugins").arg(crate::library("misbehave"))
+    }
+
+    /// Sets an environment variable.
+    pub fn env(mut self, name: &str, value: impl AsRef<OsStr>) -> Self {
+        self.command.env(name, value);
+        self
+    }
+
+    /// Sets the working directory.
+    pub fn folder(mut self, folder: &Path) -> Self {
+        self.command.current_dir(folder);
+        self
+    }
+
+    /// Starts it, with its output in pipes.
+    ///
+    /// # Panics
+    /// Where it cannot be started.
+    pub fn spawn(mut self) -> Child {
+        self.command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    }
+
+    /// Runs it to its end.
+    ///
+    /// # Panics
+    /// Where it has not ended after two minutes.
+    pub fn run(self) -> Finished {
+        let what = format!("{:?}", self.command);
+        let mut child = self.spawn();
+        let (stdout, stderr) = (collect(child.stdout.take()), collect(child.stderr.take()));
+        let started = Instant::now();
+        let status = loop {
+            if let Some(status) = child.try_wait().unwrap() {
+                break status;
+            }
+            if started.elapsed() > LIMIT {
+                child.kill().unwrap();
+                panic!("{what} has not ended after {} s", LIMIT.as_secs());
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        };
+        Finished { code: status.code(), stdout: stdout.join().unwrap(), stderr: stderr.join().unwrap() }
+    }
+
+    /// Runs it to its end, which has to be a good one.
+    ///
+    /// # Panics
+    /// Where its exit code is not 0.
+    pub fn succeed(self) -> Finished {
+        let finished = self.run();
+        assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
+        finished
+    }
+
+    /// Runs it to its end, which has to be an error: one sentence on standard error that contains all of `parts`.
+    /// Returns the sentence.
+    ///
+    /// # Panics
+    /// Where it ends otherwise.
+    pub fn fail(self, code: i32, parts: &[&str]) -> String {
+        let finished = self.run();
+        assert_eq!(finished.code, Some(code), "{}{}", finished.stdout, finished.stderr);
+        let errors: Vec<_> =
+            finished.stderr.lines().filter_map(|line| line.strip_prefix("pdk: error: ")).collect();
+        assert_eq!(errors.len(), 1, "not one sentence: {}", finished.stderr);
+        for part in parts {
+            assert!(errors[0].contains(part), "`{}` does not say `{part}`", errors[0]);
+        }
+        assert!(!finished.stderr.contains("panicked at kernel"), "{}", finished.stderr);
+        assert!(!finished.stderr.contains("RUST_BACKTRACE"), "{}", finished.stderr);
+        errors[0].to_owned()
+    }
+}
+
+fn collect(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<String> {
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        if let Some(mut pipe) = pipe {
+            pipe.read_to_end(&mut bytes).unwrap();
+        }
+        String::from_utf8_lossy(&bytes).into_owned()
+    })
+}
+
+impl Finished {
+    /// Standard output as JSON.
+    ///
+    /// # Panics
+    /// Where it is none.
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {}", self.stdout))
+    }
+}
+
+/// Writes a pipeline to a folder and returns its path.
+///
+/// # Panics
+/// Where it cannot be written.
+pub fn pipeline(folder: &Path, source: &str) -> PathBuf {
+    let path = folder.join("pipeline.lua");
+    std::fs::write(&path, source).unwrap();
+    path
+}
+
+/// The lines of a file, each of which has to be complete JSON.
+///
+/// # Panics
+/// Where the file cannot be read or a line is not.
+pub fn json_lines(path: &Path) -> Vec<Value> {
+    let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    assert!(text.is_empty() || text.ends_with('\n'), "{} ends within a line", path.display());
+    text.lines().map(|line| serde_json::from_str(line).unwrap_or_else(|e| panic!("{e}: {line}"))).collect()
+}
+
+/// A JSON file.
+///
+/// # Panics
+/// Where the file cannot be read or is no JSON.
+pub fn json_file(path: &Path) -> Value {
+    let text = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    serde_json::from_slice(&text).unwrap()
+}

@@ -1,0 +1,455 @@
+//! Plugins that misbehave, files that are no plugins, and what a plugin author does.
+
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::{
+    Finished, Pdk, built_in_libraries, datasets, library, onnx, pictures, repository, target_folder, temp,
+};
+use serde_json::{Value, json};
+
+/// Three scenarios with everything from the misbehaving plugin; the perturbation of the second misbehaves.
+const THREE_SCENARIOS: &str = r#"
+local settings = pdk.settings({
+    simulator = { name = "misbehave", how = "behave", at = -1 },
+    driver = { name = "misbehave", how = "behave", at = -1 },
+    perturbation = { name = "misbehave", how = "behave", level = 0 },
+})
+pdk.drive({
+    simulator = settings.simulator,
+    driver = settings.driver,
+    duration = 5,
+    scenarios = { { name = "first" }, { name = "second", perturbations = { settings.perturbation } }, { name = "third" } },
+})
+"#;
+
+struct Run {
+    finished: Finished,
+    outcomes: Vec<Value>,
+}
+
+/// Drives the three scenarios on one thread, where `who` misbehaves in this manner.
+fn three_scenarios(who: &str, how: &str, more: &[(&str, &str)]) -> Run {
+    let folder = temp();
+    let out = folder.path().join("out");
+    let mut command = Pdk::new(["run", "--threads", "1", "--out"])
+        .arg(&out)
+        .arg(pipeline(folder.path(), THREE_SCENARIOS))
+        .misbehave()
+        .set(&format!("{who}.how"), how);
+    for (key, value) in more {
+        command = command.set(key, value);
+    }
+    let finished = command.run();
+    let lines = out.join("scenarios.jsonl");
+    let outcomes = if lines.exists() { json_lines(&lines) } else { Vec::new() };
+    Run { finished, outcomes }
+}
+
+fn causes(run: &Run) -> Vec<&str> {
+    run.outcomes.iter().map(|outcome| outcome["cause"].as_str().unwrap()).collect()
+}
+
+#[track_caller]
+fn says(run: &Run, code: i32, parts: &[&str]) {
+    let stderr = &run.finished.stderr;
+    assert_eq!(run.finished.code, Some(code), "{stderr}");
+    let sentence = stderr.lines().find_map(|line| line.strip_prefix("pdk: error: ")).unwrap_or_default();
+    for part in parts {
+        assert!(sentence.contains(part), "`{stderr}` does not say `{part}`");
+    }
+}
+
+#[test]
+fn who_behaves_is_driven() {
+    let run = three_scenarios("perturbation", "behave", &[]);
+    assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
+    assert_eq!(causes(&run), ["finished"; 3]);
+}
+
+#[test]
+fn a_panic_ends_its_scenario_only() {
+    let run = three_scenarios("perturbation", "panic_in_apply", &[]);
+    says(&run, 1, &["1 of 3 scenarios", "`second`", "perturbation `misbehave@0", "as asked to in `apply`"]);
+    assert_eq!(causes(&run), ["finished", "error", "finished"]);
+    assert!(run.outcomes[1]["error"].as_str().unwrap().contains("panicked"));
+
+    // What was not touched drives as if nothing had happened.
+    let undisturbed = three_scenarios("perturbation", "behave", &[]);
+    assert_eq!(run.outcomes[2]["digest"], undisturbed.outcomes[2]["digest"]);
+}
+
+#[test]
+fn a_panic_in_the_middle_of_a_scenario_keeps_what_was_driven() {
+    let run = three_scenarios("driver", "panic_in_drive", &[("driver.at", "7")]);
+    says(&run, 1, &["3 of 3 scenarios", "driver `misbehave`", "as asked to in `drive`"]);
+    assert_eq!(causes(&run), ["error"; 3]);
+    assert!(
+        run.outcomes
+            .iter()
+            .all(|outcome| outcome["frames"] == 7 && !outcome["telemetry"].as_array().unwrap().is_empty())
+    );
+}
+
+#[test]
+fn a_panic_at_every_entry_point_is_an_error_with_a_name() {
+    for (who, how) in [
+        ("simulator", "panic_in_reset"),
+        ("simulator", "panic_in_waypoints"),
+        ("simulator", "panic_in_frame"),
+        ("simulator", "panic_in_act"),
+        ("driver", "panic_in_reset"),
+        ("driver", "panic_in_drive"),
+    ] {
+        let run = three_scenarios(who, how, &[]);
+        let place = how.replace("panic_in_", "as asked to in `") + "`";
+        says(&run, 1, &["3 of 3 scenarios", &format!("{who} `misbehave`"), &place]);
+        assert_eq!(causes(&run), ["error"; 3], "{who} {how}");
+    }
+    // Without instances there is nothing to drive.
+    for (who, how) in [
+        ("simulator", "panic_in_new"),
+        ("simulator", "panic_in_camera"),
+        ("driver", "panic_in_new"),
+        ("perturbation", "panic_in_new"),
+    ] {
+        let run = three_scenarios(who, how, &[]);
+        says(&run, 1, &[&format!("{who} `misbehave`"), "panicked"]);
+        assert!(run.outcomes.is_empty());
+    }
+}
+
+#[test]
+fn a_panic_while_an_instance_is_dropped_is_said_and_harmless() {
+    for who in ["simulator", "driver", "perturbation"] {
+        let run = three_scenarios(who, "panic_in_drop", &[]);
+        assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
+        assert!(
+            run.finished.stderr.contains("warning: when an instance was dropped"),
+            "{}",
+            run.finished.stderr
+        );
+        assert_eq!(causes(&run), ["finished"; 3]);
+    }
+}
+
+#[test]
+fn numbers_that_are_none_are_errors() {
+    let run = three_scenarios("driver", "no_number", &[]);
+    says(&run, 1, &["driver `misbehave`", "it steers NaN"]);
+    let run = three_scenarios("simulator", "no_number", &[]);
+    says(&run, 1, &["simulator `misbehave`", "frame 0", "not finite"]);
+    assert_eq!(causes(&run), ["error"; 3]);
+
+    let run = three_scenarios("driver", "wild", &[]);
+    assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
+    assert_eq!(run.outcomes[0]["telemetry"][0]["steering"], 1.0);
+}
+
+#[test]
+fn a_simulator_whose_time_stands_still_does_not_run_for_ever() {
+    let run = three_scenarios("simulator", "stand_still", &[]);
+    says(&run, 1, &["simulator `misbehave`", "its time does not go on"]);
+    assert_eq!(causes(&run), ["error"; 3]);
+}
+
+#[test]
+fn cameras_out_of_range_are_refused() {
+    for (how, number) in [
+        ("no_camera", "0x0"),
+        ("endless_camera", "4294967295"),
+        ("slow_camera", "1e-300"),
+        ("fast_camera", "1e300"),
+    ] {
+        let run = three_scenarios("simulator", how, &[]);
+        says(&run, 1, &["simulator `misbehave`", number, "out of range"]);
+    }
+}
+
+#[test]
+fn pixels_that_were_not_written_are_the_same_every_time() {
+    let digests: Vec<_> = (0..2)
+        .map(|_| three_scenarios("perturbation", "leave_pixels", &[]).outcomes[1]["digest"].clone())
+        .collect();
+    assert_eq!(digests[0], digests[1]);
+}
+
+#[test]
+fn who_does_not_come_back_is_named_and_the_record_kept() {
+    for (who, how, recorded) in [
+        ("perturbation", "hang_in_apply", 1),
+        ("perturbation", "hang_in_drop", 0),
+        ("perturbation", "hang_in_new", 0),
+        ("driver", "hang_in_new", 0),
+        ("driver", "hang_in_drive", 0),
+        ("driver", "hang_in_drop", 0),
+        ("simulator", "hang_in_frame", 0),
+    ] {
+        let run = three_scenarios(who, how, &[("patience", "0.4")]);
+        says(&run, 75, &[&format!("{who} `misbehave"), "has not come back for 0.4 s", "patience"]);
+        assert_eq!(run.outcomes.len(), recorded, "{who} {how}");
+    }
+}
+
+#[test]
+fn who_ends_the_process_is_named_and_the_record_kept() {
+    for (who, how, recorded) in [
+        ("perturbation", "exit_in_apply", 1),
+        ("perturbation", "exit_in_drop", 0),
+        ("perturbation", "exit_in_new", 0),
+        ("driver", "exit_in_drive", 0),
+        ("driver", "exit_in_drop", 0),
+        ("simulator", "exit_in_act", 0),
+        ("simulator", "exit_in_camera", 0),
+    ] {
+        let run = three_scenarios(who, how, &[]);
+        says(&run, 70, &[&format!("{who} `misbehave"), "ended the process"]);
+        assert_eq!(run.outcomes.len(), recorded, "{who} {how}");
+    }
+    let image = temp();
+    pictures::write(&image.path().join("in.png"), 16, 16);
+    Pdk::new(["perturb", "in.png", "--with", "misbehave,how=exit_in_apply", "-o", "out.png"])
+        .folder(image.path())
+        .misbehave()
+        .fail(70, &["ended the process"]);
+    assert!(!image.path().join("out.png").exists());
+}
+
+#[test]
+fn a_description_that_misbehaves_is_refused_by_name() {
+    let list = |how: &str| Pdk::new(["list", "driver"]).misbehave().env("MISBEHAVE", how);
+    let panicked = list("panic_in_describe").succeed();
+    assert!(
+        panicked.stderr.contains("libmisbehave") && panicked.stderr.contains("panicked"),
+        "{}",
+        panicked.stderr
+    );
+    // The other plugins are there nevertheless.
+    assert!(panicked.stdout.contains("lane_keeper"));
+    list("exit_in_describe").fail(70, &["libmisbehave", "ended the process"]);
+}
+
+#[test]
+fn offline_a_panic_costs_the_frame_at_hand_only() {
+    let source = r#"
+        local settings = pdk.settings({
+            dataset = { name = "misbehave", how = "behave", at = -1 },
+            driver = { name = "misbehave", how = "behave", at = -1 },
+            perturbation = { name = "misbehave", how = "behave", at = -1 },
+        })
+        pdk.evaluate({ dataset = settings.dataset, driver = settings.driver, perturbations = { settings.perturbation }, levels = { 0 } })
+    "#;
+    for (who, how) in [
+        ("dataset", "panic_in_read"),
+        ("dataset", "panic_in_name"),
+        ("driver", "panic_in_drive"),
+        ("perturbation", "panic_in_apply"),
+    ] {
+        let records: Vec<_> = ["1", "2"]
+            .iter()
+            .map(|threads| {
+                let folder = temp();
+                let out = folder.path().join("out");
+                let finished = Pdk::new(["run", "--threads", threads, "--out"])
+                    .arg(&out)
+                    .arg(pipeline(folder.path(), source))
+                    .misbehave()
+                    .set(&format!("{who}.how"), how)
+                    .set(&format!("{who}.at"), 1)
+                    .succeed();
+                assert!(finished.stderr.contains("was left out"), "{}", finished.stderr);
+                fs::read_to_string(out.join("results.jsonl")).unwrap()
+            })
+            .collect();
+        assert_eq!(records[0], records[1], "{who} {how}");
+        let failed: Vec<_> = records[0].lines().map(|line| line.contains("panicked")).collect();
+        assert_eq!(failed, [false, true, false, false], "{who} {how}: {}", records[0]);
+    }
+    let folder = temp();
+    for (who, how, part) in [
+        ("driver", "no_number", "it steers NaN"),
+        ("dataset", "no_number", "have to be numbers"),
+        ("dataset", "empty", "has no frames"),
+    ] {
+        Pdk::new(["run", "--out"])
+            .arg(folder.path().join(format!("{who}-{how}")))
+            .arg(pipeline(folder.path(), source))
+            .misbehave()
+            .set(&format!("{who}.how"), how)
+            .fail(1, &[part]);
+    }
+}
+
+#[test]
+fn check_finds_every_misbehaviour() {
+    let report = Pdk::new(["check", "--json", "--patience", "1.5"]).arg(library("misbehave")).run();
+    assert_eq!(report.code, Some(1), "{}", report.stderr);
+    let json = report.json();
+    assert_eq!(json["components"].as_array().unwrap().len(), 6);
+    let checks = json["checks"].as_array().unwrap();
+    let mut harmless = 0;
+    for check in checks {
+        let (name, failure) = (check["check"].as_str().unwrap(), &check["failure"]);
+        // What is out of range is put into it, and what panics in `drop` has done its work.
+        let good = ["loading", "behave\"}", "wild", "panic_in_drop"].iter().any(|good| name.contains(good));
+        harmless += usize::from(good);
+        assert_eq!(failure.is_null(), good, "{name}: {failure}");
+        let expected = match name {
+            name if good || name.contains("_camera\"") => "",
+            name if name.contains("panic_in") => "panicked",
+            name if name.contains("exit_in") => "the plugin ended the process (exit status: 0)",
+            name if name.contains("hang_in") => "has not come back for 1.5 s",
+            _ => "",
+        };
+        assert!(failure.as_str().unwrap_or_default().contains(expected), "{name}: {failure}");
+    }
+    assert!(checks.len() > 70 && harmless == 14, "{} checks, {harmless} harmless", checks.len());
+
+    let describe = Pdk::new(["check"]).arg(library("misbehave")).env("MISBEHAVE", "panic_in_describe").run();
+    assert_eq!(describe.code, Some(1));
+    assert!(describe.stdout.contains("FAIL loading the plugin") && describe.stdout.contains("panicked"));
+}
+
+/// Files that are no plugins, with a part of the sentence about each.
+fn no_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
+    let file = |name: &str, content: &[u8]| {
+        let path = folder.join(name);
+        fs::write(&path, content).unwrap();
+        path
+    };
+    let whole = fs::read(library("misbehave")).unwrap();
+    let mut files = vec![
+        (library("stranger"), "was built with pdk-sdk 0.0.1"),
+        (file("text.so", b"this is no library\n"), "is no library"),
+        (file("empty.so", b""), "is no library"),
+        (file("head.so", &whole[..100]), "is cut off"),
+        (file("half.so", &whole[..400_000]), "is cut off"),
+        (file("script.lua", b"return 7"), "script.lua"),
+    ];
+    let libc = ["/lib/x86_64-linux-gnu/libc.so.6", "/lib64/libc.so.6", "/lib/aarch64-linux-gnu/libc.so.6"];
+    match libc.iter().map(Path::new).find(|path| path.exists()) {
+        Some(libc) => files.push((libc.to_owned(), "is no pdk plugin")),
+        None => eprintln!("skipped: no libc.so.6 in the usual places"),
+    }
+    files
+}
+
+#[test]
+fn files_that_are_no_plugins_are_refused_with_one_sentence_each() {
+    let folder = temp();
+    for (file, part) in no_plugins(folder.path()) {
+        let listed = Pdk::new(["list", "driver", "--plugins"]).arg(&file).succeed();
+        let warnings: Vec<_> = listed.stderr.lines().collect();
+        assert_eq!(warnings.len(), 1, "{}: {}", file.display(), listed.stderr);
+        assert!(warnings[0].starts_with("pdk: warning: ") && warnings[0].contains(part), "{}", warnings[0]);
+        assert!(warnings[0].contains(file.file_name().unwrap().to_str().unwrap()), "{}", warnings[0]);
+        assert!(listed.stdout.contains("lane_keeper"));
+        if file.extension().is_some_and(|extension| extension != "lua") {
+            let checked = Pdk::new(["check"]).arg(&file).run();
+            assert_eq!(checked.code, Some(1));
+            assert!(checked.stdout.contains(part), "{}", checked.stdout);
+        }
+    }
+    let checked = Pdk::new(["check"]).arg(folder.path()).run();
+    assert_eq!(checked.code, Some(1));
+    assert!(checked.stdout.contains("FAIL loading the plugin"), "{}", checked.stdout);
+    Pdk::new(["list", "--plugins", "/no/such/folder"])
+        .fail(1, &["/no/such/folder", "does not exist", "--plugins"]);
+}
+
+#[test]
+fn the_built_in_plugins_keep_the_rules() {
+    let folder = temp();
+    datasets::folder(&folder.path().join("folder"), 3, 32, 24);
+    datasets::tub(&folder.path().join("tub"), 3, 32, 24);
+    onnx::pilot(&folder.path().join("pilot.onnx"), 3, 24, 32);
+    for library in built_in_libraries() {
+        let name = library.file_stem().unwrap().to_str().unwrap().to_owned();
+        let mut check = Pdk::new(["check"]).arg(&library).folder(folder.path());
+        match name.as_str() {
+            "libpdk_datasets" => {
+                check = check.set("folder.path", "folder").set("tub.path", "tub");
+            }
+            "libpdk_models" => {
+                check = check.set("onnx.model", "pilot.onnx").set("onnx.backend", "tract");
+            }
+            _ => {}
+        }
+        let checked = check.run();
+        assert_eq!(checked.code, Some(0), "{name}:\n{}{}", checked.stdout, checked.stderr);
+    }
+    Pdk::new(["check"])
+        .arg(library("pdk_datasets"))
+        .set("tup.path", "tub")
+        .run()
+        .stdout
+        .contains("did you mean `tub`");
+}
+
+#[test]
+fn a_new_plugin_builds_outside_the_repository_and_keeps_the_rules() {
+    let folder = temp();
+    Pdk::new(["new", "plugin", "salt_spray", "--out"]).arg(folder.path()).succeed();
+    let project = folder.path().join("salt_spray");
+    // A folder of its own, kept from one test run to the next.
+    let target = target_folder().parent().unwrap().join("new-plugin");
+    let cargo = |arguments: &[&str]| {
+        let built = Command::new(option_env!("CARGO").unwrap_or("cargo"))
+            .args(arguments)
+            .args(["--release", "--offline"])
+            .current_dir(&project)
+            .env("CARGO_TARGET_DIR", &target)
+            .output()
+            .unwrap();
+        assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
+    };
+    cargo(&["build"]);
+    cargo(&["test"]);
+    let library = target.join(format!("release/libsalt_spray.{}", std::env::consts::DLL_EXTENSION));
+    let checked = Pdk::new(["check"]).arg(&library).succeed();
+    assert!(checked.stdout.contains("ok   perturbation `salt_spray`"), "{}", checked.stdout);
+
+    pictures::write(&folder.path().join("in.png"), 64, 48);
+    Pdk::new(["perturb", "in.png", "--with", "salt_spray@4", "-o", "out.png", "--plugins"])
+        .arg(&library)
+        .folder(folder.path())
+        .succeed();
+    let [before, after] =
+        ["in.png", "out.png"].map(|name| image::open(folder.path().join(name)).unwrap().into_rgb8());
+    assert!(before.get_pixel(0, 0)[0] / 2 > after.get_pixel(0, 0)[0], "the corner is darker");
+    Pdk::new(["new", "plugin", "salt_spray", "--out"]).arg(folder.path()).fail(1, &["exists already"]);
+}
+
+#[test]
+fn a_new_perturbation_and_a_new_pipeline_work_as_they_are() {
+    let folder = temp();
+    Pdk::new(["new", "perturbation", "sun_visor", "--out"]).arg(folder.path()).succeed();
+    Pdk::new(["new", "pipeline", "night_shift", "--out"]).arg(folder.path()).succeed();
+    pictures::write(&folder.path().join("in.png"), 64, 48);
+    Pdk::new(["perturb", "in.png", "--with", "sun_visor@4", "-o", "out.png", "--plugins", "."])
+        .folder(folder.path())
+        .succeed();
+    let after = image::open(folder.path().join("out.png")).unwrap().into_rgb8();
+    assert_eq!(after.get_pixel(5, 0)[2], 230 / 3);
+    let ran = Pdk::new([
+        "run",
+        "night_shift.lua",
+        "--json",
+        "--set",
+        "duration=0.5",
+        "--set",
+        "perturbations=sun_visor",
+    ])
+    .args(["--plugins", "."])
+    .folder(folder.path())
+    .succeed();
+    assert_eq!(ran.json()["record"], json!("runs/night_shift-1"));
+    assert_eq!(json_lines(&folder.path().join("runs/night_shift-1/scenarios.jsonl")).len(), 2);
+    Pdk::new(["new", "pipeline", "night_shift", "--out"]).arg(folder.path()).fail(1, &["night_shift.lua"]);
+    Pdk::new(["new", "pipeline", "Night-Shift"]).fail(1, &["lower-case letters"]);
+    assert!(repository().join("Cargo.toml").exists());
+}
