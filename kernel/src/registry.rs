@@ -22,6 +22,8 @@ pub const PATH_VARIABLE: &str = "PDK_PLUGIN_PATH";
 pub struct Registry {
     components: BTreeMap<(Kind, String), Component>,
     plugins: Vec<Plugin>,
+    /// Every folder that was looked into.
+    places: Vec<PathBuf>,
     refused: Vec<Error>,
 }
 
@@ -34,25 +36,44 @@ pub struct Component {
 
 enum Source {
     Plugin { plugin: usize, index: usize },
-    Lua { path: PathBuf },
+    Lua {
+        path: PathBuf,
+    },
+    /// A file that another component makes a component of its own.
+    DropIn {
+        base: String,
+        parameter: String,
+        path: PathBuf,
+    },
+}
+
+/// Where components are looked for besides the usual places.
+#[derive(Debug, Clone, Default)]
+pub struct SearchPath {
+    /// Folders with plugins and Lua perturbations.
+    pub plugins: Vec<PathBuf>,
+    /// Folders with files that become components of their own, each with the name that [`DropIn::folder`] gives such folders.
+    pub drop_ins: Vec<(&'static str, PathBuf)>,
 }
 
 impl Registry {
-    /// Loads everything that lies in the given folders and in the usual places, in this order: `folders`, what
+    /// Loads everything that lies in the given folders and in the usual places, in this order: the given ones, what
     /// `PDK_PLUGIN_PATH` names, the user's plugin folder, the executable's own folder. Where two components have the
     /// same name the first one counts. What cannot be used is left out and listed by [`Registry::refused`].
     ///
     /// # Errors
-    /// Where one of `folders` does not exist.
-    pub fn discover(folders: &[PathBuf]) -> Result<Self> {
+    /// Where a given folder does not exist.
+    pub fn discover(search: &SearchPath) -> Result<Self> {
         let mut registry = Self::default();
-        for folder in folders {
-            if !folder.exists() {
-                return Err(Error::new(format!(
-                    "the plugin folder {} does not exist; create it or correct --plugins",
-                    folder.display()
-                )));
-            }
+        let given = search.plugins.iter().map(|folder| ("plugins", folder));
+        let drop_ins = search.drop_ins.iter().map(|(name, folder)| (*name, folder));
+        if let Some((name, missing)) = given.chain(drop_ins).find(|(_, folder)| !folder.exists()) {
+            return Err(Error::new(format!(
+                "the folder {} does not exist; create it or correct --{name}",
+                missing.display()
+            )));
+        }
+        for folder in &search.plugins {
             registry.add_place(folder);
         }
         for place in std::env::var_os(PATH_VARIABLE).iter().flat_map(std::env::split_paths) {
@@ -64,6 +85,7 @@ impl Registry {
         if let Some(folder) = executable_folder() {
             registry.add_built_in(&folder);
         }
+        registry.add_drop_ins(search);
         Ok(registry)
     }
 
@@ -97,7 +119,7 @@ impl Registry {
     pub fn file_of<'a>(&'a self, component: &'a Component) -> &'a Path {
         match &component.source {
             Source::Plugin { plugin, .. } => &self.plugins[*plugin].path,
-            Source::Lua { path } => path,
+            Source::Lua { path } | Source::DropIn { path, .. } => path,
         }
     }
 
@@ -107,6 +129,11 @@ impl Registry {
         let instance = match &component.source {
             Source::Plugin { plugin, index } => self.plugins[*plugin].create(*index, config.values()),
             Source::Lua { path } => lua::perturbation::create(path, &config).map(Instance::Perturbation),
+            Source::DropIn { base, parameter, path } => {
+                let mut parameters = config.values().clone();
+                parameters.insert(parameter.clone(), path.to_string_lossy().into());
+                self.create(kind, base, &parameters).map(|(instance, _)| instance)
+            }
         };
         let instance = instance.map_err(|error| error.at(format!("{kind} `{name}`")))?;
         if instance.kind() != kind {
@@ -134,12 +161,8 @@ impl Registry {
 
     /// Adds the libraries and scripts of a folder, by name; a folder that does not exist has none.
     fn add_folder(&mut self, folder: &Path, wanted: impl Fn(&str) -> bool) {
-        let mut files: Vec<_> = match std::fs::read_dir(folder) {
-            Ok(entries) => entries.filter_map(|entry| Some(entry.ok()?.path())).collect(),
-            Err(_) => return,
-        };
-        files.sort();
-        for file in files {
+        self.places.push(folder.to_owned());
+        for file in files_of(folder) {
             let stem = file.file_stem().unwrap_or_default().to_string_lossy();
             let extension = file.extension().unwrap_or_default();
             if extension == std::env::consts::DLL_EXTENSION && wanted(&stem) || extension == "lua" {
@@ -171,6 +194,38 @@ impl Registry {
             }
             Err(error) => self.refused.push(error),
         }
+    }
+
+    /// Adds the files that components ask for: in the given folders, and in those of the right name wherever plugins lie.
+    fn add_drop_ins(&mut self, search: &SearchPath) {
+        let bases: Vec<Description> = self.components.values().map(|c| c.description.clone()).collect();
+        for base in bases {
+            let Some(drop_in) = &base.drop_in else { continue };
+            let given = search.drop_ins.iter().filter(|(name, _)| *name == drop_in.folder);
+            let mut folders: Vec<PathBuf> = given.map(|(_, folder)| folder.clone()).collect();
+            folders.extend(self.places.iter().map(|place| place.join(&drop_in.folder)));
+            for file in folders.iter().flat_map(|folder| files_of(folder)) {
+                let ending = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+                if drop_in.endings.contains(&ending) {
+                    self.add_drop_in(&base, &drop_in.parameter, file);
+                }
+            }
+        }
+    }
+
+    fn add_drop_in(&mut self, base: &Description, parameter: &str, file: PathBuf) {
+        let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
+        let fits = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+        let name: String = stem.chars().map(fits).collect();
+        let shown = file.file_name().unwrap_or_default().to_string_lossy();
+        let mut description =
+            Description { name, doc: format!("{}: {shown}", base.doc), drop_in: None, ..base.clone() };
+        description.parameters.retain(|p| p.name != parameter);
+        description.examples.clear();
+        // It is the user's own, so it is there by name.
+        description.default = false;
+        let source = Source::DropIn { base: base.name.clone(), parameter: parameter.to_owned(), path: file };
+        self.add(description, source);
     }
 
     fn add(&mut self, description: Description, source: Source) {
@@ -223,6 +278,14 @@ create_functions! {
     driver: Driver as Driver;
     /// Opens a dataset.
     dataset: Dataset as Dataset;
+}
+
+/// The files of a folder by name; none where there is no such folder.
+fn files_of(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
+    let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|f| f.is_file()).collect();
+    files.sort();
+    files
 }
 
 /// The folder of the running executable.

@@ -41,7 +41,7 @@ impl State {
 
 /// Looks at everything that pdk needs. Fails where something does not work.
 pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
-    let registry = Registry::discover(&global.plugins)?;
+    let registry = Registry::discover(&global.search_path())?;
     let mut findings = vec![
         Finding {
             subject: "version",

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use pdk::exit_guard::ExitGuard;
-use pdk::registry::Registry;
+use pdk::registry::{Registry, SearchPath};
 use pdk_sdk::error::Result;
 
 mod check;
@@ -39,15 +39,24 @@ pub struct Global {
     /// Folder with further plugins and Lua perturbations; may be given several times
     #[arg(long, global = true, value_name = "DIR")]
     plugins: Vec<PathBuf>,
+    /// Folder with green-screen clips, each of which becomes a perturbation; may be given several times
+    #[arg(long, global = true, value_name = "DIR")]
+    overlays: Vec<PathBuf>,
     /// Write the result to standard output as JSON
     #[arg(long, global = true)]
     json: bool,
 }
 
 impl Global {
+    /// Where components are looked for besides the usual places.
+    pub fn search_path(&self) -> SearchPath {
+        let overlays = self.overlays.iter().map(|folder| ("overlays", folder.clone()));
+        SearchPath { plugins: self.plugins.clone(), drop_ins: overlays.collect() }
+    }
+
     /// Finds all components, and says what had to be left out.
     pub fn registry(&self) -> Result<Registry> {
-        let registry = Registry::discover(&self.plugins)?;
+        let registry = Registry::discover(&self.search_path())?;
         for refused in registry.refused() {
             eprintln!("pdk: warning: {refused}");
         }

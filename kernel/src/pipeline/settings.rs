@@ -86,6 +86,8 @@ fn parse(default: &Value, text: &str) -> Result<Value> {
         (Value::Number(_), _) => wrong("number"),
         (Value::Bool(_), Some(Value::Bool(set))) => Ok(Value::Bool(set)),
         (Value::Bool(_), _) => wrong("true or false"),
+        // A component that is given by name can be replaced by one with parameters.
+        (Value::String(_), Some(Value::Object(table))) if table.contains_key("name") => Ok(Value::Object(table)),
         (Value::String(_), _) => Ok(Value::String(text.to_owned())),
         (Value::Array(_), Some(Value::Array(list))) => Ok(Value::Array(list)),
         (Value::Array(list), _) => {
@@ -125,6 +127,8 @@ mod tests {
         assert_eq!(with("levels=2,3.5").unwrap()["levels"], json!([2, 3.5]));
         assert_eq!(with("names=x,y").unwrap()["names"], json!(["x", "y"]));
         assert_eq!(with("simulator.width=64").unwrap()["simulator"]["width"], 64);
+        assert_eq!(with(r#"model={"name":"x","y":1}"#).unwrap()["model"], json!({"name": "x", "y": 1}));
+        assert_eq!(with(r#"model={"y":1}"#).unwrap()["model"], r#"{"y":1}"#);
         assert_eq!(with("simulator=donkey").unwrap()["simulator"], "donkey");
     }
 

@@ -97,6 +97,9 @@ pub struct Description {
     pub source: String,
     /// The parameters, in the order in which they are listed.
     pub parameters: Vec<Parameter>,
+    /// Files that become components of their own; none for most components.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drop_in: Option<DropIn>,
     /// Parameter values with which `pdk check` runs it, instead of the defaults.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub examples: Vec<Map<String, Value>>,
@@ -114,6 +117,7 @@ impl Description {
             default: true,
             source: String::new(),
             parameters: Vec::new(),
+            drop_in: None,
             examples: Vec::new(),
         }
     }
@@ -178,6 +182,17 @@ impl Description {
         self
     }
 
+    /// Makes every file with one of these endings, in a folder of this name, a component of its own: named after the file,
+    /// with `parameter` set to its path.
+    pub fn drop_in(mut self, folder: &str, endings: &[&str], parameter: &str) -> Self {
+        self.drop_in = Some(DropIn {
+            folder: folder.to_owned(),
+            endings: endings.iter().map(|&ending| ending.to_owned()).collect(),
+            parameter: parameter.to_owned(),
+        });
+        self
+    }
+
     /// Adds parameter values with which `pdk check` runs it: an object. Without examples it runs with its defaults.
     pub fn example(mut self, values: Value) -> Self {
         if let Value::Object(values) = values {
@@ -191,6 +206,17 @@ impl Description {
         self.parameters.push(parameter);
         self
     }
+}
+
+/// Files that become components of their own when they lie in a certain folder.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DropIn {
+    /// The name of the folder, such as `overlays`; every place where plugins lie may have one.
+    pub folder: String,
+    /// The endings of the files, without dot, in lower case.
+    pub endings: Vec<String>,
+    /// The parameter that is set to the file's path.
+    pub parameter: String,
 }
 
 /// The type of a parameter and what it allows.
