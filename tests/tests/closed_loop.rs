@@ -1,0 +1,298 @@
+//! The closed loop: what is driven, what is recorded, who can watch, and what a killed run leaves.
+
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use pdk_bus::{Message, Tap, Topic};
+use pdk_tests::process::{json_file, json_lines, pipeline};
+use pdk_tests::{Pdk, repository, temp};
+use serde_json::json;
+
+/// A short road for the embedded simulator in small frames: 80 x 60 pixels, 20 a second.
+const SIMULATOR: &str = r#"{"name":"lane","width":80,"height":60,"rate":20}"#;
+const ROAD: &str = r#"{"angles":[0,4,-4],"segment":10}"#;
+
+fn quickstart(out: &Path) -> Pdk {
+    Pdk::new(["run", "--out"])
+        .arg(out)
+        .arg(repository().join("scripts/quickstart.lua"))
+        .set("simulator", SIMULATOR)
+        .set("road", ROAD)
+        .set("perturbations", "gaussian_noise")
+        .set("levels", "1")
+}
+
+#[test]
+fn the_quickstart_drives_and_records() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    let ran = quickstart(&out).args(["--seed", "3"]).succeed();
+    assert!(ran.stdout.contains("nominal") && ran.stdout.contains("gaussian_noise@1"), "{}", ran.stdout);
+    assert!(ran.stdout.contains(&format!("Record: {}", out.display())));
+
+    let manifest = json_file(&out.join("manifest.json"));
+    assert_eq!((&manifest["seed"], &manifest["settings"]["driver"]), (&json!(3), &json!("lane_keeper")));
+    assert!(manifest["pipeline"]["source"].as_str().unwrap().contains("pdk.drive"));
+    let components: Vec<_> = manifest["components"].as_array().unwrap().iter().collect();
+    let names: Vec<_> = components.iter().map(|component| component["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["gaussian_noise", "lane", "lane_keeper"]);
+    assert!(components.iter().all(|component| component["file"]["blake3"].as_str().unwrap().len() == 64));
+
+    let scenarios = json_lines(&out.join("scenarios.jsonl"));
+    assert_eq!(scenarios.len(), 2);
+    let nominal = &scenarios[0];
+    assert_eq!((&nominal["success"], &nominal["cause"]), (&json!(true), &json!("finished")), "{nominal}");
+    assert_eq!(nominal["scenario"]["name"], "nominal");
+    // 20 m or so at 8 m/s.
+    let time = nominal["time"].as_f64().unwrap();
+    assert!((2.0..6.0).contains(&time), "{time}");
+    assert!(nominal["max_cross_track_error"].as_f64().unwrap() < 0.6);
+    assert_ne!(nominal["digest"], scenarios[1]["digest"]);
+    let telemetry = nominal["telemetry"].as_array().unwrap();
+    // Every quarter of a second, and at the end.
+    assert!(telemetry.len() as f64 >= time * 4.0 && telemetry.len() as f64 <= time * 4.0 + 2.0);
+
+    let summary = json_file(&out.join("summary.json"));
+    assert_eq!(summary["outcomes"].as_array().unwrap().len(), 2);
+    let performance = json_file(&out.join("performance.json"));
+    let frames: u64 = scenarios.iter().map(|scenario| scenario["frames"].as_u64().unwrap()).sum();
+    assert_eq!(performance["steps"][0]["drive"]["stages"]["steps"], frames);
+}
+
+#[test]
+fn the_trace_is_what_other_tools_read() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    quickstart(&out).set("duration", 1).succeed();
+    let scenarios = json_lines(&out.join("scenarios.jsonl"));
+    for (number, scenario) in scenarios.iter().enumerate() {
+        let bytes = fs::read(out.join(format!("traces/{number:04}.mcap"))).unwrap();
+        let mut topics: BTreeMap<String, (u64, String, String)> = BTreeMap::new();
+        let mut last_time = 0;
+        for message in mcap::MessageStream::new(&bytes).unwrap() {
+            let message = message.unwrap();
+            let schema = message.channel.schema.as_ref().unwrap();
+            let entry = topics
+                .entry(message.channel.topic.clone())
+                .or_insert_with(|| (0, schema.name.clone(), message.channel.message_encoding.clone()));
+            entry.0 += 1;
+            if message.channel.topic == "/state" {
+                assert!(message.log_time >= last_time);
+                last_time = message.log_time;
+            }
+            if message.channel.topic == "/perturbed" {
+                // The JPEG lies within the message, between its own markers.
+                let start = message.data.windows(3).position(|window| window == [0xff, 0xd8, 0xff]).unwrap();
+                let end = message.data.windows(2).rposition(|window| window == [0xff, 0xd9]).unwrap() + 2;
+                let picture = image::load_from_memory(&message.data[start..end]).unwrap();
+                assert_eq!((picture.width(), picture.height()), (80, 60));
+            }
+        }
+        let frames = scenario["frames"].as_u64().unwrap();
+        assert_eq!(scenario["cause"], "time_out");
+        assert_eq!(frames, 21, "one second at 20 frames, and the frame at its end");
+        let counts: Vec<_> = topics
+            .iter()
+            .map(|(topic, (count, schema, _))| (topic.as_str(), *count, schema.as_str()))
+            .collect();
+        assert_eq!(
+            counts,
+            [
+                ("/control", frames, "controlmessage.ControlMessage"),
+                ("/event", 2, "foxglove.Log"),
+                ("/perturbed", frames.div_ceil(6), "foxglove.CompressedImage"),
+                ("/raw", frames.div_ceil(6), "foxglove.CompressedImage"),
+                ("/state", frames, "statemessage.StateMessage"),
+            ]
+        );
+        assert!(topics.values().all(|(_, _, encoding)| encoding == "protobuf"));
+        let end = scenario["time"].as_f64().unwrap();
+        assert!((last_time as f64 / 1e9 - end).abs() < 1e-6, "{last_time} {end}");
+    }
+}
+
+#[test]
+fn the_export_has_the_published_shape() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    quickstart(&out).set("duration", 1).succeed();
+    let file = folder.path().join("export.json");
+    Pdk::new(["export"]).arg(&out).arg("-o").arg(&file).succeed();
+    let exported = json_file(&file);
+    let same = Pdk::new(["export"]).arg(&out).succeed().json();
+    assert_eq!(exported, same);
+    let scenarios = exported.as_array().unwrap();
+    assert_eq!(scenarios.len(), 2);
+    for scenario in scenarios {
+        let keys: Vec<_> = scenario.as_object().unwrap().keys().map(String::as_str).collect();
+        assert_eq!(keys, ["frames", "pos", "xte", "speeds", "actions", "scenario", "isSuccess", "timeout"]);
+        let count = scenario["frames"].as_array().unwrap().len();
+        assert!(count >= 4);
+        for list in ["pos", "xte", "speeds", "actions"] {
+            assert_eq!(scenario[list].as_array().unwrap().len(), count, "{list}");
+        }
+        assert_eq!((&scenario["isSuccess"], &scenario["timeout"]), (&json!(false), &json!(true)));
+        let waypoints = scenario["scenario"]["waypoints"].as_str().unwrap();
+        assert!(
+            waypoints
+                .split('@')
+                .all(|point| point.split(',').filter(|n| n.parse::<f64>().is_ok()).count() == 3)
+        );
+    }
+    assert_eq!(scenarios[1]["scenario"]["perturbation_function"], "gaussian_noise");
+    assert_eq!(scenarios[1]["scenario"]["perturbation_scale"], 1.0);
+    Pdk::new(["export"]).arg(folder.path()).fail(1, &["holds no record", "manifest.json"]);
+}
+
+#[test]
+fn a_driver_that_leaves_its_lane_is_a_result_and_no_error() {
+    let folder = temp();
+    // The misbehaving driver does as good as not steer on a dark picture, so it goes straight on where the road bends.
+    let source = r#"
+        pdk.drive({
+            simulator = { name = "lane", width = 80, height = 60, rate = 20 }, driver = "misbehave",
+            duration = 20, images_every = 0,
+            scenarios = { { road = { angles = { 0, 40, 40 }, segment = 15 } } },
+        })
+    "#;
+    let out = folder.path().join("record");
+    Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).misbehave().succeed();
+    let outcome = &json_lines(&out.join("scenarios.jsonl"))[0];
+    assert_eq!((&outcome["success"], &outcome["cause"]), (&json!(false), &json!("lane_departure")), "{outcome}");
+    assert!(outcome["progress"].as_f64().unwrap() < 1.0);
+}
+
+#[test]
+fn several_drives_of_one_pipeline_number_their_scenarios_on() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    let source = r#"
+        for round = 1, 3 do
+            local outcomes = pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, {} } })
+            assert(#outcomes == 2 and outcomes[1].success and outcomes[2].index == round * 2 - 1)
+        end
+    "#;
+    Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).misbehave().succeed();
+    let indexes: Vec<_> = json_lines(&out.join("scenarios.jsonl"))
+        .iter()
+        .map(|outcome| outcome["index"].as_u64().unwrap())
+        .collect();
+    assert_eq!(indexes, [0, 1, 2, 3, 4, 5]);
+    assert!(out.join("traces/0005.mcap").is_file());
+}
+
+/// A pipeline that drives for long on small frames.
+fn long_run(folder: &Path, name: &str) -> (Pdk, std::path::PathBuf) {
+    let source = r#"
+        local scenarios = {}
+        for index = 1, 1000 do
+            table.insert(scenarios, { road = { angles = { 0, 4, -4 }, segment = 10 }, perturbations = { "contrast@1" } })
+        end
+        pdk.drive({ simulator = { name = "lane", width = 80, height = 60, rate = 20 }, driver = "lane_keeper",
+            duration = 1, scenarios = scenarios })
+    "#;
+    let out = folder.join(name);
+    (Pdk::new(["run", "--threads", "2", "--out"]).arg(&out).arg(pipeline(folder, source)), out)
+}
+
+/// Waits until something holds.
+fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
+    let started = Instant::now();
+    while !holds() {
+        assert!(started.elapsed() < Duration::from_secs(30), "{what} did not come");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// The name on the topics of the run of a process.
+fn run_of(process: u32) -> Option<String> {
+    Tap::list().unwrap().into_iter().find(|run| run.process == process).map(|run| run.run)
+}
+
+#[test]
+fn another_process_taps_the_frames_while_they_are_driven() {
+    let folder = temp();
+    let (command, _) = long_run(folder.path(), "tapped");
+    let mut child = command.spawn();
+    wait_for("the run", || run_of(child.id()).is_some());
+    let run = run_of(child.id()).unwrap();
+    assert!(run.starts_with("tapped-"), "{run}");
+    for topic in [Topic::Raw, Topic::Perturbed] {
+        let mut tap = Tap::open(&run, 1, topic, Duration::from_secs(10)).unwrap();
+        let mut before: Option<pdk_bus::FrameHeader> = None;
+        for _ in 0..30 {
+            let Some(Message::Frame(frame)) = tap.receive(Duration::from_secs(10)).unwrap() else {
+                panic!("no frame came");
+            };
+            let header = *frame.header();
+            assert_eq!((header.lane, header.width, header.height, frame.len()), (1, 80, 60, 80 * 60 * 3));
+            assert!(frame.iter().any(|&byte| byte != frame[0]), "a frame without a picture");
+            assert!((header.time - header.sequence as f64 / 20.0).abs() < 1e-9);
+            if let Some(before) = before {
+                assert!(header.number > before.number);
+                assert!(header.scenario > before.scenario || header.sequence > before.sequence);
+            }
+            before = Some(header);
+        }
+    }
+    let mut tap = Tap::open(&run, 0, Topic::State, Duration::from_secs(10)).unwrap();
+    assert!(
+        matches!(tap.receive(Duration::from_secs(10)).unwrap(), Some(Message::State(_, state)) if state.speed > 1.0)
+    );
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+/// The shared memory that a process has mapped, but for the counter that all processes share.
+#[cfg(target_os = "linux")]
+fn shared_memory(process: u32) -> Vec<String> {
+    let maps = fs::read_to_string(format!("/proc/{process}/maps")).unwrap();
+    let files = maps.lines().filter_map(|line| line.find("/dev/shm/").map(|start| line[start..].to_owned()));
+    let mut files: Vec<_> = files.filter(|file| !file.ends_with(".global_mgmt")).collect();
+    files.sort();
+    files.dedup();
+    files
+}
+
+#[test]
+fn a_killed_run_loses_only_what_was_in_flight() {
+    let folder = temp();
+    let (command, out) = long_run(folder.path(), "killed");
+    let mut child = command.spawn();
+    let lines = out.join("scenarios.jsonl");
+    let count = || fs::read_to_string(&lines).map_or(0, |text| text.lines().count());
+    wait_for("the fifth scenario", || count() >= 5);
+    #[cfg(target_os = "linux")]
+    let memory = shared_memory(child.id());
+    child.kill().unwrap();
+    child.wait().unwrap();
+
+    // Complete lines only, each with a trace that is complete too.
+    let recorded = json_lines(&lines);
+    assert!((5..1000).contains(&recorded.len()), "{}", recorded.len());
+    for outcome in &recorded {
+        let trace =
+            fs::read(out.join(format!("traces/{:04}.mcap", outcome["index"].as_u64().unwrap()))).unwrap();
+        let summary = mcap::Summary::read(&trace).unwrap().unwrap();
+        assert!(summary.stats.unwrap().message_count >= outcome["frames"].as_u64().unwrap() * 2);
+    }
+    assert_eq!(json_file(&out.join("manifest.json"))["seed"], 0);
+
+    // The next run works, and removes what the killed one left in shared memory.
+    let (command, _) = long_run(folder.path(), "next");
+    let mut next = command.spawn();
+    wait_for("the next run", || run_of(next.id()).is_some());
+    #[cfg(target_os = "linux")]
+    {
+        assert!(!memory.is_empty());
+        wait_for("the end of what was left", || !memory.iter().any(|file| Path::new(file).exists()));
+    }
+    next.kill().unwrap();
+    next.wait().unwrap();
+    assert_eq!(run_of(child.id()), None);
+    quickstart(&folder.path().join("last")).set("duration", 0.5).succeed();
+}

@@ -1,0 +1,189 @@
+//! Same key, same bytes: whatever the number of threads, the order of frames and the language.
+
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use pdk_tests::process::pipeline;
+use pdk_tests::{Pdk, datasets, onnx, pictures, temp};
+
+/// All perturbations that need no parameter, with whether they draw random numbers.
+fn perturbations() -> Vec<String> {
+    let list = Pdk::new(["list", "perturbation", "--json"]).succeed().json();
+    let ready =
+        list.as_array().unwrap().iter().map(|component| &component["description"]).filter(|description| {
+            let parameters = description["parameters"].as_array().unwrap();
+            parameters
+                .iter()
+                .all(|p| !p["default"].is_null() || p.get("levels").is_some() || p["type"] == "json")
+        });
+    let names: Vec<_> = ready.map(|description| description["name"].as_str().unwrap().to_owned()).collect();
+    assert!(names.len() >= 12 && names.contains(&"banding".to_owned()), "{names:?}");
+    names
+}
+
+/// The bytes of the perturbed image.
+fn perturb(folder: &Path, chain: &[&str], more: &[&str]) -> Vec<u8> {
+    let output = folder.join("out.png");
+    let with = chain.iter().flat_map(|perturbation| ["--with", perturbation]);
+    Pdk::new(["perturb", "in.png", "-o", "out.png"]).args(with).args(more).folder(folder).succeed();
+    let bytes = fs::read(&output).unwrap();
+    fs::remove_file(output).unwrap();
+    bytes
+}
+
+#[test]
+fn the_same_key_gives_the_same_bytes_and_another_seed_others() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 97, 61);
+    let mut random = Vec::new();
+    for name in perturbations() {
+        for level in ["0", "1.5", "4"] {
+            let spec = format!("{name}@{level}");
+            let once = perturb(folder.path(), &[&spec], &["--seed", "7", "--frame", "3", "--time", "0.15"]);
+            let again = perturb(folder.path(), &[&spec], &["--seed", "7", "--frame", "3", "--time", "0.15"]);
+            assert_eq!(once, again, "{spec}");
+            let other = perturb(folder.path(), &[&spec], &["--seed", "8", "--frame", "3", "--time", "0.15"]);
+            if once != other && !random.contains(&name) {
+                random.push(name.clone());
+            }
+        }
+    }
+    for name in
+        ["gaussian_noise", "poisson_noise", "impulse_noise", "speckle_noise_filter", "banding", "dirty_lens"]
+    {
+        assert!(random.iter().any(|random| random == name), "{name} does not depend on the seed: {random:?}");
+    }
+    for name in ["contrast", "grayscale_filter", "gaussian_blur", "defocus_blur", "increase_brightness"] {
+        assert!(random.iter().all(|random| random != name), "{name} depends on the seed");
+    }
+}
+
+#[test]
+fn noise_is_drawn_anew_for_each_frame_and_for_each_instance() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 64, 48);
+    let frame = |number: &str| perturb(folder.path(), &["gaussian_noise@2"], &["--frame", number]);
+    assert_ne!(frame("0"), frame("1"));
+    // What one perturbation draws does not depend on another one before it.
+    let grey = perturb(folder.path(), &["grayscale_filter@4,weight=0", "gaussian_noise@2"], &[]);
+    assert_eq!(grey, perturb(folder.path(), &["gaussian_noise@2", "grayscale_filter@4,weight=0"], &[]));
+}
+
+/// All files of a folder by their path in it.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in fs::read_dir(next).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).unwrap().to_string_lossy().into_owned();
+                found.insert(name, fs::read(&path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+/// Runs a pipeline on one and on two threads, twice each, and compares everything but the times. Returns the names of
+/// the files.
+fn compare_threads(folder: &Path, source: &str) -> Vec<String> {
+    let path = pipeline(folder, source);
+    let mut records = Vec::new();
+    for (number, threads) in ["1", "2", "2"].iter().enumerate() {
+        let out = folder.join(format!("record-{number}"));
+        Pdk::new(["run", "--seed", "11", "--threads", threads, "--out"])
+            .arg(&out)
+            .arg(&path)
+            .misbehave()
+            .succeed();
+        let mut record = files(&out);
+        assert!(record.remove("performance.json").is_some());
+        records.push(record);
+    }
+    let names: Vec<_> = records[0].keys().cloned().collect();
+    for record in &records[1..] {
+        assert_eq!(record.keys().cloned().collect::<Vec<_>>(), names);
+        for (name, content) in record {
+            assert!(records[0][name] == *content, "{name} differs");
+        }
+    }
+    names
+}
+
+#[test]
+fn a_closed_loop_is_the_same_on_any_number_of_threads() {
+    let folder = temp();
+    let names = compare_threads(
+        folder.path(),
+        r#"
+        local scenarios = {}
+        for index, name in { "gaussian_noise@3", "motion_blur@2", "banding@4", "dirty_lens@1.5" } do
+            table.insert(scenarios, { perturbations = { name }, road = { angles = { 0, 5 * index }, segment = 10 } })
+        end
+        pdk.drive({
+            simulator = { name = "lane", width = 80, height = 60, rate = 20 }, driver = "lane_keeper",
+            duration = 1, images_every = 5, scenarios = scenarios,
+        })
+        "#,
+    );
+    let traces = ["traces/0000.mcap", "traces/0001.mcap", "traces/0002.mcap", "traces/0003.mcap"];
+    assert_eq!(names, [&["manifest.json", "scenarios.jsonl", "summary.json"][..], &traces].concat());
+}
+
+#[test]
+fn an_offline_evaluation_is_the_same_on_any_number_of_threads() {
+    let folder = temp();
+    datasets::tub(&folder.path().join("tub"), 12, 40, 30);
+    // One that cannot be read is part of the result.
+    pictures::cut(&folder.path().join("tub/images/5_cam_image_array_.jpg"));
+    onnx::pilot(&folder.path().join("pilot.onnx"), 3, 30, 40);
+    let names = compare_threads(
+        folder.path(),
+        r#"
+        pdk.evaluate({
+            dataset = pdk.path("tub"),
+            driver = { name = "onnx", model = pdk.path("pilot.onnx"), backend = "tract" },
+            perturbations = { "gaussian_noise", "motion_blur", "dirty_lens", "banding", "poisson_noise" },
+            levels = { 0, 2.5, 4 },
+        })
+        "#,
+    );
+    assert_eq!(names, ["manifest.json", "results.jsonl", "summary.json"]);
+}
+
+#[test]
+fn a_frame_alone_is_the_frame_of_the_sequence() {
+    // The misbehaving driver steers by the pixel in the middle, so its control tells what it saw.
+    let folder = temp();
+    datasets::folder(&folder.path().join("data"), 5, 32, 24);
+    for name in ["gaussian_noise", "banding", "motion_blur"] {
+        let out = folder.path().join(name);
+        let source = format!(
+            "pdk.evaluate({{ dataset = pdk.path('data'), driver = 'misbehave', perturbations = {{ '{name}' }}, levels = {{ 3 }} }})"
+        );
+        Pdk::new(["run", "--seed", "5", "--out"])
+            .arg(&out)
+            .arg(pipeline(folder.path(), &source))
+            .misbehave()
+            .succeed();
+        for line in pdk_tests::process::json_lines(&out.join("results.jsonl")) {
+            let index = line["index"].as_u64().unwrap();
+            // The folder's frames come at 20 a second where nothing else is known.
+            let time = index as f64 / 20.0;
+            let (with, image) = (format!("{name}@3"), format!("data/{index}_camera.jpg"));
+            Pdk::new(["perturb", &image, "-o", "alone.png", "--with", &with, "--seed", "5"])
+                .args(["--frame", &index.to_string(), "--time", &time.to_string()])
+                .folder(folder.path())
+                .succeed();
+            let alone = image::open(folder.path().join("alone.png")).unwrap().into_rgb8();
+            let steering = f64::from(alone.get_pixel(16, 12)[0]) / 2550.0;
+            assert_eq!(line["perturbed"]["steering"].as_f64().unwrap(), steering, "{name} frame {index}");
+        }
+    }
+}
