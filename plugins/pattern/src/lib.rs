@@ -1,1 +1,20 @@
-//! Perturbations of the graphic pattern family.
+//! Perturbations of the graphic pattern family: what lies on the glass or is drawn over the frame.
+
+mod cutout_filter;
+mod dotted_lines_mapping;
+mod ray;
+mod splatter_mapping;
+mod zigzag_mapping;
+
+#[cfg(test)]
+#[path = "../../golden.rs"]
+mod golden;
+
+pdk_sdk::export! {
+    perturbations: [
+        cutout_filter::CutoutFilter,
+        dotted_lines_mapping::DottedLinesMapping,
+        splatter_mapping::SplatterMapping,
+        zigzag_mapping::ZigzagMapping,
+    ]
+}
