@@ -95,6 +95,18 @@ pub struct Description {
     /// Where the algorithm comes from: a paper or a standard; empty where there is none.
     #[serde(default)]
     pub source: String,
+    /// What it computes in one line of mathematics, for the reference; empty where it is not said.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub mathematics: String,
+    /// Where it differs from the published tool, a sentence each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub divergences: Vec<String>,
+    /// What it draws once per sequence, such as where drops sit; empty where it draws nothing of the kind.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub drawn_per_sequence: String,
+    /// What it draws anew for every frame, such as noise; empty where it draws nothing of the kind.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub drawn_per_frame: String,
     /// The parameters, in the order in which they are listed.
     pub parameters: Vec<Parameter>,
     /// Files that become components of their own; none for most components.
@@ -116,6 +128,10 @@ impl Description {
             temporal: Temporal::Static,
             default: true,
             source: String::new(),
+            mathematics: String::new(),
+            divergences: Vec::new(),
+            drawn_per_sequence: String::new(),
+            drawn_per_frame: String::new(),
             parameters: Vec::new(),
             drop_in: None,
             examples: Vec::new(),
@@ -198,6 +214,30 @@ impl Description {
         if let Value::Object(values) = values {
             self.examples.push(values);
         }
+        self
+    }
+
+    /// Says what it computes in one line of mathematics.
+    pub fn mathematics(mut self, line: &str) -> Self {
+        self.mathematics = line.to_owned();
+        self
+    }
+
+    /// Says where it differs from the published tool.
+    pub fn divergence(mut self, sentence: &str) -> Self {
+        self.divergences.push(sentence.to_owned());
+        self
+    }
+
+    /// Says what it draws once per sequence, with [`Context::sequence_random`](crate::perturbation::Context::sequence_random).
+    pub fn drawn_per_sequence(mut self, what: &str) -> Self {
+        self.drawn_per_sequence = what.to_owned();
+        self
+    }
+
+    /// Says what it draws anew for every frame, with [`Context::frame_random`](crate::perturbation::Context::frame_random).
+    pub fn drawn_per_frame(mut self, what: &str) -> Self {
+        self.drawn_per_frame = what.to_owned();
         self
     }
 

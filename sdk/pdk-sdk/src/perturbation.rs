@@ -29,6 +29,8 @@ pub struct Context<'a> {
     /// How much each pixel matters to the driver, 0 to 1, row by row, as large as the frame; where there is a saliency map.
     pub saliency: Option<&'a [f32]>,
     pub(crate) key: &'a Key,
+    /// The stream that [`Context::frame_random`] starts: the frame's own, unless the user wants the same draws in all.
+    pub(crate) stream: u64,
     pub(crate) names: &'a [String],
     pub(crate) values: &'a [f64],
 }
@@ -36,12 +38,19 @@ pub struct Context<'a> {
 impl<'a> Context<'a> {
     /// A context made by hand, for tests and for hosts other than pdk.
     pub fn new(intensity: f64, frame_index: u64, time: f64, key: &'a Key) -> Self {
-        Self { intensity, frame_index, time, saliency: None, key, names: &[], values: &[] }
+        Self { intensity, frame_index, time, saliency: None, key, stream: frame_index, names: &[], values: &[] }
     }
 
     /// The same context with parameter values, one for each name.
     pub fn with_values(mut self, names: &'a [String], values: &'a [f64]) -> Self {
         (self.names, self.values) = (names, values);
+        self
+    }
+
+    /// The same context in which [`Context::frame_random`] starts another stream than the frame's own. With the same
+    /// stream for all frames, what is usually drawn for every frame is drawn once.
+    pub fn with_stream(mut self, stream: u64) -> Self {
+        self.stream = stream;
         self
     }
 
@@ -74,7 +83,7 @@ impl<'a> Context<'a> {
 
     /// Random numbers that are drawn anew for every frame. Every call starts the stream from its beginning.
     pub fn frame_random(&self) -> Random {
-        self.key.frame(self.frame_index)
+        self.key.frame(self.stream)
     }
 
     /// Random numbers that are the same for all frames of a sequence. Every call starts the stream from its beginning.

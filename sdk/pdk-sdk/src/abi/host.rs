@@ -97,6 +97,7 @@ impl Perturbation for HostPerturbation {
             frame_index: cx.frame_index,
             time: cx.time,
             key: cx.key.0,
+            stream: cx.stream,
             values: cx.values.as_ptr(),
             values_len: cx.values.len(),
             saliency: cx.saliency.map_or(std::ptr::null(), <[f32]>::as_ptr),

@@ -104,6 +104,7 @@ pub struct RawContext {
     frame_index: u64,
     time: f64,
     key: [u8; 32],
+    stream: u64,
     values: *const f64,
     values_len: usize,
     saliency: *const f32,

@@ -182,9 +182,12 @@ impl<T: Perturbation> RawPerturbation for Guarded<T> {
             let key = Key(raw.key);
             // SAFETY: the host's slices live through the call.
             let values = unsafe { slice(raw.values, raw.values_len) };
+            // SAFETY: as above.
             let saliency = unsafe { slice(raw.saliency, raw.saliency_len) };
             let mut cx =
-                Context::new(raw.intensity, raw.frame_index, raw.time, &key).with_values(names, values);
+                Context::new(raw.intensity, raw.frame_index, raw.time, &key)
+                .with_stream(raw.stream)
+                .with_values(names, values);
             cx.saliency = (!saliency.is_empty()).then_some(saliency);
             component.apply(src, dst, &cx)
         })

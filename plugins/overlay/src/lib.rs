@@ -1,0 +1,1 @@
+//! Green-screen clips laid over the frame.
