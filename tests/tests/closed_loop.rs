@@ -162,7 +162,11 @@ fn a_driver_that_leaves_its_lane_is_a_result_and_no_error() {
     let out = folder.path().join("record");
     Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).misbehave().succeed();
     let outcome = &json_lines(&out.join("scenarios.jsonl"))[0];
-    assert_eq!((&outcome["success"], &outcome["cause"]), (&json!(false), &json!("lane_departure")), "{outcome}");
+    assert_eq!(
+        (&outcome["success"], &outcome["cause"]),
+        (&json!(false), &json!("lane_departure")),
+        "{outcome}"
+    );
     assert!(outcome["progress"].as_f64().unwrap() < 1.0);
 }
 

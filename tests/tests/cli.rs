@@ -1,0 +1,158 @@
+//! The command line: what every verb offers, output for scripts, exit codes.
+
+#![allow(clippy::unwrap_used)]
+
+use pdk_tests::{Pdk, pictures, temp};
+use serde_json::Value;
+
+const VERBS: [&str; 9] =
+    ["run", "perturb", "list", "show", "new", "check", "doctor", "export", "completions"];
+
+#[test]
+fn every_verb_explains_itself() {
+    let help = Pdk::new(["--help"]).succeed().stdout;
+    for code in ["0 done", "1 failed", "2 wrong usage", "70", "75"] {
+        assert!(help.contains(code), "the help does not tell exit code {code}");
+    }
+    for verb in VERBS {
+        assert!(help.contains(&format!("\n  {verb} ")), "the help does not list {verb}");
+        let own = Pdk::new([verb, "--help"]).succeed().stdout;
+        assert!(own.contains("Usage: pdk ") && own.contains(verb), "{own}");
+    }
+    let version = Pdk::new(["--version"]).succeed().stdout;
+    assert!(version.starts_with("pdk ") && version.trim().split('.').count() == 3, "{version}");
+}
+
+#[test]
+fn wrong_usage_has_a_code_of_its_own() {
+    for arguments in [
+        &["fly"][..],
+        &["run"],
+        &["list", "perturbations"],
+        &["perturb", "in.png"],
+        &["run", "x.lua", "--threads", "many"],
+        &["run", "x.lua", "--set", "nothing"],
+        &[],
+    ] {
+        let finished = Pdk::new(arguments).run();
+        assert_eq!(finished.code, Some(2), "{arguments:?}: {}", finished.stderr);
+        assert!(finished.stdout.is_empty() && finished.stderr.contains("Usage"), "{}", finished.stderr);
+    }
+}
+
+#[test]
+fn lists_tell_the_same_to_people_and_to_scripts() {
+    let all = Pdk::new(["list", "--json"]).succeed().json();
+    let people = Pdk::new(["list"]).succeed().stdout;
+    let all = all.as_array().unwrap();
+    for kind in ["perturbation", "simulator", "driver", "saliency", "search", "dataset"] {
+        // A kind without components is an error for people, because it is likely a mistake.
+        let own = Pdk::new(["list", kind, "--json"]).run();
+        let own: Vec<Value> = own.json().as_array().unwrap().clone();
+        let of_kind: Vec<_> = all.iter().filter(|c| c["description"]["kind"] == kind).cloned().collect();
+        assert_eq!(own, of_kind, "{kind}");
+    }
+    for component in all {
+        let description = &component["description"];
+        let name = description["name"].as_str().unwrap();
+        assert!(people.contains(name), "{name}");
+        assert!(std::path::Path::new(component["file"].as_str().unwrap()).is_file());
+        let doc = description["doc"].as_str().unwrap();
+        assert!(!doc.is_empty() && !doc.ends_with('.'), "{name}: {doc}");
+        for parameter in description["parameters"].as_array().unwrap() {
+            assert!(!parameter["doc"].as_str().unwrap().is_empty(), "{name}: {parameter}");
+        }
+    }
+}
+
+#[test]
+fn every_component_can_be_shown() {
+    let all = Pdk::new(["list", "--json"]).succeed().json();
+    for component in all.as_array().unwrap() {
+        let name = component["description"]["name"].as_str().unwrap();
+        let shown = Pdk::new(["show", name]).succeed().stdout;
+        assert!(shown.starts_with(&format!("{name} - ")), "{shown}");
+        let json = Pdk::new(["show", name, "--json"]).succeed().json();
+        assert!(json.as_array().unwrap().contains(component), "{name}");
+    }
+    Pdk::new(["show", "gausian_noise"]).fail(1, &["`gausian_noise`", "did you mean `gaussian_noise`"]);
+}
+
+#[test]
+fn the_doctor_finds_what_is_wrong() {
+    let folder = temp();
+    let well = Pdk::new(["doctor", "--json"]).succeed().json();
+    let findings = well.as_array().unwrap();
+    let subjects: Vec<_> = findings.iter().map(|finding| finding["subject"].as_str().unwrap()).collect();
+    for subject in ["version", "components", "routing"] {
+        assert!(subjects.contains(&subject), "{subjects:?}");
+    }
+    assert!(findings.iter().all(|finding| finding["state"] != "bad"));
+    assert!(Pdk::new(["doctor"]).succeed().stdout.contains("shared memory"));
+
+    let broken = folder.path().join("broken.so");
+    std::fs::write(&broken, "no library").unwrap();
+    let ill = Pdk::new(["doctor", "--plugins"]).arg(&broken).run();
+    assert_eq!(ill.code, Some(1));
+    assert!(ill.stdout.contains("broken.so") && ill.stdout.contains("BAD"), "{}", ill.stdout);
+    let missing = Pdk::new(["doctor"]).env("PDK_PLUGIN_PATH", "/no/such/folder").run();
+    assert_eq!(missing.code, Some(1));
+    assert!(missing.stdout.contains("/no/such/folder"), "{}", missing.stdout);
+}
+
+#[test]
+fn completions_are_there_for_the_usual_shells() {
+    for shell in ["bash", "zsh", "fish"] {
+        let script = Pdk::new(["completions", shell]).succeed().stdout;
+        for verb in VERBS {
+            assert!(script.contains(verb), "{shell} does not complete {verb}");
+        }
+    }
+    Pdk::program("bash").args(["-n", "-c"]).arg(Pdk::new(["completions", "bash"]).succeed().stdout).succeed();
+}
+
+#[test]
+fn scripts_get_json_and_nothing_else() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 16, 12);
+    let perturbed =
+        Pdk::new(["perturb", "in.png", "--with", "contrast@1", "-o", "new/out.png", "--json", "--seed", "4"])
+            .folder(folder.path())
+            .succeed()
+            .json();
+    assert_eq!(perturbed["perturbations"][0], "contrast@1");
+    assert_eq!(perturbed["seed"], 4);
+    assert!(folder.path().join("new/out.png").is_file());
+
+    let source = r#"
+        print("a script may print")
+        pdk.show(pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {} } }))
+    "#;
+    let ran = Pdk::new(["run", "--json", "--out"])
+        .arg(folder.path().join("record"))
+        .arg(pdk_tests::process::pipeline(folder.path(), source))
+        .misbehave()
+        .succeed();
+    assert_eq!(ran.json()["summary"]["outcomes"][0]["cause"], "finished");
+    assert!(ran.stderr.contains("a script may print"));
+    let checked = Pdk::new(["check", "--json"]).arg(pdk_tests::library("pdk_noise")).succeed().json();
+    assert!(checked["checks"].as_array().unwrap().iter().all(|check| check["failure"].is_null()));
+}
+
+#[test]
+fn all_formats_of_images_are_read_and_written() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 33, 17);
+    for ending in ["png", "bmp", "webp", "jpg"] {
+        let name = format!("out.{ending}");
+        Pdk::new(["perturb", "in.png", "--with", "contrast@1", "-o", &name]).folder(folder.path()).succeed();
+        Pdk::new(["perturb", &name, "--with", "contrast@1", "-o", "back.png"])
+            .folder(folder.path())
+            .succeed();
+        let back = image::open(folder.path().join("back.png")).unwrap();
+        assert_eq!((back.width(), back.height()), (33, 17));
+    }
+    let other =
+        Pdk::new(["perturb", "in.png", "--with", "contrast@1", "-o", "out.tiff"]).folder(folder.path());
+    other.fail(1, &["out.tiff", "its name has to end in"]);
+}
