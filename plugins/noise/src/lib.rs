@@ -2,6 +2,7 @@
 
 mod gaussian_noise;
 mod impulse_noise;
+mod jpeg_filter;
 mod poisson_noise;
 mod speckle_noise_filter;
 
@@ -13,6 +14,7 @@ pdk_sdk::export! {
     perturbations: [
         gaussian_noise::GaussianNoise,
         impulse_noise::ImpulseNoise,
+        jpeg_filter::JpegFilter,
         poisson_noise::PoissonNoise,
         speckle_noise_filter::SpeckleNoise,
     ]

@@ -3,7 +3,7 @@
 
 use divan::Bencher;
 use pdk_ops::{
-    Frame, FrameBuf, FrameMut, Key, average, blend, color, gaussian, hsv, noise, point, poisson, resize,
+    Frame, FrameBuf, FrameMut, Key, average, blend, color, gaussian, hsv, jpeg, noise, point, poisson, resize,
 };
 
 fn main() {
@@ -132,4 +132,10 @@ fn pixel_average_15(bencher: Bencher<'_, '_>) {
 fn resize_linear_from_half(bencher: Bencher<'_, '_>) {
     let half = scene(160, 120);
     time(bencher, |_, dst| resize::resize_linear(half.as_ref(), dst));
+}
+
+#[divan::bench]
+fn jpeg_quality_5(bencher: Bencher<'_, '_>) {
+    let mut workspace = jpeg::Workspace::default();
+    time(bencher, |src, dst| jpeg::jpeg(src, dst, 5.0, jpeg::ChannelOrder::Bgr, &mut workspace));
 }

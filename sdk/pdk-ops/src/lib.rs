@@ -11,18 +11,22 @@ pub mod average;
 pub mod blend;
 pub mod border;
 pub mod color;
+mod dct;
 pub mod draw;
 pub mod frame;
 pub mod gaussian;
 pub mod hsv;
+pub mod jpeg;
 pub mod noise;
 pub mod point;
 pub mod poisson;
 pub mod random;
 pub mod resize;
+pub mod sample;
 mod simd;
 #[cfg(test)]
 mod testing;
+pub mod warp;
 
 pub use frame::{Frame, FrameBuf, FrameError, FrameMut};
 pub use random::{Key, Random};

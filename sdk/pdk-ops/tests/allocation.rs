@@ -3,7 +3,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use pdk_ops::{FrameBuf, Key, average, blend, color, draw, gaussian, hsv, noise, point, poisson, resize};
+use pdk_ops::{FrameBuf, Key, average, blend, color, draw, gaussian, hsv, jpeg, noise, point, poisson, resize};
 
 /// The system's allocator, counting what this thread asks for.
 struct Counting;
@@ -43,6 +43,7 @@ fn kernels_allocate_on_the_first_frame_only() {
     let mut smoothing = gaussian::Workspace::default();
     let mut averages = average::Workspace::default();
     let mut table = poisson::PoissonTable::new(30.0);
+    let mut compression = jpeg::Workspace::default();
     let mut all = |frame: u64| {
         let src = src.as_ref();
         let random = || Key([1; 32]).frame(frame);
@@ -56,6 +57,7 @@ fn kernels_allocate_on_the_first_frame_only() {
         gaussian::gaussian_blur(src, dst.as_mut(), 25 - 2 * (frame % 2) as usize, &mut smoothing);
         average::disc_blur(src, dst.as_mut(), 9.0 - (frame % 2) as f64, &mut averages);
         average::pixel_average(src, dst.as_mut(), &[(0, 0), (3, -2)], &mut averages);
+        jpeg::jpeg(src, dst.as_mut(), 5.0 + frame as f64, jpeg::ChannelOrder::Bgr, &mut compression);
         noise::gaussian_noise(src, dst.as_mut(), 0.1, &mut random());
         noise::speckle_noise(src, dst.as_mut(), 0.1, &mut random());
         noise::impulse_noise(src, dst.as_mut(), 0.1, noise::Impulses::Published, &mut random());
