@@ -1,1 +1,1 @@
-//! Green-screen clips laid over the frame.
+//! Overlay family.
