@@ -3,6 +3,7 @@
 use pdk_sdk::error::{Error, Result};
 use serde_json::{Map, Value};
 
+use crate::chain::parse_value;
 use crate::suggest;
 
 /// Settings that every pipeline understands, with what they mean.
@@ -58,6 +59,11 @@ fn set(table: &mut Map<String, Value>, key: &str, rest: &str, text: &str) -> Res
         None => (rest, None),
     };
     let known: Vec<String> = table.keys().cloned().collect();
+    // A table with a name is a component; it knows itself which parameters it has.
+    if key != rest && deeper.is_none() && table.contains_key("name") && !table.contains_key(name) {
+        table.insert(name.to_owned(), parse_value(text));
+        return Ok(());
+    }
     let Some(current) = table.get_mut(name) else {
         let known = known.iter().map(String::as_str).chain(COMMON.iter().map(|(name, _)| *name));
         return Err(Error::new(format!(
@@ -129,6 +135,7 @@ mod tests {
         assert_eq!(with("simulator.width=64").unwrap()["simulator"]["width"], 64);
         assert_eq!(with(r#"model={"name":"x","y":1}"#).unwrap()["model"], json!({"name": "x", "y": 1}));
         assert_eq!(with(r#"model={"y":1}"#).unwrap()["model"], r#"{"y":1}"#);
+        assert_eq!(with("simulator.rate=20").unwrap()["simulator"], json!({"name": "lane", "width": 320, "rate": 20}));
         assert_eq!(with("simulator=donkey").unwrap()["simulator"], "donkey");
     }
 
