@@ -1,0 +1,309 @@
+//! What users get wrong, and what their machines do to them: a sentence, an exit code, and nothing half-written.
+
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::{Pdk, pictures, repository, temp};
+
+fn perturb(folder: &Path, image: &str, with: &str, output: &str) -> Pdk {
+    Pdk::new(["perturb", image, "--with", with, "-o", output]).folder(folder)
+}
+
+#[test]
+fn images_that_cannot_be_read_are_named() {
+    let folder = temp();
+    let path = |name: &str| folder.path().join(name);
+    for ending in ["jpg", "png", "bmp", "webp"] {
+        let name = format!("cut.{ending}");
+        pictures::write(&path(&name), 64, 48);
+        pictures::cut(&path(&name));
+        perturb(folder.path(), &name, "contrast@1", "out.png").fail(1, &[&name]);
+    }
+    fs::write(path("text.jpg"), "no picture").unwrap();
+    fs::write(path("empty.png"), "").unwrap();
+    // A PNG that says it is as large as the world.
+    let mut large = fs::read({
+        pictures::write(&path("large.png"), 8, 8);
+        path("large.png")
+    })
+    .unwrap();
+    large[16..24].copy_from_slice(&[0x7f, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff]);
+    fs::write(path("large.png"), large).unwrap();
+    for name in ["text.jpg", "empty.png", "large.png", "missing.png", "."] {
+        perturb(folder.path(), name, "contrast@1", "out.png").fail(1, &[name]);
+    }
+    assert!(!path("out.png").exists());
+}
+
+#[test]
+fn a_wrong_perturbation_is_answered_with_what_there_is() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 16, 12);
+    for (with, parts) in [
+        ("gausian_noise@1", &["`gausian_noise`", "did you mean `gaussian_noise`"][..]),
+        ("gaussian_noise@9", &["gaussian_noise@9", "from 0 to 4"]),
+        ("gaussian_noise@-1", &["from 0 to 4"]),
+        ("gaussian_noise@high", &["high", "from 0 to 4"]),
+        ("gaussian_noise@nan", &["from 0 to 4"]),
+        ("gaussian_noise@1,loudness=3", &["loudness", "it has"]),
+        ("gaussian_noise@1,loudness", &["`loudness`", "name=value"]),
+        ("motion_blur@1,degrees=90", &["degrees", "-45 to 45"]),
+        ("motion_blur@1,degrees=steep", &["degrees", "number"]),
+        ("", &["there is no perturbation"]),
+    ] {
+        perturb(folder.path(), "in.png", with, "out.png").fail(1, parts);
+    }
+    perturb(folder.path(), "in.png", "contrast@1", "out.png").args(["--time", "nan"]).fail(1, &["--time"]);
+    assert!(!folder.path().join("out.png").exists());
+}
+
+#[test]
+fn places_that_cannot_be_written_are_named() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 16, 12);
+    perturb(folder.path(), "in.png", "contrast@1", "in.png/out.png").fail(1, &["in.png/out.png"]);
+    perturb(folder.path(), "in.png", "contrast@1", "/proc/pdk/out.png").fail(1, &["/proc/pdk/out.png"]);
+    perturb(folder.path(), "in.png", "contrast@1", "out").fail(1, &["its name has to end in"]);
+
+    let quick = "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', scenarios = { {} } })";
+    let quick = pipeline(folder.path(), quick);
+    let run = |out: &str| Pdk::new(["run", "--out", out]).arg(&quick).misbehave().folder(folder.path());
+    run("in.png/record").fail(1, &["in.png/record", "--out"]);
+    run("in.png").fail(1, &["in.png", "--out"]);
+    run("/proc/pdk").fail(1, &["/proc/pdk", "--out"]);
+    run(".").fail(1, &["is not empty", "--out"]);
+    run("record").succeed();
+    let before = fs::read(folder.path().join("record/manifest.json")).unwrap();
+    run("record").fail(1, &["record is not empty", "--out"]);
+    assert_eq!(fs::read(folder.path().join("record/manifest.json")).unwrap(), before);
+
+    let export = |to: &str| Pdk::new(["export", "record", "-o", to]).folder(folder.path());
+    export("in.png/x.json").fail(1, &["in.png/x.json"]);
+    for verb in [["new", "pipeline", "x", "--out", "in.png"], ["new", "plugin", "x", "--out", "in.png"]] {
+        Pdk::new(verb).folder(folder.path()).fail(1, &["in.png"]);
+    }
+}
+
+/// Many scenarios with long telemetry, so that the record soon fills a disk.
+const HUNGRY: &str = r#"
+    local scenarios = {}
+    for index = 1, 600 do table.insert(scenarios, {}) end
+    pdk.drive({ simulator = "misbehave", driver = "misbehave", images_every = 1, scenarios = scenarios })
+"#;
+
+/// What holds whatever was full: complete lines, in files that can be read.
+fn check_what_was_recorded(out: &Path) -> usize {
+    let lines = out.join("scenarios.jsonl");
+    if !lines.exists() {
+        return 0;
+    }
+    let outcomes = json_lines(&lines);
+    assert!(outcomes.iter().all(|outcome| outcome["cause"] == "finished"));
+    outcomes.len()
+}
+
+#[test]
+fn a_file_that_may_not_grow_ends_the_run_with_a_sentence() {
+    let folder = temp();
+    let hungry = pipeline(folder.path(), HUNGRY);
+    // In blocks of 512 or 1024 bytes, as the shell has it: enough for the topics in shared memory, which count as files
+    // too, and not for all lines.
+    let recorded = ["140", "280"].map(|blocks| {
+        let out = folder.path().join(format!("record-{blocks}"));
+        Pdk::program("sh")
+            .arg("-c")
+            .arg(format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\""))
+            .arg(pdk_tests::built("pdk"))
+            .args(["run", "--threads", "2", "--out"])
+            .arg(&out)
+            .arg(&hungry)
+            .misbehave()
+            .fail(1, &["cannot write", "scenarios.jsonl", "free some space"]);
+        check_what_was_recorded(&out)
+    });
+    assert!(recorded[0] > 0 && recorded[0] < recorded[1] && recorded[1] < 600, "{recorded:?}");
+}
+
+#[test]
+fn a_disk_that_fills_up_ends_the_run_with_a_sentence() {
+    let folder = temp();
+    let disk = folder.path().join("disk");
+    fs::create_dir(&disk).unwrap();
+    let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", "size=256k", "tmpfs"]).arg(&disk).output();
+    if !mounted.is_ok_and(|mounted| mounted.status.success()) {
+        eprintln!("skipped: a small disk cannot be mounted here");
+        return;
+    }
+    let hungry = pipeline(folder.path(), HUNGRY);
+    let out = disk.join("record");
+    let finished = Pdk::new(["run", "--out"]).arg(&out).arg(&hungry).misbehave().run();
+    let recorded = std::panic::catch_unwind(|| check_what_was_recorded(&out));
+    assert!(Command::new("umount").arg(&disk).status().unwrap().success());
+    assert_eq!(finished.code, Some(1), "{}", finished.stderr);
+    assert!(
+        finished.stderr.contains("cannot write") && finished.stderr.contains("free some space"),
+        "{}",
+        finished.stderr
+    );
+    assert!((1..600).contains(&recorded.unwrap()));
+}
+
+#[test]
+fn wrong_settings_are_answered_with_what_there_is() {
+    let folder = temp();
+    let script = repository().join("scripts/quickstart.lua");
+    let run = || Pdk::new(["run"]).arg(&script).folder(folder.path());
+    for (setting, parts) in [
+        ("dration=3", &["dration", "did you mean `duration`"][..]),
+        ("duration=long", &["duration", "`long` is no number"]),
+        ("duration=-1", &["lasts -1 s"]),
+        ("duration=1e9", &["86400"]),
+        ("levels=high", &["levels", "`high` is no number"]),
+        ("levels=5", &["from 0 to 4"]),
+        ("perturbations=fogg", &["`fogg`"]),
+        ("driver=lane_keper", &["lane_keper", "did you mean `lane_keeper`"]),
+        ("driver.speed=3", &["driver.speed", "is no table"]),
+        (r#"driver={"name":"lane_keeper","speed":3}"#, &["speed", "target_speed"]),
+        ("simulator=line", &["simulator", "`line`"]),
+        ("road={\"angels\":[1]}", &["angels"]),
+        ("seed=-1", &["seed", "whole number"]),
+        ("seed=1.5", &["seed", "whole number"]),
+        ("threads=0", &["threads", "at least 1"]),
+        ("patience=0", &["patience", "positive"]),
+    ] {
+        let sentence = run().arg("--set").arg(setting).fail(1, parts);
+        assert!(sentence.len() < 700, "{sentence}");
+    }
+    // Not one of them began to drive.
+    let driven: Vec<_> =
+        walk(folder.path()).into_iter().filter(|path| path.ends_with("scenarios.jsonl")).collect();
+    assert!(
+        driven.iter().all(|lines| fs::metadata(lines).unwrap().len() == 0 || !json_lines(lines).is_empty())
+    );
+}
+
+fn walk(folder: &Path) -> Vec<std::path::PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).into_iter().flatten() {
+        let path = entry.unwrap().path();
+        if path.is_dir() { found.extend(walk(&path)) } else { found.push(path) }
+    }
+    found
+}
+
+#[test]
+fn a_pipeline_that_fails_says_where() {
+    let folder = temp();
+    for (source, parts) in [
+        ("local x = \n", &["pipeline.lua:"][..]),
+        ("\n\nerror('on purpose')", &["pipeline.lua:3", "on purpose"]),
+        ("local t = nil\nreturn t.x", &["pipeline.lua:2", "nil"]),
+        ("pdk.drvie({})", &["pipeline.lua:1"]),
+        ("pdk.drive({ simulator = 'misbehave' })", &["pipeline.lua:1", "driver"]),
+        ("pdk.drive(7)", &["pipeline.lua:1", "pdk.drive"]),
+        (
+            "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', scenarios = {} })",
+            &["scenarios", "empty"],
+        ),
+        (
+            "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', scenarios = { { lenght = 3 } } })",
+            &["lenght"],
+        ),
+        ("pdk.settings({ seed = 3 })", &["seed", "every pipeline"]),
+        ("pdk.settings({}) pdk.settings({})", &["once"]),
+        ("pdk.show(3)", &["pdk.show"]),
+        (
+            "pdk.evaluate({ dataset = 'x', driver = 'misbehave', perturbations = {}, levels = { 9 } })",
+            &["pipeline.lua:1"],
+        ),
+        ("io.open('/etc/passwd')", &["pipeline.lua:1"]),
+        ("os.execute('true')", &["pipeline.lua:1"]),
+        ("require('x')", &["pipeline.lua:1"]),
+        ("\x1bLua", &["pipeline.lua"]),
+    ] {
+        Pdk::new(["run"])
+            .arg(pipeline(folder.path(), source))
+            .misbehave()
+            .folder(folder.path())
+            .fail(1, parts);
+    }
+    fs::write(folder.path().join("binary.lua"), [0xff, 0xfe, 0, 1]).unwrap();
+    Pdk::new(["run", "binary.lua"]).folder(folder.path()).fail(1, &["binary.lua"]);
+    Pdk::new(["run", "missing.lua"]).folder(folder.path()).fail(1, &["missing.lua"]);
+    Pdk::new(["run", "."]).folder(folder.path()).fail(1, &["cannot read the pipeline"]);
+    let unknown = Pdk::new(["run"]).arg(pipeline(folder.path(), "local x = 1")).set("speed", 3);
+    unknown.fail(1, &["no setting `speed`"]);
+}
+
+#[test]
+fn a_script_that_runs_away_is_stopped() {
+    let folder = temp();
+    let run = |source: &str| Pdk::new(["run"]).arg(pipeline(folder.path(), source)).folder(folder.path());
+    let started = Instant::now();
+    run("while true do end")
+        .env("PDK_SCRIPT_SECONDS", "0.2")
+        .fail(1, &["pipeline.lua:1", "0.2 s", "PDK_SCRIPT_SECONDS"]);
+    run("pcall(function() while true do end end)\nwhile true do end")
+        .env("PDK_SCRIPT_SECONDS", "0.2")
+        .fail(1, &["0.2 s"]);
+    assert!(started.elapsed() < Duration::from_secs(20));
+    run("local t = {} while true do table.insert(t, string.rep('x', 1000000) .. #t) end")
+        .env("PDK_SCRIPT_SECONDS", "30")
+        .env("PDK_SCRIPT_MEGABYTES", "32")
+        .fail(1, &["pipeline.lua:1", "32 MiB", "PDK_SCRIPT_MEGABYTES"]);
+    run("local function f() return f() + 1 end f()").fail(1, &["pipeline.lua:1"]);
+    run("").env("PDK_SCRIPT_SECONDS", "soon").fail(1, &["PDK_SCRIPT_SECONDS", "positive number"]);
+}
+
+#[test]
+fn a_lua_perturbation_that_runs_away_fails_its_scenario_only() {
+    let folder = temp();
+    let scripts = folder.path().join("scripts");
+    fs::create_dir(&scripts).unwrap();
+    let perturbation = |name: &str, body: &str| {
+        let text = format!("return {{ doc = \"Fails\", apply = function(image, cx)\n{body}\nend }}");
+        fs::write(scripts.join(format!("{name}.lua")), text).unwrap();
+    };
+    perturbation("endless", "while true do end");
+    perturbation("greedy", "local t = {} while true do table.insert(t, buffer.create(1000000)) end");
+    perturbation("broken", "error('on purpose')");
+    fs::write(scripts.join("nothing.lua"), "return 7").unwrap();
+    let source = r#"
+        pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = {
+            {}, { perturbations = { "endless" } }, { perturbations = { "greedy" } }, { perturbations = { "broken" } }, {},
+        } })
+    "#;
+    let out = folder.path().join("record");
+    let finished = Pdk::new(["run", "--out"])
+        .arg(&out)
+        .arg(pipeline(folder.path(), source))
+        .misbehave()
+        .arg("--plugins")
+        .arg(&scripts)
+        .env("PDK_SCRIPT_SECONDS", "0.3")
+        .env("PDK_SCRIPT_MEGABYTES", "32")
+        .run();
+    assert_eq!(finished.code, Some(1), "{}", finished.stderr);
+    assert!(finished.stderr.contains("3 of 5 scenarios"), "{}", finished.stderr);
+    assert!(
+        finished.stderr.contains("warning") && finished.stderr.contains("nothing.lua"),
+        "{}",
+        finished.stderr
+    );
+    let outcomes = json_lines(&out.join("scenarios.jsonl"));
+    let causes: Vec<_> = outcomes.iter().map(|outcome| outcome["cause"].as_str().unwrap()).collect();
+    assert_eq!(causes, ["finished", "error", "error", "error", "finished"]);
+    for (outcome, parts) in outcomes[1..4].iter().zip([
+        ["endless.lua:2", "0.3 s"],
+        ["greedy.lua:2", "32 MiB"],
+        ["broken.lua:2", "on purpose"],
+    ]) {
+        let error = outcome["error"].as_str().unwrap();
+        assert!(parts.iter().all(|part| error.contains(part)), "{error}");
+    }
+}
