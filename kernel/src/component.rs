@@ -26,7 +26,9 @@ impl ComponentSpec {
                 let mut parameters = table.clone();
                 match parameters.shift_remove("name") {
                     Some(Value::String(name)) => Ok(Self { name, parameters }),
-                    _ => Err(Error::new(format!("`{what}` has no `name`; write {what} = {{ name = \"...\", ... }}"))),
+                    _ => Err(Error::new(format!(
+                        "`{what}` has no `name`; write {what} = {{ name = \"...\", ... }}"
+                    ))),
                 }
             }
             other => Err(Error::new(format!(

@@ -36,7 +36,8 @@ pub fn missing_part(path: &Path) -> std::io::Result<Option<(u64, u64)>> {
     file.seek(SeekFrom::Start(table))?;
     file.read_exact(&mut programs)?;
     let mapped = programs.chunks_exact(usize::from(size)).filter(|program| u32_at(program, 0) == PT_LOAD);
-    let needed = mapped.map(|program| u64_at(program, 8).saturating_add(u64_at(program, 32))).max().unwrap_or(0);
+    let needed =
+        mapped.map(|program| u64_at(program, 8).saturating_add(u64_at(program, 32))).max().unwrap_or(0);
     Ok((needed > len).then_some((needed, len)))
 }
 

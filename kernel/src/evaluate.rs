@@ -15,7 +15,7 @@ use pdk_sdk::prelude::{Control, Dataset, DriveContext, Driver, Entry, Frame, Fra
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::chain::{Chain, Spec};
+use crate::chain::{Chain, Level, Spec};
 use crate::component::ComponentSpec;
 use crate::drive;
 use crate::record::{Lines, RESULTS, RunDirectory};
@@ -62,27 +62,36 @@ impl Plan {
     /// # Errors
     /// Where a field is unknown, missing or of the wrong type, or a level is out of range.
     pub fn from_json(request: Value) -> Result<Self> {
-        let request: Request = serde_json::from_value(request)
-            .map_err(|error| Error::new(format!("pdk.evaluate: {error}")))?;
+        let request: Request =
+            serde_json::from_value(request).map_err(|error| Error::new(format!("pdk.evaluate: {error}")))?;
         let dataset = match &request.dataset {
             Value::String(path) => DatasetSpec::Path(path.clone()),
             other => DatasetSpec::Reader(ComponentSpec::from_json("dataset", other)?),
         };
         let mut cells = Vec::new();
         for perturbation in &request.perturbations {
+            let own = match perturbation {
+                Value::String(text) => text.contains('@'),
+                other => other.get("level").is_some(),
+            };
+            if own {
+                return Err(Error::new(format!(
+                    "the perturbation {perturbation} has a level of its own; leave it out, because each is evaluated at all `levels`"
+                )));
+            }
             for &level in &request.levels {
+                Level::from_json("levels", &level.into())?;
                 cells.push(Spec::from_json(perturbation, level)?);
-                if !(0.0..=crate::chain::MAX_INTENSITY).contains(&level) {
-                    return Err(Error::new(format!(
-                        "the level {level} is out of range; levels are numbers from 0 to {}",
-                        crate::chain::MAX_INTENSITY
-                    )));
-                }
             }
         }
         let driver = ComponentSpec::from_json("driver", &request.driver)?;
         Ok(Self { dataset, driver, cells, frames: request.frames })
     }
+}
+
+/// The level of a cell, which is the same for all frames.
+fn level_of(cell: &Spec) -> f64 {
+    cell.level.constant().unwrap_or_default()
 }
 
 /// How an evaluation is run.
@@ -231,9 +240,8 @@ pub fn evaluate(
         return Err(Error::new("the dataset has no frames; name a folder that has some"));
     }
     let threads = settings.threads.clamp(1, frames);
-    let workers = (0..threads)
-        .map(|_| Worker::new(registry, plan, &reader, settings))
-        .collect::<Result<Vec<_>>>()?;
+    let workers =
+        (0..threads).map(|_| Worker::new(registry, plan, &reader, settings)).collect::<Result<Vec<_>>>()?;
     drop(dataset);
 
     progress.set_length(frames as u64);
@@ -287,14 +295,18 @@ struct Instances {
 }
 
 impl Instances {
-    fn new(registry: &Registry, plan: &Plan, reader: &ComponentSpec, seed: u64, watch: &Watch) -> Result<Self> {
+    fn new(
+        registry: &Registry,
+        plan: &Plan,
+        reader: &ComponentSpec,
+        seed: u64,
+        watch: &Watch,
+    ) -> Result<Self> {
         let (dataset, _) = watch.call(DATASET, || registry.dataset(&reader.name, &reader.parameters))?;
         let (driver, _) =
             watch.call(DRIVER, || registry.driver(&plan.driver.name, &plan.driver.parameters))?;
         let chain = |(number, cell): (usize, &Spec)| {
-            watch.call(PERTURBATIONS + number, || {
-                Chain::new(registry, std::slice::from_ref(cell), seed, 0)
-            })
+            watch.call(PERTURBATIONS + number, || Chain::new(registry, std::slice::from_ref(cell), seed, 0))
         };
         let chains = plan.cells.iter().enumerate().map(chain).collect::<Result<_>>()?;
         Ok(Self { dataset, driver, chains })
@@ -359,14 +371,18 @@ impl<'a> Worker<'a> {
             // Every frame counts for itself: what a driver remembers must not leak from one into the next.
             let control = watch.call(DRIVER, || driver.reset().and_then(|()| driver.drive(frame, &cx)));
             *driver_time += started.elapsed();
-            control.and_then(drive::checked).map_err(|error| error.at(format_args!("driver `{}`", plan.driver.name)))
+            control
+                .and_then(drive::checked)
+                .map_err(|error| error.at(format_args!("driver `{}`", plan.driver.name)))
         };
         let original = drive(source)?;
         perturbed.resize(source.width(), source.height());
         let mut controls = Vec::with_capacity(chains.len());
         for (number, chain) in chains.iter_mut().enumerate() {
             let started = Instant::now();
-            watch.call(PERTURBATIONS + number, || chain.apply(source, perturbed.as_mut(), index as u64, entry.time))?;
+            watch.call(PERTURBATIONS + number, || {
+                chain.apply(source, perturbed.as_mut(), index as u64, entry.time)
+            })?;
             *perturbation_time += started.elapsed();
             controls.push(drive(perturbed.as_ref())?);
         }
@@ -435,7 +451,9 @@ impl<'a> Collector<'a> {
             Ok(predictions) => predictions,
             Err(error) => {
                 let bad = BadFrame { frame: result.frame, error: error.to_string() };
-                self.lines.write(&serde_json::json!({ "index": result.index, "frame": bad.frame, "error": bad.error }))?;
+                self.lines.write(
+                    &serde_json::json!({ "index": result.index, "frame": bad.frame, "error": bad.error }),
+                )?;
                 self.bad_frames.push(bad);
                 return Ok(());
             }
@@ -453,7 +471,7 @@ impl<'a> Collector<'a> {
                 index: result.index,
                 frame: &result.frame,
                 perturbation: &cell.name,
-                level: cell.level,
+                level: level_of(cell),
                 truth,
                 original,
                 perturbed: control,
@@ -477,7 +495,7 @@ impl<'a> Collector<'a> {
         let count = self.frames as f64;
         let rows = self.plan.cells.iter().zip(&self.sums).map(|(cell, sums)| Row {
             perturbation: cell.name.clone(),
-            level: cell.level,
+            level: level_of(cell),
             steering_error: sums[0] / count,
             steering_drift: sums[1] / count,
             throttle_error: sums[2] / count,

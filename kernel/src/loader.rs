@@ -55,8 +55,9 @@ fn open(path: &Path) -> Result<PluginModuleRef> {
         )));
     }
     // SAFETY: loading runs the library's initialisers. That is what it means to use a plugin: the user put it there.
-    let library = unsafe { libloading::Library::new(path) }
-        .map_err(|error| Error::new(format!("is no library that this machine can load ({})", cause(&error))))?;
+    let library = unsafe { libloading::Library::new(path) }.map_err(|error| {
+        Error::new(format!("is no library that this machine can load ({})", cause(&error)))
+    })?;
     // A library is never unloaded: its functions and types live on in components.
     let library = Box::leak(Box::new(library));
 
@@ -82,11 +83,13 @@ fn open(path: &Path) -> Result<PluginModuleRef> {
     let header = unsafe { library.get::<AbiHeaderRef>(abi::HEADER_SYMBOL) }.map_err(|_| {
         Error::new(format!("has no symbol `{}`; build it again with pdk_sdk::export!", abi::HEADER_SYMBOL))
     })?;
-    header.upgrade().and_then(|header| header.init_root_module::<PluginModuleRef>()).map_err(|error| match error {
-        LibraryError::AbiInstability(_) => Error::new(format!(
-            "says pdk-sdk {SDK_VERSION} but has another layout; build it again with this compiler and SDK"
-        )),
-        other => Error::new(format!("cannot be started: {}", first_line(&other.to_string()))),
+    header.upgrade().and_then(|header| header.init_root_module::<PluginModuleRef>()).map_err(|error| {
+        match error {
+            LibraryError::AbiInstability(_) => Error::new(format!(
+                "says pdk-sdk {SDK_VERSION} but has another layout; build it again with this compiler and SDK"
+            )),
+            other => Error::new(format!("cannot be started: {}", first_line(&other.to_string()))),
+        }
     })
 }
 

@@ -35,7 +35,10 @@ pub struct Component {
 }
 
 enum Source {
-    Plugin { plugin: usize, index: usize },
+    Plugin {
+        plugin: usize,
+        index: usize,
+    },
     Lua {
         path: PathBuf,
     },
@@ -137,7 +140,10 @@ impl Registry {
         };
         let instance = instance.map_err(|error| error.at(format!("{kind} `{name}`")))?;
         if instance.kind() != kind {
-            return Err(Error::new(format!("{kind} `{name}` made a {}, which is a mistake in its plugin", instance.kind())));
+            return Err(Error::new(format!(
+                "{kind} `{name}` made a {}, which is a mistake in its plugin",
+                instance.kind()
+            )));
         }
         Ok((instance, config))
     }
@@ -186,7 +192,8 @@ impl Registry {
         }
         match Plugin::load(&file) {
             Ok(plugin) => {
-                let (plugin_index, descriptions) = (self.plugins.len(), plugin.description.components.clone());
+                let (plugin_index, descriptions) =
+                    (self.plugins.len(), plugin.description.components.clone());
                 self.plugins.push(plugin);
                 for (index, description) in descriptions.into_iter().enumerate() {
                     self.add(description, Source::Plugin { plugin: plugin_index, index });
@@ -283,7 +290,8 @@ create_functions! {
 /// The files of a folder by name; none where there is no such folder.
 fn files_of(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
-    let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|f| f.is_file()).collect();
+    let mut files: Vec<PathBuf> =
+        entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|f| f.is_file()).collect();
     files.sort();
     files
 }

@@ -33,7 +33,8 @@ struct Slot {
 impl Watch {
     /// A watch over calls with these labels. None may take longer than `patience`.
     pub fn new(labels: Vec<String>, patience: Duration) -> Self {
-        let slot = Arc::new(Slot { labels, patience, current: AtomicUsize::new(0), since: AtomicU64::new(0) });
+        let slot =
+            Arc::new(Slot { labels, patience, current: AtomicUsize::new(0), since: AtomicU64::new(0) });
         let mut slots = slots().lock().unwrap_or_else(PoisonError::into_inner);
         slots.retain(|slot| slot.strong_count() > 0);
         slots.push(Arc::downgrade(&slot));
@@ -139,7 +140,8 @@ mod tests {
         watches[0].call(0, || {
             watches[1].call(0, || assert_eq!(calls_in_progress(), ["inner"]));
             assert_eq!(calls_in_progress(), ["outer"]);
-            let unwound = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| watches[1].call(0, || panic!())));
+            let unwound =
+                std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| watches[1].call(0, || panic!())));
             assert!(unwound.is_err());
             assert_eq!(calls_in_progress(), ["outer"]);
             let seen_by_others = std::thread::scope(|scope| scope.spawn(calls_in_progress).join());

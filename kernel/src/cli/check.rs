@@ -63,8 +63,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     if let Some(skipped) = arguments.worker {
         return work(arguments, skipped);
     }
-    let patience = Duration::try_from_secs_f64(arguments.patience)
-        .map_err(|_| Error::new(format!("--patience is {}, but has to be a number of seconds", arguments.patience)))?;
+    let patience = Duration::try_from_secs_f64(arguments.patience).map_err(|_| {
+        Error::new(format!("--patience is {}, but has to be a number of seconds", arguments.patience))
+    })?;
     let mut findings = Findings::default();
     let mut checked = 0;
     // A process that the plugin hangs or ends is followed by another, which takes up after the fatal check.
@@ -104,7 +105,9 @@ fn observe(
             // Loading is a check of the first process only.
             Ok(Report::End(None)) if current == LOADING && skipped > 0 => {}
             Ok(Report::End(failure)) => findings.add(&current, failure),
-            Ok(Report::Carries { name, version, components }) => findings.carries = Some((name, version, components)),
+            Ok(Report::Carries { name, version, components }) => {
+                findings.carries = Some((name, version, components))
+            }
             Ok(Report::Done) => current = LEAVING.to_owned(),
             Err(mpsc::RecvTimeoutError::Timeout) => break true,
             Err(mpsc::RecvTimeoutError::Disconnected) => break false,
@@ -116,7 +119,9 @@ fn observe(
     let status = child.wait().place("cannot wait for the process of the plugin")?;
     match (hung, current == LEAVING && status.success()) {
         (false, true) => return Ok(None),
-        (true, _) => findings.add(&current, Some(format!("it has not come back for {} s", patience.as_secs_f64()))),
+        (true, _) => {
+            findings.add(&current, Some(format!("it has not come back for {} s", patience.as_secs_f64())))
+        }
         (false, false) => findings.add(&current, Some(format!("the plugin ended the process ({status})"))),
     }
     Ok((current != LOADING && current != LEAVING).then_some(began))
@@ -153,9 +158,15 @@ impl Findings {
     fn print(&self, global: &Global, plugin: &Path) -> Result<()> {
         let failures = self.steps.iter().filter(|(_, failure)| failure.is_some()).count();
         if global.json {
-            let steps: Vec<_> = self.steps.iter().map(|(step, failure)| json!({ "check": step, "failure": failure })).collect();
+            let steps: Vec<_> = self
+                .steps
+                .iter()
+                .map(|(step, failure)| json!({ "check": step, "failure": failure }))
+                .collect();
             let (name, version, components) = self.carries.clone().unwrap_or_default();
-            print_json(&json!({ "name": name, "version": version, "components": components, "checks": steps }))?;
+            print_json(
+                &json!({ "name": name, "version": version, "components": components, "checks": steps }),
+            )?;
         } else {
             if let Some((name, version, components)) = &self.carries {
                 println!("{name} {version} carries {}", components.join(", "));
@@ -181,13 +192,14 @@ impl Findings {
 /// The process with the plugin: takes each step from number `skipped` on, and reports it.
 fn work(arguments: &Arguments, skipped: usize) -> Result<()> {
     exit_guard::disarm();
-    let plugin = match step(LOADING, || Plugin::load(&arguments.plugin).and_then(|plugin| known(plugin, arguments))) {
-        Some(plugin) => plugin,
-        None => {
-            report(&Report::Done);
-            return Ok(());
-        }
-    };
+    let plugin =
+        match step(LOADING, || Plugin::load(&arguments.plugin).and_then(|plugin| known(plugin, arguments))) {
+            Some(plugin) => plugin,
+            None => {
+                report(&Report::Done);
+                return Ok(());
+            }
+        };
     let components = &plugin.description.components;
     report(&Report::Carries {
         name: plugin.description.name.clone(),
@@ -219,7 +231,9 @@ fn known(plugin: Plugin, arguments: &Arguments) -> Result<Plugin> {
         let component = key.split_once('.').map(|(component, _)| component);
         if component.is_none_or(|component| !names.clone().any(|name| name == component)) {
             let hint = suggest::hint(component.unwrap_or(key), names);
-            return Err(Error::new(format!("--set {key}: write COMPONENT.PARAMETER=VALUE with a component of the plugin; {hint}")));
+            return Err(Error::new(format!(
+                "--set {key}: write COMPONENT.PARAMETER=VALUE with a component of the plugin; {hint}"
+            )));
         }
     }
     Ok(plugin)

@@ -98,7 +98,11 @@ fn plugin_folders() -> Finding {
         };
     }
     let own = registry::user_folder().map_or_else(String::new, |folder| folder.display().to_string());
-    Finding { subject: "plugins", state: State::Good, text: format!("your own go to {own}, or use --plugins DIR") }
+    Finding {
+        subject: "plugins",
+        state: State::Good,
+        text: format!("your own go to {own}, or use --plugins DIR"),
+    }
 }
 
 /// Publishes and reads back a frame.
@@ -120,7 +124,8 @@ fn routing() -> Finding {
 
 fn ffmpeg() -> Finding {
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let found = std::env::split_paths(&path).map(|folder| folder.join("ffmpeg")).find(|file| is_program(file));
+    let found =
+        std::env::split_paths(&path).map(|folder| folder.join("ffmpeg")).find(|file| is_program(file));
     match found {
         Some(file) => Finding { subject: "ffmpeg", state: State::Good, text: file.display().to_string() },
         None => Finding {

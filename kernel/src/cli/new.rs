@@ -71,7 +71,10 @@ pub fn run(_: &Global, arguments: &Arguments) -> Result<()> {
             }
             let library = format!("target/release/lib{name}.{}", std::env::consts::DLL_EXTENSION);
             println!("Wrote {}. Build, test and check it:", folder.display());
-            println!("  cd {} && cargo test --release && cargo build --release && pdk check {library}", folder.display());
+            println!(
+                "  cd {} && cargo test --release && cargo build --release && pdk check {library}",
+                folder.display()
+            );
         }
     }
     Ok(())
@@ -86,7 +89,8 @@ fn write(file: &Path, template: &str, arguments: &Arguments) -> Result<()> {
     }
     let mut target = fs::File::create_new(file)
         .place(format_args!("cannot write {}; choose another name or --out", file.display()))?;
-    std::io::Write::write_all(&mut target, text.as_bytes()).place(format_args!("cannot write {}", file.display()))
+    std::io::Write::write_all(&mut target, text.as_bytes())
+        .place(format_args!("cannot write {}", file.display()))
 }
 
 /// The SDK as a Cargo dependency: a path where its source is at hand, else the version in the registry.
@@ -114,14 +118,20 @@ fn sdk_dependency(arguments: &Arguments) -> Result<String> {
 /// The SDK in the source tree that the executable was built in.
 fn built_from() -> Option<PathBuf> {
     let executable = fs::canonicalize(std::env::current_exe().ok()?).ok()?;
-    executable.ancestors().map(|folder| folder.join("sdk/pdk-sdk")).find(|folder| folder.join("Cargo.toml").is_file())
+    executable
+        .ancestors()
+        .map(|folder| folder.join("sdk/pdk-sdk"))
+        .find(|folder| folder.join("Cargo.toml").is_file())
 }
 
 /// `salt_spray` as a type: `SaltSpray`.
 fn type_name(name: &str) -> String {
     let capital = |word: &str| {
         let mut letters = word.chars();
-        letters.next().map(|first| first.to_ascii_uppercase().to_string() + letters.as_str()).unwrap_or_default()
+        letters
+            .next()
+            .map(|first| first.to_ascii_uppercase().to_string() + letters.as_str())
+            .unwrap_or_default()
     };
     name.split('_').map(capital).collect()
 }

@@ -73,8 +73,12 @@ fn perturbations_label(scenario: &ScenarioSpec) -> String {
 }
 
 fn watch(plan: &Plan, patience: Duration) -> Watch {
-    let components = [format!("simulator `{}`", plan.simulator.name), format!("driver `{}`", plan.driver.name)];
-    Watch::new(components.into_iter().chain(plan.scenarios.iter().map(perturbations_label)).collect(), patience)
+    let components =
+        [format!("simulator `{}`", plan.simulator.name), format!("driver `{}`", plan.driver.name)];
+    Watch::new(
+        components.into_iter().chain(plan.scenarios.iter().map(perturbations_label)).collect(),
+        patience,
+    )
 }
 
 /// Drives all scenarios of a plan and writes a line and a trace for each. The outcomes are the same for any number of
@@ -224,7 +228,19 @@ impl<'a> Worker<'a> {
         let steps = usize::try_from(steps).unwrap_or(usize::MAX);
         let stopwatch = Stopwatch::new(Duration::from_secs_f64(1.0 / camera.rate), steps);
         let recorder = Recorder::new()?;
-        Ok(Self { registry, plan, settings, directory, simulator, driver, camera, bus, recorder, watch, stopwatch })
+        Ok(Self {
+            registry,
+            plan,
+            settings,
+            directory,
+            simulator,
+            driver,
+            camera,
+            bus,
+            recorder,
+            watch,
+            stopwatch,
+        })
     }
 
     /// Drives one scenario and completes its trace.
@@ -330,7 +346,10 @@ impl<'a> ScenarioRun<'a> {
             .watch
             .call(SIMULATOR, || worker.simulator.reset(&scenario))
             .map_err(|error| Fault::Component(error.at(simulator)))?;
-        worker.watch.call(DRIVER, || worker.driver.reset()).map_err(|error| driver_fault(worker.plan, error))?;
+        worker
+            .watch
+            .call(DRIVER, || worker.driver.reset())
+            .map_err(|error| driver_fault(worker.plan, error))?;
         worker.recorder.event(0.0, false, &self.spec.name);
         loop {
             worker.stopwatch.start_step();
@@ -379,7 +398,10 @@ impl<'a> ScenarioRun<'a> {
             .measure(Stage::Driver, || watch.call(DRIVER, || driver.drive(perturbed_frame, &cx)))
             .and_then(checked)
             .map_err(|error| driver_fault(plan, error))?;
-        bus.publish_control(stamp, ControlMessage { steering: control.steering, throttle: control.throttle })?;
+        bus.publish_control(
+            stamp,
+            ControlMessage { steering: control.steering, throttle: control.throttle },
+        )?;
 
         let frame_hash = XxHash3_64::oneshot(&perturbed);
         for part in [frame_hash, control.steering.to_bits(), control.throttle.to_bits()] {
@@ -405,7 +427,10 @@ impl<'a> ScenarioRun<'a> {
     fn plausible(&self, state: State, rate: f64) -> Result<State> {
         let State { time, position: [x, height, z], heading, speed, cross_track_error, progress, .. } = state;
         if ![time, x, height, z, heading, speed, cross_track_error, progress].iter().all(|v| v.is_finite()) {
-            return Err(Error::new(format!("its state in frame {} holds numbers that are not finite", self.frames)));
+            return Err(Error::new(format!(
+                "its state in frame {} holds numbers that are not finite",
+                self.frames
+            )));
         }
         let limit = PATIENT_FRAMES + PATIENT_FACTOR * expected_frames(self.spec, rate);
         if self.frames > limit {

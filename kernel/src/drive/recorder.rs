@@ -95,7 +95,11 @@ impl Drop for Recorder {
     }
 }
 
-fn write_traces(messages: &Receiver<Message>, give_back: &SyncSender<FrameBuf>, finish: &SyncSender<Result<()>>) {
+fn write_traces(
+    messages: &Receiver<Message>,
+    give_back: &SyncSender<FrameBuf>,
+    finish: &SyncSender<Result<()>>,
+) {
     let mut trace: Option<Result<Trace>> = None;
     for message in messages {
         // After an error the rest of the scenario is read but not written; the error waits for `Finish`.

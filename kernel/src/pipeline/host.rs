@@ -83,8 +83,11 @@ impl Common {
             match key.as_str() {
                 "seed" => common.seed = value.parse().map_err(|_| wrong("whole number of at least 0"))?,
                 "threads" => {
-                    common.threads =
-                        value.parse().ok().filter(|&n| n > 0).ok_or_else(|| wrong("whole number of at least 1"))?;
+                    common.threads = value
+                        .parse()
+                        .ok()
+                        .filter(|&n| n > 0)
+                        .ok_or_else(|| wrong("whole number of at least 1"))?;
                 }
                 "out" => common.out = Some(PathBuf::from(value)),
                 "patience" => {
@@ -150,10 +153,7 @@ impl Host {
         let plan = drive::Plan::from_json(request)?;
         let registry = Arc::clone(&self.registry);
         let perturbations = plan.scenarios.iter().flat_map(|scenario| &scenario.perturbations);
-        self.begin(
-            [(Kind::Simulator, &plan.simulator), (Kind::Driver, &plan.driver)],
-            perturbations,
-        )?;
+        self.begin([(Kind::Simulator, &plan.simulator), (Kind::Driver, &plan.driver)], perturbations)?;
         let directory = self.directory()?;
         let settings = drive::Settings {
             seed: self.common.seed,
@@ -162,7 +162,8 @@ impl Host {
             run_id: run_id(directory.path()),
             first_index: self.outcomes.len() as u64,
         };
-        let progress = self.progress("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {per_sec}, {eta} left");
+        let progress =
+            self.progress("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {per_sec}, {eta} left");
         let (outcomes, performance) = drive::drive(&registry, &plan, &settings, &directory, &progress)?;
         let overruns = performance.stages.overruns;
         if overruns > 0 {
@@ -174,7 +175,8 @@ impl Host {
         let rows: Vec<Value> = outcomes.iter().map(outcome_row).collect();
         for outcome in outcomes.iter().filter(|outcome| outcome.cause == Cause::Error) {
             let error = outcome.error.as_deref().unwrap_or_default();
-            self.failed_scenarios.push(format!("scenario {} `{}`: {error}", outcome.index, outcome.scenario.name));
+            self.failed_scenarios
+                .push(format!("scenario {} `{}`: {error}", outcome.index, outcome.scenario.name));
         }
         self.outcomes.extend(rows.iter().cloned());
         self.performance.push(json!({ "drive": performance }));
@@ -299,11 +301,14 @@ impl Host {
     }
 
     fn progress(&self, template: &str) -> ProgressBar {
-        let progress = ProgressBar::with_draw_target(None, match self.options.quiet {
-            true => ProgressDrawTarget::hidden(),
-            // Draws nothing where standard error is no terminal.
-            false => ProgressDrawTarget::stderr(),
-        });
+        let progress = ProgressBar::with_draw_target(
+            None,
+            match self.options.quiet {
+                true => ProgressDrawTarget::hidden(),
+                // Draws nothing where standard error is no terminal.
+                false => ProgressDrawTarget::stderr(),
+            },
+        );
         if let Ok(style) = ProgressStyle::with_template(template) {
             progress.set_style(style.progress_chars("=> "));
         }

@@ -7,8 +7,10 @@ const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -
 }
 
 /// All of them, in the order of the type definition file.
-pub const RECORDS: [&ApiRecord; 8] = [
+pub const RECORDS: [&ApiRecord; 10] = [
     &COMPONENT,
+    &SCHEDULE,
+    &REGION,
     &APPLIED,
     &SCENARIO,
     &DRIVE_REQUEST,
@@ -24,13 +26,57 @@ const COMPONENT: ApiRecord = ApiRecord {
     fields: &[field("name", "string", "Its name."), field("[string]", "any", "Its parameters.")],
 };
 
+const SCHEDULE: ApiRecord = ApiRecord {
+    name: "Schedule",
+    doc: "An intensity that changes over time: one of the fields. Times are seconds since the start of the scenario.",
+    fields: &[
+        field(
+            "ramp",
+            "{ from: number, to: number, start: number?, end: number }?",
+            "Rises or falls evenly, and stays before and after.",
+        ),
+        field(
+            "pulse",
+            "{ level: number, rest: number?, period: number, duration: number, start: number? }?",
+            "Goes on and off; without `rest` the frame is left as it is while it is off.",
+        ),
+        field("points", "{ { number } }?", "Points of time and level, between which it is linear."),
+    ],
+};
+
+const REGION: ApiRecord = ApiRecord {
+    name: "Region",
+    doc: "A part of the frame: one of the fields. Coordinates are shares of the width and height, from 0 to 1.",
+    fields: &[
+        field("box", "{ number }?", "Left, top, right, bottom."),
+        field("polygon", "{ { number } }?", "Corners of x and y."),
+        field(
+            "mask",
+            "string?",
+            "An image file that is stretched over the frame: white is perturbed, black is not, grey is blended.",
+        ),
+    ],
+};
+
 const APPLIED: ApiRecord = ApiRecord {
     name: "AppliedPerturbation",
     doc: "A perturbation at an intensity with parameters, which stand beside the name. A text such as `\"contrast@2\"` \
           does as well.",
     fields: &[
         field("name", "string", "Its name."),
-        field("level", "number?", "Its intensity: 0 to 4, any number in between."),
+        field(
+            "level",
+            "(number | Schedule | ((time: number) -> number))?",
+            "Its intensity: 0 to 4, any number in between, or a course of such numbers over time in seconds. A function \
+             is sampled every tenth of a second when the request is made.",
+        ),
+        field("probability", "number?", "The chance that a frame is perturbed, drawn for each frame."),
+        field("region", "Region?", "The part of the frame that is perturbed."),
+        field(
+            "draws",
+            "(\"per_frame\" | \"per_sequence\")?",
+            "Draw everything anew for every frame, or once.",
+        ),
         field("[string]", "any", "Its parameters."),
     ],
 };
@@ -39,11 +85,31 @@ const SCENARIO: ApiRecord = ApiRecord {
     name: "Scenario",
     doc: "A road, perturbations with intensities, a seed and a duration.",
     fields: &[
-        field("name", "string?", "What it is called in tables; named after its perturbations where it is left out."),
-        field("road", "any", "The road in the simulator's own terms; the simulator's default where it is left out."),
-        field("perturbations", "{ string | AppliedPerturbation }?", "Applied to every frame, one after the other."),
-        field("duration", "number?", "The time limit in seconds of simulation time; that of the request where it is left out."),
-        field("seed", "number?", "The seed for what the simulator makes up; that of the run where it is left out."),
+        field(
+            "name",
+            "string?",
+            "What it is called in tables; named after its perturbations where it is left out.",
+        ),
+        field(
+            "road",
+            "any",
+            "The road in the simulator's own terms; the simulator's default where it is left out.",
+        ),
+        field(
+            "perturbations",
+            "{ string | AppliedPerturbation }?",
+            "Applied to every frame, one after the other.",
+        ),
+        field(
+            "duration",
+            "number?",
+            "The time limit in seconds of simulation time; that of the request where it is left out.",
+        ),
+        field(
+            "seed",
+            "number?",
+            "The seed for what the simulator makes up; that of the run where it is left out.",
+        ),
     ],
 };
 
@@ -54,8 +120,16 @@ const DRIVE_REQUEST: ApiRecord = ApiRecord {
         field("simulator", "string | Component", "The simulator."),
         field("driver", "string | Component", "The driver under test."),
         field("scenarios", "{ Scenario }", "What to drive."),
-        field("duration", "number?", "The time limit of a scenario in seconds of simulation time; 30 where it is left out."),
-        field("images_every", "number?", "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none."),
+        field(
+            "duration",
+            "number?",
+            "The time limit of a scenario in seconds of simulation time; 30 where it is left out.",
+        ),
+        field(
+            "images_every",
+            "number?",
+            "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none.",
+        ),
     ],
 };
 
@@ -84,7 +158,11 @@ const EVALUATE_REQUEST: ApiRecord = ApiRecord {
     name: "EvaluateRequest",
     doc: "What `pdk.evaluate` takes.",
     fields: &[
-        field("dataset", "string | Component", "A folder that any reader may open, or a reader with its parameters."),
+        field(
+            "dataset",
+            "string | Component",
+            "A folder that any reader may open, or a reader with its parameters.",
+        ),
         field("driver", "string | Component", "The driver under test."),
         field("perturbations", "{ string | AppliedPerturbation }", "Each is applied by itself."),
         field("levels", "{ number }", "The intensities at which each is applied."),
@@ -110,8 +188,16 @@ const EVALUATION_ROW: ApiRecord = ApiRecord {
         field("perturbation", "string", "The perturbation."),
         field("level", "number", "Its intensity."),
         field("steering_error", "number", "Mean absolute difference from the recorded steering."),
-        field("steering_drift", "number", "Mean absolute difference from the prediction on the original frame."),
+        field(
+            "steering_drift",
+            "number",
+            "Mean absolute difference from the prediction on the original frame.",
+        ),
         field("throttle_error", "number", "Mean absolute difference from the recorded throttle."),
-        field("throttle_drift", "number", "Mean absolute difference from the prediction on the original frame."),
+        field(
+            "throttle_drift",
+            "number",
+            "Mean absolute difference from the prediction on the original frame.",
+        ),
     ],
 };

@@ -93,7 +93,9 @@ fn parse(default: &Value, text: &str) -> Result<Value> {
         (Value::Bool(_), Some(Value::Bool(set))) => Ok(Value::Bool(set)),
         (Value::Bool(_), _) => wrong("true or false"),
         // A component that is given by name can be replaced by one with parameters.
-        (Value::String(_), Some(Value::Object(table))) if table.contains_key("name") => Ok(Value::Object(table)),
+        (Value::String(_), Some(Value::Object(table))) if table.contains_key("name") => {
+            Ok(Value::Object(table))
+        }
         (Value::String(_), _) => Ok(Value::String(text.to_owned())),
         (Value::Array(_), Some(Value::Array(list))) => Ok(Value::Array(list)),
         (Value::Array(list), _) => {
@@ -135,14 +137,20 @@ mod tests {
         assert_eq!(with("simulator.width=64").unwrap()["simulator"]["width"], 64);
         assert_eq!(with(r#"model={"name":"x","y":1}"#).unwrap()["model"], json!({"name": "x", "y": 1}));
         assert_eq!(with(r#"model={"y":1}"#).unwrap()["model"], r#"{"y":1}"#);
-        assert_eq!(with("simulator.rate=20").unwrap()["simulator"], json!({"name": "lane", "width": 320, "rate": 20}));
+        assert_eq!(
+            with("simulator.rate=20").unwrap()["simulator"],
+            json!({"name": "lane", "width": 320, "rate": 20})
+        );
         assert_eq!(with("simulator=donkey").unwrap()["simulator"], "donkey");
     }
 
     #[test]
     fn mistakes_are_named() {
         let error = |text: &str| with(text).unwrap_err().to_string();
-        assert_eq!(error("modle=x"), "--set modle: the pipeline has no setting `modle`; did you mean `model`?");
+        assert_eq!(
+            error("modle=x"),
+            "--set modle: the pipeline has no setting `modle`; did you mean `model`?"
+        );
         assert_eq!(error("frames=many"), "--set frames: `many` is no number");
         assert_eq!(error("frames.x=1"), "--set frames.x: `frames` is no table, so it has no `x`");
         assert_eq!(error("nothing"), "`nothing` sets nothing; write KEY=VALUE");

@@ -50,13 +50,14 @@ impl RunDirectory {
         if taken {
             return Err(Error::new(format!("the output folder {} is not empty; {remedy}", path.display())));
         }
-        fs::create_dir_all(path)
-            .map_err(|error| Error::new(format!("cannot make the output folder {} ({error}); {remedy}", path.display())))?;
+        fs::create_dir_all(path).map_err(|error| {
+            Error::new(format!("cannot make the output folder {} ({error}); {remedy}", path.display()))
+        })?;
         // Fails now rather than after an hour where the folder is read-only.
         let probe = path.join(".pdk-write-test");
-        File::create(&probe)
-            .and_then(|_| fs::remove_file(&probe))
-            .map_err(|error| Error::new(format!("cannot write to the output folder {} ({error}); {remedy}", path.display())))?;
+        File::create(&probe).and_then(|_| fs::remove_file(&probe)).map_err(|error| {
+            Error::new(format!("cannot write to the output folder {} ({error}); {remedy}", path.display()))
+        })?;
         Ok(Self { path: path.to_owned() })
     }
 
@@ -99,7 +100,8 @@ impl RunDirectory {
     /// Where it cannot be written.
     pub fn lines(&self, name: &str) -> Result<Lines> {
         let path = self.path.join(name);
-        let file = File::options().create(true).append(true).open(&path).map_err(|e| write_error(&path, &e))?;
+        let file =
+            File::options().create(true).append(true).open(&path).map_err(|e| write_error(&path, &e))?;
         let complete = file.metadata().map_err(|e| write_error(&path, &e))?.len();
         Ok(Lines { path, file, complete })
     }
@@ -194,13 +196,17 @@ pub fn sort_lines(directory: &RunDirectory, name: &str, field: &str) -> Result<(
     lines.sort_by_key(|(number, _)| *number);
     let part = path.with_extension("part");
     let sorted: String = lines.iter().flat_map(|(_, line)| [*line, "\n"]).collect();
-    fs::write(&part, sorted).and_then(|()| fs::rename(&part, &path)).map_err(|error| write_error(&path, &error))
+    fs::write(&part, sorted)
+        .and_then(|()| fs::rename(&part, &path))
+        .map_err(|error| write_error(&path, &error))
 }
 
 /// What went wrong with writing, and what to do.
 pub fn write_error(path: &Path, error: &std::io::Error) -> Error {
     let remedy = match error.kind() {
-        std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded | std::io::ErrorKind::FileTooLarge => {
+        std::io::ErrorKind::StorageFull
+        | std::io::ErrorKind::QuotaExceeded
+        | std::io::ErrorKind::FileTooLarge => {
             "; free some space and run again, what was recorded so far is kept"
         }
         std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {

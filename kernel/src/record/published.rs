@@ -36,7 +36,7 @@ pub struct PublishedScenario {
     pub waypoints: String,
     /// The perturbation; several are joined with a plus sign, and none is empty.
     pub perturbation_function: String,
-    /// Its level, that of the first where there are several; 0 where there is none.
+    /// Its level: that of the first where there are several, that at the start where it changes, 0 where there is none.
     pub perturbation_scale: f64,
 }
 
@@ -47,13 +47,16 @@ impl From<Outcome> for PublishedOutcome {
         let names: Vec<_> = perturbations.iter().map(|p| p.name.as_str()).collect();
         Self {
             frames: samples.iter().map(|s| s.frame).collect(),
-            pos: samples.iter().map(|s| [s.state.position[0], s.state.position[2], s.state.position[1]]).collect(),
+            pos: samples
+                .iter()
+                .map(|s| [s.state.position[0], s.state.position[2], s.state.position[1]])
+                .collect(),
             xte: samples.iter().map(|s| s.state.cross_track_error).collect(),
             speeds: samples.iter().map(|s| s.state.speed).collect(),
             actions: samples.iter().map(|s| [s.control.steering, s.control.throttle]).collect(),
             scenario: PublishedScenario {
                 perturbation_function: names.join("+"),
-                perturbation_scale: perturbations.first().map_or(0.0, |p| p.level),
+                perturbation_scale: perturbations.first().and_then(|p| p.level.at(0.0)).unwrap_or_default(),
                 waypoints: outcome.waypoints,
             },
             is_success: outcome.success,

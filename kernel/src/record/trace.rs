@@ -74,9 +74,9 @@ impl Trace {
     /// Where the file cannot be written.
     pub fn create(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(|error| super::write_error(path, &error))?;
-        let options = mcap::WriteOptions::new().library(concat!("pdk ", env!("CARGO_PKG_VERSION")).to_owned());
-        let mut writer =
-            options.create(BufWriter::new(file)).map_err(|error| trace_error(path, &error))?;
+        let options =
+            mcap::WriteOptions::new().library(concat!("pdk ", env!("CARGO_PKG_VERSION")).to_owned());
+        let mut writer = options.create(BufWriter::new(file)).map_err(|error| trace_error(path, &error))?;
         let channels = Channels {
             raw: add_channel::<CompressedImage>(&mut writer, "/raw", path)?,
             perturbed: add_channel::<CompressedImage>(&mut writer, "/perturbed", path)?,
@@ -120,10 +120,13 @@ impl Trace {
     pub fn image(&mut self, topic: ImageTopic, sequence: u64, time: f64, frame: Frame<'_>) -> Result<()> {
         self.sequence = sequence as u32;
         let mut jpeg = Vec::with_capacity(frame.width() * frame.height() / 2);
-        let contiguous = frame.contiguous().ok_or_else(|| Error::new("a frame to record has gaps between its rows"))?;
+        let contiguous =
+            frame.contiguous().ok_or_else(|| Error::new("a frame to record has gaps between its rows"))?;
         image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, JPEG_QUALITY)
             .encode(contiguous, frame.width() as u32, frame.height() as u32, image::ExtendedColorType::Rgb8)
-            .map_err(|error| Error::new(format!("cannot encode a frame for {} ({error})", self.path.display())))?;
+            .map_err(|error| {
+                Error::new(format!("cannot encode a frame for {} ({error})", self.path.display()))
+            })?;
         let (channel, frame_id) = match topic {
             ImageTopic::Raw => (self.channels.raw, "camera"),
             ImageTopic::Perturbed => (self.channels.perturbed, "camera"),
@@ -165,12 +168,16 @@ impl Trace {
 
     fn write<T: Encode>(&mut self, channel_id: u16, time: f64, message: &T) -> Result<()> {
         self.message.clear();
-        message
-            .encode(&mut self.message)
-            .map_err(|error| Error::new(format!("cannot encode a message for {} ({error})", self.path.display())))?;
+        message.encode(&mut self.message).map_err(|error| {
+            Error::new(format!("cannot encode a message for {} ({error})", self.path.display()))
+        })?;
         let nanoseconds = (time * 1e9).round().max(0.0) as u64;
-        let header =
-            MessageHeader { channel_id, sequence: self.sequence, log_time: nanoseconds, publish_time: nanoseconds };
+        let header = MessageHeader {
+            channel_id,
+            sequence: self.sequence,
+            log_time: nanoseconds,
+            publish_time: nanoseconds,
+        };
         self.writer
             .write_to_known_channel(&header, &self.message)
             .map_err(|error| trace_error(&self.path, &error))
@@ -182,7 +189,11 @@ fn timestamp(time: f64) -> Timestamp {
     Timestamp::new((nanoseconds / 1_000_000_000) as u32, (nanoseconds % 1_000_000_000) as u32)
 }
 
-fn add_channel<T: Encode>(writer: &mut mcap::Writer<BufWriter<File>>, topic: &str, path: &Path) -> Result<u16> {
+fn add_channel<T: Encode>(
+    writer: &mut mcap::Writer<BufWriter<File>>,
+    topic: &str,
+    path: &Path,
+) -> Result<u16> {
     let schema = match T::get_schema() {
         Some(schema) => writer.add_schema(&schema.name, &schema.encoding, &schema.data),
         None => Ok(0),

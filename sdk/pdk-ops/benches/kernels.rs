@@ -3,7 +3,8 @@
 
 use divan::Bencher;
 use pdk_ops::{
-    Frame, FrameBuf, FrameMut, Key, average, blend, color, gaussian, hsv, jpeg, noise, point, poisson, resize,
+    Frame, FrameBuf, FrameMut, Key, average, blend, color, false_color, gaussian, hsv, jpeg, noise, point,
+    poisson, posterize, resize, saturation, white_balance,
 };
 
 fn main() {
@@ -138,4 +139,29 @@ fn resize_linear_from_half(bencher: Bencher<'_, '_>) {
 fn jpeg_quality_5(bencher: Bencher<'_, '_>) {
     let mut workspace = jpeg::Workspace::default();
     time(bencher, |src, dst| jpeg::jpeg(src, dst, 5.0, jpeg::ChannelOrder::Bgr, &mut workspace));
+}
+
+#[divan::bench]
+fn false_color(bencher: Bencher<'_, '_>) {
+    time(bencher, |src, dst| false_color::false_color(src, dst, 4.0, false_color::Sums::Wrapped));
+}
+
+#[divan::bench]
+fn false_color_blended(bencher: Bencher<'_, '_>) {
+    time(bencher, |src, dst| false_color::false_color(src, dst, 3.5, false_color::Sums::Wrapped));
+}
+
+#[divan::bench]
+fn posterize_4(bencher: Bencher<'_, '_>) {
+    time(bencher, |src, dst| posterize::posterize(src, dst, 4.0, 85.0));
+}
+
+#[divan::bench]
+fn white_balance(bencher: Bencher<'_, '_>) {
+    time(bencher, |src, dst| white_balance::blend_with_grey_world(src, dst, 0.99));
+}
+
+#[divan::bench]
+fn saturation(bencher: Bencher<'_, '_>) {
+    time(bencher, |src, dst| saturation::scale_saturation(src, dst, 1.9));
 }

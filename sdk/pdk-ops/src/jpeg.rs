@@ -5,7 +5,7 @@
 //! interpolated with a triangle filter. Entropy coding changes nothing, so it is left out: colours are converted,
 //! transformed, quantised, and everything is undone again. The bytes are those of the usual encoder and decoder.
 
-use crate::dct::{Block, forward, inverse};
+use crate::dct::{Blocks, LANES, forward, inverse};
 use crate::frame::{CHANNELS, Frame, FrameMut};
 use crate::simd::vectorised;
 
@@ -52,15 +52,17 @@ pub struct Workspace {
     planes: [Plane; 3],
     /// Two rows of each chroma channel at full resolution, one after the other; later one row of each.
     chroma: [Vec<u8>; 2],
+    /// Rows whose columns are being brought into another order.
+    reordered: [Vec<u8>; 2],
     /// A row of sums of neighbouring chroma rows, with one more element at each end.
     sums: Vec<u16>,
 }
 
-/// Samples, padded to whole blocks.
+/// Samples, padded to whole groups of blocks.
 #[derive(Debug, Clone, Default)]
 struct Plane {
     samples: Vec<u8>,
-    /// Bytes from one row to the next: the width, rounded up to whole blocks.
+    /// Bytes from one row to the next: the width, rounded up to whole groups of blocks.
     stride: usize,
     /// Rows that belong to the image.
     height: usize,
@@ -68,7 +70,7 @@ struct Plane {
 
 impl Plane {
     fn resize(&mut self, width: usize, height: usize) {
-        (self.stride, self.height) = (width.next_multiple_of(8), height);
+        (self.stride, self.height) = (width.next_multiple_of(8 * LANES), height);
         self.samples.resize(self.stride * height.next_multiple_of(8), 0);
     }
 
@@ -81,13 +83,27 @@ impl Plane {
     }
 
     /// Repeats the last row down to the end of the last block, and takes every block through the transform.
-    fn round_trip(&mut self, table: &Table) {
+    fn round_trip(&mut self, table: &Table, [first, second]: &mut [Vec<u8>; 2]) {
         let image = self.height * self.stride;
         for start in (image..self.samples.len()).step_by(self.stride) {
             self.samples.copy_within(image - self.stride..image, start);
         }
+        first.resize(self.stride, 0);
+        second.resize(self.stride, 0);
         for rows in self.samples.chunks_exact_mut(8 * self.stride) {
+            // Three separations bring the first columns of all blocks to the front, then the second ones, and so on,
+            // so that the same element of neighbouring blocks lies side by side.
+            for row in rows.chunks_exact_mut(self.stride) {
+                separate(row, first);
+                separate(first, second);
+                separate(second, row);
+            }
             round_trip_blocks(rows, self.stride, table);
+            for row in rows.chunks_exact_mut(self.stride) {
+                interleave(row, first);
+                interleave(first, second);
+                interleave(second, row);
+            }
         }
     }
 }
@@ -125,7 +141,7 @@ pub fn jpeg(
     to_planes(src, order, workspace);
     let [luma, chroma] = [Table::new(&LUMA, quality), Table::new(&CHROMA, quality)];
     for (plane, table) in workspace.planes.iter_mut().zip([&luma, &chroma, &chroma]) {
-        plane.round_trip(table);
+        plane.round_trip(table, &mut workspace.reordered);
     }
     from_planes(dst.reborrow(), order, workspace);
 }
@@ -162,7 +178,7 @@ fn to_planes(src: Frame<'_>, order: ChannelOrder, workspace: &mut Workspace) {
 
 fn from_planes(mut dst: FrameMut<'_>, order: ChannelOrder, workspace: &mut Workspace) {
     let (width, height) = (dst.width(), dst.height());
-    let Workspace { planes: [luma, blue, red], chroma: [blue_row, red_row], sums } = workspace;
+    let Workspace { planes: [luma, blue, red], chroma: [blue_row, red_row], sums, .. } = workspace;
     let columns = width.div_ceil(2);
     sums.resize(columns + 2, 0);
     for y in 0..height {
@@ -190,10 +206,10 @@ vectorised! {
     ) {
         // The offset of 128, and a little less than one half, so that chroma stays below 256.
         let offset = (128 << COLOUR_BITS) + HALF - 1;
-        let (first, third) = if exchanged { (2, 0) } else { (0, 2) };
         let outputs = luma.iter_mut().zip(blue).zip(red);
         for (from, ((luma, blue), red)) in from.chunks_exact(CHANNELS).zip(outputs) {
-            let [r, g, b] = [from[first], from[1], from[third]].map(i32::from);
+            let [first, g, third] = [from[0], from[1], from[2]].map(i32::from);
+            let (r, b) = if exchanged { (third, first) } else { (first, third) };
             *luma = ((19595 * r + 38470 * g + 7471 * b + HALF) >> COLOUR_BITS) as u8;
             *blue = ((-11059 * r - 21709 * g + 32768 * b + offset) >> COLOUR_BITS) as u8;
             *red = ((32768 * r - 27439 * g - 5329 * b + offset) >> COLOUR_BITS) as u8;
@@ -216,21 +232,44 @@ vectorised! {
 }
 
 vectorised! {
+    // The even elements, then the odd ones.
+    fn separate / separate_portable / separate_avx2 (from: &[u8], to: &mut [u8]) {
+        let (even, odd) = to.split_at_mut(from.len() / 2);
+        for ((pair, even), odd) in from.chunks_exact(2).zip(even).zip(odd) {
+            *even = pair[0];
+            *odd = pair[1];
+        }
+    }
+}
+
+vectorised! {
+    // Undoes `separate`.
+    fn interleave / interleave_portable / interleave_avx2 (from: &[u8], to: &mut [u8]) {
+        let (even, odd) = from.split_at(from.len() / 2);
+        for ((pair, even), odd) in to.chunks_exact_mut(2).zip(even).zip(odd) {
+            pair[0] = *even;
+            pair[1] = *odd;
+        }
+    }
+}
+
+vectorised! {
     fn round_trip_blocks / round_trip_blocks_portable / round_trip_blocks_avx2 (
         rows: &mut [u8], stride: usize, table: &Table,
     ) {
-        let mut block: Block = [0; 64];
-        for start in (0..stride).step_by(8) {
-            for (y, line) in block.chunks_exact_mut(8).enumerate() {
-                for (value, &sample) in line.iter_mut().zip(&rows[y * stride + start..][..8]) {
+        let mut blocks: Blocks = [[0; LANES]; 64];
+        for start in (0..stride / 8).step_by(LANES) {
+            let place = |element: usize| element / 8 * stride + element % 8 * (stride / 8) + start;
+            for (element, lanes) in blocks.iter_mut().enumerate() {
+                for (value, &sample) in lanes.iter_mut().zip(&rows[place(element)..][..LANES]) {
                     *value = i32::from(sample) - 128;
                 }
             }
-            forward(&mut block);
-            quantise(&mut block, table);
-            inverse(&mut block);
-            for (y, line) in block.chunks_exact(8).enumerate() {
-                for (sample, &value) in rows[y * stride + start..][..8].iter_mut().zip(line) {
+            forward(&mut blocks);
+            quantise(&mut blocks, table);
+            inverse(&mut blocks);
+            for (element, lanes) in blocks.iter().enumerate() {
+                for (sample, &value) in rows[place(element)..][..LANES].iter_mut().zip(lanes) {
                     *sample = (value + 128).clamp(0, 255) as u8;
                 }
             }
@@ -240,14 +279,17 @@ vectorised! {
 
 /// Rounds coefficients (times 8) to the nearest multiple of their step, halves away from zero.
 #[inline(always)]
-fn quantise(block: &mut Block, table: &Table) {
+fn quantise(blocks: &mut Blocks, table: &Table) {
     /// Adding this to a number of magnitude below 2^22 leaves it, rounded, in the lower bits.
     const SHIFT: f32 = 12_582_912.0;
-    for ((value, step), reciprocal) in block.iter_mut().zip(&table.steps).zip(&table.reciprocals) {
-        // Whole numbers moved by half a unit away from zero never lie half-way between two multiples of an even step.
-        let moved = *value as f32 + 0.5f32.copysign(*value as f32);
-        let multiple = (moved * reciprocal + SHIFT) - SHIFT;
-        *value = (multiple * step + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32;
+    for ((lanes, step), reciprocal) in blocks.iter_mut().zip(&table.steps).zip(&table.reciprocals) {
+        for value in lanes {
+            // Whole numbers moved by half a unit away from zero never lie half-way between two multiples of an even
+            // step.
+            let moved = *value as f32 + 0.5f32.copysign(*value as f32);
+            let multiple = (moved * reciprocal + SHIFT) - SHIFT;
+            *value = (multiple * step + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32;
+        }
     }
 }
 
@@ -274,14 +316,13 @@ vectorised! {
     fn join_colours / join_colours_portable / join_colours_avx2 (
         luma: &[u8], blue: &[u8], red: &[u8], to: &mut [u8], exchanged: bool,
     ) {
-        let (first, third) = if exchanged { (2, 0) } else { (0, 2) };
         let inputs = luma.iter().zip(blue).zip(red);
         for (to, ((&luma, &blue), &red)) in to.chunks_exact_mut(CHANNELS).zip(inputs) {
             let (luma, blue, red) = (i32::from(luma), i32::from(blue) - 128, i32::from(red) - 128);
             let part = |sum: i32| (luma + ((sum + HALF) >> COLOUR_BITS)).clamp(0, 255) as u8;
-            to[first] = part(91881 * red);
+            let (r, b) = (part(91881 * red), part(116130 * blue));
+            (to[0], to[2]) = if exchanged { (b, r) } else { (r, b) };
             to[1] = part(-22554 * blue - 46802 * red);
-            to[third] = part(116130 * blue);
         }
     }
 }
@@ -315,9 +356,9 @@ mod tests {
         for quality in [1.0, 10.0, 33.0, 75.0, 100.0] {
             let table = Table::new(&LUMA, quality);
             for start in (-16384i32..16384).step_by(64) {
-                let mut block: Block = std::array::from_fn(|i| start + i as i32);
-                quantise(&mut block, &table);
-                for (i, actual) in block.into_iter().enumerate() {
+                let mut blocks: Blocks = std::array::from_fn(|i| [start + i as i32; LANES]);
+                quantise(&mut blocks, &table);
+                for (i, [actual, ..]) in blocks.into_iter().enumerate() {
                     let (value, step) = (start + i as i32, table.steps[i] as i32);
                     let multiple = (value.abs() + 4 * step) / (8 * step) * step;
                     assert_eq!(actual, multiple * value.signum(), "{value} by {step}");

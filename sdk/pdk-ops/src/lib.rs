@@ -13,20 +13,25 @@ pub mod border;
 pub mod color;
 mod dct;
 pub mod draw;
+pub mod false_color;
 pub mod frame;
 pub mod gaussian;
 pub mod hsv;
 pub mod jpeg;
 pub mod noise;
+mod planes;
 pub mod point;
 pub mod poisson;
+pub mod posterize;
 pub mod random;
 pub mod resize;
 pub mod sample;
+pub mod saturation;
 mod simd;
 #[cfg(test)]
 mod testing;
 pub mod warp;
+pub mod white_balance;
 
 pub use frame::{Frame, FrameBuf, FrameError, FrameMut};
 pub use random::{Key, Random};

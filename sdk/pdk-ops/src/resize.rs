@@ -1,85 +1,193 @@
-//! Resizing.
+//! Resizing with linear interpolation.
 
 use crate::frame::{CHANNELS, Frame, FrameMut};
+#[cfg(target_arch = "x86_64")]
+use crate::simd::portable_only;
+use crate::simd::vectorised;
 
 /// Interpolation weights are fixed-point numbers with this many fractional bits.
 const WEIGHT_BITS: u32 = 11;
+/// Rows that are interpolated horizontally keep this many fractional bits.
+const ROW_BITS: u32 = 7;
 /// Columns are done in blocks of this many pixels, so that what belongs to a column stays on the stack.
-const BLOCK: usize = 128;
+const BLOCK: usize = 512;
+/// Groups of pixels are written with stores that reach a little further.
+const SLACK: usize = 4;
+
+/// An image that is there row by row, such as a part of another or several put together.
+#[derive(Clone, Copy)]
+pub struct Source<'a> {
+    /// Width in pixels, at least 1.
+    pub width: usize,
+    /// Height in pixels, at least 1.
+    pub height: usize,
+    /// The bytes of a row, red, green and blue of one pixel after the other.
+    pub row: &'a dyn Fn(usize) -> &'a [u8],
+}
 
 /// Where an output position lies between two input positions.
 #[derive(Clone, Copy, Default)]
 struct Tap {
+    /// The first of the two; the second is the next one, or the same where there is only one.
     first: usize,
-    second: usize,
-    first_weight: i32,
-    second_weight: i32,
+    weights: [u16; 2],
 }
 
 impl Tap {
-    /// Pixel centres coincide at the edges of both images; beyond the outermost centres the edge is repeated.
-    fn at(position: usize, from: usize, to: usize) -> Self {
-        let scale = from as f64 / to as f64;
+    /// Pixel centres coincide at the edges of both images; beyond the outermost centres the edge is repeated. `scale` is
+    /// `from` divided by the length of the output.
+    fn at(position: usize, from: usize, scale: f64) -> Self {
         let centre = ((position as f64 + 0.5) * scale - 0.5).clamp(0.0, (from - 1) as f64);
-        let first = centre as usize;
+        let first = (centre as usize).min(from.saturating_sub(2));
         let fraction = centre - first as f64;
         let one = f64::from(1 << WEIGHT_BITS);
-        Self {
-            first,
-            second: (first + 1).min(from - 1),
-            first_weight: ((1.0 - fraction) * one).round_ties_even() as i32,
-            second_weight: (fraction * one).round_ties_even() as i32,
-        }
+        let weight = |share: f64| (share * one).round_ties_even() as u16;
+        Self { first, weights: [weight(1.0 - fraction), weight(fraction)] }
     }
+}
+
+/// The taps of a block of columns.
+struct Columns {
+    taps: [Tap; BLOCK],
+    len: usize,
+    /// How many of them lie so far from the right end that eight bytes can be read at each.
+    roomy: usize,
+    /// Whether the output is as wide as the input.
+    same: bool,
 }
 
 /// Resizes `src` to the size of `dst` with linear interpolation between the two nearest pixels in each direction.
 /// Shrinking does not average, so fine patterns alias. Each interpolation has 11-bit weights.
 pub fn resize_linear(src: Frame<'_>, mut dst: FrameMut<'_>) {
-    let (width, height) = (dst.width(), dst.height());
     if src.same_size(&dst.as_ref()) {
         return dst.copy_from(src);
     }
-    let mut taps = [Tap::default(); BLOCK];
+    resize_linear_from(Source { width: src.width(), height: src.height(), row: &|y| src.row(y) }, dst);
+}
+
+/// As [`resize_linear`], from an image that is there row by row.
+///
+/// # Panics
+/// Where the source has no pixels or its rows are too short.
+pub fn resize_linear_from(src: Source<'_>, mut dst: FrameMut<'_>) {
+    assert!(src.width > 0 && src.height > 0, "resizing needs an image");
+    let (width, height) = (dst.width(), dst.height());
+    let (scale_x, scale_y) = (src.width as f64 / width as f64, src.height as f64 / height as f64);
+    let mut columns = Columns { taps: [Tap::default(); BLOCK], len: 0, roomy: 0, same: src.width == width };
     // The two source rows that an output row lies between, interpolated horizontally, with their row numbers.
-    let mut rows = [[0i32; BLOCK * CHANNELS]; 2];
+    let mut rows = [[0u16; BLOCK * CHANNELS + SLACK]; 2];
     for start in (0..width).step_by(BLOCK) {
-        let columns = BLOCK.min(width - start);
-        for (offset, tap) in taps[..columns].iter_mut().enumerate() {
-            *tap = Tap::at(start + offset, src.width(), width);
+        columns.len = BLOCK.min(width - start);
+        for (offset, tap) in columns.taps[..columns.len].iter_mut().enumerate() {
+            *tap = Tap::at(start + offset, src.width, scale_x);
         }
+        columns.roomy = columns.taps[..columns.len]
+            .partition_point(|tap| tap.first * CHANNELS + 8 <= src.width * CHANNELS);
+        let values = columns.len * CHANNELS;
         let mut held = [usize::MAX; 2];
         for y in 0..height {
-            let tap = Tap::at(y, src.height(), height);
-            if held[0] != tap.first && held[1] == tap.first {
+            let tap = Tap::at(y, src.height, scale_y);
+            let wanted = [tap.first, (tap.first + 1).min(src.height - 1)];
+            if held[0] != wanted[0] && held[1] == wanted[0] {
                 rows.swap(0, 1);
                 held.swap(0, 1);
             }
-            for (slot, wanted) in [tap.first, tap.second].into_iter().enumerate() {
-                if held[slot] != wanted {
-                    interpolate_row(src.row(wanted), &taps[..columns], &mut rows[slot]);
-                    held[slot] = wanted;
+            for slot in 0..2 {
+                if held[slot] != wanted[slot] && tap.weights[slot] > 0 {
+                    let row = &(src.row)(wanted[slot])[..src.width * CHANNELS];
+                    match columns.same {
+                        true => widen(&row[start * CHANNELS..][..values], &mut rows[slot]),
+                        false => interpolate_row(row, &columns, &mut rows[slot]),
+                    }
+                    held[slot] = wanted[slot];
                 }
             }
-            let out = &mut dst.row_mut(y)[start * CHANNELS..(start + columns) * CHANNELS];
-            let (first, second) = (tap.first_weight, tap.second_weight);
-            for ((out, &a), &b) in out.iter_mut().zip(&rows[0]).zip(&rows[1]) {
-                let sum = ((first * (a >> 4)) >> 16) + ((second * (b >> 4)) >> 16);
-                *out = ((sum + 2) >> 2) as u8;
-            }
+            let out = &mut dst.row_mut(y)[start * CHANNELS..][..values];
+            mix(&rows[0], &rows[1], out, tap.weights);
         }
     }
 }
 
-/// Interpolates one row at each tap; the results are larger by 2^11.
-fn interpolate_row(row: &[u8], taps: &[Tap], into: &mut [i32]) {
-    for (tap, into) in taps.iter().zip(into.chunks_exact_mut(CHANNELS)) {
-        let (a, b) = (tap.first * CHANNELS, tap.second * CHANNELS);
-        for (channel, into) in into.iter_mut().enumerate() {
-            *into = i32::from(row[a + channel]) * tap.first_weight
-                + i32::from(row[b + channel]) * tap.second_weight;
+vectorised! {
+    fn widen / widen_portable / widen_avx2 (row: &[u8], into: &mut [u16]) {
+        for (into, &value) in into.iter_mut().zip(row) {
+            *into = u16::from(value) << ROW_BITS;
         }
     }
+}
+
+vectorised! {
+    fn mix / mix_portable / mix_avx2 (a: &[u16], b: &[u16], out: &mut [u8], weights: [u16; 2]) {
+        let share = |value: u16, weight: u16| ((u32::from(value) * u32::from(weight)) >> 16) as u16;
+        for ((out, &a), &b) in out.iter_mut().zip(a).zip(b) {
+            *out = ((share(a, weights[0]) + share(b, weights[1]) + 2) >> 2) as u8;
+        }
+    }
+}
+
+/// Interpolates one row at each tap; the results are larger by 2^7.
+fn interpolate_row(row: &[u8], columns: &Columns, into: &mut [u16; BLOCK * CHANNELS + SLACK]) {
+    #[cfg(target_arch = "x86_64")]
+    let done = match std::arch::is_x86_feature_detected!("avx2") && !portable_only() {
+        // SAFETY: the processor has AVX2.
+        true => unsafe { interpolate_row_avx2(row, &columns.taps[..columns.roomy], into) },
+        false => 0,
+    };
+    #[cfg(not(target_arch = "x86_64"))]
+    let done = 0;
+    let next = if row.len() > CHANNELS { CHANNELS } else { 0 };
+    for (tap, into) in
+        columns.taps[done..columns.len].iter().zip(into[done * CHANNELS..].chunks_exact_mut(CHANNELS))
+    {
+        let pair = &row[tap.first * CHANNELS..][..CHANNELS + next];
+        let [first, second] = tap.weights.map(u32::from);
+        for (channel, into) in into.iter_mut().enumerate() {
+            let sum = u32::from(pair[channel]) * first + u32::from(pair[channel + next]) * second;
+            *into = (sum >> (WEIGHT_BITS - ROW_BITS)) as u16;
+        }
+    }
+}
+
+/// Does four taps at a time, each with eight bytes of the row from its first pixel on, and returns how many it did.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn interpolate_row_avx2(row: &[u8], taps: &[Tap], into: &mut [u16; BLOCK * CHANNELS + SLACK]) -> usize {
+    use std::arch::x86_64::*;
+    // The first pixel's red and the second's, as words, then green and blue: of the lower and of the upper half.
+    let lower =
+        _mm256_broadcastsi128_si256(_mm_setr_epi8(0, -1, 3, -1, 1, -1, 4, -1, 2, -1, 5, -1, -1, -1, -1, -1));
+    let upper = _mm256_broadcastsi128_si256(_mm_setr_epi8(
+        8, -1, 11, -1, 9, -1, 12, -1, 10, -1, 13, -1, -1, -1, -1, -1,
+    ));
+    // From r g b 0 r g b 0 to r g b r g b, in words.
+    let in_threes =
+        _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 13, -1, -1, -1, -1));
+    let mut done = 0;
+    for four in taps.chunks_exact(4) {
+        let word = |i: usize| {
+            let bytes = &row[four[i].first * CHANNELS..][..8];
+            // SAFETY: the slice has eight bytes.
+            unsafe { bytes.as_ptr().cast::<i64>().read_unaligned() }
+        };
+        let weights = |i: usize| i32::from(four[i].weights[0]) | i32::from(four[i].weights[1]) << 16;
+        let words = _mm256_setr_epi64x(word(0), word(1), word(2), word(3));
+        let pair = |which: __m256i, first: i32, second: i32| {
+            let weights = _mm256_setr_m128i(_mm_set1_epi32(first), _mm_set1_epi32(second));
+            let sum = _mm256_madd_epi16(_mm256_shuffle_epi8(words, which), weights);
+            _mm256_srli_epi32::<{ (WEIGHT_BITS - ROW_BITS) as i32 }>(sum)
+        };
+        let pixels =
+            _mm256_packus_epi32(pair(lower, weights(0), weights(2)), pair(upper, weights(1), weights(3)));
+        let pixels = _mm256_shuffle_epi8(pixels, in_threes);
+        let out = &mut into[done * CHANNELS..][..4 * CHANNELS + 2];
+        // SAFETY: `out` has 28 bytes, 12 and 16 of which these write.
+        unsafe {
+            _mm_storeu_si128(out.as_mut_ptr().cast(), _mm256_castsi256_si128(pixels));
+            _mm_storeu_si128(out.as_mut_ptr().add(6).cast(), _mm256_extracti128_si256::<1>(pixels));
+        }
+        done += 4;
+    }
+    done
 }
 
 #[cfg(test)]
@@ -120,6 +228,35 @@ mod tests {
             for (actual, expected) in result.data().iter().zip(expected) {
                 prop_assert!((f64::from(*actual) - expected).abs() < 1.0, "{} {}", actual, expected);
             }
+        }
+    }
+
+    #[test]
+    fn widths_beyond_a_block_match_linear_interpolation() {
+        let src =
+            FrameBuf::from_vec((0..700 * 3 * 3).map(|i| (i * 97 % 256) as u8).collect(), 700, 3).unwrap();
+        for (width, height) in [(1100, 5), (699, 2), (1400, 3)] {
+            let result = run(width, height, |dst| resize_linear(src.as_ref(), dst));
+            let expected = plain(src.as_ref(), width, height);
+            for (actual, expected) in result.data().iter().zip(expected) {
+                assert!((f64::from(*actual) - expected).abs() < 1.0, "{actual} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn rows_may_come_from_anywhere() {
+        let src = FrameBuf::from_vec((0..9 * 6 * 3).map(|i| (i * 41 % 256) as u8).collect(), 9, 6).unwrap();
+        let twice = FrameBuf::from_vec([src.data(), src.data()].concat(), 9, 12).unwrap();
+        let view = src.as_ref();
+        for (width, height) in [(9, 6), (9, 12), (5, 17), (20, 3)] {
+            let row = |y: usize| view.row(y % 6);
+            let result = run(width, height, |dst| {
+                resize_linear_from(Source { width: 9, height: 12, row: &row }, dst);
+            });
+            let mut expected = FrameBuf::new(width, height);
+            resize_linear(twice.as_ref(), expected.as_mut());
+            assert_eq!(result, expected, "{width}x{height}");
         }
     }
 

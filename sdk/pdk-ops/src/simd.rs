@@ -68,6 +68,15 @@ pub(crate) fn round_to_byte(value: f32) -> u8 {
     round_inside_byte(value.max(0.0).min(255.0))
 }
 
+/// Drops the fraction of a number in `0.0..=2.0^21`; what lies within 1/4096 below a whole number counts as that number,
+/// so that products that are whole but for rounding stay whole.
+#[inline(always)]
+pub(crate) fn whole_part(value: f32) -> f32 {
+    /// Adding and subtracting this rounds half to even.
+    const SHIFT: f32 = 12_582_912.0;
+    value + (1.0 / 4096.0 - 0.5) + SHIFT - SHIFT
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -86,6 +95,15 @@ mod tests {
             (1e9, 255),
         ] {
             assert_eq!(round_to_byte(value), byte, "{value}");
+        }
+    }
+
+    #[test]
+    fn drops_fractions() {
+        for (value, whole) in
+            [(0.0, 0.0), (0.99, 0.0), (1.0, 1.0), (2.0, 2.0), (2.9999, 3.0), (254.5, 254.0), (255.0, 255.0)]
+        {
+            assert_eq!(whole_part(value), whole, "{value}");
         }
     }
 }

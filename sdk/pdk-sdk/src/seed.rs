@@ -14,6 +14,13 @@ pub fn key(run_seed: u64, component: &str, instance: u64, scenario: u64) -> Key 
     Key(*hasher.finalize().as_bytes())
 }
 
+/// The key of one frame, for a user who wants everything drawn anew for every frame.
+pub fn of_frame(key: &Key, frame_index: u64) -> Key {
+    let mut hasher = blake3::Hasher::new_keyed(&key.0);
+    hasher.update(&frame_index.to_le_bytes());
+    Key(*hasher.finalize().as_bytes())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,0 +1,181 @@
+//! The part of a frame that a perturbation changes: a box, a polygon, or what an image says.
+
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::prelude::{Frame, FrameBuf, FrameMut};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// A part of a frame. Coordinates are shares of the width and height, so that a region fits every frame size.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Region {
+    /// `[left, top, right, bottom]`.
+    Box([f64; 4]),
+    /// The inside of a polygon of `[x, y]` corners, by the even-odd rule.
+    Polygon(Vec<[f64; 2]>),
+    /// An image file, stretched over the frame: white is changed, black is not, grey is blended.
+    Mask(String),
+}
+
+impl Region {
+    /// Reads a region from a script or the command line.
+    ///
+    /// # Errors
+    /// Where it is none, or lies outside the frame.
+    pub fn from_json(value: &Value) -> Result<Self> {
+        let region: Self = serde_json::from_value(value.clone()).map_err(|_| {
+            Error::new(format!(
+                "the region {value} is none; write {{ box = {{ left, top, right, bottom }} }}, \
+                 {{ polygon = {{ {{ x, y }}, ... }} }} with shares of the frame from 0 to 1, or {{ mask = \"file.png\" }}"
+            ))
+        })?;
+        let numbers: Vec<f64> = match &region {
+            Region::Box(sides) => sides.to_vec(),
+            Region::Polygon(corners) => corners.iter().flatten().copied().collect(),
+            Region::Mask(_) => Vec::new(),
+        };
+        let mistake = match &region {
+            _ if !numbers.iter().all(|number| (0.0..=1.0).contains(number)) => {
+                "its coordinates have to be shares of the frame from 0 to 1"
+            }
+            Region::Box([left, top, right, bottom]) if left >= right || top >= bottom => {
+                "its box is empty; the order is left, top, right, bottom"
+            }
+            Region::Polygon(corners) if corners.len() < 3 => "its polygon needs at least three corners",
+            _ => return Ok(region),
+        };
+        Err(Error::new(format!("the region {value}: {mistake}")))
+    }
+}
+
+/// A region made ready for frames of one size.
+pub struct Mask {
+    region: Region,
+    /// The image of [`Region::Mask`].
+    image: Option<FrameBuf>,
+    /// How much of each pixel is changed, 0 to 255, row by row.
+    weights: Vec<u8>,
+    width: usize,
+    height: usize,
+}
+
+impl Mask {
+    /// Reads what the region needs.
+    ///
+    /// # Errors
+    /// Where its image cannot be read.
+    pub fn new(region: &Region) -> Result<Self> {
+        let image = match region {
+            Region::Mask(path) => Some(pdk_image::read(path.as_ref())?),
+            _ => None,
+        };
+        Ok(Self { region: region.clone(), image, weights: Vec::new(), width: 0, height: 0 })
+    }
+
+    /// Puts the original back where the region does not reach.
+    pub fn restore(&mut self, original: Frame<'_>, mut perturbed: FrameMut<'_>) {
+        self.fit(original.width(), original.height());
+        for y in 0..self.height {
+            let weights = &self.weights[y * self.width..][..self.width];
+            let (from, to) = (original.row(y), perturbed.row_mut(y));
+            for ((weight, from), to) in weights.iter().zip(from.chunks_exact(3)).zip(to.chunks_exact_mut(3)) {
+                match weight {
+                    255 => {}
+                    0 => to.copy_from_slice(from),
+                    weight => {
+                        for (from, to) in from.iter().zip(to) {
+                            let sum = u32::from(*to) * u32::from(*weight)
+                                + u32::from(*from) * (255 - u32::from(*weight));
+                            *to = ((sum + 127) / 255) as u8;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn fit(&mut self, width: usize, height: usize) {
+        if (self.width, self.height) == (width, height) {
+            return;
+        }
+        (self.width, self.height) = (width, height);
+        self.weights.clear();
+        self.weights.reserve(width * height);
+        for y in 0..height {
+            let v = (y as f64 + 0.5) / height as f64;
+            for x in 0..width {
+                let u = (x as f64 + 0.5) / width as f64;
+                let weight = match (&self.region, &self.image) {
+                    (Region::Box([left, top, right, bottom]), _) => {
+                        u8::from(u >= *left && u < *right && v >= *top && v < *bottom) * 255
+                    }
+                    (Region::Polygon(corners), _) => u8::from(inside(corners, u, v)) * 255,
+                    (Region::Mask(_), Some(image)) => brightness(image, u, v),
+                    (Region::Mask(_), None) => 0,
+                };
+                self.weights.push(weight);
+            }
+        }
+    }
+}
+
+/// The even-odd rule: a ray to the left crosses an odd number of sides.
+fn inside(corners: &[[f64; 2]], x: f64, y: f64) -> bool {
+    let sides = corners.iter().zip(corners.iter().cycle().skip(1));
+    let crossed = sides
+        .filter(|([ax, ay], [bx, by])| (ay > &y) != (by > &y) && x > ax + (y - ay) / (by - ay) * (bx - ax));
+    crossed.count() % 2 == 1
+}
+
+fn brightness(image: &FrameBuf, u: f64, v: f64) -> u8 {
+    let x = ((u * image.width() as f64) as usize).min(image.width() - 1);
+    let y = ((v * image.height() as f64) as usize).min(image.height() - 1);
+    let [red, green, blue] = image.as_ref().pixel(x, y).map(u32::from);
+    ((red * 299 + green * 587 + blue * 114 + 500) / 1000) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn changed(region: Value, width: usize, height: usize) -> Vec<u8> {
+        let original = FrameBuf::new(width, height);
+        let mut perturbed = original.clone();
+        perturbed.as_mut().rows_mut().for_each(|row| row.fill(200));
+        let region = Region::from_json(&region).unwrap();
+        Mask::new(&region).unwrap().restore(original.as_ref(), perturbed.as_mut());
+        perturbed.data().chunks(3).map(|pixel| pixel[0]).collect()
+    }
+
+    #[test]
+    fn only_the_region_is_changed() {
+        assert_eq!(changed(json!({"box": [0.5, 0.0, 1.0, 0.5]}), 4, 2), [0, 0, 200, 200, 0, 0, 0, 0]);
+        let triangle = changed(json!({"polygon": [[0, 0], [0.9, 0], [0, 0.9]]}), 4, 4);
+        assert_eq!(triangle[0], 200);
+        assert_eq!(triangle[15], 0);
+        assert_eq!(triangle.iter().filter(|v| **v == 200).count(), 6);
+    }
+
+    #[test]
+    fn a_mask_image_blends() {
+        let path = std::env::temp_dir().join(format!("pdk-mask-{}.png", std::process::id()));
+        let mut mask = FrameBuf::new(3, 1);
+        for (x, grey) in [0, 128, 255].into_iter().enumerate() {
+            mask.as_mut().set_pixel(x, 0, [grey; 3]);
+        }
+        pdk_image::write(&path, mask.as_ref()).unwrap();
+        assert_eq!(changed(json!({"mask": path}), 3, 1), [0, 100, 200]);
+        std::fs::remove_file(path).unwrap();
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let error = |value: Value| Region::from_json(&value).unwrap_err().to_string();
+        assert!(error(json!({"circle": 1})).contains("is none; write"));
+        assert!(error(json!({"box": [0, 0, 2, 1]})).contains("shares of the frame"));
+        assert!(error(json!({"box": [0.5, 0, 0.5, 1]})).contains("its box is empty"));
+        assert!(error(json!({"polygon": [[0, 0], [1, 1]]})).contains("three corners"));
+        assert!(Mask::new(&Region::Mask("/no/such.png".into())).is_err());
+    }
+}
