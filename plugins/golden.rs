@@ -271,3 +271,47 @@ pub fn draws_anew_for_every_frame<P: Component + Perturbation>() {
     assert_eq!(frame(7), frame(7));
     assert_ne!(frame(7), frame(8));
 }
+
+/// A picture whose neighbouring pixels belong together at every scale, as those of a road do: a sum of smooth waves.
+fn scene(width: usize, height: usize) -> FrameBuf {
+    let mut frame = FrameBuf::new(width, height);
+    let mut random = Key([2; 32]).sequence();
+    let waves: Vec<[f64; 6]> = (0..24)
+        .map(|i| {
+            let frequency = 0.01 * f64::from(1 + i).powf(1.3);
+            let angle = random.uniform(0.0, 6.3);
+            let [r, g, b] = [(); 3].map(|()| random.uniform(10.0, 50.0) / f64::from(1 + i).sqrt());
+            [frequency * angle.cos(), frequency * angle.sin(), random.uniform(0.0, 6.3), r, g, b]
+        })
+        .collect();
+    for y in 0..height {
+        for x in 0..width {
+            let channel = |c: usize| {
+                let wave = |w: &[f64; 6]| w[3 + c] * (w[0] * x as f64 + w[1] * y as f64 + w[2]).sin();
+                (127.5 + waves.iter().map(wave).sum::<f64>()) as u8
+            };
+            frame.as_mut().set_pixel(x, y, [channel(0), channel(1), channel(2)]);
+        }
+    }
+    frame
+}
+
+/// Checks that the mean squared difference grows with the intensity `from..=to` in steps of a quarter and, where
+/// `structure` is set, the loss of structural similarity too. A step may fall back by a hundredth of the whole range.
+/// Moves of the whole picture lose nearly all similarity at once, and a little of it comes back by chance.
+pub fn strength_grows<P: Component + Perturbation>(given: &Value, from: f64, to: f64, structure: bool) {
+    let src = scene(160, 120);
+    let steps = ((to - from) * 4.0) as usize;
+    let strength = (0..=steps).map(|i| {
+        let intensity = from + i as f64 / 4.0;
+        let output = perturb::<P>(given, src.as_ref(), intensity, &Key([6; 32]), 1);
+        let measured = measure(&src, &output);
+        (measured.mse, 1.0 - measured.ssim)
+    });
+    let (differences, losses): (Vec<f64>, Vec<f64>) = strength.unzip();
+    for (values, checked) in [(differences, true), (losses, structure)] {
+        let range = values[steps] - values[0];
+        let grows = values.windows(2).all(|pair| pair[1] > pair[0] - 0.01 * range);
+        assert!(range > 0.0 && (grows || !checked), "{}: {values:.4?}", P::description().name);
+    }
+}

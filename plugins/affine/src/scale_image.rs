@@ -1,0 +1,78 @@
+//! Scale: a lens with too short a focal length.
+
+use pdk_sdk::ops::resize::resize_linear;
+use pdk_sdk::prelude::*;
+
+/// Shrinks the frame and puts it in the middle of a black one.
+pub struct ScaleImage;
+
+impl Component for ScaleImage {
+    fn description() -> Description {
+        Description::perturbation("scale_image", "Shrinks the frame and puts it in the middle of black")
+            .family("affine")
+            .source("Linear interpolation without averaging")
+            .parameter(
+                Parameter::by_level(
+                    "factor",
+                    [0.96, 0.9, 0.8, 0.68, 0.5],
+                    "factor of width and height, which are rounded down to whole pixels",
+                )
+                .range(0.01, 1.0),
+            )
+    }
+
+    fn new(_config: &Config) -> Result<Self> {
+        Ok(Self)
+    }
+}
+
+impl Perturbation for ScaleImage {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let factor = cx.number("factor");
+        let scaled = |length: usize| ((length as f64 * factor) as usize).max(1);
+        let (width, height) = (scaled(src.width()), scaled(src.height()));
+        let (left, top) = ((src.width() - width) / 2, (src.height() - height) / 2);
+        for (y, row) in dst.rows_mut().enumerate() {
+            if (top..top + height).contains(&y) {
+                row[..left * 3].fill(0);
+                row[(left + width) * 3..].fill(0);
+            } else {
+                row.fill(0);
+            }
+        }
+        let stride = dst.stride();
+        let middle = &mut dst.data_mut()[top * stride + left * 3..];
+        resize_linear(src, FrameMut::with_stride(middle, width, height, stride)?);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pdk_sdk::serde_json::{Value, json};
+
+    use super::ScaleImage;
+    use crate::golden;
+
+    #[test]
+    fn matches_the_published_outputs() {
+        golden::matches_outputs::<ScaleImage>(0.1);
+    }
+
+    #[test]
+    fn writes_exactly_the_frame() {
+        golden::writes_exactly_the_frame::<ScaleImage>(&Value::Null);
+        golden::writes_exactly_the_frame::<ScaleImage>(&json!({"factor": 1.0}));
+        golden::writes_exactly_the_frame::<ScaleImage>(&json!({"factor": 0.01}));
+    }
+
+    #[test]
+    fn holds_what_every_perturbation_has_to_hold() {
+        pdk_sdk::testing::perturbation::<ScaleImage>();
+    }
+
+    #[test]
+    fn strength_grows_with_the_intensity() {
+        golden::strength_grows::<ScaleImage>(&Value::Null, 0.0, 4.0, false);
+    }
+}

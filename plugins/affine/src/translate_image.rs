@@ -1,0 +1,102 @@
+//! Shift: a camera mounted too far to one side.
+//!
+//! The published shift is in pixels whatever the size of the frame, and at level 0 it is a tenth of a pixel, to the left
+//! and down, where all other levels go right and up. The variant `published` keeps that; `corrected` shifts by a share
+//! of the width and of the height, to the right and up at every level.
+
+use pdk_sdk::ops::warp::{Affine, Workspace, warp_affine};
+use pdk_sdk::prelude::*;
+
+/// Shifts the frame over black.
+pub struct TranslateImage {
+    workspace: Workspace,
+}
+
+impl Component for TranslateImage {
+    fn description() -> Description {
+        Description::perturbation("translate_image", "Shifts the frame to the right and up, over black")
+            .family("affine")
+            .source("Shift with linear interpolation at 1/32 px")
+            .parameter(
+                Parameter::by_level(
+                    "shift",
+                    [-0.1, 25.0, 40.0, 65.0, 90.0],
+                    "shift to the right, and as far up; negative goes left and down; variant published only",
+                )
+                .range(-10_000.0, 10_000.0)
+                .unit("px"),
+            )
+            .parameter(
+                Parameter::by_level(
+                    "share",
+                    [0.04, 0.08, 0.125, 0.2, 0.28],
+                    "shift to the right as a share of the width, and up as a share of the height; variant corrected only",
+                )
+                .range(-1.0, 1.0),
+            )
+            .parameter(Parameter::choice(
+                "variant",
+                &["published", "corrected"],
+                "published: shift in pixels, a tenth of a pixel in the other direction at level 0; corrected: shares of the frame's size",
+            ))
+    }
+
+    fn new(_config: &Config) -> Result<Self> {
+        Ok(Self { workspace: Workspace::default() })
+    }
+}
+
+impl Perturbation for TranslateImage {
+    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let (right, up) = if cx.integer("variant") == 0 {
+            (cx.number("shift"), cx.number("shift"))
+        } else {
+            let share = cx.number("share");
+            (share * src.width() as f64, share * src.height() as f64)
+        };
+        warp_affine(src, dst, &Affine::translation(right, -up), &mut self.workspace);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pdk_sdk::prelude::*;
+    use pdk_sdk::serde_json::{Value, json};
+
+    use super::TranslateImage;
+    use crate::golden;
+
+    #[test]
+    fn matches_the_published_outputs() {
+        golden::matches_outputs::<TranslateImage>(0.1);
+    }
+
+    #[test]
+    fn writes_exactly_the_frame() {
+        golden::writes_exactly_the_frame::<TranslateImage>(&Value::Null);
+        golden::writes_exactly_the_frame::<TranslateImage>(&json!({"variant": "corrected"}));
+        golden::writes_exactly_the_frame::<TranslateImage>(&json!({"shift": -3.37}));
+    }
+
+    #[test]
+    fn holds_what_every_perturbation_has_to_hold() {
+        pdk_sdk::testing::perturbation::<TranslateImage>();
+    }
+
+    #[test]
+    fn strength_grows_with_the_intensity() {
+        golden::strength_grows::<TranslateImage>(&json!({"variant": "corrected"}), 0.0, 4.0, false);
+    }
+
+    #[test]
+    fn the_corrected_variant_moves_with_the_size() {
+        for size in [10, 100] {
+            let mut src = FrameBuf::new(size, size);
+            src.as_mut().set_pixel(0, size - 1, [1, 2, 3]);
+            let given = json!({"variant": "corrected", "share": 0.3});
+            let moved = golden::perturb::<TranslateImage>(&given, src.as_ref(), 0.0, &Key::default(), 0);
+            assert_eq!(moved.as_ref().pixel(size * 3 / 10, size - 1 - size * 3 / 10), [1, 2, 3]);
+        }
+    }
+}
