@@ -2,6 +2,10 @@
 //!
 //! The binary `pdk` is a thin layer of command-line verbs over this library.
 
+// First, because the modules after it use its macros.
+#[macro_use]
+pub mod output;
+
 pub mod chain;
 pub mod component;
 pub mod drive;

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use pdk::exit_guard::ExitGuard;
+use pdk::output;
 use pdk::registry::{Registry, SearchPath};
 use pdk_sdk::error::Result;
 
@@ -106,11 +107,13 @@ pub fn main() -> ExitCode {
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Completions { shell } => {
             use clap::CommandFactory;
-            clap_complete::generate(*shell, &mut Cli::command(), "pdk", &mut std::io::stdout());
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "pdk", &mut script);
+            output::bytes(&script);
             Ok(())
         }
     };
-    match result {
+    match result.and_then(|()| output::finish()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("pdk: error: {error}");
