@@ -165,3 +165,25 @@ fn white_balance(bencher: Bencher<'_, '_>) {
 fn saturation(bencher: Bencher<'_, '_>) {
     time(bencher, |src, dst| saturation::scale_saturation(src, dst, 1.9));
 }
+
+#[divan::bench]
+fn low_pass_41(bencher: Bencher<'_, '_>) {
+    let mut workspace = pdk_ops::low_pass::Workspace::default();
+    time(bencher, |src, dst| pdk_ops::low_pass::low_pass(src, dst, 41, &mut workspace));
+}
+
+#[divan::bench]
+fn scatter_12(bencher: Bencher<'_, '_>) {
+    let mut workspace = pdk_ops::scatter::Workspace::default();
+    time(bencher, |src, dst| pdk_ops::scatter::scatter(src, dst, 12.0, Key::default(), &mut workspace));
+}
+
+#[divan::bench]
+fn scatter_12_with_new_places(bencher: Bencher<'_, '_>) {
+    let mut workspace = pdk_ops::scatter::Workspace::default();
+    let mut key = Key::default();
+    time(bencher, |src, dst| {
+        key.0[0] = key.0[0].wrapping_add(1);
+        pdk_ops::scatter::scatter(src, dst, 12.0, key, &mut workspace);
+    });
+}

@@ -117,7 +117,7 @@ mod tests {
         #[test]
         fn matches_the_plain_version(
             sample in samples(),
-            position in prop_oneof![0.0..=4.0, (0u8..5).prop_map(f64::from)],
+            position in prop_oneof![0.0f64..=4.0, (0u8..5).prop_map(f64::from)],
             wrapped: bool,
         ) {
             let sums = if wrapped { Sums::Wrapped } else { Sums::Means };

@@ -3,7 +3,7 @@
 use crate::frame::{Frame, FrameMut, for_each_row};
 use crate::hsv::{hsv_to_rgb, rgb_to_hsv};
 use crate::planes::for_each_block;
-use crate::simd::{vectorised, whole_part};
+use crate::simd::{vectorised, whole_byte};
 
 /// Multiplies the saturation in HSV by a factor; it is clipped to 255 and loses its fraction. Hue and value keep the
 /// steps of 8-bit HSV. A negative factor counts as 0.
@@ -25,7 +25,7 @@ vectorised! {
         for_each_block(from, to, |_, [reds, greens, blues]| {
             for ((r, g), b) in reds.iter_mut().zip(greens).zip(blues) {
                 let [hue, saturation, value] = rgb_to_hsv([*b, *g, *r]);
-                let saturation = whole_part((f32::from(saturation) * factor).min(255.0)) as u8;
+                let saturation = whole_byte((f32::from(saturation) * factor).min(255.0));
                 [*b, *g, *r] = hsv_to_rgb([hue, saturation, value]);
             }
         });

@@ -68,13 +68,23 @@ pub(crate) fn round_to_byte(value: f32) -> u8 {
     round_inside_byte(value.max(0.0).min(255.0))
 }
 
-/// Drops the fraction of a number in `0.0..=2.0^21`; what lies within 1/4096 below a whole number counts as that number,
-/// so that products that are whole but for rounding stay whole.
+/// Adding this to a number of magnitude below 2^21 leaves the number, rounded half to even, in the lower bits.
+const WHOLE: f32 = 12_582_912.0;
+
+/// Makes rounding drop fractions. What lies within 1/4096 below a whole number counts as that number, so that products
+/// that are whole but for rounding stay whole.
+const DOWN: f32 = 1.0 / 4096.0 - 0.5;
+
+/// Drops the fraction of a number in `0.0..=2.0^21`.
 #[inline(always)]
 pub(crate) fn whole_part(value: f32) -> f32 {
-    /// Adding and subtracting this rounds half to even.
-    const SHIFT: f32 = 12_582_912.0;
-    value + (1.0 / 4096.0 - 0.5) + SHIFT - SHIFT
+    value + DOWN + WHOLE - WHOLE
+}
+
+/// Drops the fraction of a number in `0.0..256.0`.
+#[inline(always)]
+pub(crate) fn whole_byte(value: f32) -> u8 {
+    (value + DOWN + WHOLE).to_bits() as u8
 }
 
 #[cfg(test)]
@@ -104,6 +114,7 @@ mod tests {
             [(0.0, 0.0), (0.99, 0.0), (1.0, 1.0), (2.0, 2.0), (2.9999, 3.0), (254.5, 254.0), (255.0, 255.0)]
         {
             assert_eq!(whole_part(value), whole, "{value}");
+            assert_eq!(f32::from(whole_byte(value)), whole, "{value}");
         }
     }
 }

@@ -85,9 +85,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn matches_the_plain_version(sample in samples(), weight in 0.0..=1.0) {
+        fn matches_the_plain_version(sample in samples(), weight in 0.0..=1.0f64) {
             let src = sample.frame();
-            let mut means = [0.0; 3];
+            let mut means = [0.0f64; 3];
             for y in 0..src.height() {
                 for x in 0..src.width() {
                     (0..3).for_each(|c| means[c] += f64::from(src.pixel(x, y)[c]));
