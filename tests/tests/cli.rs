@@ -156,3 +156,20 @@ fn all_formats_of_images_are_read_and_written() {
         Pdk::new(["perturb", "in.png", "--with", "contrast@1", "-o", "out.tiff"]).folder(folder.path());
     other.fail(1, &["out.tiff", "its name has to end in"]);
 }
+
+#[test]
+fn output_that_nobody_takes_is_no_panic() {
+    let shell = |line: &str| Pdk::program("sh").args(["-c", line]).arg(pdk_tests::built("pdk"));
+    for verb in ["list", "completions bash", "show contrast", "list --json"] {
+        shell(&format!("\"$0\" {verb} > /dev/full")).fail(1, &["cannot write to standard output"]);
+        // A reader that leaves early is none of pdk's business.
+        let left = shell(&format!("(\"$0\" {verb}; echo code $? >&2) | head -c 1")).succeed();
+        assert!(
+            left.stderr.contains("code 0") && !left.stderr.contains("panicked"),
+            "{verb}: {}",
+            left.stderr
+        );
+        assert_eq!(shell(&format!("exec \"$0\" {verb} 2> /dev/full")).run().code, Some(0));
+    }
+    assert_eq!(shell("exec \"$0\" show nothing 2> /dev/full").run().code, Some(1));
+}
