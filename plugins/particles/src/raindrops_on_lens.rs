@@ -1,0 +1,259 @@
+//! Rain on the lens: drops that refract the scene, dry up, join, run down and leave tracks.
+
+use pdk_sdk::prelude::*;
+
+use crate::births::{Births, COLUMN, Place, sequence_key};
+use crate::lens::{Backdrop, Density, Lens, smooth, time_of};
+use crate::rain::{LIFETIME, MEAN_LIFE, Sitting};
+use crate::sliders::{self, DRIFT, Slider, Sliding};
+use crate::water::{Drop, Water};
+
+/// The most drops that sit on a square of the lens.
+const MOST_DROPS: f64 = 800.0;
+/// Sliders born on a square of the lens each second, where there are the most drops.
+const MOST_SLIDERS: f64 = 3.0;
+/// A swallowed drop is gone after this many seconds.
+const SWALLOWING: f32 = 0.12;
+/// The wet track of a slider lasts so many seconds.
+const TRACK: f32 = 1.6;
+
+/// Drops of water on the lens.
+pub struct RaindropsOnLens {
+    drops: Births<Sitting>,
+    sliders: Births<Slider>,
+    /// The sliders that exist in the frame at hand.
+    active: Vec<Active>,
+    water: Water,
+    backdrop: Backdrop,
+}
+
+impl Component for RaindropsOnLens {
+    fn description() -> Description {
+        Description::perturbation(
+            "raindrops_on_lens",
+            "Drops of water sit on the lens, refract the scene, join and run down",
+        )
+        .family("lens")
+        .dynamic()
+        .source("Particles with bounded lives; caps joined by a smooth maximum, refracted by their slope")
+        .drawn_per_sequence("where and when drops hit the lens, their shapes and their paths")
+        .parameter(
+            Parameter::by_level(
+                "number",
+                [50.0, 110.0, 200.0, 320.0, 460.0],
+                "drops, small ones included, on a square of the lens as high as the frame",
+            )
+            .range(0.0, MOST_DROPS),
+        )
+        .parameter(
+            Parameter::by_level("size", [0.026, 0.031, 0.037, 0.044, 0.052], "radius of the largest drops")
+                .range(0.0, 0.2)
+                .unit("frame heights"),
+        )
+        .parameter(
+            Parameter::by_level(
+                "speed",
+                [0.1, 0.16, 0.23, 0.31, 0.4],
+                "typical speed of drops that run down",
+            )
+            .range(0.01, 2.0)
+            .unit("frame heights per second"),
+        )
+        .parameter(
+            Parameter::number("since", 60.0, "how long it has been raining when the sequence starts")
+                .range(0.0, 60.0)
+                .unit("s"),
+        )
+        .parameter(Parameter::boolean(
+            "attention",
+            false,
+            "more drops where the saliency map of the frame is high, fewer elsewhere",
+        ))
+    }
+
+    fn new(_config: &Config) -> Result<Self> {
+        Ok(Self {
+            drops: Births::new(1),
+            sliders: Births::new(2),
+            active: Vec::new(),
+            water: Water::default(),
+            backdrop: Backdrop::default(),
+        })
+    }
+}
+
+/// How many are born in each cell, given how many on a square of the lens in a second.
+fn per_cell(rate: f64) -> usize {
+    (rate * f64::from(COLUMN)).ceil() as usize
+}
+
+impl Perturbation for RaindropsOnLens {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let lens = Lens::of(src);
+        let time = time_of(cx)?;
+        let density = Density::new((cx.number("number") / MOST_DROPS) as f32, lens, cx)?;
+        let (size, speed) = (cx.number("size") as f32, cx.number("speed") as f32);
+        let dry_before = -cx.number("since");
+        let key = sequence_key(cx);
+        self.drops.advance(&key, &lens, 0.1, (time, LIFETIME), |cell, random, into| {
+            into.extend((0..per_cell(MOST_DROPS / MEAN_LIFE)).map(|_| Sitting::born(cell, random)));
+        });
+        self.sliders.advance(&key, &lens, DRIFT, (time, sliders::LIFETIME), |cell, random, into| {
+            into.extend((0..per_cell(MOST_SLIDERS)).map(|_| Slider::born(cell, random)));
+        });
+
+        self.water.clear(&lens);
+        self.find_sliders(time, dry_before, (size, speed), &density);
+        self.add_drops(&lens, time, dry_before, size, &density);
+        self.add_tracks(&lens);
+        self.add_sliders(&lens);
+        self.backdrop.update(src, &lens);
+        dst.copy_from(src);
+        self.water.refract(dst, &self.backdrop);
+        Ok(())
+    }
+}
+
+/// A slider that exists now.
+struct Active {
+    place: Place,
+    /// Full radius in heights of the frame.
+    radius: f32,
+    /// The leftmost and rightmost place that it sweeps.
+    reach: [f32; 2],
+    /// What it has swallowed, in cubed radii.
+    swallowed: f32,
+    state: Sliding,
+}
+
+impl RaindropsOnLens {
+    /// Finds the sliders that exist now and what has become of them.
+    fn find_sliders(&mut self, time: f64, dry_before: f64, (size, speed): (f32, f32), density: &Density<'_>) {
+        self.active.clear();
+        for (place, slider) in self.sliders.iter().filter(|(_, slider)| slider.born >= dry_before) {
+            let presence = density.presence(slider.rank, slider.x, slider.y);
+            if presence <= 0.0 {
+                continue;
+            }
+            if let Some(state) = slider.at_time(time, speed) {
+                let radius = slider.radius * size * presence;
+                let reach = [slider.reach[0] - radius, slider.reach[1] + radius];
+                self.active.push(Active { place, radius, reach, swallowed: 0.0, state });
+            }
+        }
+    }
+
+    /// Adds the drops that stay; sliders swallow those in their way.
+    fn add_drops(&mut self, lens: &Lens, time: f64, dry_before: f64, size: f32, density: &Density<'_>) {
+        let edge = lens.half_width() + 2.0 * size;
+        for (_, drop) in self.drops.iter().filter(|(_, drop)| drop.born >= dry_before) {
+            let presence = density.presence(drop.rank, drop.x, drop.y);
+            if presence <= 0.0 || drop.x.abs() > edge {
+                continue;
+            }
+            let scale = drop.scale_at(time);
+            if scale <= 0.0 {
+                continue;
+            }
+            let radius = drop.radius * size * presence * scale;
+            let age = (time - drop.born) as f32;
+            let left = swallow(&self.sliders, &mut self.active, (drop.x, drop.y), radius, age);
+            if left > 0.0 {
+                drop.caps(radius * left, |cap| self.water.add(lens, cap));
+            }
+        }
+    }
+
+    /// Adds what sliders leave behind: small drops and a wet track.
+    fn add_tracks(&mut self, lens: &Lens) {
+        let edge = lens.half_width();
+        for i in 0..self.active.len() {
+            let Active { place, radius, reach, state, .. } = self.active[i];
+            if state.slid <= 0.0 || reach[0] > edge || reach[1] < -edge {
+                continue;
+            }
+            let slider = self.sliders.at(place);
+            for bead in &slider.beads {
+                let since = state.since(bead.progress);
+                if !(0.0..bead.life).contains(&since) {
+                    continue;
+                }
+                let radius = bead.radius * radius * smooth((bead.life - since) / 1.5);
+                let left = swallow(&self.sliders, &mut self.active, (bead.x, bead.y), radius, since);
+                let wobble = [bead.wobble, 0.1, 0.0, 0.0];
+                self.water
+                    .add(lens, &Drop { x: bead.x, y: bead.y, radius: radius * left, tail: 0.1, wobble });
+            }
+            let bottom = lens.to_pixels(0.0, state.y).1;
+            if bottom < 0.0 {
+                continue;
+            }
+            for row in (0..=(bottom as usize).min(lens.height - 1)).rev() {
+                let Some((x, progress)) = slider.at_height((row as f32 + 0.5) / lens.unit) else { break };
+                let since = state.since(progress);
+                if since > TRACK {
+                    break;
+                }
+                if since > 0.0 {
+                    let fading = 1.0 - since / TRACK;
+                    self.water.add_film_row(
+                        lens,
+                        row,
+                        x,
+                        radius * (0.28 + 0.42 * fading) * smooth(fading * 2.0),
+                    );
+                }
+            }
+        }
+    }
+
+    /// Adds the sliders themselves.
+    fn add_sliders(&mut self, lens: &Lens) {
+        for Active { place, radius, swallowed, state, .. } in &self.active {
+            let own = radius * state.scale;
+            if own <= 0.0 {
+                continue;
+            }
+            // What it swallowed makes it larger, up to a point: the rest stays behind as its track.
+            let gained = (swallowed / (radius * radius * radius)).min(1.2);
+            let radius = own * libm::cbrtf(1.0 + gained);
+            let tail = (state.speed * 3.0).min(1.3);
+            let wobble = self.sliders.at(*place).wobble;
+            self.water.add(lens, &Drop { x: state.x, y: state.y, radius, tail, wobble });
+            if state.joining > 0.0 {
+                // A second drop runs into it, and then it is too heavy to stay.
+                let away = radius * 1.55 * state.joining;
+                let (x, y) = (state.x + state.side * away, state.y - 0.6 * away);
+                self.water.add(lens, &Drop { x, y, radius: radius * 0.62, tail: 0.0, wobble: [0.0; 4] });
+            }
+        }
+    }
+}
+
+/// What sliders leave of the radius of a drop that has been at a place for `age` seconds, from 0 to 1. They grow by what
+/// they take.
+fn swallow(
+    sliders: &Births<Slider>,
+    active: &mut [Active],
+    (x, y): (f32, f32),
+    radius: f32,
+    age: f32,
+) -> f32 {
+    let mut left = 1.0;
+    for slider in active {
+        if x < slider.reach[0] - radius || x > slider.reach[1] + radius || slider.state.slid <= 0.0 {
+            continue;
+        }
+        let Some((path, progress)) = sliders.at(slider.place).at_height(y) else { continue };
+        if (path - x).abs() > 0.9 * slider.radius + 0.4 * radius {
+            continue;
+        }
+        let since = slider.state.since(progress);
+        if since > 0.0 && since < age {
+            let share = smooth(since / SWALLOWING);
+            slider.swallowed += 0.4 * share * left * radius * radius * radius;
+            left *= 1.0 - share;
+        }
+    }
+    left
+}

@@ -1,0 +1,305 @@
+//! Snow on glass: a field of densities that flakes and the bank at the lower edge are added to, and its look.
+//!
+//! Flakes are stamps: pictures of irregular clumps, made once from a fixed key, that are laid turned and scaled.
+
+use pdk_sdk::prelude::*;
+
+use crate::lens::{Backdrop, Lens, smooth};
+
+/// Number of stamps.
+pub const STAMPS: usize = 12;
+/// Rows and columns of a stamp.
+const SIDE: usize = 64;
+/// A stamp reaches so many radii of its flake from the middle.
+const REACH: f32 = 1.5;
+/// Density of the bank well below its surface.
+const BANK: f32 = 3.2;
+/// Side of the grain of the bank in heights of the frame.
+const GRAIN: f32 = 0.22;
+
+/// The snow on the lens.
+pub struct SnowCover {
+    width: usize,
+    height: usize,
+    density: Vec<f32>,
+    /// First and last column with snow in each row.
+    rows: Vec<(usize, usize)>,
+    stamps: Vec<f32>,
+}
+
+impl SnowCover {
+    pub fn new() -> Self {
+        let mut random = Key([0x5f; 32]).sequence();
+        let mut stamps = Vec::with_capacity(STAMPS * SIDE * SIDE);
+        (0..STAMPS).for_each(|_| add_stamp(&mut random, &mut stamps));
+        Self { width: 0, height: 0, density: Vec::new(), rows: Vec::new(), stamps }
+    }
+
+    /// Takes all snow away.
+    pub fn clear(&mut self, lens: &Lens) {
+        if (self.width, self.height) != (lens.width, lens.height) {
+            (self.width, self.height) = (lens.width, lens.height);
+            self.density.clear();
+            self.density.resize(lens.width * lens.height, 0.0);
+            self.rows.clear();
+            self.rows.resize(lens.height, (usize::MAX, 0));
+        }
+        for (y, (first, last)) in self.rows.iter_mut().enumerate() {
+            if *first <= *last {
+                self.density[y * self.width + *first..=y * self.width + *last].fill(0.0);
+            }
+            (*first, *last) = (usize::MAX, 0);
+        }
+    }
+
+    /// The part of a row between two places in pixels, marked as covered, with its first column.
+    fn part(&mut self, y: usize, left: f32, right: f32) -> Option<(usize, &mut [f32])> {
+        if right < 0.0 || left > (self.width - 1) as f32 || left > right {
+            return None;
+        }
+        let first = left.max(0.0).ceil() as usize;
+        let last = (right.floor() as usize).min(self.width - 1);
+        if first > last {
+            return None;
+        }
+        let covered = &mut self.rows[y];
+        *covered = (covered.0.min(first), covered.1.max(last));
+        Some((first, &mut self.density[y * self.width + first..=y * self.width + last]))
+    }
+
+    /// Adds a flake with its middle at a place and a radius in heights of the frame.
+    pub fn add(
+        &mut self,
+        lens: &Lens,
+        (x, y): (f32, f32),
+        radius: f32,
+        stamp: usize,
+        turn: [f32; 2],
+        density: f32,
+    ) {
+        // A flake smaller than a pixel covers part of one: it is drawn as large as a pixel, and thinner.
+        let asked = radius * lens.unit;
+        let radius = asked.max(0.6);
+        let density = density * (asked / radius) * (asked / radius);
+        if density < 0.004 {
+            return;
+        }
+        let (cx, cy) = lens.to_pixels(x, y);
+        let reach = REACH * radius;
+        let top = (cy - reach).ceil().max(0.0);
+        let bottom = (cy + reach).floor().min((self.height - 1) as f32);
+        if bottom < top {
+            return;
+        }
+        let stamps = std::mem::take(&mut self.stamps);
+        let picture = &stamps[stamp * SIDE * SIDE..(stamp + 1) * SIDE * SIDE];
+        // Stamp pixels per frame pixel.
+        let scale = (SIDE - 1) as f32 / (2.0 * reach);
+        let (right, down) = (turn[0] * scale, turn[1] * scale);
+        let middle = 0.5 * (SIDE - 1) as f32;
+        for row in top as usize..=bottom as usize {
+            let dy = row as f32 - cy;
+            let half = (reach * reach - dy * dy).max(0.0).sqrt();
+            let Some((first, part)) = self.part(row, cx - half, cx + half) else { continue };
+            let dx = first as f32 - cx;
+            let (u, v) = (middle + dx * right - dy * down, middle + dx * down + dy * right);
+            for (i, value) in part.iter_mut().enumerate() {
+                let step = i as i32 as f32;
+                *value += density * sample(picture, u + step * right, v + step * down);
+            }
+        }
+        self.stamps = stamps;
+    }
+
+    /// Adds the bank: `heights` has its height in heights of the frame, at places [`Bank`] apart.
+    pub fn add_bank(&mut self, lens: &Lens, bank: &Bank) {
+        let highest = bank.heights.iter().fold(0.0f32, |a, &b| a.max(b));
+        if highest <= 1e-4 {
+            return;
+        }
+        let floor = lens.height as f32 / lens.unit;
+        let top = ((floor - highest - Bank::SOFT) * lens.unit).floor().max(0.0) as usize;
+        let stamps = std::mem::take(&mut self.stamps);
+        let grain_scale = (SIDE / 2) as f32 / (GRAIN * lens.unit);
+        let middle = 0.5 * self.width as f32;
+        for y in top.min(lens.height)..lens.height {
+            let above = floor - (y as f32 + 0.5) / lens.unit;
+            let Some((_, part)) = self.part(y, 0.0, (lens.width - 1) as f32) else { continue };
+            for (x, value) in part.iter_mut().enumerate() {
+                let across = x as f32 + 0.5 - middle;
+                let height = bank.at(across / lens.unit);
+                if height <= 1e-4 {
+                    continue;
+                }
+                let (u, v) = (mirrored(across * grain_scale), mirrored(above * lens.unit * grain_scale));
+                let grain = sample(&stamps[..SIDE * SIDE], u, v);
+                let surface = height + (grain - 0.6) * 0.35 * height;
+                let inside = smooth((surface - above) / (Bank::SOFT * 0.5 + 0.6 * height) + 0.1);
+                *value += BANK * inside * (0.65 + 0.5 * grain) * (height * 60.0).min(1.0);
+            }
+        }
+        self.stamps = stamps;
+    }
+
+    /// Draws the snow over `dst`, which holds the scene behind it.
+    pub fn draw(&self, mut dst: FrameMut<'_>, lens: &Lens, backdrop: &Backdrop) {
+        // Snow is as bright as the light that falls on it, which the scene tells.
+        let white = (95.0 + 1.15 * backdrop.brightness()).min(242.0);
+        let tint = [white * 0.975, white * 0.99, white];
+        let relief = (0.012 * lens.unit).max(1.0);
+        let step = (relief.round() as usize).min(self.height.saturating_sub(1));
+        for (y, &(first, last)) in self.rows.iter().enumerate() {
+            if first > last {
+                continue;
+            }
+            let line = |y: usize| &self.density[y * self.width + first..=y * self.width + last];
+            let (here, above) = (line(y), line(y.saturating_sub(step)));
+            let below = line((y + step).min(self.height - 1));
+            let out = &mut dst.row_mut(y)[first * 3..(last + 1) * 3];
+            for (i, out) in out.chunks_exact_mut(3).enumerate() {
+                let density = here[i];
+                if density < 0.004 {
+                    continue;
+                }
+                let thick = density * 1.35;
+                let alpha = 0.96 * (1.0 - 1.0 / (1.0 + thick + thick * thick));
+                // Light comes from above: slopes that face up are brighter.
+                let light = 1.0 + ((below[i] - above[i]) * 0.1).clamp(-0.16, 0.07);
+                let seen = backdrop.at((first + i) as f32, y as f32);
+                // Thin snow lets some of the scene's light through, out of focus.
+                let through = 0.45 / (1.0 + thick);
+                for channel in 0..3 {
+                    let snow = (tint[channel] + (seen[channel] - tint[channel]) * through) * light;
+                    let behind = f32::from(out[channel]);
+                    out[channel] = (behind + alpha * (snow - behind) + 0.5).clamp(0.0, 255.0) as u8;
+                }
+            }
+        }
+    }
+}
+
+/// The bank of snow at the lower edge of the lens.
+#[derive(Default)]
+pub struct Bank {
+    /// Heights at places [`Bank::STEP`] apart, from beyond the left edge of the frame.
+    heights: Vec<f32>,
+    left: f32,
+}
+
+impl Bank {
+    const STEP: f32 = 1.0 / 64.0;
+    /// The surface is soft over this height.
+    const SOFT: f32 = 0.03;
+    /// The bank grows no higher.
+    const HIGHEST: f32 = 0.35;
+
+    pub fn clear(&mut self, lens: &Lens) {
+        self.left = -lens.half_width() - Self::STEP;
+        self.heights.clear();
+        self.heights.resize((2.0 * lens.half_width() / Self::STEP).ceil() as usize + 4, 0.0);
+    }
+
+    /// Adds a flake of this radius; `share` of it lies here.
+    pub fn add(&mut self, x: f32, radius: f32, share: f32) {
+        // It spreads over a few times its width; its area stays about the same.
+        let spread = 2.2 * radius + 0.02;
+        let peak = 1.3 * share * radius * radius / spread;
+        let place =
+            |x: f32| ((x - self.left) * (1.0 / Self::STEP)).clamp(0.0, (self.heights.len() - 1) as f32);
+        let (first, last) = (place(x - spread).ceil() as usize, place(x + spread) as usize);
+        for i in first..=last {
+            let distance = (self.left + i as f32 * Self::STEP - x) / spread;
+            let near = (1.0 - distance * distance).max(0.0);
+            self.heights[i] += peak * near * near;
+        }
+    }
+
+    /// Lets high parts settle.
+    pub fn settle(&mut self) {
+        for height in &mut self.heights {
+            *height = *height * Self::HIGHEST / (*height + Self::HIGHEST);
+        }
+    }
+
+    fn at(&self, x: f32) -> f32 {
+        let place = ((x - self.left) * (1.0 / Self::STEP)).clamp(0.0, (self.heights.len() - 2) as f32);
+        let first = place as usize;
+        self.heights[first] + (self.heights[first + 1] - self.heights[first]) * (place - first as f32)
+    }
+}
+
+/// A coordinate of the middle half of a stamp, going back and forth.
+fn mirrored(v: f32) -> f32 {
+    let half = (SIDE / 2) as f32;
+    let turn = v.abs() * (1.0 / half);
+    let whole = turn.floor();
+    let within = turn - whole;
+    let within = if whole as i32 & 1 == 0 { within } else { 1.0 - within };
+    0.5 * half + within * (half - 1.0)
+}
+
+/// A stamp's density at a place, interpolated; 0 outside.
+#[inline(always)]
+fn sample(picture: &[f32], u: f32, v: f32) -> f32 {
+    let limit = (SIDE - 1) as f32;
+    if !(u >= 0.0 && v >= 0.0 && u < limit && v < limit) {
+        return 0.0;
+    }
+    let (x, y) = (u as usize, v as usize);
+    let (across, down) = (u - x as f32, v - y as f32);
+    let start = y * SIDE + x;
+    let Some(&[a, b]) = picture.get(start..start + 2).and_then(|pair| pair.first_chunk()) else { return 0.0 };
+    let Some(&[c, d]) = picture.get(start + SIDE..start + SIDE + 2).and_then(|pair| pair.first_chunk())
+    else {
+        return 0.0;
+    };
+    let upper = a + (b - a) * across;
+    let lower = c + (d - c) * across;
+    upper + (lower - upper) * down
+}
+
+/// Makes a stamp: a few soft lobes with ragged edges. Densities are about 1 in the middle and 0 at the border.
+fn add_stamp(random: &mut Random, into: &mut Vec<f32>) {
+    let lobes: Vec<[f32; 3]> = (0..6)
+        .map(|i| {
+            let angle = random.uniform(0.0, std::f64::consts::TAU) as f32;
+            let distance = if i == 0 { 0.0 } else { random.uniform(0.25, 0.75) as f32 };
+            let size = random.uniform(0.35, 0.7) as f32;
+            [libm::cosf(angle) * distance, libm::sinf(angle) * distance, size]
+        })
+        .collect();
+    let grain: Vec<Vec<f32>> = [6, 12, 24]
+        .map(|n: usize| (0..(n + 1) * (n + 1)).map(|_| random.uniform(-1.0, 1.0) as f32).collect())
+        .into();
+    let noise = |u: f32, v: f32| {
+        let mut sum = 0.0;
+        for (cells, (n, weight)) in grain.iter().zip([(6usize, 0.5f32), (12, 0.33), (24, 0.25)]) {
+            let place = |w: f32| {
+                let w = w * n as f32;
+                let first = (w as usize).min(n - 1);
+                (first, smooth(w - first as f32))
+            };
+            let ((x, across), (y, down)) = (place(u), place(v));
+            let at = |x: usize, y: usize| cells[y * (n + 1) + x];
+            let upper = at(x, y) + (at(x + 1, y) - at(x, y)) * across;
+            let lower = at(x, y + 1) + (at(x + 1, y + 1) - at(x, y + 1)) * across;
+            sum += weight * (upper + (lower - upper) * down);
+        }
+        sum
+    };
+    for y in 0..SIDE {
+        for x in 0..SIDE {
+            let (u, v) = (x as f32 / (SIDE - 1) as f32, y as f32 / (SIDE - 1) as f32);
+            let (px, py) = ((2.0 * u - 1.0) * REACH, (2.0 * v - 1.0) * REACH);
+            let mut body = 0.0;
+            for [lx, ly, size] in &lobes {
+                let far = ((px - lx) * (px - lx) + (py - ly) * (py - ly)) / (size * size * 1.9);
+                let near = (1.0 - far).max(0.0);
+                body += near * near;
+            }
+            let border = smooth((REACH - (px * px + py * py).sqrt()) / 0.4);
+            let ragged = smooth((body + 0.55 * noise(u, v) * (0.3 + body).min(1.0) - 0.12) / 0.9);
+            into.push(ragged * border * (1.0 + 0.35 * noise(v, u)).max(0.0));
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Snow on the lens: flakes land, stick, creep down in wide curves, pile up at the lower edge and melt to water.
+
+use pdk_sdk::prelude::*;
+
+use crate::births::{Births, COLUMN, sequence_key};
+use crate::flakes::{DRIFT, Flake, LIFETIME, MEAN_LIFE};
+use crate::lens::{Backdrop, Density, Lens, smooth, time_of};
+use crate::snow_cover::{Bank, SnowCover};
+use crate::water::{Drop, Water};
+
+/// The most flakes on a square of the lens.
+const MOST_FLAKES: f64 = 260.0;
+
+/// Flakes of snow on the lens.
+pub struct SnowOnLens {
+    flakes: Births<Flake>,
+    cover: SnowCover,
+    bank: Bank,
+    water: Water,
+    backdrop: Backdrop,
+}
+
+impl Component for SnowOnLens {
+    fn description() -> Description {
+        Description::perturbation(
+            "snow_on_lens",
+            "Flakes of snow land on the lens, creep down, pile up at the lower edge and melt",
+        )
+        .family("lens")
+        .dynamic()
+        .source("Particles with bounded lives; stamps of clumps over water refracted by its slope")
+        .drawn_per_sequence("where and when flakes land, their shapes and their paths")
+        .parameter(
+            Parameter::by_level(
+                "number",
+                [16.0, 36.0, 64.0, 100.0, 145.0],
+                "flakes on a square of the lens as high as the frame",
+            )
+            .range(0.0, MOST_FLAKES),
+        )
+        .parameter(
+            Parameter::by_level("size", [0.03, 0.036, 0.043, 0.051, 0.06], "radius of the largest flakes")
+                .range(0.0, 0.2)
+                .unit("frame heights"),
+        )
+        .parameter(
+            Parameter::by_level(
+                "speed",
+                [0.025, 0.032, 0.04, 0.05, 0.06],
+                "typical speed of flakes that came loose",
+            )
+            .range(0.001, 1.0)
+            .unit("frame heights per second"),
+        )
+        .parameter(
+            Parameter::number("since", 60.0, "how long it has been snowing when the sequence starts")
+                .range(0.0, 60.0)
+                .unit("s"),
+        )
+        .parameter(Parameter::boolean(
+            "attention",
+            false,
+            "more flakes where the saliency map of the frame is high, fewer elsewhere",
+        ))
+    }
+
+    fn new(_config: &Config) -> Result<Self> {
+        Ok(Self {
+            flakes: Births::new(3),
+            cover: SnowCover::new(),
+            bank: Bank::default(),
+            water: Water::default(),
+            backdrop: Backdrop::default(),
+        })
+    }
+}
+
+impl Perturbation for SnowOnLens {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let lens = Lens::of(src);
+        let time = time_of(cx)?;
+        let density = Density::new((cx.number("number") / MOST_FLAKES) as f32, lens, cx)?;
+        let (size, speed) = (cx.number("size") as f32, cx.number("speed") as f32);
+        let clear_before = -cx.number("since");
+        let per_cell = (MOST_FLAKES / MEAN_LIFE * f64::from(COLUMN)).ceil() as usize;
+        self.flakes.advance(&sequence_key(cx), &lens, DRIFT, (time, LIFETIME), |cell, random, into| {
+            into.extend((0..per_cell).map(|_| Flake::born(cell, random)));
+        });
+
+        self.water.clear(&lens);
+        self.cover.clear(&lens);
+        self.bank.clear(&lens);
+        for (_, flake) in self.flakes.iter().filter(|(_, flake)| flake.born >= clear_before) {
+            let presence = density.presence(flake.rank, flake.x, flake.y);
+            if presence <= 0.0 {
+                continue;
+            }
+            let Some(now) = flake.at_time(time, speed) else { continue };
+            let radius = flake.radius * size * presence * now.scale;
+            if now.lying > 0.0 {
+                self.bank.add(now.x, flake.radius * size * presence, now.lying);
+            }
+            if now.frozen > 0.0 {
+                let density = flake.density * now.frozen.min(1.0);
+                self.cover.add(&lens, (now.x, now.y), radius, flake.stamp, flake.turn, density);
+                // Water gathers below the middle of a flake that melts, and dries up with it.
+                let wet = smooth((1.0 - now.frozen) * 2.0) * smooth(now.frozen * 4.0);
+                let drop = Drop {
+                    x: now.x,
+                    y: now.y + 0.3 * radius,
+                    radius: 0.62 * radius * wet,
+                    tail: 0.0,
+                    wobble: [0.0; 4],
+                };
+                self.water.add(&lens, &drop);
+            }
+        }
+        self.bank.settle();
+        self.cover.add_bank(&lens, &self.bank);
+        self.backdrop.update(src, &lens);
+        dst.copy_from(src);
+        self.water.refract(dst.reborrow(), &self.backdrop);
+        self.cover.draw(dst, &lens, &self.backdrop);
+        Ok(())
+    }
+}

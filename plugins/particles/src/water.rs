@@ -1,0 +1,234 @@
+//! Water on glass: a field of heights that drops and films are added to, and the scene refracted by it.
+//!
+//! A drop is a cap, `h = c R (1 - q)` with `q` a little more than the squared distance from the middle in radii. Where
+//! caps meet they join smoothly, as drops do. The eye looks through the surface in a direction that depends on its slope
+//! alone, so each drop shows the scene upside down and small, whatever its size.
+
+use pdk_sdk::prelude::*;
+
+use crate::lens::{Backdrop, Lens};
+
+/// Height of a drop in the middle, in radii.
+const CAP: f32 = 0.5;
+/// Height of a film in the middle, in half widths.
+const FILM: f32 = 0.16;
+/// Level of dry glass, far below everything.
+const DRY: f32 = -1.0e6;
+/// Drops that come nearer than this to each other join, in heights of the frame.
+const JOIN: f32 = 0.004;
+/// How far away the eye sees through a slope of 1, in heights of the frame.
+const REFRACTION: f32 = 0.26;
+/// How much stronger steep slopes refract than in proportion.
+const STEEPNESS: f32 = 0.55;
+/// The edge of the water is out of focus over this width, in heights of the frame, and over a pixel at least.
+const EDGE: f32 = 0.0032;
+/// Columns and rows of a tile, the unit in which the field is cleared and drawn.
+const TILE: usize = 16;
+
+/// A drop, in heights of the frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Drop {
+    pub x: f32,
+    pub y: f32,
+    pub radius: f32,
+    /// How much longer than wide it is above its middle: 0 for a round drop.
+    pub tail: f32,
+    /// Departure from a circle: stretch along the diagonal and along the axes, and two of threefold symmetry.
+    pub wobble: [f32; 4],
+}
+
+/// The water on the lens.
+#[derive(Default)]
+pub struct Water {
+    width: usize,
+    height: usize,
+    unit: f32,
+    /// Heights in pixels, with a border of one pixel around the frame.
+    field: Vec<f32>,
+    /// Tiles with water, row by row.
+    wet: Vec<bool>,
+}
+
+impl Water {
+    /// Dries the lens.
+    pub fn clear(&mut self, lens: &Lens) {
+        if (self.width, self.height) != (lens.width, lens.height) {
+            (self.width, self.height) = (lens.width, lens.height);
+            self.field.clear();
+            self.field.resize((lens.width + 2) * (lens.height + 2), DRY);
+            self.wet.clear();
+            self.wet.resize(self.tile_columns() * (self.height + 2).div_ceil(TILE), false);
+        }
+        self.unit = lens.unit;
+        let (columns, line) = (self.tile_columns(), self.width + 2);
+        for (tile, wet) in self.wet.iter_mut().enumerate() {
+            if std::mem::take(wet) {
+                let (left, top) = (tile % columns * TILE, tile / columns * TILE);
+                let right = (left + TILE).min(line);
+                for y in top..(top + TILE).min(self.height + 2) {
+                    self.field[y * line + left..y * line + right].fill(DRY);
+                }
+            }
+        }
+    }
+
+    fn tile_columns(&self) -> usize {
+        (self.width + 2).div_ceil(TILE)
+    }
+
+    /// The part of the field from `left` to `right` and `top` to `bottom`, in pixels of the frame, marked as wet: first
+    /// and last column, first and last row of the field; nothing where it lies outside.
+    fn wet(&mut self, left: f32, right: f32, top: f32, bottom: f32) -> Option<([usize; 2], [usize; 2])> {
+        let clip = |low: f32, high: f32, count: usize| {
+            // Also false for what is not a number.
+            let inside = high >= -1.0 && low <= count as f32;
+            let low = (low + 1.0).floor().max(0.0) as usize;
+            let high = ((high + 1.0).ceil().max(0.0) as usize).min(count + 1);
+            (inside && low <= high).then_some([low, high])
+        };
+        let (columns, rows) = (clip(left, right, self.width)?, clip(top, bottom, self.height)?);
+        let across = self.tile_columns();
+        for row in rows[0] / TILE..=rows[1] / TILE {
+            self.wet[row * across + columns[0] / TILE..=row * across + columns[1] / TILE].fill(true);
+        }
+        Some((columns, rows))
+    }
+
+    /// Adds a drop.
+    pub fn add(&mut self, lens: &Lens, drop: &Drop) {
+        let radius = drop.radius * self.unit;
+        if radius < 0.1 {
+            return;
+        }
+        let (cx, cy) = lens.to_pixels(drop.x, drop.y);
+        let join = (JOIN * self.unit).min(0.45 * CAP * radius).max(1e-3);
+        let reach = 1.25 * radius + 1.5;
+        let above = 1.25 * radius * (1.0 + drop.tail) + 1.5;
+        let Some((columns, rows)) = self.wet(cx - reach, cx + reach, cy - above, cy + reach) else { return };
+        let [diagonal, axes, three_u, three_v] = drop.wobble;
+        let inverse = 1.0 / radius;
+        let line = self.width + 2;
+        for y in rows[0]..=rows[1] {
+            let mut v = (y as f32 - 1.0 - cy) * inverse;
+            let mut narrower = 1.0;
+            if v < 0.0 {
+                v /= 1.0 + drop.tail;
+                narrower = 1.0 + 0.9 * drop.tail * v * v;
+            }
+            // The squared distance as a polynomial in `u`.
+            let a0 = v * v * (1.0 - axes - three_v * v);
+            let a1 = 2.0 * diagonal * v - 3.0 * three_u * v * v;
+            let a2 = (1.0 + axes) * narrower + 3.0 * three_v * v;
+            let row = &mut self.field[y * line + columns[0]..=y * line + columns[1]];
+            let start = (columns[0] as f32 - 1.0 - cx) * inverse;
+            raise(row, start, inverse, [a0, a1, a2, three_u], CAP * radius, join);
+        }
+    }
+
+    /// Adds one row of a film: water of this half width, in heights of the frame, around `x` in the pixel row `y`.
+    pub fn add_film_row(&mut self, lens: &Lens, y: usize, x: f32, half_width: f32) {
+        let half = half_width * self.unit;
+        let (cx, cy) = (lens.to_pixels(x, 0.0).0, y as f32);
+        let Some((columns, _)) = self.wet(cx - half - 1.5, cx + half + 1.5, cy, cy) else { return };
+        let start = (y + 1) * (self.width + 2);
+        let row = &mut self.field[start + columns[0]..=start + columns[1]];
+        let inverse = 1.0 / half.max(0.05);
+        let join = (JOIN * self.unit * 0.3).max(1e-3);
+        raise(
+            row,
+            (columns[0] as f32 - 1.0 - cx) * inverse,
+            inverse,
+            [0.0, 0.0, 1.0, 0.0],
+            FILM * half,
+            join,
+        );
+    }
+
+    /// Draws the scene as seen through the water over `dst`, which holds the scene as seen through dry glass.
+    pub fn refract(&self, mut dst: FrameMut<'_>, backdrop: &Backdrop) {
+        let (columns, line) = (self.tile_columns(), self.width + 2);
+        let look = Look {
+            refraction: REFRACTION * self.unit,
+            opacity: 1.0 / (EDGE * self.unit).max(1.0),
+            light: 30.0 + 0.55 * backdrop.brightness(),
+        };
+        for tile in (0..self.wet.len()).filter(|&tile| self.wet[tile]) {
+            // Columns and rows of the field; those of the frame are one less.
+            let (left, top) = ((tile % columns * TILE).max(1), (tile / columns * TILE).max(1));
+            let right = (tile % columns * TILE + TILE).min(self.width + 1);
+            let bottom = (tile / columns * TILE + TILE).min(self.height + 1);
+            for y in top..bottom {
+                let out = dst.row_mut(y - 1);
+                for x in left..right {
+                    let at = y * line + x;
+                    let depth = self.field[at];
+                    if depth <= 0.0 {
+                        continue;
+                    }
+                    let slope = |before: usize, after: usize| {
+                        let (before, after) = (self.field[before].max(-1.0), self.field[after].max(-1.0));
+                        (0.5 * (after - before)).clamp(-1.5, 1.5)
+                    };
+                    let slopes = (slope(at - 1, at + 1), slope(at - line, at + line));
+                    let place = ((x - 1) as f32, (y - 1) as f32);
+                    look.draw(depth, slopes, place, backdrop, &mut out[(x - 1) * 3..x * 3]);
+                }
+            }
+        }
+    }
+}
+
+/// Joins a row of the field with `peak * (1 - q)`, where `q` is a polynomial in `u = start + i * step`. Heights that
+/// differ by less than `join` meet in a smooth curve.
+#[inline(always)]
+fn raise(row: &mut [f32], start: f32, step: f32, [a0, a1, a2, a3]: [f32; 4], peak: f32, join: f32) {
+    let bend = 0.25 / join;
+    for (i, height) in row.iter_mut().enumerate() {
+        let u = start + i as i32 as f32 * step;
+        let cap = peak * (1.0 - (((a3 * u + a2) * u + a1) * u + a0));
+        let old = *height;
+        let higher = if old > cap { old } else { cap };
+        let near = join - (old - cap).abs();
+        let near = if near > 0.0 { near } else { 0.0 };
+        *height = higher + near * near * bend;
+    }
+}
+
+/// How water looks.
+struct Look {
+    /// Pixels seen away through a slope of 1.
+    refraction: f32,
+    /// Opacity of a pixel of depth.
+    opacity: f32,
+    /// Brightness of highlights.
+    light: f32,
+}
+
+impl Look {
+    #[inline(always)]
+    fn draw(
+        &self,
+        depth: f32,
+        (sx, sy): (f32, f32),
+        (x, y): (f32, f32),
+        backdrop: &Backdrop,
+        out: &mut [u8],
+    ) {
+        let steep = (sx * sx + sy * sy) * (1.0 / (4.0 * CAP * CAP));
+        let bend = self.refraction * (1.0 + STEEPNESS * steep);
+        let seen = backdrop.at(x + sx * bend, y + sy * bend);
+        // Light from the side hardly comes through the steep rim.
+        let rim = (steep * steep).min(1.6);
+        let shade = 1.02 - 0.34 * rim;
+        // A soft spot where the surface faces the sky, on the upper left, and a glow inside the lower rim.
+        let (dx, dy) = (sx - 0.42 * 2.0 * CAP * 0.7, sy - 0.62 * 2.0 * CAP * 0.7);
+        let spot = (1.0 - (dx * dx + dy * dy) * 28.0).max(0.0);
+        let light = self.light * spot * spot * 0.55;
+        let alpha = (depth * self.opacity).min(1.0);
+        for (channel, out) in out.iter_mut().enumerate() {
+            let behind = f32::from(*out);
+            let colour = seen[channel] * shade + light;
+            *out = (behind + alpha * (colour - behind) + 0.5).clamp(0.0, 255.0) as u8;
+        }
+    }
+}
