@@ -32,7 +32,7 @@ impl Component for GaussianBlur {
 }
 
 /// The odd number nearest to `size`.
-fn nearest_odd(size: f64) -> usize {
+pub fn nearest_odd(size: f64) -> usize {
     2 * ((size - 1.0) / 2.0).round() as usize + 1
 }
 

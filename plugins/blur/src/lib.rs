@@ -2,6 +2,8 @@
 
 mod defocus_blur;
 mod gaussian_blur;
+mod glass_blur;
+mod low_pass_filter;
 mod motion_blur;
 
 #[cfg(test)]
@@ -9,5 +11,11 @@ mod motion_blur;
 mod golden;
 
 pdk_sdk::export! {
-    perturbations: [defocus_blur::DefocusBlur, gaussian_blur::GaussianBlur, motion_blur::MotionBlur]
+    perturbations: [
+        defocus_blur::DefocusBlur,
+        gaussian_blur::GaussianBlur,
+        glass_blur::GlassBlur,
+        low_pass_filter::LowPassFilter,
+        motion_blur::MotionBlur,
+    ]
 }

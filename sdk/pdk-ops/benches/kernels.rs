@@ -3,8 +3,8 @@
 
 use divan::Bencher;
 use pdk_ops::{
-    Frame, FrameBuf, FrameMut, Key, average, blend, color, false_color, gaussian, hsv, jpeg, noise, point,
-    poisson, posterize, resize, saturation, white_balance,
+    Frame, FrameBuf, FrameMut, Key, average, blend, color, equalise, false_color, gaussian, hsv, jpeg, noise,
+    point, poisson, posterize, resize, saturation, white_balance,
 };
 
 fn main() {
@@ -186,4 +186,10 @@ fn scatter_12_with_new_places(bencher: Bencher<'_, '_>) {
         key.0[0] = key.0[0].wrapping_add(1);
         pdk_ops::scatter::scatter(src, dst, 12.0, key, &mut workspace);
     });
+}
+
+#[divan::bench]
+fn histogram_equalisation(bencher: Bencher<'_, '_>) {
+    let mut workspace = equalise::Workspace::default();
+    time(bencher, |src, dst| equalise::equalise_value(src, dst, 10.0, &mut workspace));
 }

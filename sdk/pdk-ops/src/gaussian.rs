@@ -64,44 +64,82 @@ fn weights(size: usize, into: &mut Vec<u16>) {
 /// Where the sizes of the frames differ.
 pub fn gaussian_blur(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, workspace: &mut Workspace) {
     assert!(src.same_size(&dst.as_ref()), "gaussian_blur between frames of different size");
-    let size = kernel_size | 1;
-    if workspace.size != size {
-        weights(size, &mut workspace.weights);
-        workspace.size = size;
+    workspace.prepare::<CHANNELS>(src.width(), kernel_size);
+    for y in 0..src.height() {
+        blur_row::<CHANNELS>(|row| src.row(row), src.height(), y, dst.row_mut(y), workspace);
     }
+}
+
+/// Blurs a single channel as [`gaussian_blur`] does a frame. Rows are `width` bytes and follow each other without gaps.
+///
+/// # Panics
+/// Where the lengths differ or are no whole number of rows.
+pub fn gaussian_blur_plane(
+    src: &[u8],
+    dst: &mut [u8],
+    width: usize,
+    kernel_size: usize,
+    workspace: &mut Workspace,
+) {
+    assert!(src.len() == dst.len(), "gaussian_blur_plane between planes of different size");
+    assert!(width > 0 && src.len().is_multiple_of(width), "gaussian_blur_plane takes whole rows");
+    workspace.prepare::<1>(width, kernel_size);
+    for (y, out) in dst.chunks_exact_mut(width).enumerate() {
+        blur_row::<1>(|row| &src[row * width..(row + 1) * width], src.len() / width, y, out, workspace);
+    }
+}
+
+impl Workspace {
+    /// Makes room for rows of `width` pixels with `N` channels, and the weights.
+    fn prepare<const N: usize>(&mut self, width: usize, kernel_size: usize) {
+        let size = kernel_size | 1;
+        if self.size != size {
+            weights(size, &mut self.weights);
+            // Weights far from the centre may have been rounded to nothing.
+            let used = self.weights.iter().rposition(|&w| w != 0).unwrap_or(0) + 1;
+            self.weights.truncate(used);
+            self.size = size;
+        }
+        let border = (self.weights.len() - 1) * N;
+        for buffer in [&mut self.upper, &mut self.lower] {
+            buffer.resize(width * N + 2 * border, 0);
+        }
+        for buffer in [&mut self.sum, &mut self.lower_sum] {
+            buffer.resize(width * N, 0);
+        }
+    }
+}
+
+/// Row `y` of a blurred image of `height` rows with `N` channels, whose rows `row_of` gives.
+fn blur_row<'a, const N: usize>(
+    row_of: impl Fn(usize) -> &'a [u8],
+    height: usize,
+    y: usize,
+    out: &mut [u8],
+    workspace: &mut Workspace,
+) {
     let Workspace { weights, upper, lower, sum, lower_sum, .. } = workspace;
-    // Weights far from the centre may have been rounded to nothing.
-    let radius = weights.iter().rposition(|&w| w != 0).unwrap_or(0);
-    let (width, height) = (src.width(), src.height());
-    let values = width * CHANNELS;
-    let border = radius * CHANNELS;
+    let radius = weights.len() - 1;
+    let (values, border) = (out.len(), radius * N);
+    scale_bytes(row_of(y), sum, weights[0]);
+    for (near, far, shares) in pairs(weights) {
+        let row = |down: isize| row_of(reflect(y as isize + down, height));
+        let (near, far) = (near as isize, far as isize);
+        add_bytes(row(-near), row(near), row(-far), row(far), sum, shares);
+    }
+    split(sum, &mut upper[border..border + values], &mut lower[border..border + values]);
     for buffer in [&mut *upper, &mut *lower] {
-        buffer.resize(values + 2 * border, 0);
+        mirror_ends::<N>(buffer, values / N, radius);
     }
-    for buffer in [&mut *sum, &mut *lower_sum] {
-        buffer.resize(values, 0);
+    for (padded, sum) in [(&*upper, &mut *sum), (&*lower, &mut *lower_sum)] {
+        scale_words(&padded[border..border + values], sum, weights[0]);
+        for (near, far, shares) in pairs(weights) {
+            let left = |distance: usize| &padded[border - distance * N..][..values];
+            let right = |distance: usize| &padded[border + distance * N..][..values];
+            add_words(left(near), right(near), left(far), right(far), sum, shares);
+        }
     }
-    for y in 0..height {
-        scale_bytes(src.row(y), sum, weights[0]);
-        for (near, far, shares) in pairs(&weights[..=radius]) {
-            let row = |down: isize| src.row(reflect(y as isize + down, height));
-            let (near, far) = (near as isize, far as isize);
-            add_bytes(row(-near), row(near), row(-far), row(far), sum, shares);
-        }
-        split(sum, &mut upper[border..border + values], &mut lower[border..border + values]);
-        for buffer in [&mut *upper, &mut *lower] {
-            mirror_ends(buffer, width, radius);
-        }
-        for (padded, sum) in [(&*upper, &mut *sum), (&*lower, &mut *lower_sum)] {
-            scale_words(&padded[border..border + values], sum, weights[0]);
-            for (near, far, shares) in pairs(&weights[..=radius]) {
-                let left = |distance: usize| &padded[border - distance * CHANNELS..][..values];
-                let right = |distance: usize| &padded[border + distance * CHANNELS..][..values];
-                add_words(left(near), right(near), left(far), right(far), sum, shares);
-            }
-        }
-        finish(sum, lower_sum, dst.row_mut(y));
-    }
+    finish(sum, lower_sum, out);
 }
 
 /// The distances from the centre two by two, with their weights: sums are then read and written half as often. Where
@@ -113,14 +151,14 @@ fn pairs(weights: &[u16]) -> impl Iterator<Item = (usize, usize, [u16; 2])> + '_
     })
 }
 
-/// Fills `radius` pixels at both ends of a row of `width` pixels with the mirrored row.
-fn mirror_ends(padded: &mut [u16], width: usize, radius: usize) {
+/// Fills `radius` pixels of `N` channels at both ends of a row of `width` pixels with the mirrored row.
+fn mirror_ends<const N: usize>(padded: &mut [u16], width: usize, radius: usize) {
     for distance in 1..=radius {
         let left = reflect(-(distance as isize), width);
         let right = reflect((width + distance - 1) as isize, width);
         for (to, from) in [(radius - distance, left), (radius + width + distance - 1, right)] {
-            let from = (radius + from) * CHANNELS;
-            padded.copy_within(from..from + CHANNELS, to * CHANNELS);
+            let from = (radius + from) * N;
+            padded.copy_within(from..from + N, to * N);
         }
     }
 }
@@ -241,6 +279,17 @@ mod tests {
             });
             let mut workspace = Workspace::default();
             prop_assert_eq!(run_on(&sample, |src, dst| gaussian_blur(src, dst, size, &mut workspace)), expected);
+        }
+
+        #[test]
+        fn a_plane_is_blurred_as_a_channel_of_a_frame(sample in samples(), size in 1usize..60) {
+            let src = sample.frame();
+            let mut workspace = Workspace::default();
+            let blurred = run_on(&sample, |src, dst| gaussian_blur(src, dst, size, &mut workspace));
+            let plane = |frame: Frame<'_>| frame.to_buf().data().iter().skip(1).step_by(3).copied().collect::<Vec<_>>();
+            let mut result = vec![0; src.width() * src.height()];
+            gaussian_blur_plane(&plane(src), &mut result, src.width(), size, &mut workspace);
+            prop_assert_eq!(result, plane(blurred.as_ref()));
         }
     }
 

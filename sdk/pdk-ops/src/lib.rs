@@ -13,6 +13,7 @@ pub mod border;
 pub mod color;
 mod dct;
 pub mod draw;
+pub mod equalise;
 pub mod false_color;
 pub mod frame;
 pub mod gaussian;

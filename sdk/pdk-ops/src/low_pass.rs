@@ -1,0 +1,105 @@
+//! A low-pass filter on brightness: hue and saturation stay sharp.
+
+use crate::frame::{CHANNELS, Frame, FrameMut};
+use crate::gaussian::{self, gaussian_blur_plane};
+use crate::hsv::{hsv_to_rgb, rgb_to_hsv};
+use crate::simd::vectorised;
+
+/// What [`low_pass`] keeps between calls.
+#[derive(Debug, Clone, Default)]
+pub struct Workspace {
+    hue: Vec<u8>,
+    saturation: Vec<u8>,
+    value: Vec<u8>,
+    smooth: Vec<u8>,
+    gaussian: gaussian::Workspace,
+}
+
+/// Blurs the value of hue, saturation and value with the Gaussian kernel of [`gaussian_blur_plane`], `kernel_size`
+/// pixels wide (an even size counts as the next odd one).
+///
+/// # Panics
+/// Where the sizes of the frames differ.
+pub fn low_pass(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, workspace: &mut Workspace) {
+    assert!(src.same_size(&dst.as_ref()), "low_pass between frames of different size");
+    let Workspace { hue, saturation, value, smooth, gaussian } = workspace;
+    let width = src.width();
+    for plane in [&mut *hue, &mut *saturation, &mut *value, &mut *smooth] {
+        plane.resize(width * src.height(), 0);
+    }
+    let rows = hue.chunks_exact_mut(width).zip(saturation.chunks_exact_mut(width));
+    for ((row, (hue, saturation)), value) in src.rows().zip(rows).zip(value.chunks_exact_mut(width)) {
+        split_row(row, hue, saturation, value);
+    }
+    gaussian_blur_plane(value, smooth, width, kernel_size, gaussian);
+    let rows = hue.chunks_exact(width).zip(saturation.chunks_exact(width));
+    for ((row, (hue, saturation)), value) in dst.rows_mut().zip(rows).zip(smooth.chunks_exact(width)) {
+        join_row(hue, saturation, value, row);
+    }
+}
+
+/// The number of pixels that are converted at a time.
+const BLOCK: usize = 64;
+
+vectorised! {
+    fn split_row / split_row_portable / split_row_avx2 (
+        from: &[u8], hue: &mut [u8], saturation: &mut [u8], value: &mut [u8],
+    ) {
+        let planes = hue.chunks_mut(BLOCK).zip(saturation.chunks_mut(BLOCK)).zip(value.chunks_mut(BLOCK));
+        for (from, ((hue, saturation), value)) in from.chunks(BLOCK * CHANNELS).zip(planes) {
+            // Colours are taken apart first, so that the conversion can work on several pixels at a time.
+            for (((pixel, a), b), c) in
+                from.chunks_exact(CHANNELS).zip(hue.iter_mut()).zip(saturation.iter_mut()).zip(value.iter_mut())
+            {
+                (*a, *b, *c) = (pixel[0], pixel[1], pixel[2]);
+            }
+            for ((a, b), c) in hue.iter_mut().zip(saturation).zip(value) {
+                [*a, *b, *c] = rgb_to_hsv([*a, *b, *c]);
+            }
+        }
+    }
+}
+
+vectorised! {
+    fn join_row / join_row_portable / join_row_avx2 (hue: &[u8], saturation: &[u8], value: &[u8], to: &mut [u8]) {
+        let mut colours = [[0u8; BLOCK]; CHANNELS];
+        let planes = hue.chunks(BLOCK).zip(saturation.chunks(BLOCK)).zip(value.chunks(BLOCK));
+        for (to, ((hue, saturation), value)) in to.chunks_mut(BLOCK * CHANNELS).zip(planes) {
+            let [red, green, blue] = &mut colours;
+            let inputs = hue.iter().zip(saturation).zip(value);
+            for ((((h, s), v), r), (g, b)) in inputs.zip(red.iter_mut()).zip(green.iter_mut().zip(blue.iter_mut())) {
+                [*r, *g, *b] = hsv_to_rgb([*h, *s, *v]);
+            }
+            let colours = red.iter().zip(green.iter()).zip(blue.iter());
+            for (pixel, ((r, g), b)) in to.chunks_exact_mut(CHANNELS).zip(colours) {
+                (pixel[0], pixel[1], pixel[2]) = (*r, *g, *b);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::testing::{plain, run_on, samples};
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn matches_the_plain_version(sample in samples(), size in 1usize..45) {
+            let src = sample.frame();
+            let values: Vec<u8> = src.rows().flat_map(|row| row.chunks(3).map(|p| p[0].max(p[1]).max(p[2]))).collect();
+            let mut smooth = vec![0; values.len()];
+            gaussian_blur_plane(&values, &mut smooth, src.width(), size, &mut gaussian::Workspace::default());
+            let expected = plain(src, |x, y| {
+                let [h, s, _] = rgb_to_hsv(src.pixel(x, y));
+                hsv_to_rgb([h, s, smooth[y * src.width() + x]])
+            });
+            let mut workspace = Workspace::default();
+            prop_assert_eq!(run_on(&sample, |src, dst| low_pass(src, dst, size, &mut workspace)), expected);
+        }
+    }
+}
