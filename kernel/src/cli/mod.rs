@@ -15,6 +15,7 @@ mod export;
 mod list;
 mod new;
 mod perturb;
+mod preview;
 mod run;
 mod show;
 
@@ -71,6 +72,8 @@ enum Verb {
     Run(run::Arguments),
     /// Perturb one image
     Perturb(perturb::Arguments),
+    /// Show what perturbations do to an image: a sheet, strips and clips
+    Preview(preview::Arguments),
     /// List the components there are
     List(list::Arguments),
     /// Show a component with its parameters
@@ -99,6 +102,7 @@ pub fn main() -> ExitCode {
     let result = match verb {
         Verb::Run(arguments) => run::run(global, arguments),
         Verb::Perturb(arguments) => perturb::run(global, arguments),
+        Verb::Preview(arguments) => preview::run(global, arguments),
         Verb::List(arguments) => list::run(global, arguments),
         Verb::Show(arguments) => show::run(global, arguments),
         Verb::New(arguments) => new::run(global, arguments),

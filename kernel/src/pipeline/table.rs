@@ -1,6 +1,6 @@
 //! Results as tables for people.
 
-use comfy_table::{Cell, CellAlignment, Table, presets};
+use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
 use pdk_sdk::error::{Error, Result};
 use serde_json::Value;
 
@@ -22,6 +22,8 @@ pub fn render(result: &Value) -> Result<String> {
 pub fn table<'a>(header: impl IntoIterator<Item = &'a str>) -> Table {
     let mut table = Table::new();
     table.load_style(presets::UTF8_FULL_CONDENSED);
+    // Lines wrap where there is a terminal whose width says where.
+    table.set_content_arrangement(ContentArrangement::Dynamic);
     table.set_header(header);
     table
 }

@@ -1,0 +1,102 @@
+//! `pdk preview`: what perturbations do to an image, to look at.
+
+use std::path::PathBuf;
+
+use indicatif::{ProgressBar, ProgressStyle};
+use pdk::chain::Spec;
+use pdk::picture;
+use pdk::preview::{self, Options};
+use pdk_sdk::describe::Temporal;
+use pdk_sdk::error::{Error, Place, Result};
+use serde_json::json;
+
+use super::{Global, print_json};
+
+/// Arguments of `pdk preview`
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The image
+    image: PathBuf,
+    /// Only this perturbation; may be given several times [default: the default set]
+    #[arg(long = "with", value_name = "NAME")]
+    perturbations: Vec<String>,
+    /// Also the perturbations that are not in the default set
+    #[arg(long)]
+    all: bool,
+    /// The folder to write to
+    #[arg(short, long, value_name = "DIR", default_value = "preview")]
+    output: PathBuf,
+    /// Width of the frame that is perturbed, in pixels; perturbations have sizes in pixels
+    #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u32).range(8..=4096))]
+    width: u32,
+    /// Width of a picture on the sheet, in pixels
+    #[arg(long, default_value_t = 192, value_parser = clap::value_parser!(u32).range(8..=4096))]
+    picture: u32,
+    /// Columns of the sheet
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
+    columns: u32,
+    /// The seed that all random numbers come from
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// The level at which dynamic perturbations are shown over time.
+const STRIP_LEVEL: f64 = 3.0;
+/// Pictures of a strip, and the seconds between them.
+const STRIP: (usize, f64) = (6, 0.8);
+/// Frames of a clip, and how many there are in a second.
+const CLIP: (usize, u32) = (48, 12);
+
+/// Writes the sheet, and for each dynamic perturbation a strip and a clip.
+pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    let registry = global.registry()?;
+    let chosen = preview::chosen(&registry, &arguments.perturbations, arguments.all)?;
+    if chosen.is_empty() {
+        return Err(Error::new("there are no perturbations to show; `pdk doctor` says what is installed"));
+    }
+    let image = pdk_image::read(&arguments.image)?;
+    let source = picture::to_frame(picture::scaled(&image, arguments.width))?;
+    std::fs::create_dir_all(&arguments.output).place(format_args!(
+        "cannot make the folder {}; choose another with -o",
+        arguments.output.display()
+    ))?;
+    let options =
+        Options { seed: arguments.seed, frame_width: arguments.width, picture_width: arguments.picture };
+    let progress = if global.json { ProgressBar::hidden() } else { ProgressBar::no_length() };
+    if let Ok(style) =
+        ProgressStyle::with_template("{elapsed_precise} [{wide_bar}] {pos}/{len} perturbations")
+    {
+        progress.set_style(style.progress_chars("=> "));
+    }
+
+    let blocks = preview::rows(&registry, &chosen, &source, &options, &progress)?;
+    let heading = format!(
+        "{}  -  levels 0 to 4 from left to right, frame {} x {}, seed {}",
+        arguments.image.file_name().unwrap_or_default().to_string_lossy(),
+        source.width(),
+        source.height(),
+        options.seed
+    );
+    let mut written = vec![arguments.output.join("sheet.png")];
+    let sheet = picture::sheet(&heading, &blocks, arguments.columns)?;
+    pdk_image::write(&written[0], picture::to_frame(sheet)?.as_ref())?;
+    for description in chosen.iter().filter(|description| description.temporal == Temporal::Dynamic) {
+        let spec = Spec::new(&description.name, STRIP_LEVEL);
+        let (count, interval) = STRIP;
+        let pictures = preview::over_time(&registry, &spec, &source, &options, count, interval)?;
+        let strip = arguments.output.join(format!("{}-strip.png", description.name));
+        pdk_image::write(&strip, picture::to_frame(picture::row(&pictures)?)?.as_ref())?;
+        let (count, rate) = CLIP;
+        let frames = preview::over_time(&registry, &spec, &source, &options, count, 1.0 / f64::from(rate))?;
+        let clip = arguments.output.join(format!("{}.gif", description.name));
+        picture::write_clip(&clip, frames, rate)?;
+        written.extend([strip, clip]);
+    }
+    if global.json {
+        return print_json(&json!({ "written": written }));
+    }
+    for file in &written {
+        println!("{}", file.display());
+    }
+    Ok(())
+}
