@@ -18,6 +18,7 @@ pub mod picture;
 pub mod pipeline;
 pub mod preview;
 pub mod record;
+pub mod reference;
 pub mod registry;
 pub mod suggest;
 pub mod watchdog;

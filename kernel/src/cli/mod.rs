@@ -16,6 +16,7 @@ mod list;
 mod new;
 mod perturb;
 mod preview;
+mod reference;
 mod run;
 mod show;
 
@@ -74,6 +75,8 @@ enum Verb {
     Perturb(perturb::Arguments),
     /// Show what perturbations do to an image: a sheet, strips and clips
     Preview(preview::Arguments),
+    /// Write the reference pages of all perturbations
+    Reference(reference::Arguments),
     /// List the components there are
     List(list::Arguments),
     /// Show a component with its parameters
@@ -103,6 +106,7 @@ pub fn main() -> ExitCode {
         Verb::Run(arguments) => run::run(global, arguments),
         Verb::Perturb(arguments) => perturb::run(global, arguments),
         Verb::Preview(arguments) => preview::run(global, arguments),
+        Verb::Reference(arguments) => reference::run(global, arguments),
         Verb::List(arguments) => list::run(global, arguments),
         Verb::Show(arguments) => show::run(global, arguments),
         Verb::New(arguments) => new::run(global, arguments),

@@ -1,8 +1,9 @@
 //! `pdk show`: a component with its parameters.
 
 use pdk::pipeline::table::table;
+use pdk::reference::allowed;
 use pdk::suggest;
-use pdk_sdk::describe::{Description, Kind, Parameter, ParameterType, Temporal};
+use pdk_sdk::describe::{Description, Kind, Parameter, Temporal};
 use pdk_sdk::error::{Error, Result};
 use serde_json::json;
 
@@ -54,6 +55,18 @@ fn print(description: &Description) {
         kind => println!("kind      {kind}"),
     }
     println!("version   {}", description.version);
+    for (label, text) in [
+        ("computes ", &description.mathematics),
+        ("once     ", &description.drawn_per_sequence),
+        ("per frame", &description.drawn_per_frame),
+    ] {
+        if !text.is_empty() {
+            println!("{label} {text}");
+        }
+    }
+    for divergence in &description.divergences {
+        println!("differs   {divergence}");
+    }
     if !description.source.is_empty() {
         println!("source    {}", description.source);
     }
@@ -62,39 +75,13 @@ fn print(description: &Description) {
         for parameter in &description.parameters {
             table.add_row([
                 parameter.name.clone(),
-                type_text(&parameter.kind),
+                allowed(&parameter.kind),
                 parameter.unit.clone(),
                 default_text(parameter),
                 parameter.doc.clone(),
             ]);
         }
         println!("{table}");
-    }
-}
-
-fn type_text(kind: &ParameterType) -> String {
-    match kind {
-        ParameterType::Number { min, max } if *min > f64::MIN || *max < f64::MAX => {
-            format!("number {}", range(*min > f64::MIN, min, *max < f64::MAX, max))
-        }
-        ParameterType::Integer { min, max } if *min > i64::MIN || *max < i64::MAX => {
-            format!("integer {}", range(*min > i64::MIN, min, *max < i64::MAX, max))
-        }
-        ParameterType::Number { .. } => "number".to_owned(),
-        ParameterType::Integer { .. } => "integer".to_owned(),
-        ParameterType::Boolean => "true or false".to_owned(),
-        ParameterType::Choice { options } => options.join(" | "),
-        ParameterType::Text => "text".to_owned(),
-        ParameterType::Path => "path".to_owned(),
-        ParameterType::Json => "any".to_owned(),
-    }
-}
-
-fn range<T: std::fmt::Display>(has_min: bool, min: T, has_max: bool, max: T) -> String {
-    match (has_min, has_max) {
-        (true, true) => format!("{min} to {max}"),
-        (true, false) => format!("from {min}"),
-        _ => format!("up to {max}"),
     }
 }
 
