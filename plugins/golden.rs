@@ -296,21 +296,24 @@ fn scene(width: usize, height: usize) -> FrameBuf {
     frame
 }
 
-/// Checks that the mean squared difference grows with the intensity `from..=to` in steps of a quarter and, where
-/// `structure` is set, the loss of structural similarity too. A step may fall back by a hundredth of the whole range.
-/// Moves of the whole picture lose nearly all similarity at once, and a little of it comes back by chance.
-pub fn strength_grows<P: Component + Perturbation>(given: &Value, from: f64, to: f64, structure: bool) {
+/// The intensities from one to another in steps of a quarter.
+pub fn quarters(from: f64, to: f64) -> Vec<f64> {
+    (0..=((to - from) * 4.0) as usize).map(|i| from + i as f64 / 4.0).collect()
+}
+
+/// Checks that the mean squared difference grows over the given intensities and, where `structure` is set, the loss of
+/// structural similarity too. A step may fall back by a hundredth of the whole range. Moves of the whole picture lose
+/// nearly all similarity at once, and a little of it comes back by chance.
+pub fn strength_grows<P: Component + Perturbation>(given: &Value, intensities: &[f64], structure: bool) {
     let src = scene(160, 120);
-    let steps = ((to - from) * 4.0) as usize;
-    let strength = (0..=steps).map(|i| {
-        let intensity = from + i as f64 / 4.0;
+    let strength = intensities.iter().map(|&intensity| {
         let output = perturb::<P>(given, src.as_ref(), intensity, &Key([6; 32]), 1);
         let measured = measure(&src, &output);
         (measured.mse, 1.0 - measured.ssim)
     });
     let (differences, losses): (Vec<f64>, Vec<f64>) = strength.unzip();
     for (values, checked) in [(differences, true), (losses, structure)] {
-        let range = values[steps] - values[0];
+        let range = values[values.len() - 1] - values[0];
         let grows = values.windows(2).all(|pair| pair[1] > pair[0] - 0.01 * range);
         assert!(range > 0.0 && (grows || !checked), "{}: {values:.4?}", P::description().name);
     }

@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn strength_grows_with_the_intensity() {
-        golden::strength_grows::<ReflectionFilter>(&Value::Null, 0.0, 4.0, false);
+        golden::strength_grows::<ReflectionFilter>(&Value::Null, &golden::quarters(0.0, 4.0), false);
     }
 
     #[test]

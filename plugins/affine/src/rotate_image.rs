@@ -71,7 +71,7 @@ mod tests {
 
     #[test]
     fn strength_grows_with_the_intensity() {
-        golden::strength_grows::<RotateImage>(&Value::Null, 0.0, 2.0, false);
+        golden::strength_grows::<RotateImage>(&Value::Null, &golden::quarters(0.0, 2.0), false);
     }
 
     #[test]

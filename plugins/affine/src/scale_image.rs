@@ -73,6 +73,6 @@ mod tests {
 
     #[test]
     fn strength_grows_with_the_intensity() {
-        golden::strength_grows::<ScaleImage>(&Value::Null, 0.0, 4.0, false);
+        golden::strength_grows::<ScaleImage>(&Value::Null, &golden::quarters(0.0, 4.0), false);
     }
 }

@@ -86,7 +86,11 @@ mod tests {
 
     #[test]
     fn strength_grows_with_the_intensity() {
-        golden::strength_grows::<TranslateImage>(&json!({"variant": "corrected"}), 0.0, 4.0, false);
+        golden::strength_grows::<TranslateImage>(
+            &json!({"variant": "corrected"}),
+            &golden::quarters(0.0, 4.0),
+            false,
+        );
     }
 
     #[test]

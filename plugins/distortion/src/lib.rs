@@ -1,1 +1,17 @@
-//! Perturbations of the distortion family.
+//! Perturbations of the distortion family: the picture is bent, coarsened or over-processed.
+
+mod pixelate;
+mod sample_pairing_filter;
+mod sharpen_filter;
+
+#[cfg(test)]
+#[path = "../../golden.rs"]
+mod golden;
+
+pdk_sdk::export! {
+    perturbations: [
+        pixelate::Pixelate,
+        sample_pairing_filter::SamplePairingFilter,
+        sharpen_filter::SharpenFilter,
+    ]
+}

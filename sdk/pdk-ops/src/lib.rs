@@ -22,6 +22,7 @@ pub mod jpeg;
 pub mod low_pass;
 pub mod noise;
 mod planes;
+pub mod overlay;
 pub mod point;
 pub mod poisson;
 pub mod posterize;
@@ -29,14 +30,15 @@ pub mod random;
 pub mod resample;
 pub mod resize;
 pub mod sample;
-pub mod sharpen;
 pub mod saturation;
 pub mod scatter;
+pub mod sharpen;
 mod simd;
 #[cfg(test)]
 mod testing;
 pub mod warp;
 pub mod white_balance;
+pub mod zoom;
 
 pub use frame::{Frame, FrameBuf, FrameError, FrameMut};
 pub use random::{Key, Random};
