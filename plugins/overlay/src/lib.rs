@@ -1,1 +1,19 @@
-//! Overlay family.
+//! Perturbations of the overlay family: green-screen clips laid over the frame. The user's own clips need no code: see
+//! [`overlay`].
+
+mod cache;
+mod clip;
+mod ffmpeg;
+mod h264;
+mod key;
+mod overlay;
+mod picture;
+mod pictures;
+mod player;
+mod prepare;
+mod scale;
+mod store;
+
+pdk_sdk::export! {
+    perturbations: [overlay::Overlay]
+}

@@ -1,0 +1,166 @@
+//! The folder in which keyed clips are kept between runs.
+//!
+//! A file's name is a hash of everything it depends on, so a file is never out of date. Files are written under another
+//! name and renamed when they are whole, so that several processes can fill the folder at once. When the folder grows
+//! beyond [`LARGEST`] bytes, the files that were used least recently go.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, SystemTime};
+
+use pdk_sdk::error::Place;
+use pdk_sdk::prelude::*;
+
+/// Names the folder, where it is set; the clips lie in `overlays` below it.
+pub const VARIABLE: &str = "PDK_CACHE";
+/// Bytes that the folder holds, and one clip more where a single one is larger.
+pub const LARGEST: u64 = 8 << 30;
+const ENDING: &str = "clip";
+/// A file that is being written for longer than this was left by a process that was killed.
+const ABANDONED: Duration = Duration::from_secs(24 * 3600);
+
+/// The folder for keyed clips: `PDK_CACHE`, or else the user's cache folder, or else the system's folder for temporary files.
+#[cfg(not(test))]
+pub fn folder() -> PathBuf {
+    use std::env::{temp_dir, var_os};
+    let absolute = |path: std::ffi::OsString| Some(PathBuf::from(path)).filter(|path| path.is_absolute());
+    let user = || {
+        let cache = var_os("XDG_CACHE_HOME").and_then(absolute);
+        cache
+            .or_else(|| Some(var_os("HOME").and_then(absolute)?.join(".cache")))
+            .map(|cache| cache.join("pdk"))
+    };
+    let set = var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
+    set.or_else(user).unwrap_or_else(|| temp_dir().join("pdk")).join("overlays")
+}
+
+/// Tests keep clear of the user's cache.
+#[cfg(test)]
+pub fn folder() -> PathBuf {
+    std::env::temp_dir().join(format!("pdk-overlay-tests-{}", std::process::id()))
+}
+
+/// The file for what has this hash.
+pub fn file(folder: &Path, hash: &blake3::Hash) -> PathBuf {
+    folder.join(format!("{}.{ENDING}", &hash.to_hex()[..32]))
+}
+
+/// Makes a file with `write`, which gets an empty one that can be read and written. Nobody ever sees a part of it.
+///
+/// # Errors
+/// Where the folder cannot be written, with what can be done; or the error of `write`.
+pub fn create(path: &Path, write: impl FnOnce(File) -> Result<()>) -> Result<()> {
+    static COUNTER: AtomicU64 = AtomicU64::new(0);
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let unwritable = || {
+        format!(
+            "the folder for prepared clips {} cannot be written; {VARIABLE} can name another",
+            folder.display()
+        )
+    };
+    let number = COUNTER.fetch_add(1, Ordering::Relaxed);
+    let unfinished = path.with_extension(format!("{}-{number}.part", std::process::id()));
+    std::fs::create_dir_all(folder).place(unwritable())?;
+    let options = File::options().read(true).write(true).create(true).truncate(true).open(&unfinished);
+    let result = write(options.place(unwritable())?)
+        .and_then(|()| std::fs::rename(&unfinished, path).place(unwritable()));
+    if result.is_err() {
+        // The error counts, not whether its leftovers could be cleared away.
+        let _ = std::fs::remove_file(&unfinished);
+    }
+    result?;
+    shrink(folder, path, LARGEST);
+    Ok(())
+}
+
+/// Notes that a file is used.
+pub fn touch(path: &Path) {
+    // Where this fails, the file only looks older than it is.
+    let _ = File::options().append(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
+}
+
+/// Removes the files that were used least recently until at most `largest` bytes are left, but never `kept`. What cannot
+/// be removed stays: another process may have been faster.
+fn shrink(folder: &Path, kept: &Path, largest: u64) {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        let Ok(metadata) = entry.metadata() else { continue };
+        let used = metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+        let ending = path.extension().unwrap_or_default();
+        if ending == "part" && used.elapsed().is_ok_and(|age| age > ABANDONED) {
+            let _ = std::fs::remove_file(path);
+        } else if ending == ENDING {
+            files.push((used, metadata.len(), path));
+        }
+    }
+    files.sort();
+    let mut total: u64 = files.iter().map(|(_, length, _)| length).sum();
+    for (_, length, path) in files {
+        if total > largest && path != kept {
+            let _ = std::fs::remove_file(path);
+            total -= length;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn a_file_appears_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new").join("a.clip");
+        let result = create(&path, |mut file| {
+            file.write_all(b"half")?;
+            assert!(!path.exists());
+            Err(Error::new("stopped"))
+        });
+        assert_eq!(result.unwrap_err().to_string(), "stopped");
+        assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 0);
+        create(&path, |mut file| Ok(file.write_all(b"whole")?)).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"whole");
+        assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_named_with_the_remedy() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        let error = create(&file.join("a.clip"), |_| Ok(())).unwrap_err().to_string();
+        assert!(
+            error.contains(&file.display().to_string()) && error.contains("PDK_CACHE can name another"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn the_files_used_least_recently_go_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let old = |name: &str, hours: u64| {
+            std::fs::write(path(name), [0; 10]).unwrap();
+            let time = SystemTime::now() - Duration::from_secs(hours * 3600);
+            File::options().append(true).open(path(name)).unwrap().set_modified(time).unwrap();
+        };
+        old("a.clip", 5);
+        old("b.clip", 4);
+        old("c.clip", 3);
+        old("d.clip", 2);
+        old("left.part", 30);
+        old("busy.part", 1);
+        old("other", 90);
+        touch(&path("b.clip"));
+        shrink(folder.path(), &path("a.clip"), 20);
+        let mut left: Vec<_> = std::fs::read_dir(folder.path())
+            .unwrap()
+            .map(|e| e.unwrap().file_name().into_string().unwrap())
+            .collect();
+        left.sort();
+        assert_eq!(left, ["a.clip", "b.clip", "busy.part", "other"]);
+    }
+}

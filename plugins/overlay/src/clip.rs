@@ -1,0 +1,175 @@
+//! A clip as the user gives it: a video, an animated or still picture, or a folder of pictures.
+
+use std::fs::File;
+use std::io::{BufReader, Cursor, Read};
+use std::path::{Path, PathBuf};
+
+use pdk_sdk::error::Place;
+use pdk_sdk::prelude::*;
+
+use crate::ffmpeg::Ffmpeg;
+use crate::h264::{H264, Input, Opened};
+use crate::picture::Picture;
+use crate::pictures::{Animation, Folder};
+
+/// The decoded frames of a clip, one after the other.
+pub trait Frames {
+    /// Reads the next frame; false at the end.
+    ///
+    /// # Errors
+    /// Where the clip is damaged or cut off.
+    fn next(&mut self, into: &mut Picture) -> Result<bool>;
+
+    /// Frames per second, as far as the frames read so far tell.
+    fn rate(&self) -> f64;
+}
+
+/// Where a clip comes from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Clip {
+    /// A file or a folder.
+    Path(PathBuf),
+    /// A clip that is part of the plugin, with its name.
+    BuiltIn(&'static str, &'static [u8]),
+}
+
+/// What the first bytes of a file say that it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Content {
+    /// MP4 or QuickTime.
+    Mp4,
+    Picture(image::ImageFormat),
+    /// A video that only `ffmpeg` reads, by name.
+    Other(&'static str),
+    Text,
+    Unknown,
+}
+
+impl Clip {
+    /// The clip's content as a hash: of a file its bytes, of a folder the names and bytes of its files.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn hash(&self) -> Result<blake3::Hash> {
+        let mut hasher = blake3::Hasher::new();
+        match self {
+            Self::BuiltIn(_, bytes) => {
+                hasher.update(bytes);
+            }
+            Self::Path(path) if path.is_dir() => {
+                for file in Folder::files(path)? {
+                    hasher.update(file.file_name().unwrap_or_default().as_encoded_bytes());
+                    hasher.update(&[0]);
+                    hasher.update_reader(open(&file)?)?;
+                }
+            }
+            Self::Path(path) => {
+                hasher.update_reader(open(path)?)?;
+            }
+        }
+        Ok(hasher.finalize())
+    }
+
+    /// Opens the clip to read its frames. With `few`, some frames are left out where that saves time: what is left is
+    /// enough to find the screen.
+    ///
+    /// # Errors
+    /// Where it is nothing that can be decoded here.
+    pub fn open(&self, few: bool) -> Result<Box<dyn Frames>> {
+        let (input, head, size): (Box<dyn Input>, Vec<u8>, u64) = match self {
+            Self::BuiltIn(_, bytes) => {
+                (Box::new(Cursor::new(*bytes)), bytes[..bytes.len().min(4096)].to_vec(), bytes.len() as u64)
+            }
+            Self::Path(path) if path.is_dir() => return Ok(Box::new(Folder::open(path)?)),
+            Self::Path(path) => {
+                let mut head = Vec::new();
+                open(path)?.take(4096).read_to_end(&mut head)?;
+                let file = open(path)?;
+                let size = file.metadata()?.len();
+                (Box::new(BufReader::new(file)), head, size)
+            }
+        };
+        match content(&head) {
+            Content::Mp4 => match H264::open(input, size, few)? {
+                Opened::Frames(frames) => Ok(Box::new(frames)),
+                Opened::OtherCodec(codec) => self.through_ffmpeg(&codec),
+            },
+            Content::Picture(format) => Ok(Box::new(Animation::open(input, format)?)),
+            Content::Other(name) => self.through_ffmpeg(name),
+            Content::Unknown if !head.is_empty() => self.through_ffmpeg("of an unknown kind"),
+            Content::Unknown => Err(Error::new("the file is empty")),
+            Content::Text => Err(Error::new("it is a text file and no video, whatever its name says")),
+        }
+    }
+
+    fn through_ffmpeg(&self, codec: &str) -> Result<Box<dyn Frames>> {
+        let Self::Path(path) = self else { return Err(Error::new(format!("it is {codec}"))) };
+        Ok(Box::new(Ffmpeg::start(Path::new("ffmpeg"), path, codec)?))
+    }
+}
+
+impl std::fmt::Display for Clip {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Path(path) => write!(f, "clip `{}`", path.display()),
+            Self::BuiltIn(name, _) => write!(f, "built-in clip `{name}`"),
+        }
+    }
+}
+
+fn open(path: &Path) -> Result<File> {
+    File::open(path).map_err(|error| match error.kind() {
+        std::io::ErrorKind::NotFound => Error::new("it does not exist"),
+        _ => Error::from(error).at("it cannot be read"),
+    })
+}
+
+fn content(head: &[u8]) -> Content {
+    use image::ImageFormat::{Gif, Png, WebP};
+    match head {
+        [_, _, _, _, b'f', b't', b'y', b'p', ..]
+        | [_, _, _, _, b'm', b'o', b'o', b'v', ..]
+        | [_, _, _, _, b'm', b'd', b'a', b't', ..]
+        | [_, _, _, _, b'w', b'i', b'd', b'e', ..] => Content::Mp4,
+        [0x1a, 0x45, 0xdf, 0xa3, ..] => Content::Other("Matroska or WebM"),
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', ..] => Content::Other("AVI"),
+        _ => match image::guess_format(head) {
+            Ok(format @ (Gif | Png | WebP | image::ImageFormat::Jpeg | image::ImageFormat::Bmp)) => {
+                Content::Picture(format)
+            }
+            _ if is_text(head) => Content::Text,
+            _ => Content::Unknown,
+        },
+    }
+}
+
+/// Whether bytes are printable text as far as they go.
+fn is_text(head: &[u8]) -> bool {
+    // A character may be cut in two at the end.
+    let text = match std::str::from_utf8(head) {
+        Ok(text) => text,
+        Err(error) if error.error_len().is_none() => {
+            std::str::from_utf8(&head[..error.valid_up_to()]).unwrap_or_default()
+        }
+        Err(_) => return false,
+    };
+    !text.is_empty() && text.chars().all(|c| !c.is_control() || matches!(c, '\n' | '\r' | '\t'))
+}
+
+/// Decodes all frames that `few` leaves, for tests and for finding the screen.
+///
+/// # Errors
+/// Where the clip is damaged, or has no frames.
+pub fn some_pictures(clip: &Clip, most: usize) -> Result<Vec<Picture>> {
+    let mut frames = clip.open(true)?;
+    let mut pictures = Vec::new();
+    let mut picture = Picture::default();
+    while pictures.len() < most && frames.next(&mut picture)? {
+        pictures.push(picture.clone());
+    }
+    match pictures.is_empty() {
+        true => Err(Error::new("it has no frames")),
+        false => Ok(pictures),
+    }
+    .place(clip)
+}

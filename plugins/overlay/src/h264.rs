@@ -1,0 +1,219 @@
+//! Decodes H.264 from MP4 files.
+
+use std::collections::VecDeque;
+use std::io::{Read, Seek};
+
+use mp4::{MediaType, Mp4Reader, TrackType};
+use openh264::OpenH264API;
+use openh264::decoder::{DecodedYUV, Decoder, DecoderConfig, Flush};
+use openh264::formats::YUVSource;
+use pdk_sdk::prelude::*;
+
+use crate::clip::Frames;
+use crate::picture::{Layout, Picture};
+
+/// Profiles that the decoder knows: Baseline, Main, Extended and High. The others have more bits or more chroma.
+const PROFILES: [u8; 4] = [66, 77, 88, 100];
+/// Goes before every unit of a stream that is not in a container (ITU-T H.264, annex B).
+const START_CODE: [u8; 4] = [0, 0, 0, 1];
+
+/// Reads from a file or from memory.
+pub trait Input: Read + Seek {}
+impl<T: Read + Seek> Input for T {}
+
+/// What became of opening a file.
+pub enum Opened {
+    /// Its frames can be read.
+    Frames(H264),
+    /// It is a video of another codec, which the sentence part names.
+    OtherCodec(String),
+}
+
+/// The frames of an MP4 file in the order in which they are shown.
+pub struct H264 {
+    reader: Mp4Reader<Box<dyn Input>>,
+    decoder: Decoder,
+    track: u32,
+    /// Samples still to be decoded, by number from 1.
+    samples: VecDeque<u32>,
+    count: u32,
+    rate: f64,
+    /// Bytes before each unit that hold its length.
+    length_size: usize,
+    /// Parameter sets of the stream, with start codes.
+    headers: Vec<u8>,
+    packet: Vec<u8>,
+    /// Frames that the decoder gave back at the end.
+    rest: Option<VecDeque<Picture>>,
+    /// Only frames that can be decoded on their own are read, each by itself.
+    alone: bool,
+}
+
+impl H264 {
+    /// Opens a file of `size` bytes. With `few`, up to three frames are read that can be decoded on their own: from the
+    /// beginning, the middle and the end.
+    ///
+    /// # Errors
+    /// Where it is no MP4 file, is cut off, or has no video.
+    pub fn open(input: Box<dyn Input>, size: u64, few: bool) -> Result<Opened> {
+        let reader = match Mp4Reader::read_header(input, size) {
+            Ok(reader) => reader,
+            Err(mp4::Error::BoxNotFound(mp4::BoxType::MoovBox) | mp4::Error::IoError(_)) => {
+                return Err(Error::new("it is cut off: the index of its frames is missing; copy it again"));
+            }
+            Err(error) => {
+                return Ok(Opened::OtherCodec(format!(
+                    "MP4 or QuickTime of a kind that the built-in reader does not know ({error})"
+                )));
+            }
+        };
+        let mut tracks: Vec<_> = reader.tracks().values().collect();
+        tracks.sort_by_key(|track| track.track_id());
+        let video = tracks.into_iter().find(|track| matches!(track.track_type(), Ok(TrackType::Video)));
+        let Some(track) = video else { return Err(Error::new("it has no video track")) };
+        let tables = &track.trak.mdia.minf.stbl;
+        let Some(format) = &tables.stsd.avc1 else {
+            let codec = match track.media_type() {
+                Ok(MediaType::H265) => "H.265",
+                Ok(MediaType::VP9) => "VP9",
+                _ => "another codec than H.264",
+            };
+            return Ok(Opened::OtherCodec(codec.to_owned()));
+        };
+        let sets = &format.avcc;
+        if !PROFILES.contains(&sets.avc_profile_indication) {
+            let profile = sets.avc_profile_indication;
+            return Ok(Opened::OtherCodec(format!(
+                "H.264 in profile {profile} with more than 8 bits or more than 4:2:0 chroma"
+            )));
+        }
+        let mut headers = Vec::new();
+        for set in sets.sequence_parameter_sets.iter().chain(&sets.picture_parameter_sets) {
+            headers.extend_from_slice(&START_CODE);
+            headers.extend_from_slice(&set.bytes);
+        }
+        let length_size = usize::from(sets.length_size_minus_one & 3) + 1;
+
+        let (id, count) = (track.track_id(), track.sample_count());
+        let header = &track.trak.mdia.mdhd;
+        let seconds = header.duration as f64 / f64::from(header.timescale.max(1));
+        if count == 0 || seconds <= 0.0 {
+            return Err(Error::new("it has no frames"));
+        }
+        let samples = match (few, &tables.stss) {
+            (true, Some(alone)) if !alone.entries.is_empty() => {
+                let last = alone.entries.len() - 1;
+                let mut few = vec![alone.entries[0], alone.entries[last / 2], alone.entries[last]];
+                few.dedup();
+                few.into()
+            }
+            (true, _) => [1].into(),
+            (false, _) => (1..=count).collect(),
+        };
+        Ok(Opened::Frames(Self {
+            reader,
+            decoder: new_decoder()?,
+            track: id,
+            samples,
+            count,
+            rate: f64::from(count) / seconds,
+            length_size,
+            headers,
+            packet: Vec::new(),
+            rest: None,
+            alone: few,
+        }))
+    }
+
+    /// Puts a sample into `packet`, in the form of a stream. The parameter sets go before every sample that needs them.
+    fn read_packet(&mut self, sample: u32) -> Result<()> {
+        let missing = || {
+            Error::new(format!("it is cut off: frame {sample} of {} is missing; copy it again", self.count))
+        };
+        let sample = self.reader.read_sample(self.track, sample).ok().flatten().ok_or_else(missing)?;
+        self.packet.clear();
+        if sample.is_sync {
+            self.packet.extend_from_slice(&self.headers);
+        }
+        let mut bytes = &sample.bytes[..];
+        while bytes.len() > self.length_size {
+            let (length, rest) = bytes.split_at(self.length_size);
+            let length = length.iter().fold(0usize, |sum, &byte| sum << 8 | usize::from(byte));
+            let unit = rest.get(..length).ok_or_else(missing)?;
+            self.packet.extend_from_slice(&START_CODE);
+            self.packet.extend_from_slice(unit);
+            bytes = &rest[length..];
+        }
+        Ok(())
+    }
+
+    fn take_rest(&mut self) -> Result<VecDeque<Picture>> {
+        let frames = self.decoder.flush_remaining().map_err(|error| damaged(&error))?;
+        let copy = |frame: &DecodedYUV<'_>| {
+            let mut picture = Picture::default();
+            copy_planes(frame, &mut picture);
+            picture
+        };
+        Ok(frames.iter().map(copy).collect())
+    }
+}
+
+impl Frames for H264 {
+    fn next(&mut self, into: &mut Picture) -> Result<bool> {
+        while let Some(sample) = self.samples.pop_front() {
+            self.read_packet(sample)?;
+            if self.alone {
+                self.decoder = new_decoder()?;
+            }
+            let decoded = self.decoder.decode(&self.packet).map_err(|error| damaged(&error))?;
+            if let Some(frame) = decoded {
+                copy_planes(&frame, into);
+                return Ok(true);
+            }
+            if self.alone
+                && let Some(picture) = self.take_rest()?.pop_front()
+            {
+                *into = picture;
+                return Ok(true);
+            }
+        }
+        if self.rest.is_none() {
+            let rest = if self.alone { VecDeque::new() } else { self.take_rest()? };
+            self.rest = Some(rest);
+        }
+        let Some(picture) = self.rest.as_mut().and_then(VecDeque::pop_front) else { return Ok(false) };
+        *into = picture;
+        Ok(true)
+    }
+
+    fn rate(&self) -> f64 {
+        self.rate
+    }
+}
+
+fn new_decoder() -> Result<Decoder> {
+    // With frames that are shown in another order than they are stored, the decoder must not be emptied in between.
+    let config = DecoderConfig::new().flush_after_decode(Flush::NoFlush);
+    Decoder::with_api_config(OpenH264API::from_source(), config)
+        .map_err(|error| Error::new(format!("the H.264 decoder does not start: {error}")))
+}
+
+fn damaged(error: &openh264::Error) -> Error {
+    Error::new(format!("its H.264 is damaged, or uses what the built-in decoder does not know ({error})"))
+}
+
+fn copy_planes(frame: &DecodedYUV<'_>, into: &mut Picture) {
+    let (width, height) = frame.dimensions();
+    into.reset(width, height, Layout::Yuv420);
+    let strides = frame.strides();
+    let [luma, blue, red] = into.planes_mut();
+    for (plane, from, stride, width) in [
+        (luma, frame.y(), strides.0, width),
+        (blue, frame.u(), strides.1, width.div_ceil(2)),
+        (red, frame.v(), strides.2, width.div_ceil(2)),
+    ] {
+        for (row, from) in plane.chunks_exact_mut(width).zip(from.chunks(stride)) {
+            row.copy_from_slice(&from[..width]);
+        }
+    }
+}

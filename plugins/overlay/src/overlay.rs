@@ -1,0 +1,114 @@
+//! The user's own clips.
+
+use std::path::PathBuf;
+
+use pdk_sdk::prelude::*;
+
+use crate::clip::Clip;
+use crate::player::{Loop, Motion, Player};
+use crate::prepare::{self, Settings};
+use crate::scale::Fit;
+
+/// How visible a clip is at each level, as published.
+pub const OPACITIES: [f64; 5] = [0.2, 0.4, 0.6, 0.8, 1.0];
+
+/// The files that become perturbations of their own in an overlays folder.
+const ENDINGS: [&str; 14] =
+    ["mp4", "m4v", "mov", "mkv", "webm", "avi", "mpg", "gif", "apng", "png", "webp", "jpg", "jpeg", "bmp"];
+
+/// The parameter that every overlay has.
+pub fn opacity() -> Parameter {
+    Parameter::by_level("opacity", OPACITIES, "how visible the clip is, in steps of 1/256; 1 as in the clip")
+        .range(0.0, 1.0)
+}
+
+/// Lays a clip over the frame.
+pub struct Overlay {
+    player: Player,
+}
+
+impl Component for Overlay {
+    fn description() -> Description {
+        Description::perturbation("overlay", "Lays a green-screen clip over the frame")
+            .family("overlay")
+            .dynamic()
+            .not_default()
+            .source("Chroma keying by screen subtraction: Jack, Video Demystified; the start is drawn once per sequence")
+            .parameter(opacity())
+            .parameter(Parameter::path(
+                "clip",
+                "video, animated or still picture, or folder of pictures; before a screen of one colour, or with an alpha \
+                 channel",
+            ))
+            .parameter(Parameter::text(
+                "key",
+                "colour of the screen, such as #42c105; `auto` or nothing: found in the clip",
+            ))
+            .parameter(Parameter::choice(
+                "fit",
+                &["cover", "stretch"],
+                "cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape of \
+                 the frame, as published",
+            ))
+            .parameter(Parameter::choice(
+                "loop",
+                &["cross-fade", "ping-pong", "repeat"],
+                "cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning; repeat: \
+                 it starts again",
+            ))
+            .parameter(
+                Parameter::number("rate", 0.0, "frames of the clip per second of simulation time; 0: the clip's own")
+                    .range(0.0, 1000.0)
+                    .unit("Hz"),
+            )
+            .parameter(
+                Parameter::number("seconds", 30.0, "what the clip has beyond this length is not used")
+                    .range(0.01, 3600.0)
+                    .unit("s"),
+            )
+            .drop_in("overlays", &ENDINGS, "clip")
+    }
+
+    fn new(config: &Config) -> Result<Self> {
+        let key = match config.text("key") {
+            "" | "auto" => None,
+            text => Some(colour(text)?),
+        };
+        let settings = Settings {
+            key,
+            fit: if config.text("fit") == "stretch" { Fit::Stretch } else { Fit::Cover },
+            seconds: config.number("seconds"),
+        };
+        let motion = Motion::Runs {
+            end: match config.text("loop") {
+                "ping-pong" => Loop::PingPong,
+                "repeat" => Loop::Repeat,
+                _ => Loop::CrossFade,
+            },
+            rate: Some(config.number("rate")).filter(|&rate| rate > 0.0),
+        };
+        let clip = Clip::Path(PathBuf::from(config.text("clip")));
+        // What is wrong with a clip shows here, before the first frame.
+        prepare::matte(&clip, &settings)?;
+        Ok(Self { player: Player::new(clip, settings, motion)? })
+    }
+}
+
+impl Perturbation for Overlay {
+    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        self.player.apply(src, dst, cx)
+    }
+}
+
+/// A colour as `#rrggbb`.
+fn colour(text: &str) -> Result<[u8; 3]> {
+    let digits = text.strip_prefix('#').unwrap_or(text);
+    let value =
+        u32::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 6 && !digits.starts_with('+'));
+    match value.map(u32::to_be_bytes) {
+        Some([_, r, g, b]) => Ok([r, g, b]),
+        None => Err(Error::new(format!(
+            "parameter `key` is \"{text}\", but has to be a colour such as #42c105, or auto"
+        ))),
+    }
+}

@@ -1,0 +1,285 @@
+//! Keyed frames of a clip at one size, in a file. Frames are read one at a time, so a long clip takes no memory.
+//!
+//! The file is: a mark, the frames one after the other, the index as JSON, the index's hash, its length and the mark
+//! again. A frame is red, green and blue of all pixels, premultiplied, then alpha of all pixels, compressed with zstd and
+//! its checksum. A file that was cut off or changed is recognised by the hash and the checksums.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::Path;
+
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::{self, Value, json};
+use zstd::bulk::{Compressor, Decompressor};
+
+const MARK: &[u8; 8] = b"pdkclip1";
+/// Fast, and small enough: most of a clip is transparent.
+const LEVEL: i32 = 1;
+/// Hash, length and mark at the end.
+const TAIL: usize = 32 + 8 + MARK.len();
+
+/// What a store knows of its frames.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Index {
+    pub width: usize,
+    pub height: usize,
+    /// Frames per second.
+    pub rate: f64,
+    /// The clip's own frames; the frames that lead from its end to its beginning follow them.
+    pub frames: usize,
+    /// Where each frame lies: offset, length.
+    pub places: Vec<(u64, u64)>,
+    /// The mean alpha of each frame, 0 to 255.
+    pub coverage: Vec<f64>,
+}
+
+/// One frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Layer {
+    /// Red, green and blue of all pixels, premultiplied, then alpha of all pixels.
+    data: Vec<u8>,
+}
+
+impl Layer {
+    /// Red, green and blue of all pixels, then the alpha of all pixels.
+    pub fn planes(&self) -> (&[u8], &[u8]) {
+        self.data.split_at(self.data.len() / 4 * 3)
+    }
+}
+
+/// Writes a store.
+pub struct Writer {
+    file: File,
+    index: Index,
+    position: u64,
+    compressor: Compressor<'static>,
+    data: Vec<u8>,
+    compressed: Vec<u8>,
+}
+
+impl Writer {
+    /// Begins a store in an empty file that can be read and written.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn new(mut file: File, width: usize, height: usize) -> Result<Self> {
+        file.write_all(MARK)?;
+        let mut compressor = Compressor::new(LEVEL)?;
+        compressor.include_checksum(true)?;
+        let index = Index { width, height, rate: 0.0, frames: 0, places: Vec::new(), coverage: Vec::new() };
+        let position = MARK.len() as u64;
+        Ok(Self { file, index, position, compressor, data: Vec::new(), compressed: Vec::new() })
+    }
+
+    /// The number of frames so far.
+    pub fn len(&self) -> usize {
+        self.index.places.len()
+    }
+
+    /// Adds a frame.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn push(&mut self, colours: &[u8], alphas: &[u8]) -> Result<()> {
+        self.data.clear();
+        self.data.extend_from_slice(colours);
+        self.data.extend_from_slice(alphas);
+        self.compressed.clear();
+        self.compressed.reserve(zstd::zstd_safe::compress_bound(self.data.len()));
+        self.compressor.compress_to_buffer(&self.data, &mut self.compressed)?;
+        self.file.write_all(&self.compressed)?;
+        let length = self.compressed.len() as u64;
+        self.index.places.push((self.position, length));
+        self.position += length;
+        let sum: u64 = alphas.iter().map(|&alpha| u64::from(alpha)).sum();
+        self.index.coverage.push(sum as f64 / alphas.len() as f64);
+        Ok(())
+    }
+
+    /// Reads a frame that was added.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn read(&mut self, frame: usize, layer: &mut Layer) -> Result<()> {
+        let mut decompressor = Decompressor::new()?;
+        read_layer(&mut self.file, &mut decompressor, &self.index, frame, &mut self.compressed, layer)?;
+        self.file.seek(SeekFrom::Start(self.position))?;
+        Ok(())
+    }
+
+    /// Writes the index. Of all frames added, the first `frames` are the clip's own.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn finish(mut self, rate: f64, frames: usize) -> Result<()> {
+        (self.index.rate, self.index.frames) = (rate, frames);
+        let index = serde_json::to_vec(&to_json(&self.index))?;
+        self.file.write_all(&index)?;
+        self.file.write_all(blake3::hash(&index).as_bytes())?;
+        self.file.write_all(&(index.len() as u64).to_le_bytes())?;
+        self.file.write_all(MARK)?;
+        Ok(())
+    }
+}
+
+/// Reads a store.
+pub struct Store {
+    file: File,
+    index: Index,
+    decompressor: Decompressor<'static>,
+    compressed: Vec<u8>,
+}
+
+impl Store {
+    /// Opens a store.
+    ///
+    /// # Errors
+    /// Where the file does not exist, or is no whole store.
+    pub fn open(path: &Path) -> Result<Self> {
+        let mut file = File::open(path)?;
+        let index = read_index(&mut file)?;
+        Ok(Self { file, index, decompressor: Decompressor::new()?, compressed: Vec::new() })
+    }
+
+    /// What is known of the frames.
+    pub fn index(&self) -> &Index {
+        &self.index
+    }
+
+    /// Reads a frame.
+    ///
+    /// # Errors
+    /// Where the file was changed since it was opened.
+    pub fn read(&mut self, frame: usize, layer: &mut Layer) -> Result<()> {
+        read_layer(&mut self.file, &mut self.decompressor, &self.index, frame, &mut self.compressed, layer)
+    }
+}
+
+fn read_layer(
+    file: &mut File,
+    decompressor: &mut Decompressor<'_>,
+    index: &Index,
+    frame: usize,
+    compressed: &mut Vec<u8>,
+    layer: &mut Layer,
+) -> Result<()> {
+    let damaged = || Error::new("the cached clip is damaged");
+    let &(offset, length) = index.places.get(frame).ok_or_else(damaged)?;
+    compressed.resize(length as usize, 0);
+    file.seek(SeekFrom::Start(offset))?;
+    file.read_exact(compressed)?;
+    let size = index.width * index.height * 4;
+    layer.data.clear();
+    layer.data.reserve(size);
+    let written = decompressor.decompress_to_buffer(compressed, &mut layer.data)?;
+    if written == size { Ok(()) } else { Err(damaged()) }
+}
+
+fn read_index(file: &mut File) -> Result<Index> {
+    let damaged = || Error::new("the cached clip is damaged");
+    let length = file.metadata()?.len();
+    let tail_at = length.checked_sub(TAIL as u64).ok_or_else(damaged)?;
+    let mut tail = [0; TAIL];
+    file.seek(SeekFrom::Start(tail_at))?;
+    file.read_exact(&mut tail)?;
+    let (hash, rest) = tail.split_at(32);
+    let (index_length, mark) = rest.split_at(8);
+    let index_length = u64::from_le_bytes(index_length.try_into().map_err(|_| damaged())?);
+    let index_at = tail_at.checked_sub(index_length).ok_or_else(damaged)?;
+    if mark != MARK {
+        return Err(damaged());
+    }
+    let mut bytes = vec![0; index_length as usize];
+    file.seek(SeekFrom::Start(index_at))?;
+    file.read_exact(&mut bytes)?;
+    if blake3::hash(&bytes).as_bytes() != hash {
+        return Err(damaged());
+    }
+    from_json(&serde_json::from_slice(&bytes)?).ok_or_else(damaged)
+}
+
+fn to_json(index: &Index) -> Value {
+    json!({
+        "width": index.width,
+        "height": index.height,
+        "rate": index.rate,
+        "frames": index.frames,
+        "places": index.places,
+        "coverage": index.coverage,
+    })
+}
+
+fn from_json(value: &Value) -> Option<Index> {
+    let size = |name: &str| Some(value[name].as_u64()? as usize);
+    let place = |place: &Value| Some((place[0].as_u64()?, place[1].as_u64()?));
+    let index = Index {
+        width: size("width")?,
+        height: size("height")?,
+        rate: value["rate"].as_f64()?,
+        frames: size("frames")?,
+        places: value["places"].as_array()?.iter().map(place).collect::<Option<_>>()?,
+        coverage: value["coverage"].as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?,
+    };
+    let whole =
+        index.frames > 0 && index.frames <= index.places.len() && index.coverage.len() == index.places.len();
+    whole.then_some(index)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(path: &Path) -> Vec<Vec<u8>> {
+        let file = File::options().read(true).write(true).create_new(true).open(path).unwrap();
+        let mut writer = Writer::new(file, 8, 4).unwrap();
+        let frames: Vec<Vec<u8>> = (0..3u8).map(|f| (0..128).map(|i| f.wrapping_mul(i)).collect()).collect();
+        for (i, frame) in frames.iter().enumerate() {
+            writer.push(&frame[..96], &frame[96..]).unwrap();
+            let mut layer = Layer::default();
+            writer.read(i, &mut layer).unwrap();
+            assert_eq!(&layer.data, frame);
+        }
+        writer.finish(25.0, 2).unwrap();
+        frames
+    }
+
+    #[test]
+    fn frames_are_read_in_any_order_as_they_were_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        let frames = written(&path);
+        let mut store = Store::open(&path).unwrap();
+        let index = store.index().clone();
+        assert_eq!((index.width, index.height, index.rate, index.frames), (8, 4, 25.0, 2));
+        assert_eq!(index.coverage[0], 0.0);
+        let mut layer = Layer::default();
+        for i in [2, 0, 1, 1] {
+            store.read(i, &mut layer).unwrap();
+            assert_eq!(layer.planes(), frames[i].split_at(96));
+        }
+        assert!(store.read(3, &mut layer).is_err());
+    }
+
+    #[test]
+    fn a_file_that_was_cut_off_or_changed_anywhere_is_recognised() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        written(&path);
+        let whole = std::fs::read(&path).unwrap();
+        let intact = |bytes: &[u8]| {
+            let path = folder.path().join("b");
+            std::fs::write(&path, bytes).unwrap();
+            let mut layer = Layer::default();
+            Store::open(&path).is_ok_and(|mut store| (0..3).all(|i| store.read(i, &mut layer).is_ok()))
+        };
+        assert!(intact(&whole));
+        for length in 0..whole.len() {
+            assert!(!intact(&whole[..length]), "cut at {length}");
+        }
+        for at in MARK.len()..whole.len() {
+            let mut changed = whole.clone();
+            changed[at] ^= 0x10;
+            assert!(!intact(&changed), "changed at {at}");
+        }
+    }
+}
