@@ -1,0 +1,205 @@
+//! How fast every perturbation and the loop are. Prints the tables; with `--write` puts them into the documents:
+//!
+//! ```sh
+//! cargo build --release && cargo bench -p pdk-tests --bench speed -- --write
+//! ```
+//!
+//! Everything is measured in one run on one thread, with a copy of a frame as the yardstick. Perturbations are loaded from
+//! their plugins, as they are in use. Each figure is the median over repeated calls at the slowest of the five levels.
+
+// A benchmark may fail like a test.
+#![allow(clippy::unwrap_used)]
+
+use std::fmt::Write;
+use std::time::{Duration, Instant};
+
+use pdk::chain::{Chain, Spec};
+use pdk::preview;
+use pdk::registry::{Registry, SearchPath};
+use pdk_sdk::prelude::{Control, FrameBuf, Scenario};
+use serde_json::{Map, Value};
+
+/// Milliseconds a frame of the published tool (PerturbationDrive 1.0), one thread, 320x240, slowest level, on a machine
+/// with two cores. Another machine than this one: what counts is the order of magnitude.
+const PUBLISHED: &[(&str, f64)] = &[
+    ("fog_mapping", 296.0),
+    ("zoom_blur", 125.0),
+    ("phase_scrambling", 22.0),
+    ("poisson_noise", 15.0),
+    ("frost_filter", 12.8),
+    ("snow_filter", 7.7),
+    ("object_overlay", 7.3),
+    ("splatter_mapping", 6.6),
+    ("high_pass_filter", 6.2),
+    ("speckle_noise_filter", 5.6),
+    ("gaussian_noise", 5.3),
+    ("fog_filter", 5.0),
+    ("elastic", 4.1),
+    ("defocus_blur", 3.9),
+    ("glass_blur", 3.0),
+    ("static_rain_filter", 2.0),
+    ("static_snow_filter", 2.0),
+    ("static_sun_filter", 2.0),
+    ("static_lightning_filter", 2.0),
+    ("static_object_overlay", 2.0),
+    ("static_smoke_filter", 2.0),
+    ("dynamic_rain_filter", 1.5),
+    ("dynamic_snow_filter", 1.5),
+    ("dynamic_sun_filter", 1.5),
+    ("dynamic_lightning_filter", 1.5),
+    ("dynamic_object_overlay", 1.5),
+    ("dynamic_smoke_filter", 1.5),
+    ("gaussian_blur", 2.3),
+    ("motion_blur", 2.1),
+    ("low_pass_filter", 1.7),
+    ("jpeg_filter", 1.4),
+    ("contrast", 1.3),
+    ("white_balance_filter", 1.1),
+    ("canny_edges_mapping", 0.88),
+    ("zigzag_mapping", 0.86),
+    ("posterize_filter", 0.63),
+    ("dotted_lines_mapping", 0.60),
+    ("saturation_filter", 0.5),
+    ("saturation_decrease_filter", 0.5),
+    ("histogram_equalisation", 0.51),
+    ("impulse_noise", 0.50),
+    ("increase_brightness", 0.38),
+    ("shear_image", 0.35),
+    ("rotate_image", 0.35),
+    ("translate_image", 0.34),
+    ("sharpen_filter", 0.24),
+    ("pixelate", 0.21),
+    ("false_color_filter", 0.19),
+    ("reflection_filter", 0.17),
+    ("sample_pairing_filter", 0.14),
+    ("scale_image", 0.12),
+    ("grayscale_filter", 0.08),
+    ("cutout_filter", 0.07),
+];
+
+/// A simulator's frame rate: a perturbation sees one frame after the other.
+const RATE: f64 = 30.0;
+
+struct Row {
+    name: String,
+    /// Milliseconds at 320x240 and at 1280x720.
+    small: f64,
+    large: f64,
+    published: Option<f64>,
+}
+
+fn main() {
+    let registry = Registry::discover(&SearchPath::default()).unwrap();
+    let (small, large) = (rendered(&registry, 320, 240), rendered(&registry, 1280, 720));
+    let copy = [&small, &large].map(|frame| {
+        let mut target = FrameBuf::new(frame.width(), frame.height());
+        median(&mut |_| target.as_mut().copy_from(frame.as_ref()))
+    });
+    let rows: Vec<Row> = preview::chosen(&registry, &[], true)
+        .unwrap()
+        .iter()
+        .map(|description| {
+            let name = description.name.clone();
+            let published = PUBLISHED.iter().find(|(known, _)| *known == name).map(|(_, time)| *time);
+            let (small, large) = (slowest(&registry, &name, &small), slowest(&registry, &name, &large));
+            println!("{name:<28} {small:>8.3} ms {large:>8.3} ms");
+            Row { name, small, large, published }
+        })
+        .collect();
+    let (summary, table) = report(&rows, copy);
+    println!("\n{summary}");
+    // Cargo itself passes `--bench`.
+    if std::env::args().any(|argument| argument == "--write") {
+        let root = pdk_tests::repository();
+        let page = format!(
+            "# Speed\n\n*Written by `cargo bench -p pdk-tests --bench speed -- --write`; changes here are lost.*\n\n{summary}\n{table}"
+        );
+        std::fs::create_dir_all(root.join("docs")).unwrap();
+        std::fs::write(root.join("docs/speed.md"), page).unwrap();
+        replace_between_marks(&root.join("README.md"), &summary);
+    }
+}
+
+/// A frame of the embedded simulator.
+fn rendered(registry: &Registry, width: usize, height: usize) -> FrameBuf {
+    let size = [("width", width), ("height", height)].map(|(name, size)| (name.to_owned(), Value::from(size)));
+    let (mut simulator, _) = registry.simulator("lane", &Map::from_iter(size)).unwrap();
+    simulator.reset(&Scenario { index: 0, seed: 1, road: Value::Null, duration: 60.0 }).unwrap();
+    let mut frame = FrameBuf::new(width, height);
+    for _ in 0..30 {
+        simulator.frame(frame.as_mut()).unwrap();
+        simulator.act(Control { steering: 0.0, throttle: 0.2 }).unwrap();
+    }
+    frame
+}
+
+/// Milliseconds a frame at the slowest level.
+fn slowest(registry: &Registry, name: &str, source: &FrameBuf) -> f64 {
+    let mut target = FrameBuf::new(source.width(), source.height());
+    let time_at = |level: u32| {
+        let spec = Spec::new(name, f64::from(level));
+        let mut chain = Chain::new(registry, &[spec], 0, 0).unwrap();
+        median(&mut |call| chain.apply(source.as_ref(), target.as_mut(), call, call as f64 / RATE).unwrap())
+    };
+    (0..5).map(time_at).fold(0.0, f64::max)
+}
+
+/// The median time of a call in milliseconds, after a few calls that fill caches.
+fn median(work: &mut dyn FnMut(u64)) -> f64 {
+    const WARM_UP: u64 = 3;
+    const BUDGET: Duration = Duration::from_millis(60);
+    (0..WARM_UP).for_each(&mut *work);
+    let started = Instant::now();
+    let mut times = Vec::new();
+    while times.len() < 7 || (started.elapsed() < BUDGET && times.len() < 2_000) {
+        let call = Instant::now();
+        work(WARM_UP + times.len() as u64);
+        times.push(call.elapsed());
+    }
+    times.sort_unstable();
+    times[times.len() / 2].as_secs_f64() * 1e3
+}
+
+/// What stands in the README, and the whole table.
+fn report(rows: &[Row], copy: [f64; 2]) -> (String, String) {
+    let compared: Vec<(&Row, f64)> = rows.iter().filter_map(|row| Some((row, row.published?))).collect();
+    let ours: f64 = compared.iter().map(|(row, _)| row.small).sum();
+    let theirs: f64 = compared.iter().map(|(_, published)| published).sum();
+    let logarithms = compared.iter().map(|(row, published)| (published / row.small).ln()).sum::<f64>();
+    let mean_ratio = (logarithms / compared.len() as f64).exp();
+    let largest = |value: fn(&Row) -> f64| rows.iter().max_by(|a, b| value(a).total_cmp(&value(b))).unwrap();
+    let (slowest_small, slowest_large) = (largest(|row| row.small), largest(|row| row.large));
+    let slower: Vec<&str> =
+        compared.iter().filter(|(row, published)| row.small > *published).map(|(row, _)| row.name.as_str()).collect();
+    let slower = if slower.is_empty() { "none".to_owned() } else { slower.join(", ") };
+    let mut summary = String::new();
+    let mut line = |what: &str, value: String| writeln!(summary, "| {what} | {value} |").unwrap();
+    line("one thread, slowest level of each", "milliseconds a frame".into());
+    line("---", "---".into());
+    line(&format!("the {} published perturbations together, 320x240", compared.len()), format!("{ours:.1} (the published tool: {theirs:.0})"));
+    line("how many times faster, geometric mean", format!("{mean_ratio:.1}"));
+    line("slower than the published tool", slower);
+    line(&format!("slowest of all {}, 320x240", rows.len()), format!("{:.2} ({})", slowest_small.small, slowest_small.name));
+    line(&format!("slowest of all {}, 1280x720", rows.len()), format!("{:.1} ({})", slowest_large.large, slowest_large.name));
+    line("a copy of the frame, 320x240 and 1280x720", format!("{:.4} and {:.3}", copy[0], copy[1]));
+
+    let mut table = String::from(
+        "\nThe published times were taken on another machine with two cores.\n\n\
+         | perturbation | 320x240 ms | 1280x720 ms | published 320x240 ms | times faster |\n|---|---:|---:|---:|---:|\n",
+    );
+    for row in rows {
+        let published = row.published.map_or_else(String::new, |time| time.to_string());
+        let ratio = row.published.map_or_else(String::new, |time| format!("{:.1}", time / row.small));
+        writeln!(table, "| {} | {:.3} | {:.2} | {published} | {ratio} |", row.name, row.small, row.large).unwrap();
+    }
+    (summary, table)
+}
+
+/// Puts a text between `<!-- speed -->` and `<!-- end of speed -->`.
+fn replace_between_marks(file: &std::path::Path, text: &str) {
+    const MARKS: [&str; 2] = ["<!-- speed -->\n", "<!-- end of speed -->"];
+    let before = std::fs::read_to_string(file).unwrap();
+    let [start, end] = MARKS.map(|mark| before.find(mark).unwrap_or_else(|| panic!("{}: no {mark}", file.display())));
+    let after = format!("{}{}\n{text}\n{}", &before[..start], MARKS[0], &before[end..]);
+    std::fs::write(file, after.replace(&format!("{}\n", MARKS[0]), MARKS[0])).unwrap();
+}
