@@ -293,11 +293,11 @@ impl Host {
         if let Some(directory) = &self.directory {
             return Ok(directory.clone());
         }
-        let path = match &self.common.out {
-            Some(path) => path.clone(),
-            None => next_folder(&self.pipeline.path),
+        let directory = match &self.common.out {
+            Some(path) => RunDirectory::create(path),
+            None => RunDirectory::create_first(folders(&self.pipeline.path)),
         };
-        Ok(self.directory.insert(RunDirectory::create(&path)?).clone())
+        Ok(self.directory.insert(directory?).clone())
     }
 
     fn progress(&self, template: &str) -> ProgressBar {
@@ -332,11 +332,10 @@ fn outcome_row(outcome: &Outcome) -> Value {
     })
 }
 
-/// The first folder `runs/NAME-N` that does not exist.
-fn next_folder(pipeline: &Path) -> PathBuf {
-    let name = pipeline.file_stem().unwrap_or_default().to_string_lossy();
-    let candidates = (1..).map(|number| Path::new(RUNS).join(format!("{name}-{number}")));
-    candidates.into_iter().find(|folder| !folder.exists()).unwrap_or_else(|| PathBuf::from(RUNS))
+/// The folders `runs/NAME-N`, one after the other.
+fn folders(pipeline: &Path) -> impl Iterator<Item = PathBuf> {
+    let name = pipeline.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    (1..).map(move |number: u64| Path::new(RUNS).join(format!("{name}-{number}")))
 }
 
 /// The name of the run on its topics: letters, digits, dashes and underscores, unique on this machine.

@@ -46,19 +46,48 @@ impl RunDirectory {
     /// Where the folder holds something already, or cannot be made.
     pub fn create(path: &Path) -> Result<Self> {
         let remedy = "choose another with --out";
-        let taken = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
-        if taken {
-            return Err(Error::new(format!("the output folder {} is not empty; {remedy}", path.display())));
-        }
-        fs::create_dir_all(path).map_err(|error| {
+        let make = || match fs::read_dir(path).map(|mut entries| entries.next().is_none()) {
+            Ok(empty) => Ok(empty),
+            Err(_) => {
+                path.parent().map_or(Ok(()), fs::create_dir_all)?;
+                // Of two runs that start at the same time, one makes it.
+                fs::create_dir(path).map(|()| true)
+            }
+        };
+        let empty = make().map_err(|error| {
             Error::new(format!("cannot make the output folder {} ({error}); {remedy}", path.display()))
         })?;
+        if !empty {
+            return Err(Error::new(format!("the output folder {} is not empty; {remedy}", path.display())));
+        }
         // Fails now rather than after an hour where the folder is read-only.
         let probe = path.join(".pdk-write-test");
         File::create(&probe).and_then(|_| fs::remove_file(&probe)).map_err(|error| {
             Error::new(format!("cannot write to the output folder {} ({error}); {remedy}", path.display()))
         })?;
         Ok(Self { path: path.to_owned() })
+    }
+
+    /// Makes the folder of a new run in the first of these places where nothing is. Runs that start at the same time get
+    /// different ones.
+    ///
+    /// # Errors
+    /// Where the folder cannot be made.
+    pub fn create_first(places: impl IntoIterator<Item = PathBuf>) -> Result<Self> {
+        for place in places {
+            let made = place.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::create_dir(&place));
+            match made {
+                Ok(()) => return Self::create(&place),
+                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && place.exists() => {}
+                Err(error) => {
+                    return Err(Error::new(format!(
+                        "cannot make the output folder {} ({error}); choose another with --out",
+                        place.display()
+                    )));
+                }
+            }
+        }
+        Err(Error::new("there is no place for the record; name one with --out"))
     }
 
     /// The folder of a run that was recorded earlier.
