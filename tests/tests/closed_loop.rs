@@ -300,3 +300,20 @@ fn a_killed_run_loses_only_what_was_in_flight() {
     assert_eq!(run_of(child.id()), None);
     quickstart(&folder.path().join("last")).set("duration", 0.5).succeed();
 }
+
+#[test]
+fn runs_that_start_at_the_same_time_have_records_of_their_own() {
+    let folder = temp();
+    let source = r#"pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, {} } })"#;
+    let path = pipeline(folder.path(), source);
+    let runs: Vec<_> =
+        (0..16).map(|_| Pdk::new(["run"]).arg(&path).misbehave().folder(folder.path()).spawn()).collect();
+    for run in runs {
+        let output = run.wait_with_output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    for number in 1..=16 {
+        let lines = json_lines(&folder.path().join(format!("runs/pipeline-{number}/scenarios.jsonl")));
+        assert_eq!(lines.len(), 2, "record {number}");
+    }
+}

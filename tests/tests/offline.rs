@@ -9,6 +9,9 @@ use pdk_tests::process::{json_file, json_lines};
 use pdk_tests::{Pdk, datasets, onnx, pictures, real_data, repository, temp};
 use serde_json::{Value, json};
 
+/// Writes a recording of so many frames of this width and height.
+type Make = fn(&Path, u32, u32, u32);
+
 /// The pipeline that comes with pdk.
 fn offline(out: &Path, dataset: &Path, model: &Path) -> Pdk {
     Pdk::new(["run", "--out"])
@@ -63,8 +66,7 @@ fn error_and_drift_are_three_different_numbers_for_both_formats() {
     let folder = temp();
     let model = folder.path().join("pilot.onnx");
     onnx::pilot(&model, 3, 30, 40);
-    let datasets: [(&str, fn(&Path, u32, u32, u32)); 2] =
-        [("folder", datasets::folder), ("tub", datasets::tub)];
+    let datasets: [(&str, Make); 2] = [("folder", datasets::folder), ("tub", datasets::tub)];
     let mut summaries = Vec::new();
     for (name, make) in datasets {
         let dataset = folder.path().join(name);
@@ -137,7 +139,7 @@ fn a_frame_that_cannot_be_read_is_named_and_counted() {
 #[test]
 fn a_recording_with_nothing_in_it_is_an_error() {
     let folder = temp();
-    for (name, make) in [("folder", datasets::folder as fn(&Path, u32, u32, u32)), ("tub", datasets::tub)] {
+    for (name, make) in [("folder", datasets::folder as Make), ("tub", datasets::tub)] {
         let dataset = folder.path().join(name);
         make(&dataset, 0, 40, 30);
         by_brightness(folder.path(), &dataset).0.fail(1, &[name]);
