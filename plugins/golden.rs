@@ -179,59 +179,12 @@ fn measure(src: &FrameBuf, output: &FrameBuf) -> Statistics {
     Statistics {
         std: (0..3).map(|c| variance(c).sqrt()).collect(),
         mse: per_value(pairs().map(|(a, b)| (a - b).powi(2)).sum()),
-        ssim: ssim(src, output),
+        ssim: pdk_sdk::ops::compare::structural_similarity(src.as_ref(), output.as_ref()),
         mean_abs_diff: per_value(pairs().map(|(a, b)| (a - b).abs()).sum()),
         diff_mean: per_value(pairs().map(|(a, b)| b - a).sum()),
         frac_changed: changed as f64 / pixels,
         mean,
     }
-}
-
-/// Structural similarity (Wang, Bovik, Sheikh, Simoncelli, 2004) with a Gaussian window of 11x11 and sigma 1.5, where
-/// the window lies inside the image; the mean over the channels.
-fn ssim(a: &FrameBuf, b: &FrameBuf) -> f64 {
-    const RADIUS: usize = 5;
-    let weights: Vec<f64> =
-        (0..=2 * RADIUS).map(|i| (-((i as f64 - RADIUS as f64).powi(2)) / (2.0 * 1.5 * 1.5)).exp()).collect();
-    let total: f64 = weights.iter().sum();
-    let (width, height) = (a.width(), a.height());
-    // Weighted sums over windows, first across, then down.
-    let smooth = |values: &[f64]| {
-        let wide = width - 2 * RADIUS;
-        let mut across = vec![0.0; wide * height];
-        for y in 0..height {
-            for x in 0..wide {
-                across[y * wide + x] =
-                    (0..weights.len()).map(|i| weights[i] * values[y * width + x + i]).sum::<f64>() / total;
-            }
-        }
-        let mut down = vec![0.0; wide * (height - 2 * RADIUS)];
-        for y in 0..height - 2 * RADIUS {
-            for x in 0..wide {
-                down[y * wide + x] =
-                    (0..weights.len()).map(|i| weights[i] * across[(y + i) * wide + x]).sum::<f64>() / total;
-            }
-        }
-        down
-    };
-    let (c1, c2) = ((0.01f64 * 255.0).powi(2), (0.03f64 * 255.0).powi(2));
-    let of_channel = |c: usize| {
-        let plane =
-            |f: &FrameBuf| f.data().iter().skip(c).step_by(3).map(|&v| f64::from(v)).collect::<Vec<_>>();
-        let (a, b) = (plane(a), plane(b));
-        let product = |p: &[f64], q: &[f64]| smooth(&p.iter().zip(q).map(|(p, q)| p * q).collect::<Vec<_>>());
-        let (mean_a, mean_b) = (smooth(&a), smooth(&b));
-        let (aa, bb, ab) = (product(&a, &a), product(&b, &b), product(&a, &b));
-        let sum: f64 = (0..mean_a.len())
-            .map(|i| {
-                let (ma, mb) = (mean_a[i], mean_b[i]);
-                let (va, vb, cov) = (aa[i] - ma * ma, bb[i] - mb * mb, ab[i] - ma * mb);
-                ((2.0 * ma * mb + c1) * (2.0 * cov + c2)) / ((ma * ma + mb * mb + c1) * (va + vb + c2))
-            })
-            .sum();
-        sum / mean_a.len() as f64
-    };
-    (0..3).map(of_channel).sum::<f64>() / 3.0
 }
 
 /// Checks that all of the destination is written and nothing beside it, at odd sizes and strides, that the result does

@@ -10,9 +10,12 @@
 pub mod average;
 pub mod blend;
 pub mod border;
+pub mod canny;
 pub mod color;
+pub mod compare;
 mod dct;
 pub mod draw;
+pub mod elastic;
 pub mod equalise;
 pub mod false_color;
 pub mod frame;
@@ -34,8 +37,10 @@ pub mod saturation;
 pub mod scatter;
 pub mod sharpen;
 mod simd;
+mod smooth;
 #[cfg(test)]
 mod testing;
+pub mod unsharp;
 pub mod warp;
 pub mod white_balance;
 pub mod zoom;
