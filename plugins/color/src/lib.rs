@@ -2,6 +2,7 @@
 
 mod false_color_filter;
 mod grayscale_filter;
+mod histogram_equalisation;
 mod posterize_filter;
 mod saturation_decrease_filter;
 mod saturation_filter;
@@ -15,6 +16,7 @@ pdk_sdk::export! {
     perturbations: [
         false_color_filter::FalseColorFilter,
         grayscale_filter::GrayscaleFilter,
+        histogram_equalisation::HistogramEqualisation,
         posterize_filter::PosterizeFilter,
         saturation_decrease_filter::SaturationDecreaseFilter,
         saturation_filter::SaturationFilter,

@@ -1,5 +1,6 @@
 //! Perturbations of the graphic pattern family: what lies on the glass or is drawn over the frame.
 
+mod canny_edges_mapping;
 mod cutout_filter;
 mod dotted_lines_mapping;
 mod ray;
@@ -12,6 +13,7 @@ mod golden;
 
 pdk_sdk::export! {
     perturbations: [
+        canny_edges_mapping::CannyEdgesMapping,
         cutout_filter::CutoutFilter,
         dotted_lines_mapping::DottedLinesMapping,
         splatter_mapping::SplatterMapping,

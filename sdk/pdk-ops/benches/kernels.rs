@@ -3,8 +3,8 @@
 
 use divan::Bencher;
 use pdk_ops::{
-    Frame, FrameBuf, FrameMut, Key, average, blend, color, equalise, false_color, gaussian, hsv, jpeg, noise,
-    point, poisson, posterize, resize, saturation, white_balance,
+    Frame, FrameBuf, FrameMut, Key, average, blend, canny, color, equalise, false_color, gaussian, hsv, jpeg,
+    noise, point, poisson, posterize, resize, saturation, white_balance,
 };
 
 fn main() {
@@ -192,4 +192,16 @@ fn scatter_12_with_new_places(bencher: Bencher<'_, '_>) {
 fn histogram_equalisation(bencher: Bencher<'_, '_>) {
     let mut workspace = equalise::Workspace::default();
     time(bencher, |src, dst| equalise::equalise_value(src, dst, 10.0, &mut workspace));
+}
+
+#[divan::bench]
+fn zoom_blur_11(bencher: Bencher<'_, '_>) {
+    let mut workspace = pdk_ops::zoom::Workspace::default();
+    time(bencher, |src, dst| pdk_ops::zoom::zoom_blur(src, dst, 11.0, 0.03, pdk_ops::zoom::Ends::Kept, &mut workspace));
+}
+
+#[divan::bench]
+fn canny_edges(bencher: Bencher<'_, '_>) {
+    let mut workspace = canny::Workspace::default();
+    time(bencher, |src, _| canny::canny(src, 51.0, 151.0, &mut workspace));
 }

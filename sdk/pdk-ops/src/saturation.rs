@@ -2,7 +2,7 @@
 
 use crate::frame::{Frame, FrameMut, for_each_row};
 use crate::hsv::{hsv_to_rgb, rgb_to_hsv};
-use crate::planes::for_each_block;
+use crate::planes::{BLOCK_BYTES, put_together, take_apart};
 use crate::simd::{vectorised, whole_byte};
 
 /// Multiplies the saturation in HSV by a factor; it is clipped to 255 and loses its fraction. Hue and value keep the
@@ -22,13 +22,16 @@ vectorised! {
     fn scale_saturation_row / scale_saturation_row_portable / scale_saturation_row_avx2 (
         from: &[u8], to: &mut [u8], factor: f32,
     ) {
-        for_each_block(from, to, |_, [reds, greens, blues]| {
+        for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {
+            let mut planes = take_apart(from);
+            let [reds, greens, blues] = &mut planes;
             for ((r, g), b) in reds.iter_mut().zip(greens).zip(blues) {
                 let [hue, saturation, value] = rgb_to_hsv([*b, *g, *r]);
                 let saturation = whole_byte((f32::from(saturation) * factor).min(255.0));
                 [*b, *g, *r] = hsv_to_rgb([hue, saturation, value]);
             }
-        });
+            put_together(&planes, to);
+        }
     }
 }
 

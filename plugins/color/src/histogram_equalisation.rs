@@ -1,0 +1,62 @@
+//! Histogram equalisation: the tone mapping of a camera that lifts shadows, overdone.
+
+use pdk_sdk::ops::equalise::{Workspace, equalise_value};
+use pdk_sdk::prelude::*;
+
+/// Equalises brightness in tiles.
+pub struct HistogramEqualisation {
+    workspace: Workspace,
+}
+
+impl Component for HistogramEqualisation {
+    fn description() -> Description {
+        Description::perturbation(
+            "histogram_equalisation",
+            "Equalises the histogram of the brightness in 8x8 tiles, under a limit of contrast",
+        )
+        .family("color")
+        .source("Zuiderveld, Contrast limited adaptive histogram equalization (1994)")
+        .mathematics("V' = 255 * the share of values up to V in the clipped histogram of its tile, bilinear between tiles")
+        .divergence("back in RGB values are rounded; the published tool drops fractions in blocks of 32 pixels")
+        .parameter(
+            Parameter::by_level(
+                "clip_limit",
+                [1.0, 3.0, 5.0, 7.0, 10.0],
+                "largest share of a value in a tile, as a multiple of its share in a flat histogram",
+            )
+            .range(0.0, 256.0),
+        )
+    }
+
+    fn new(_config: &Config) -> Result<Self> {
+        Ok(Self { workspace: Workspace::default() })
+    }
+}
+
+impl Perturbation for HistogramEqualisation {
+    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        equalise_value(src, dst, cx.number("clip_limit"), &mut self.workspace);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::HistogramEqualisation;
+    use crate::golden;
+
+    #[test]
+    fn passes_the_test_kit() {
+        pdk_sdk::testing::perturbation::<HistogramEqualisation>();
+    }
+
+    #[test]
+    fn matches_the_published_outputs() {
+        golden::matches_outputs::<HistogramEqualisation>(0.5);
+    }
+
+    #[test]
+    fn writes_exactly_the_frame() {
+        golden::writes_exactly_the_frame::<HistogramEqualisation>(&pdk_sdk::serde_json::Value::Null);
+    }
+}
