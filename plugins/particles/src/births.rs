@@ -101,6 +101,11 @@ impl<T> Births<T> {
         seconds.flat_map(|(second, all)| all.iter().enumerate().map(move |(i, one)| (Place(second, i), one)))
     }
 
+    /// The number of particles of the window.
+    pub fn len(&self) -> usize {
+        self.seconds.iter().map(Vec::len).sum()
+    }
+
     /// The particle at a place that [`Births::iter`] gave, since the window last moved.
     pub fn at(&self, Place(second, i): Place) -> &T {
         &self.seconds[second][i]

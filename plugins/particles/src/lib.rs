@@ -21,6 +21,8 @@ mod snow_on_lens;
 mod water;
 
 #[cfg(test)]
+mod allocations;
+#[cfg(test)]
 #[path = "../../golden.rs"]
 mod golden;
 #[cfg(test)]

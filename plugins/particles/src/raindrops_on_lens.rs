@@ -9,7 +9,7 @@ use crate::sliders::{self, DRIFT, Slider, Sliding};
 use crate::water::{Drop, Water};
 
 /// The most drops that sit on a square of the lens.
-const MOST_DROPS: f64 = 800.0;
+const MOST_DROPS: f64 = 1000.0;
 /// Sliders born on a square of the lens each second, where there are the most drops.
 const MOST_SLIDERS: f64 = 3.0;
 /// A swallowed drop is gone after this many seconds.
@@ -40,13 +40,13 @@ impl Component for RaindropsOnLens {
         .parameter(
             Parameter::by_level(
                 "number",
-                [50.0, 110.0, 200.0, 320.0, 460.0],
+                [50.0, 110.0, 220.0, 400.0, 640.0],
                 "drops, small ones included, on a square of the lens as high as the frame",
             )
             .range(0.0, MOST_DROPS),
         )
         .parameter(
-            Parameter::by_level("size", [0.026, 0.031, 0.037, 0.044, 0.052], "radius of the largest drops")
+            Parameter::by_level("size", [0.026, 0.033, 0.041, 0.05, 0.06], "radius of the largest drops")
                 .range(0.0, 0.2)
                 .unit("frame heights"),
         )
@@ -130,6 +130,7 @@ impl RaindropsOnLens {
     /// Finds the sliders that exist now and what has become of them.
     fn find_sliders(&mut self, time: f64, dry_before: f64, (size, speed): (f32, f32), density: &Density<'_>) {
         self.active.clear();
+        self.active.reserve(self.sliders.len());
         for (place, slider) in self.sliders.iter().filter(|(_, slider)| slider.born >= dry_before) {
             let presence = density.presence(slider.rank, slider.x, slider.y);
             if presence <= 0.0 {
@@ -174,11 +175,10 @@ impl RaindropsOnLens {
             }
             let slider = self.sliders.at(place);
             for bead in &slider.beads {
-                let since = state.since(bead.progress);
-                if !(0.0..bead.life).contains(&since) {
+                let Some((since, scale)) = state.since(bead.progress).filter(|&(since, _)| since < bead.life) else {
                     continue;
-                }
-                let radius = bead.radius * radius * smooth((bead.life - since) / 1.5);
+                };
+                let radius = bead.radius * radius * scale * smooth((bead.life - since) / 1.5);
                 let left = swallow(&self.sliders, &mut self.active, (bead.x, bead.y), radius, since);
                 let wobble = [bead.wobble, 0.1, 0.0, 0.0];
                 self.water
@@ -189,20 +189,18 @@ impl RaindropsOnLens {
                 continue;
             }
             for row in (0..=(bottom as usize).min(lens.height - 1)).rev() {
-                let Some((x, progress)) = slider.at_height((row as f32 + 0.5) / lens.unit) else { break };
-                let since = state.since(progress);
+                let y = (row as f32 + 0.5) / lens.unit;
+                let Some((x, progress)) = slider.at_height(y) else { break };
+                // Below the place where it dried up there is no track.
+                let Some((since, scale)) = state.since(progress) else { continue };
                 if since > TRACK {
                     break;
                 }
-                if since > 0.0 {
-                    let fading = 1.0 - since / TRACK;
-                    self.water.add_film_row(
-                        lens,
-                        row,
-                        x,
-                        radius * (0.28 + 0.42 * fading) * smooth(fading * 2.0),
-                    );
-                }
+                let fading = 1.0 - since / TRACK;
+                // It ends in a tip, where it has dried and where it starts.
+                let tip = smooth(fading * 2.0) * smooth((y - slider.y) / (3.0 * radius));
+                let width = radius * scale * (0.25 + 0.3 * fading) * tip;
+                self.water.add_film_row(lens, row, x, width);
             }
         }
     }
@@ -245,15 +243,14 @@ fn swallow(
             continue;
         }
         let Some((path, progress)) = sliders.at(slider.place).at_height(y) else { continue };
-        if (path - x).abs() > 0.9 * slider.radius + 0.4 * radius {
-            continue;
-        }
-        let since = slider.state.since(progress);
-        if since > 0.0 && since < age {
-            let share = smooth(since / SWALLOWING);
-            slider.swallowed += 0.4 * share * left * radius * radius * radius;
-            left *= 1.0 - share;
-        }
+        let met = slider.state.since(progress).filter(|&(since, _)| since < age);
+        let Some((since, scale)) = met else { continue };
+        // Drops at the edge of its way and those that have just come are swallowed in part, so that nothing depends on
+        // whether a slider comes a little sooner or grows a little larger.
+        let depth = 0.95 * scale * slider.radius + 0.4 * radius - (path - x).abs();
+        let share = smooth(since / SWALLOWING) * smooth(depth / (0.35 * slider.radius)) * smooth((age - since) / 0.3);
+        slider.swallowed += 0.4 * share * left * radius * radius * radius;
+        left *= 1.0 - share;
     }
     left
 }

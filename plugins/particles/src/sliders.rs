@@ -158,11 +158,10 @@ impl Slider {
         let across = self.sideways[after - 1] + (self.sideways[after] - self.sideways[after - 1]) * fraction;
         // It hits the glass, grows, and dries up in the end.
         let growth = smooth(age / 0.12) * (0.62 + 0.38 * smooth(age / self.grows));
-        let exhausted = smooth((slid - (SLIDING - 2.5)) / 2.5).max(smooth((down - 1.1) / 0.15));
         Some(Sliding {
             x: self.x + across,
             y: self.y + down,
-            scale: growth * (1.0 - exhausted),
+            scale: growth * remaining(slid),
             speed: if slid > 0.0 { pace * STEP / (ahead - before) } else { 0.0 },
             progress,
             pace,
@@ -171,6 +170,11 @@ impl Slider {
             side: self.side,
         })
     }
+}
+
+/// What is left of the radius of a slider so many seconds after it began to slide.
+fn remaining(slid: f32) -> f32 {
+    smooth((SLIDING - slid) / 2.5)
 }
 
 /// The tables at a depth of `down` heights below the start, interpolated.
@@ -202,10 +206,11 @@ pub struct Sliding {
 }
 
 impl Sliding {
-    /// Seconds since it was at a point of its path, given by progress; negative where it has not been there.
-    pub fn since(&self, progress: f32) -> f32 {
+    /// Seconds since it was at a point of its path, given by progress, and its radius then relative to its full one;
+    /// `None` where it has not been there.
+    pub fn since(&self, progress: f32) -> Option<(f32, f32)> {
         let since = (self.progress - progress) / self.pace;
         // It comes no further once it has dried up.
-        if self.slid - since < SLIDING { since } else { -1.0 }
+        (since > 0.0 && self.slid - since < SLIDING).then(|| (since, remaining(self.slid - since)))
     }
 }

@@ -13,7 +13,7 @@ const SIDE: usize = 64;
 /// A stamp reaches so many radii of its flake from the middle.
 const REACH: f32 = 1.5;
 /// Density of the bank well below its surface.
-const BANK: f32 = 3.2;
+const BANK: f32 = 5.0;
 /// Side of the grain of the bank in heights of the frame.
 const GRAIN: f32 = 0.22;
 
@@ -133,7 +133,7 @@ impl SnowCover {
                 }
                 let (u, v) = (mirrored(across * grain_scale), mirrored(above * lens.unit * grain_scale));
                 let grain = sample(&stamps[..SIDE * SIDE], u, v);
-                let surface = height + (grain - 0.6) * 0.35 * height;
+                let surface = height + (grain - 0.6) * 0.6 * height;
                 let inside = smooth((surface - above) / (Bank::SOFT * 0.5 + 0.6 * height) + 0.1);
                 *value += BANK * inside * (0.65 + 0.5 * grain) * (height * 60.0).min(1.0);
             }
@@ -164,7 +164,8 @@ impl SnowCover {
                 let thick = density * 1.35;
                 let alpha = 0.96 * (1.0 - 1.0 / (1.0 + thick + thick * thick));
                 // Light comes from above: slopes that face up are brighter.
-                let light = 1.0 + ((below[i] - above[i]) * 0.1).clamp(-0.16, 0.07);
+                let rise = opaque(below[i]) - opaque(above[i]);
+                let light = 1.0 + (rise * 0.3).clamp(-0.14, 0.07);
                 let seen = backdrop.at((first + i) as f32, y as f32);
                 // Thin snow lets some of the scene's light through, out of focus.
                 let through = 0.45 / (1.0 + thick);
@@ -202,8 +203,8 @@ impl Bank {
     /// Adds a flake of this radius; `share` of it lies here.
     pub fn add(&mut self, x: f32, radius: f32, share: f32) {
         // It spreads over a few times its width; its area stays about the same.
-        let spread = 2.2 * radius + 0.02;
-        let peak = 1.3 * share * radius * radius / spread;
+        let spread = 3.0 * radius + 0.06;
+        let peak = 4.2 * share * radius * radius / spread;
         let place =
             |x: f32| ((x - self.left) * (1.0 / Self::STEP)).clamp(0.0, (self.heights.len() - 1) as f32);
         let (first, last) = (place(x - spread).ceil() as usize, place(x + spread) as usize);
@@ -226,6 +227,12 @@ impl Bank {
         let first = place as usize;
         self.heights[first] + (self.heights[first + 1] - self.heights[first]) * (place - first as f32)
     }
+}
+
+/// How much of the light a density takes, roughly.
+#[inline(always)]
+fn opaque(density: f32) -> f32 {
+    density / (1.0 + density)
 }
 
 /// A coordinate of the middle half of a stamp, going back and forth.
@@ -298,8 +305,8 @@ fn add_stamp(random: &mut Random, into: &mut Vec<f32>) {
                 body += near * near;
             }
             let border = smooth((REACH - (px * px + py * py).sqrt()) / 0.4);
-            let ragged = smooth((body + 0.55 * noise(u, v) * (0.3 + body).min(1.0) - 0.12) / 0.9);
-            into.push(ragged * border * (1.0 + 0.35 * noise(v, u)).max(0.0));
+            let ragged = smooth((body + 0.95 * noise(u, v) * (0.3 + body).min(1.0) - 0.12) / 1.35);
+            into.push(ragged * border * (1.0 + 0.5 * noise(v, u)).max(0.0));
         }
     }
 }

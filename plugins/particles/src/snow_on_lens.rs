@@ -104,11 +104,11 @@ impl Perturbation for SnowOnLens {
                 let density = flake.density * now.frozen.min(1.0);
                 self.cover.add(&lens, (now.x, now.y), radius, flake.stamp, flake.turn, density);
                 // Water gathers below the middle of a flake that melts, and dries up with it.
-                let wet = smooth((1.0 - now.frozen) * 2.0) * smooth(now.frozen * 4.0);
+                let wet = smooth((0.6 - now.frozen) * 2.0) * smooth(now.frozen * 3.0);
                 let drop = Drop {
                     x: now.x,
-                    y: now.y + 0.3 * radius,
-                    radius: 0.62 * radius * wet,
+                    y: now.y + 0.35 * radius,
+                    radius: 0.5 * radius * wet,
                     tail: 0.0,
                     wobble: [0.0; 4],
                 };

@@ -11,7 +11,7 @@ use crate::lens::{Backdrop, Lens};
 /// Height of a drop in the middle, in radii.
 const CAP: f32 = 0.5;
 /// Height of a film in the middle, in half widths.
-const FILM: f32 = 0.16;
+const FILM: f32 = 0.28;
 /// Level of dry glass, far below everything.
 const DRY: f32 = -1.0e6;
 /// Drops that come nearer than this to each other join, in heights of the frame.
@@ -105,7 +105,8 @@ impl Water {
         let reach = 1.25 * radius + 1.5;
         let above = 1.25 * radius * (1.0 + drop.tail) + 1.5;
         let Some((columns, rows)) = self.wet(cx - reach, cx + reach, cy - above, cy + reach) else { return };
-        let [diagonal, axes, three_u, three_v] = drop.wobble;
+        // The rim of a drop of a few pixels reaches many radii out, where cubes would outgrow squares.
+        let [diagonal, axes, three_u, three_v] = drop.wobble.map(|w| w * (0.25 * radius).min(1.0));
         let inverse = 1.0 / radius;
         let line = self.width + 2;
         for y in rows[0]..=rows[1] {
@@ -165,9 +166,16 @@ impl Water {
                     if depth <= 0.0 {
                         continue;
                     }
+                    // Beside dry glass the slope is that of the other side.
                     let slope = |before: usize, after: usize| {
-                        let (before, after) = (self.field[before].max(-1.0), self.field[after].max(-1.0));
-                        (0.5 * (after - before)).clamp(-1.5, 1.5)
+                        let (before, after) = (self.field[before], self.field[after]);
+                        let slope = match (before > DRY, after > DRY) {
+                            (true, true) => 0.5 * (after - before),
+                            (true, false) => depth - before,
+                            (false, true) => after - depth,
+                            (false, false) => 0.0,
+                        };
+                        slope.clamp(-1.2, 1.2)
                     };
                     let slopes = (slope(at - 1, at + 1), slope(at - line, at + line));
                     let place = ((x - 1) as f32, (y - 1) as f32);
