@@ -122,7 +122,8 @@ fn main() {
 
 /// A frame of the embedded simulator.
 fn rendered(registry: &Registry, width: usize, height: usize) -> FrameBuf {
-    let size = [("width", width), ("height", height)].map(|(name, size)| (name.to_owned(), Value::from(size)));
+    let size =
+        [("width", width), ("height", height)].map(|(name, size)| (name.to_owned(), Value::from(size)));
     let (mut simulator, _) = registry.simulator("lane", &Map::from_iter(size)).unwrap();
     simulator.reset(&Scenario { index: 0, seed: 1, road: Value::Null, duration: 60.0 }).unwrap();
     let mut frame = FrameBuf::new(width, height);
@@ -169,18 +170,30 @@ fn report(rows: &[Row], copy: [f64; 2]) -> (String, String) {
     let mean_ratio = (logarithms / compared.len() as f64).exp();
     let largest = |value: fn(&Row) -> f64| rows.iter().max_by(|a, b| value(a).total_cmp(&value(b))).unwrap();
     let (slowest_small, slowest_large) = (largest(|row| row.small), largest(|row| row.large));
-    let slower: Vec<&str> =
-        compared.iter().filter(|(row, published)| row.small > *published).map(|(row, _)| row.name.as_str()).collect();
+    let slower: Vec<&str> = compared
+        .iter()
+        .filter(|(row, published)| row.small > *published)
+        .map(|(row, _)| row.name.as_str())
+        .collect();
     let slower = if slower.is_empty() { "none".to_owned() } else { slower.join(", ") };
     let mut summary = String::new();
     let mut line = |what: &str, value: String| writeln!(summary, "| {what} | {value} |").unwrap();
     line("one thread, slowest level of each", "milliseconds a frame".into());
     line("---", "---".into());
-    line(&format!("the {} published perturbations together, 320x240", compared.len()), format!("{ours:.1} (the published tool: {theirs:.0})"));
+    line(
+        &format!("the {} published perturbations together, 320x240", compared.len()),
+        format!("{ours:.1} (the published tool: {theirs:.0})"),
+    );
     line("how many times faster, geometric mean", format!("{mean_ratio:.1}"));
     line("slower than the published tool", slower);
-    line(&format!("slowest of all {}, 320x240", rows.len()), format!("{:.2} ({})", slowest_small.small, slowest_small.name));
-    line(&format!("slowest of all {}, 1280x720", rows.len()), format!("{:.1} ({})", slowest_large.large, slowest_large.name));
+    line(
+        &format!("slowest of all {}, 320x240", rows.len()),
+        format!("{:.2} ({})", slowest_small.small, slowest_small.name),
+    );
+    line(
+        &format!("slowest of all {}, 1280x720", rows.len()),
+        format!("{:.1} ({})", slowest_large.large, slowest_large.name),
+    );
     line("a copy of the frame, 320x240 and 1280x720", format!("{:.4} and {:.3}", copy[0], copy[1]));
 
     let mut table = String::from(
@@ -190,7 +203,8 @@ fn report(rows: &[Row], copy: [f64; 2]) -> (String, String) {
     for row in rows {
         let published = row.published.map_or_else(String::new, |time| time.to_string());
         let ratio = row.published.map_or_else(String::new, |time| format!("{:.1}", time / row.small));
-        writeln!(table, "| {} | {:.3} | {:.2} | {published} | {ratio} |", row.name, row.small, row.large).unwrap();
+        writeln!(table, "| {} | {:.3} | {:.2} | {published} | {ratio} |", row.name, row.small, row.large)
+            .unwrap();
     }
     (summary, table)
 }
@@ -199,7 +213,8 @@ fn report(rows: &[Row], copy: [f64; 2]) -> (String, String) {
 fn replace_between_marks(file: &std::path::Path, text: &str) {
     const MARKS: [&str; 2] = ["<!-- speed -->\n", "<!-- end of speed -->"];
     let before = std::fs::read_to_string(file).unwrap();
-    let [start, end] = MARKS.map(|mark| before.find(mark).unwrap_or_else(|| panic!("{}: no {mark}", file.display())));
+    let [start, end] =
+        MARKS.map(|mark| before.find(mark).unwrap_or_else(|| panic!("{}: no {mark}", file.display())));
     let after = format!("{}{}\n{text}\n{}", &before[..start], MARKS[0], &before[end..]);
     std::fs::write(file, after.replace(&format!("{}\n", MARKS[0]), MARKS[0])).unwrap();
 }

@@ -1,0 +1,143 @@
+//! From canvases to an MP4 file: laid over green, turned into luma and chroma, encoded as H.264.
+
+use std::io::{Cursor, Error, Result};
+
+use mp4::{AvcConfig, Bytes, MediaConfig, Mp4Config, Mp4Sample, Mp4Writer, TrackConfig, TrackType};
+use openh264::OpenH264API;
+use openh264::encoder::{
+    BitRate, Complexity, Encoder, EncoderConfig, FrameRate, Profile, QpRange, RateControlMode, VuiConfig,
+};
+use openh264::formats::YUVBuffer;
+
+use crate::canvas::{Canvas, SIZE};
+use crate::effect::RATE;
+
+/// The screen: far from grey, so that transparency has many steps.
+pub const GREEN: [f32; 3] = [0.0, 0.86, 0.10];
+
+/// Ticks per second in the file.
+const TIMESCALE: u32 = 30_000;
+
+/// Encodes frames as an MP4 file.
+pub fn encode(frames: impl Iterator<Item = Canvas>, quantiser: u8) -> Result<Vec<u8>> {
+    // Every frame gets the same quantiser, so nothing depends on how long encoding takes.
+    let config = EncoderConfig::new()
+        .rate_control_mode(RateControlMode::Quality)
+        .bitrate(BitRate::from_bps(100_000_000))
+        .qp(QpRange::new(quantiser, quantiser))
+        .max_frame_rate(FrameRate::from_hz(RATE as f32))
+        .complexity(Complexity::High)
+        .profile(Profile::High)
+        .vui(VuiConfig::bt601())
+        .skip_frames(false)
+        .scene_change_detect(false)
+        .adaptive_quantization(false)
+        .background_detection(false)
+        .num_threads(1);
+    let mut encoder = Encoder::with_api_config(OpenH264API::from_source(), config).map_err(Error::other)?;
+    let mut file: Option<Mp4Writer<Cursor<Vec<u8>>>> = None;
+    for (number, canvas) in frames.enumerate() {
+        let picture = YUVBuffer::from_vec(planes(&canvas), SIZE.0, SIZE.1);
+        let stream = encoder.encode(&picture).map_err(Error::other)?;
+        let units = units(&stream.to_vec());
+        let kind = |unit: &[u8]| unit.first().map_or(0, |byte| byte & 31);
+        let writer = match &mut file {
+            Some(writer) => writer,
+            None => {
+                let set = |wanted: u8| units.iter().find(|unit| kind(unit) == wanted).cloned();
+                let (Some(sequence), Some(picture)) = (set(7), set(8)) else {
+                    return Err(Error::other("the encoder gives no parameter sets"));
+                };
+                file.insert(begin(sequence, picture)?)
+            }
+        };
+        let mut bytes = Vec::new();
+        // Parameter sets are in the file's header.
+        for unit in units.iter().filter(|unit| matches!(kind(unit), 1 | 5)) {
+            bytes.extend_from_slice(&(unit.len() as u32).to_be_bytes());
+            bytes.extend_from_slice(unit);
+        }
+        let duration = TIMESCALE / RATE;
+        let sample = Mp4Sample {
+            start_time: u64::from(duration) * number as u64,
+            duration,
+            rendering_offset: 0,
+            is_sync: units.iter().any(|unit| kind(unit) == 5),
+            bytes: Bytes::from(bytes),
+        };
+        writer.write_sample(1, &sample).map_err(Error::other)?;
+    }
+    let mut writer = file.ok_or_else(|| Error::other("a clip has frames"))?;
+    writer.write_end().map_err(Error::other)?;
+    Ok(writer.into_writer().into_inner())
+}
+
+fn begin(sequence: Vec<u8>, picture: Vec<u8>) -> Result<Mp4Writer<Cursor<Vec<u8>>>> {
+    let brand = |name: &[u8; 4]| mp4::FourCC { value: *name };
+    let config = Mp4Config {
+        major_brand: brand(b"isom"),
+        minor_version: 512,
+        compatible_brands: [b"isom", b"iso2", b"avc1", b"mp41"].map(brand).into(),
+        timescale: TIMESCALE,
+    };
+    let mut writer = Mp4Writer::write_start(Cursor::new(Vec::new()), &config).map_err(Error::other)?;
+    let track = TrackConfig {
+        track_type: TrackType::Video,
+        timescale: TIMESCALE,
+        language: "und".to_owned(),
+        media_conf: MediaConfig::AvcConfig(AvcConfig {
+            width: SIZE.0 as u16,
+            height: SIZE.1 as u16,
+            seq_param_set: sequence,
+            pic_param_set: picture,
+        }),
+    };
+    writer.add_track(&track).map_err(Error::other)?;
+    Ok(writer)
+}
+
+/// The units of a stream, without the start codes between them.
+fn units(stream: &[u8]) -> Vec<Vec<u8>> {
+    let starts: Vec<usize> =
+        stream.windows(3).enumerate().filter(|(_, w)| w == &[0, 0, 1]).map(|(i, _)| i).collect();
+    let ends = starts.iter().skip(1).copied().chain([stream.len()]);
+    let unit = |(start, end): (&usize, usize)| {
+        let mut unit = stream[start + 3..end].to_vec();
+        // A unit never ends with zeros: they belong to the next start code.
+        while unit.last() == Some(&0) {
+            unit.pop();
+        }
+        unit
+    };
+    starts.iter().zip(ends).map(unit).collect()
+}
+
+/// Red, green and blue of a pixel over the screen, 0 to 1.
+pub fn over_green(pixel: &[f32; 4]) -> [f32; 3] {
+    [0, 1, 2].map(|c| pixel[c] + GREEN[c] * (1.0 - pixel[3]))
+}
+
+/// Luma and chroma of a canvas over the screen, as ITU-R BT.601 has them. A chroma sample lies on an even column, between
+/// two rows.
+fn planes(canvas: &Canvas) -> Vec<u8> {
+    let (width, height) = SIZE;
+    let colours: Vec<[f32; 3]> = canvas.pixels().iter().map(over_green).collect();
+    let luma = |[r, g, b]: [f32; 3]| 0.299 * r + 0.587 * g + 0.114 * b;
+    let byte = |value: f32| (value + 0.5).clamp(0.0, 255.0) as u8;
+    let mut planes: Vec<u8> = colours.iter().map(|&colour| byte(16.0 + 219.0 * luma(colour))).collect();
+    for (channel, scale) in [(2, 112.0 / 0.886), (0, 112.0 / 0.701)] {
+        for y in (0..height).step_by(2) {
+            for x in (0..width).step_by(2) {
+                let mut sum = 0.0;
+                for (column, weight) in [(x.saturating_sub(1), 0.25), (x, 0.5), (x + 1, 0.25)] {
+                    for row in [y, y + 1] {
+                        let colour = colours[row * width + column];
+                        sum += weight * 0.5 * (colour[channel] - luma(colour));
+                    }
+                }
+                planes.push(byte(128.0 + scale * sum));
+            }
+        }
+    }
+    planes
+}
