@@ -1,7 +1,7 @@
 //! The closed loop: simulator, perturbations, driver, and back to the simulator, frame by frame.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::{Mutex, PoisonError, mpsc};
 use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
@@ -109,7 +109,13 @@ pub fn drive(
     progress.set_length(plan.scenarios.iter().map(|s| expected_frames(s, rate)).sum());
 
     let started = Instant::now();
-    let mut lines = directory.lines(SCENARIOS)?;
+    let lines = Mutex::new(directory.lines(SCENARIOS)?);
+    // Written before the next scenario begins, so that a run that ends there loses only what was in flight.
+    let write = |outcome: &Outcome| {
+        let mut lines = lines.lock().unwrap_or_else(PoisonError::into_inner);
+        lines.write(outcome)?;
+        lines.sync()
+    };
     let next = AtomicUsize::new(0);
     let stop = AtomicBool::new(false);
     let mut outcomes = Vec::with_capacity(plan.scenarios.len());
@@ -118,12 +124,17 @@ pub fn drive(
         let threads: Vec<_> = workers
             .into_iter()
             .map(|mut worker| {
-                let (sender, next, stop) = (sender.clone(), &next, &stop);
+                let (sender, next, stop, write) = (sender.clone(), &next, &stop, &write);
                 scope.spawn(move || {
                     while !stop.load(Ordering::Relaxed) {
                         let index = next.fetch_add(1, Ordering::Relaxed);
                         let Some(scenario) = plan.scenarios.get(index) else { break };
-                        if sender.send(worker.scenario(index as u64, scenario, progress)).is_err() {
+                        let outcome = worker.scenario(index as u64, scenario, progress);
+                        let outcome = outcome.and_then(|outcome| write(&outcome).map(|()| outcome));
+                        if outcome.is_err() {
+                            stop.store(true, Ordering::Relaxed);
+                        }
+                        if sender.send(outcome).is_err() {
                             break;
                         }
                     }
@@ -134,16 +145,11 @@ pub fn drive(
         drop(sender);
         let mut failure = None;
         for outcome in receiver {
-            // Written as soon as it is known, so that a killed run loses only what was in flight.
-            let written = outcome.and_then(|outcome: Outcome| {
-                lines.write(&outcome)?;
-                lines.sync()?;
-                outcomes.push(outcome);
-                Ok(())
-            });
-            if let Err(error) = written {
-                stop.store(true, Ordering::Relaxed);
-                failure.get_or_insert(error);
+            match outcome {
+                Ok(outcome) => outcomes.push(outcome),
+                Err(error) => {
+                    failure.get_or_insert(error);
+                }
             }
         }
         // A panic in the kernel ends the run rather than leaving scenarios out.
