@@ -3,8 +3,9 @@
 
 use divan::Bencher;
 use pdk_ops::{
-    Frame, FrameBuf, FrameMut, Key, average, blend, canny, color, equalise, false_color, gaussian, hsv, jpeg,
-    noise, point, poisson, posterize, resize, saturation, white_balance,
+    Frame, FrameBuf, FrameMut, Key, average, blend, canny, color, elastic, equalise, false_color, gaussian,
+    hsv, jpeg, noise, point, poisson, posterize, resample, resize, saturation, sharpen, unsharp, warp,
+    white_balance,
 };
 
 fn main() {
@@ -197,11 +198,93 @@ fn histogram_equalisation(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn zoom_blur_11(bencher: Bencher<'_, '_>) {
     let mut workspace = pdk_ops::zoom::Workspace::default();
-    time(bencher, |src, dst| pdk_ops::zoom::zoom_blur(src, dst, 11.0, 0.03, pdk_ops::zoom::Ends::Kept, &mut workspace));
+    time(bencher, |src, dst| {
+        pdk_ops::zoom::zoom_blur(src, dst, 11.0, 0.03, pdk_ops::zoom::Ends::Kept, &mut workspace)
+    });
 }
 
 #[divan::bench]
 fn canny_edges(bencher: Bencher<'_, '_>) {
     let mut workspace = canny::Workspace::default();
     time(bencher, |src, _| canny::canny(src, 51.0, 151.0, &mut workspace));
+}
+
+#[divan::bench]
+fn rotate_45(bencher: Bencher<'_, '_>) {
+    let mut workspace = warp::Workspace::default();
+    let map = warp::Affine::rotation(45.0, 160.0, 120.0);
+    time(bencher, |src, dst| warp::warp_affine(src, dst, &map, &mut workspace));
+}
+
+#[divan::bench]
+fn rotate_180(bencher: Bencher<'_, '_>) {
+    let mut workspace = warp::Workspace::default();
+    let map = warp::Affine::rotation(180.0, 160.0, 120.0);
+    time(bencher, |src, dst| warp::warp_affine(src, dst, &map, &mut workspace));
+}
+
+#[divan::bench]
+fn shear(bencher: Bencher<'_, '_>) {
+    let mut workspace = warp::Workspace::default();
+    let map = warp::Affine::shear(0.12);
+    time(bencher, |src, dst| warp::warp_affine(src, dst, &map, &mut workspace));
+}
+
+#[divan::bench]
+fn translate_by_a_tenth(bencher: Bencher<'_, '_>) {
+    let mut workspace = warp::Workspace::default();
+    let map = warp::Affine::translation(-0.1, 0.1);
+    time(bencher, |src, dst| warp::warp_affine(src, dst, &map, &mut workspace));
+}
+
+#[divan::bench]
+fn scale_96(bencher: Bencher<'_, '_>) {
+    let mut small = FrameBuf::new(307, 230);
+    time(bencher, |src, _| resize::resize_linear(src, small.as_mut()));
+}
+
+#[divan::bench]
+fn pixelate_85(bencher: Bencher<'_, '_>) {
+    let mut small = FrameBuf::new(272, 204);
+    time(bencher, |src, dst| {
+        resize::resize_linear(src, small.as_mut());
+        resize::resize_linear(small.as_ref(), dst);
+    });
+}
+
+#[divan::bench]
+fn pixelate_85_by_areas(bencher: Bencher<'_, '_>) {
+    let mut small = FrameBuf::new(272, 204);
+    let mut workspace = resample::Workspace::default();
+    time(bencher, |src, dst| {
+        resample::resize_area(src, small.as_mut(), &mut workspace);
+        resample::resize_nearest(small.as_ref(), dst);
+    });
+}
+
+#[divan::bench]
+fn reflection_90(bencher: Bencher<'_, '_>) {
+    time(bencher, |src, dst| {
+        let row = |y: usize| src.row(if y < 240 { y } else { 479 - y });
+        resize::resize_linear_from(resize::Source { width: 320, height: 456, row: &row }, dst);
+    });
+}
+
+#[divan::bench]
+fn sharpen(bencher: Bencher<'_, '_>) {
+    let mut workspace = sharpen::Workspace::default();
+    time(bencher, |src, dst| sharpen::sharpen(src, dst, 5.0, 0.5, &mut workspace));
+}
+
+#[divan::bench]
+fn unsharp_mask_113(bencher: Bencher<'_, '_>) {
+    let mut workspace = unsharp::Workspace::default();
+    time(bencher, |src, dst| unsharp::unsharp_mask(src, dst, 113, &mut workspace));
+}
+
+#[divan::bench]
+fn elastic_10(bencher: Bencher<'_, '_>) {
+    let mut workspace = elastic::Workspace::default();
+    let mut random = Key::default().frame(0);
+    time(bencher, |src, dst| elastic::elastic(src, dst, 10.0, 1.5, &mut random, &mut workspace));
 }
