@@ -7,7 +7,7 @@ local settings = pdk.settings({
 	simulator = "lane",
 	driver = "lane_keeper",
 	road = { angles = { 0, 12, -18, 10, 20, -15, -8, 0 }, segment = 25 }, -- degrees turned every 25 m
-	perturbations = { "gaussian_noise", "defocus_blur", "motion_blur", "contrast", "banding", "dirty_lens" },
+	perturbations = { "gaussian_noise", "motion_blur", "defocus_blur", "translate_image", "raindrops_on_lens", "dirty_lens" },
 	levels = { 2, 4 },
 	duration = 40, -- seconds of simulation time
 })

@@ -75,7 +75,8 @@ impl RunDirectory {
     /// Where the folder cannot be made.
     pub fn create_first(places: impl IntoIterator<Item = PathBuf>) -> Result<Self> {
         for place in places {
-            let made = place.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::create_dir(&place));
+            let made =
+                place.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::create_dir(&place));
             match made {
                 Ok(()) => return Self::create(&place),
                 Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && place.exists() => {}

@@ -38,7 +38,16 @@ pub struct Context<'a> {
 impl<'a> Context<'a> {
     /// A context made by hand, for tests and for hosts other than pdk.
     pub fn new(intensity: f64, frame_index: u64, time: f64, key: &'a Key) -> Self {
-        Self { intensity, frame_index, time, saliency: None, key, stream: frame_index, names: &[], values: &[] }
+        Self {
+            intensity,
+            frame_index,
+            time,
+            saliency: None,
+            key,
+            stream: frame_index,
+            names: &[],
+            values: &[],
+        }
     }
 
     /// The same context with parameter values, one for each name.

@@ -125,7 +125,9 @@ pub fn check_perturbation(
             let strided_target = FrameMut::with_stride(&mut target, width, height, stride)?;
             veteran.apply(strided_source, strided_target, &cx).map_err(|e| e.at(&place))?;
             let strided = Frame::with_stride(&target, width, height, stride)?;
-            ensure(strided == alone.as_ref(), || format!("{place} a frame comes out differently with a stride"))?;
+            ensure(strided == alone.as_ref(), || {
+                format!("{place} a frame comes out differently with a stride")
+            })?;
             let gaps = target.chunks(stride).flat_map(|row| &row[width * 3..]);
             ensure(gaps.into_iter().all(|&byte| byte == 0x77), || {
                 format!("{place} bytes between the rows of dst are written")
@@ -159,7 +161,10 @@ pub fn check_driver(config: &Config, make: Make<'_, dyn Driver>) -> Result<()> {
             let cx = DriveContext { frame_index, time: frame_index as f64 / 30.0, speed: 8.0 };
             let control = driver.drive(frame.as_ref(), &cx)?;
             ensure(control.steering.is_finite() && control.throttle.is_finite(), || {
-                format!("it steers {} with throttle {}, which is no control", control.steering, control.throttle)
+                format!(
+                    "it steers {} with throttle {}, which is no control",
+                    control.steering, control.throttle
+                )
             })?;
             run.push(control);
         }
@@ -219,7 +224,8 @@ pub fn check_search(config: &Config, make: Make<'_, dyn Search>) -> Result<()> {
     for _ in 0..3 {
         let candidates = strategy.ask(4)?;
         ensure(candidates.len() <= 4, || format!("asked for 4 candidates it proposes {}", candidates.len()))?;
-        let evaluated = candidates.iter().map(|c| Evaluated { id: c.id, objectives: vec![0.5; 4], critical: false });
+        let evaluated =
+            candidates.iter().map(|c| Evaluated { id: c.id, objectives: vec![0.5; 4], critical: false });
         strategy.tell(&evaluated.collect::<Vec<_>>())?;
     }
     Ok(())
@@ -255,7 +261,9 @@ mod tests {
             let width = src.width();
             for y in 0..src.height() {
                 match self.0 {
-                    "leaves a pixel" => dst.row_mut(y)[3.min(width * 3)..].copy_from_slice(&src.row(y)[3.min(width * 3)..]),
+                    "leaves a pixel" => {
+                        dst.row_mut(y)[3.min(width * 3)..].copy_from_slice(&src.row(y)[3.min(width * 3)..])
+                    }
                     _ => dst.row_mut(y).copy_from_slice(src.row(y)),
                 }
             }

@@ -56,10 +56,7 @@ pub fn instance(raw: RawComponent) -> Result<Instance> {
         RawComponent::Simulator(mut raw) => {
             let camera = result(raw.camera())?;
             let usable = |length: u32| (1..=1 << 14).contains(&length);
-            if !usable(camera.width)
-                || !usable(camera.height)
-                || !(0.01..=100_000.0).contains(&camera.rate)
-            {
+            if !usable(camera.width) || !usable(camera.height) || !(0.01..=100_000.0).contains(&camera.rate) {
                 return Err(Error::new(format!(
                     "the simulator's camera has {}x{} pixels at {:?} frames a second, which is out of range",
                     camera.width, camera.height, camera.rate

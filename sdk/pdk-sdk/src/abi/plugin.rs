@@ -12,9 +12,10 @@ use pdk_ops::Key;
 use serde_json::{Map, Value};
 
 use super::{
-    Outcome, PANICKED, PluginDescription, PluginModule, PluginModuleRef, RawComponent, RawContext, RawDataset,
-    RawDataset_TO, RawDriver, RawDriver_TO, RawEntry, RawFrame, RawFrameMut, RawHeatmap, RawPerturbation,
-    RawPerturbation_TO, RawSaliency, RawSaliency_TO, RawSearch, RawSearch_TO, RawSimulator, RawSimulator_TO,
+    Outcome, PANICKED, PluginDescription, PluginModule, PluginModuleRef, RawComponent, RawContext,
+    RawDataset, RawDataset_TO, RawDriver, RawDriver_TO, RawEntry, RawFrame, RawFrameMut, RawHeatmap,
+    RawPerturbation, RawPerturbation_TO, RawSaliency, RawSaliency_TO, RawSearch, RawSearch_TO, RawSimulator,
+    RawSimulator_TO,
 };
 use crate::config::Config;
 use crate::dataset::Dataset;
@@ -184,8 +185,7 @@ impl<T: Perturbation> RawPerturbation for Guarded<T> {
             let values = unsafe { slice(raw.values, raw.values_len) };
             // SAFETY: as above.
             let saliency = unsafe { slice(raw.saliency, raw.saliency_len) };
-            let mut cx =
-                Context::new(raw.intensity, raw.frame_index, raw.time, &key)
+            let mut cx = Context::new(raw.intensity, raw.frame_index, raw.time, &key)
                 .with_stream(raw.stream)
                 .with_values(names, values);
             cx.saliency = (!saliency.is_empty()).then_some(saliency);
