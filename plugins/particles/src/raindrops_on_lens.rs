@@ -5,7 +5,7 @@ use pdk_sdk::prelude::*;
 use crate::births::{Births, COLUMN, Place, sequence_key};
 use crate::lens::{Backdrop, Density, Lens, smooth, time_of};
 use crate::rain::{LIFETIME, MEAN_LIFE, Sitting};
-use crate::sliders::{self, DRIFT, Slider, Sliding};
+use crate::sliders::{self, AFTERMATH, DRIFT, Slider, Sliding};
 use crate::water::{Drop, Water};
 
 /// The most drops that sit on a square of the lens.
@@ -119,8 +119,11 @@ struct Active {
     place: Place,
     /// Full radius in heights of the frame.
     radius: f32,
-    /// The leftmost and rightmost place that it sweeps.
+    /// The leftmost and rightmost, highest and lowest place that it has swept.
     reach: [f32; 2],
+    height: [f32; 2],
+    /// Seconds since it came to an end; negative before.
+    over: f32,
     /// What it has swallowed, in cubed radii.
     swallowed: f32,
     state: Sliding,
@@ -139,7 +142,8 @@ impl RaindropsOnLens {
             if let Some(state) = slider.at_time(time, speed) {
                 let radius = slider.radius * size * presence;
                 let reach = [slider.reach[0] - radius, slider.reach[1] + radius];
-                self.active.push(Active { place, radius, reach, swallowed: 0.0, state });
+                let (height, over) = ([slider.y, state.y], state.slid - slider.slides(speed));
+                self.active.push(Active { place, radius, reach, height, over, swallowed: 0.0, state });
             }
         }
     }
@@ -169,13 +173,14 @@ impl RaindropsOnLens {
     fn add_tracks(&mut self, lens: &Lens) {
         let edge = lens.half_width();
         for i in 0..self.active.len() {
-            let Active { place, radius, reach, state, .. } = self.active[i];
-            if state.slid <= 0.0 || reach[0] > edge || reach[1] < -edge {
+            let Active { place, radius, reach, over, state, .. } = self.active[i];
+            if state.slid <= 0.0 || over > AFTERMATH as f32 || reach[0] > edge || reach[1] < -edge {
                 continue;
             }
             let slider = self.sliders.at(place);
             for bead in &slider.beads {
-                let Some((since, scale)) = state.since(bead.progress).filter(|&(since, _)| since < bead.life) else {
+                let shown = state.since(bead.progress).filter(|&(since, _)| since < bead.life);
+                let Some((since, scale)) = shown.filter(|_| bead.y < 1.05 && bead.x.abs() < edge + 0.05) else {
                     continue;
                 };
                 let radius = bead.radius * radius * scale * smooth((bead.life - since) / 1.5);
@@ -239,6 +244,10 @@ fn swallow(
 ) -> f32 {
     let mut left = 1.0;
     for slider in active {
+        // Most have come to an end before the drop was there, or are somewhere else.
+        if slider.over > age || y < slider.height[0] || y > slider.height[1] {
+            continue;
+        }
         if x < slider.reach[0] - radius || x > slider.reach[1] + radius || slider.state.slid <= 0.0 {
             continue;
         }

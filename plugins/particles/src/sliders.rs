@@ -132,6 +132,11 @@ impl Slider {
         slider
     }
 
+    /// For how many seconds it slides, where the intensity asks for this speed.
+    pub fn slides(&self, speed: f32) -> f32 {
+        SLIDING.min(self.progress[STEPS - 1] / (speed * self.speed))
+    }
+
     /// Where its path is at the height `y`, and the progress it has made there; `None` above its start and below its end.
     pub fn at_height(&self, y: f32) -> Option<(f32, f32)> {
         let down = y - self.y;

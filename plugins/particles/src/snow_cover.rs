@@ -11,11 +11,14 @@ pub const STAMPS: usize = 12;
 /// Rows and columns of a stamp.
 const SIDE: usize = 64;
 /// A stamp reaches so many radii of its flake from the middle.
-const REACH: f32 = 1.5;
+const REACH: f32 = 1.35;
 /// Density of the bank well below its surface.
 const BANK: f32 = 5.0;
-/// Side of the grain of the bank in heights of the frame.
-const GRAIN: f32 = 0.22;
+/// Side of the picture of the bank's grain in heights of the frame.
+const GRAIN: f32 = 0.5;
+
+/// Densities, row by row.
+type Picture = [f32; SIDE * SIDE];
 
 /// The snow on the lens.
 pub struct SnowCover {
@@ -24,15 +27,17 @@ pub struct SnowCover {
     density: Vec<f32>,
     /// First and last column with snow in each row.
     rows: Vec<(usize, usize)>,
-    stamps: Vec<f32>,
+    stamps: Vec<Picture>,
+    grain: Vec<Picture>,
 }
 
 impl SnowCover {
     pub fn new() -> Self {
         let mut random = Key([0x5f; 32]).sequence();
-        let mut stamps = Vec::with_capacity(STAMPS * SIDE * SIDE);
-        (0..STAMPS).for_each(|_| add_stamp(&mut random, &mut stamps));
-        Self { width: 0, height: 0, density: Vec::new(), rows: Vec::new(), stamps }
+        let stamps = (0..STAMPS).map(|_| stamp(&mut random)).collect();
+        let noise = Noise::new(&mut random);
+        let grain = vec![picture(|u, v| noise.at(u, v))];
+        Self { width: 0, height: 0, density: Vec::new(), rows: Vec::new(), stamps, grain }
     }
 
     /// Takes all snow away.
@@ -92,9 +97,8 @@ impl SnowCover {
             return;
         }
         let stamps = std::mem::take(&mut self.stamps);
-        let picture = &stamps[stamp * SIDE * SIDE..(stamp + 1) * SIDE * SIDE];
         // Stamp pixels per frame pixel.
-        let scale = (SIDE - 1) as f32 / (2.0 * reach);
+        let scale = (SIDE - 2) as f32 / (2.0 * reach);
         let (right, down) = (turn[0] * scale, turn[1] * scale);
         let middle = 0.5 * (SIDE - 1) as f32;
         for row in top as usize..=bottom as usize {
@@ -105,7 +109,7 @@ impl SnowCover {
             let (u, v) = (middle + dx * right - dy * down, middle + dx * down + dy * right);
             for (i, value) in part.iter_mut().enumerate() {
                 let step = i as i32 as f32;
-                *value += density * sample(picture, u + step * right, v + step * down);
+                *value += density * sample(&stamps[stamp], u + step * right, v + step * down);
             }
         }
         self.stamps = stamps;
@@ -119,8 +123,9 @@ impl SnowCover {
         }
         let floor = lens.height as f32 / lens.unit;
         let top = ((floor - highest - Bank::SOFT) * lens.unit).floor().max(0.0) as usize;
-        let stamps = std::mem::take(&mut self.stamps);
-        let grain_scale = (SIDE / 2) as f32 / (GRAIN * lens.unit);
+        let pictures = std::mem::take(&mut self.grain);
+        let Some(picture) = pictures.first() else { return };
+        let scale = SIDE as f32 / (GRAIN * lens.unit);
         let middle = 0.5 * self.width as f32;
         for y in top.min(lens.height)..lens.height {
             let above = floor - (y as f32 + 0.5) / lens.unit;
@@ -131,14 +136,13 @@ impl SnowCover {
                 if height <= 1e-4 {
                     continue;
                 }
-                let (u, v) = (mirrored(across * grain_scale), mirrored(above * lens.unit * grain_scale));
-                let grain = sample(&stamps[..SIDE * SIDE], u, v);
-                let surface = height + (grain - 0.6) * 0.6 * height;
+                let grain = sample(picture, mirrored(across * scale), mirrored(above * lens.unit * scale));
+                let surface = height * (1.0 + 0.5 * grain);
                 let inside = smooth((surface - above) / (Bank::SOFT * 0.5 + 0.6 * height) + 0.1);
-                *value += BANK * inside * (0.65 + 0.5 * grain) * (height * 60.0).min(1.0);
+                *value += BANK * inside * (1.0 + 0.4 * grain) * (height * 60.0).min(1.0);
             }
         }
-        self.stamps = stamps;
+        self.grain = pictures;
     }
 
     /// Draws the snow over `dst`, which holds the scene behind it.
@@ -235,78 +239,83 @@ fn opaque(density: f32) -> f32 {
     density / (1.0 + density)
 }
 
-/// A coordinate of the middle half of a stamp, going back and forth.
+/// A coordinate of a picture, going back and forth.
 fn mirrored(v: f32) -> f32 {
-    let half = (SIDE / 2) as f32;
-    let turn = v.abs() * (1.0 / half);
-    let whole = turn.floor();
-    let within = turn - whole;
-    let within = if whole as i32 & 1 == 0 { within } else { 1.0 - within };
-    0.5 * half + within * (half - 1.0)
+    let limit = (SIDE - 1) as f32;
+    let turns = v.abs() * (1.0 / limit);
+    let whole = turns.floor();
+    let within = (turns - whole) * limit;
+    if whole as i32 & 1 == 0 { within } else { limit - within }
 }
 
-/// A stamp's density at a place, interpolated; 0 outside.
+/// The value at a place, interpolated. Places wrap round at the borders.
 #[inline(always)]
-fn sample(picture: &[f32], u: f32, v: f32) -> f32 {
-    let limit = (SIDE - 1) as f32;
-    if !(u >= 0.0 && v >= 0.0 && u < limit && v < limit) {
-        return 0.0;
-    }
-    let (x, y) = (u as usize, v as usize);
-    let (across, down) = (u - x as f32, v - y as f32);
+fn sample(picture: &Picture, u: f32, v: f32) -> f32 {
+    let (x, y) = (u.max(0.0) as u32 as usize, v.max(0.0) as u32 as usize);
+    let (across, down) = (u - x as i32 as f32, v - y as i32 as f32);
     let start = y * SIDE + x;
-    let Some(&[a, b]) = picture.get(start..start + 2).and_then(|pair| pair.first_chunk()) else { return 0.0 };
-    let Some(&[c, d]) = picture.get(start + SIDE..start + SIDE + 2).and_then(|pair| pair.first_chunk())
-    else {
-        return 0.0;
-    };
-    let upper = a + (b - a) * across;
-    let lower = c + (d - c) * across;
+    let at = |offset: usize| picture[(start + offset) & (SIDE * SIDE - 1)];
+    let upper = at(0) + (at(1) - at(0)) * across;
+    let lower = at(SIDE) + (at(SIDE + 1) - at(SIDE)) * across;
     upper + (lower - upper) * down
 }
 
+/// A picture of a function of two numbers from 0 to 1.
+fn picture(of: impl Fn(f32, f32) -> f32) -> Picture {
+    std::array::from_fn(|i| of((i % SIDE) as f32 / (SIDE - 1) as f32, (i / SIDE) as f32 / (SIDE - 1) as f32))
+}
+
 /// Makes a stamp: a few soft lobes with ragged edges. Densities are about 1 in the middle and 0 at the border.
-fn add_stamp(random: &mut Random, into: &mut Vec<f32>) {
-    let lobes: Vec<[f32; 3]> = (0..6)
-        .map(|i| {
-            let angle = random.uniform(0.0, std::f64::consts::TAU) as f32;
-            let distance = if i == 0 { 0.0 } else { random.uniform(0.25, 0.75) as f32 };
-            let size = random.uniform(0.35, 0.7) as f32;
-            [libm::cosf(angle) * distance, libm::sinf(angle) * distance, size]
-        })
-        .collect();
-    let grain: Vec<Vec<f32>> = [6, 12, 24]
-        .map(|n: usize| (0..(n + 1) * (n + 1)).map(|_| random.uniform(-1.0, 1.0) as f32).collect())
-        .into();
-    let noise = |u: f32, v: f32| {
+fn stamp(random: &mut Random) -> Picture {
+    let lobes: [[f32; 3]; 6] = std::array::from_fn(|i| {
+        let angle = random.uniform(0.0, std::f64::consts::TAU) as f32;
+        let distance = if i == 0 { 0.0 } else { random.uniform(0.25, 0.75) as f32 };
+        [libm::cosf(angle) * distance, libm::sinf(angle) * distance, random.uniform(0.35, 0.7) as f32]
+    });
+    let noise = Noise::new(random);
+    picture(|u, v| {
+        let (x, y) = ((2.0 * u - 1.0) * REACH, (2.0 * v - 1.0) * REACH);
+        let mut body = 0.0;
+        for [right, down, size] in lobes {
+            let far = ((x - right) * (x - right) + (y - down) * (y - down)) / (size * size * 1.9);
+            let near = (1.0 - far).max(0.0);
+            body += near * near;
+        }
+        let border = smooth((REACH - (x * x + y * y).sqrt()) / 0.4);
+        let ragged = smooth((body + 0.95 * noise.at(u, v) * (0.3 + body).min(1.0) - 0.12) / 1.35);
+        ragged * border * (1.0 + 0.5 * noise.at(v, u)).max(0.0)
+    })
+}
+
+/// Cells of each octave of [`Noise`] along a side, with its weight.
+const OCTAVES: [(usize, f32); 3] = [(6, 0.5), (12, 0.33), (24, 0.25)];
+
+/// Smooth noise: random values on grids, interpolated.
+struct Noise([Vec<f32>; 3]);
+
+impl Noise {
+    fn new(random: &mut Random) -> Self {
+        let grid = |(cells, _): (usize, f32)| {
+            (0..(cells + 1) * (cells + 1)).map(|_| random.uniform(-1.0, 1.0) as f32).collect()
+        };
+        Self(OCTAVES.map(grid))
+    }
+
+    /// The noise at a place from 0 to 1: a number around 0, from about -1 to 1.
+    fn at(&self, u: f32, v: f32) -> f32 {
         let mut sum = 0.0;
-        for (cells, (n, weight)) in grain.iter().zip([(6usize, 0.5f32), (12, 0.33), (24, 0.25)]) {
+        for (grid, (cells, weight)) in self.0.iter().zip(OCTAVES) {
             let place = |w: f32| {
-                let w = w * n as f32;
-                let first = (w as usize).min(n - 1);
+                let w = w * cells as f32;
+                let first = (w as usize).min(cells - 1);
                 (first, smooth(w - first as f32))
             };
             let ((x, across), (y, down)) = (place(u), place(v));
-            let at = |x: usize, y: usize| cells[y * (n + 1) + x];
+            let at = |x: usize, y: usize| grid[y * (cells + 1) + x];
             let upper = at(x, y) + (at(x + 1, y) - at(x, y)) * across;
             let lower = at(x, y + 1) + (at(x + 1, y + 1) - at(x, y + 1)) * across;
             sum += weight * (upper + (lower - upper) * down);
         }
         sum
-    };
-    for y in 0..SIDE {
-        for x in 0..SIDE {
-            let (u, v) = (x as f32 / (SIDE - 1) as f32, y as f32 / (SIDE - 1) as f32);
-            let (px, py) = ((2.0 * u - 1.0) * REACH, (2.0 * v - 1.0) * REACH);
-            let mut body = 0.0;
-            for [lx, ly, size] in &lobes {
-                let far = ((px - lx) * (px - lx) + (py - ly) * (py - ly)) / (size * size * 1.9);
-                let near = (1.0 - far).max(0.0);
-                body += near * near;
-            }
-            let border = smooth((REACH - (px * px + py * py).sqrt()) / 0.4);
-            let ragged = smooth((body + 0.95 * noise(u, v) * (0.3 + body).min(1.0) - 0.12) / 1.35);
-            into.push(ragged * border * (1.0 + 0.5 * noise(v, u)).max(0.0));
-        }
     }
 }
