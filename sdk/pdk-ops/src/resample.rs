@@ -6,29 +6,50 @@ use crate::simd::{round_to_byte, vectorised};
 /// What [`resize_area`] keeps between calls.
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
+    columns: Spans,
+    rows: Spans,
     /// A weighted sum of rows.
     sum: Vec<f32>,
 }
 
-/// The stretch of the input that an output position covers, in pixels.
-#[derive(Clone, Copy)]
-struct Span {
-    start: f64,
-    end: f64,
+/// For each output position the stretch of input pixels that it covers.
+#[derive(Debug, Clone, Default)]
+struct Spans {
+    /// Lengths of input and output.
+    of: (usize, usize),
+    /// The first pixel that each position covers, and where its shares end.
+    spans: Vec<(usize, usize)>,
+    /// The share of each position's stretch that falls on each of its pixels.
+    shares: Vec<f32>,
 }
 
-impl Span {
-    fn of(position: usize, from: usize, to: usize) -> Self {
-        let edge = |i: usize| (i * from) as f64 / to as f64;
-        Self { start: edge(position), end: edge(position + 1) }
+impl Spans {
+    fn set(&mut self, from: usize, to: usize) {
+        if self.of == (from, to) {
+            return;
+        }
+        self.of = (from, to);
+        self.spans.clear();
+        self.shares.clear();
+        // In units of which a pixel of the input has `to` and one of the output has `from`.
+        for position in 0..to {
+            let (start, end) = (position * from, (position + 1) * from);
+            let first = start / to;
+            for pixel in first..end.div_ceil(to) {
+                let covered = end.min((pixel + 1) * to) - start.max(pixel * to);
+                self.shares.push((covered as f64 / from as f64) as f32);
+            }
+            self.spans.push((first, self.shares.len()));
+        }
     }
 
-    /// The pixels it touches, each with the share of the span that falls on it.
-    fn shares(self, from: usize) -> impl Iterator<Item = (usize, f32)> {
-        let (first, last) = (self.start as usize, (self.end.ceil() as usize).clamp(1, from));
-        (first..last.max(first + 1).min(from)).map(move |i| {
-            let inside = self.end.min((i + 1) as f64) - self.start.max(i as f64);
-            (i, (inside / (self.end - self.start)) as f32)
+    /// The first pixel and the shares of each position.
+    fn iter(&self) -> impl Iterator<Item = (usize, &[f32])> {
+        let mut start = 0;
+        self.spans.iter().map(move |&(first, end)| {
+            let shares = &self.shares[start..end];
+            start = end;
+            (first, shares)
         })
     }
 }
@@ -36,18 +57,18 @@ impl Span {
 /// Resizes `src` to the size of `dst`: each pixel becomes the mean of the area that it covers, rounded half to even.
 /// Enlarging gives blocks with mixed pixels between them.
 pub fn resize_area(src: Frame<'_>, mut dst: FrameMut<'_>, workspace: &mut Workspace) {
-    let (width, height) = (dst.width(), dst.height());
-    let sum = &mut workspace.sum;
+    let Workspace { columns, rows, sum } = workspace;
+    columns.set(src.width(), dst.width());
+    rows.set(src.height(), dst.height());
     sum.resize(src.width() * CHANNELS, 0.0);
-    for y in 0..height {
+    for ((first, shares), out) in rows.iter().zip(dst.rows_mut()) {
         sum.fill(0.0);
-        for (row, share) in Span::of(y, src.height(), height).shares(src.height()) {
+        for (row, &share) in (first..).zip(shares) {
             add_row(src.row(row), sum, share);
         }
-        for (x, out) in dst.row_mut(y).chunks_exact_mut(CHANNELS).enumerate() {
+        for ((first, shares), out) in columns.iter().zip(out.chunks_exact_mut(CHANNELS)) {
             let mut total = [0.0f32; CHANNELS];
-            for (column, share) in Span::of(x, src.width(), width).shares(src.width()) {
-                let pixel = &sum[column * CHANNELS..][..CHANNELS];
+            for (pixel, share) in sum[first * CHANNELS..].chunks_exact(CHANNELS).zip(shares) {
                 for (total, value) in total.iter_mut().zip(pixel) {
                     *total += value * share;
                 }
@@ -100,7 +121,8 @@ mod tests {
         fn area_matches_the_mean_of_a_finer_grid(sample in samples(), width in 1usize..40, height in 1usize..20) {
             // On a grid that both sizes divide, every area is a whole number of cells.
             let src = sample.frame();
-            let result = run(width, height, |dst| resize_area(src, dst, &mut Workspace::default()));
+            let mut workspace = Workspace::default();
+            let result = run(width, height, |dst| resize_area(src, dst, &mut workspace));
             for y in 0..height {
                 for x in 0..width {
                     let mut sums = [0u64; 3];

@@ -48,9 +48,11 @@ impl Tap {
 
 /// The taps of a block of columns.
 struct Columns {
-    taps: [Tap; BLOCK],
+    /// Where the first of a tap's two pixels starts in a row, in bytes, growing from left to right.
+    places: [u32; BLOCK],
+    weights: [[u16; 2]; BLOCK],
     len: usize,
-    /// How many of them lie so far from the right end that eight bytes can be read at each.
+    /// How many places lie so far from the right end that a row has eight bytes there.
     roomy: usize,
     /// Whether the output is as wide as the input.
     same: bool,
@@ -73,16 +75,19 @@ pub fn resize_linear_from(src: Source<'_>, mut dst: FrameMut<'_>) {
     assert!(src.width > 0 && src.height > 0, "resizing needs an image");
     let (width, height) = (dst.width(), dst.height());
     let (scale_x, scale_y) = (src.width as f64 / width as f64, src.height as f64 / height as f64);
-    let mut columns = Columns { taps: [Tap::default(); BLOCK], len: 0, roomy: 0, same: src.width == width };
+    let mut columns =
+        Columns { places: [0; BLOCK], weights: [[0; 2]; BLOCK], len: 0, roomy: 0, same: src.width == width };
     // The two source rows that an output row lies between, interpolated horizontally, with their row numbers.
     let mut rows = [[0u16; BLOCK * CHANNELS + SLACK]; 2];
     for start in (0..width).step_by(BLOCK) {
         columns.len = BLOCK.min(width - start);
-        for (offset, tap) in columns.taps[..columns.len].iter_mut().enumerate() {
-            *tap = Tap::at(start + offset, src.width, scale_x);
+        for i in 0..columns.len {
+            let tap = Tap::at(start + i, src.width, scale_x);
+            columns.places[i] = (tap.first * CHANNELS) as u32;
+            columns.weights[i] = tap.weights;
         }
-        columns.roomy = columns.taps[..columns.len]
-            .partition_point(|tap| tap.first * CHANNELS + 8 <= src.width * CHANNELS);
+        columns.roomy = columns.places[..columns.len]
+            .partition_point(|&place| place as usize + 8 <= src.width * CHANNELS);
         let values = columns.len * CHANNELS;
         let mut held = [usize::MAX; 2];
         for y in 0..height {
@@ -129,18 +134,17 @@ vectorised! {
 fn interpolate_row(row: &[u8], columns: &Columns, into: &mut [u16; BLOCK * CHANNELS + SLACK]) {
     #[cfg(target_arch = "x86_64")]
     let done = match std::arch::is_x86_feature_detected!("avx2") && !portable_only() {
-        // SAFETY: the processor has AVX2.
-        true => unsafe { interpolate_row_avx2(row, &columns.taps[..columns.roomy], into) },
+        // SAFETY: the processor has AVX2. Places grow from left to right, so `roomy` counts those that have eight bytes.
+        true => unsafe { interpolate_row_avx2(row, columns, into) },
         false => 0,
     };
     #[cfg(not(target_arch = "x86_64"))]
     let done = 0;
     let next = if row.len() > CHANNELS { CHANNELS } else { 0 };
-    for (tap, into) in
-        columns.taps[done..columns.len].iter().zip(into[done * CHANNELS..].chunks_exact_mut(CHANNELS))
-    {
-        let pair = &row[tap.first * CHANNELS..][..CHANNELS + next];
-        let [first, second] = tap.weights.map(u32::from);
+    let taps = columns.places[..columns.len].iter().zip(&columns.weights).skip(done);
+    for ((&place, weights), into) in taps.zip(into[done * CHANNELS..].chunks_exact_mut(CHANNELS)) {
+        let pair = &row[place as usize..][..CHANNELS + next];
+        let [first, second] = weights.map(u32::from);
         for (channel, into) in into.iter_mut().enumerate() {
             let sum = u32::from(pair[channel]) * first + u32::from(pair[channel + next]) * second;
             *into = (sum >> (WEIGHT_BITS - ROW_BITS)) as u16;
@@ -148,10 +152,17 @@ fn interpolate_row(row: &[u8], columns: &Columns, into: &mut [u16; BLOCK * CHANN
     }
 }
 
-/// Does four taps at a time, each with eight bytes of the row from its first pixel on, and returns how many it did.
+/// Does eight taps at a time, each with eight bytes of the row from its first pixel on, and returns how many it did.
+///
+/// # Safety
+/// The processor has AVX2, and `row` has eight bytes at each of the first `columns.roomy` places.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn interpolate_row_avx2(row: &[u8], taps: &[Tap], into: &mut [u16; BLOCK * CHANNELS + SLACK]) -> usize {
+unsafe fn interpolate_row_avx2(
+    row: &[u8],
+    columns: &Columns,
+    into: &mut [u16; BLOCK * CHANNELS + SLACK],
+) -> usize {
     use std::arch::x86_64::*;
     // The first pixel's red and the second's, as words, then green and blue: of the lower and of the upper half.
     let lower =
@@ -162,32 +173,39 @@ fn interpolate_row_avx2(row: &[u8], taps: &[Tap], into: &mut [u16; BLOCK * CHANN
     // From r g b 0 r g b 0 to r g b r g b, in words.
     let in_threes =
         _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 13, -1, -1, -1, -1));
-    let mut done = 0;
-    for four in taps.chunks_exact(4) {
-        let word = |i: usize| {
-            let bytes = &row[four[i].first * CHANNELS..][..8];
-            // SAFETY: the slice has eight bytes.
-            unsafe { bytes.as_ptr().cast::<i64>().read_unaligned() }
+    let end = columns.roomy.min(columns.len) / 8 * 8;
+    let groups = columns.places[..end].chunks_exact(8).zip(columns.weights[..end].chunks_exact(8));
+    for ((places, weights), out) in groups.zip(into.chunks_exact_mut(8 * CHANNELS)) {
+        let out = out.as_mut_ptr();
+        // SAFETY: there are eight weights.
+        let weights = unsafe { _mm256_loadu_si256(weights.as_ptr().cast()) };
+        let four = |first: usize, even: __m256i, odd: __m256i| {
+            // SAFETY: the caller vouches for the places.
+            let word = |i: usize| unsafe {
+                row.as_ptr().add(places[first + i] as usize).cast::<i64>().read_unaligned()
+            };
+            let words = _mm256_setr_epi64x(word(0), word(1), word(2), word(3));
+            let pair = |which: __m256i, weights: __m256i| {
+                let sum = _mm256_madd_epi16(_mm256_shuffle_epi8(words, which), weights);
+                _mm256_srli_epi32::<{ (WEIGHT_BITS - ROW_BITS) as i32 }>(sum)
+            };
+            let pixels = _mm256_packus_epi32(
+                pair(lower, _mm256_permutevar8x32_epi32(weights, even)),
+                pair(upper, _mm256_permutevar8x32_epi32(weights, odd)),
+            );
+            let pixels = _mm256_shuffle_epi8(pixels, in_threes);
+            // SAFETY: from the first of eight pixels on 24 numbers are left, from the fourth on 12, and SLACK more
+            // follow the last; these write 6 and 8.
+            unsafe {
+                let out = out.add(first * CHANNELS);
+                _mm_storeu_si128(out.cast(), _mm256_castsi256_si128(pixels));
+                _mm_storeu_si128(out.add(6).cast(), _mm256_extracti128_si256::<1>(pixels));
+            }
         };
-        let weights = |i: usize| i32::from(four[i].weights[0]) | i32::from(four[i].weights[1]) << 16;
-        let words = _mm256_setr_epi64x(word(0), word(1), word(2), word(3));
-        let pair = |which: __m256i, first: i32, second: i32| {
-            let weights = _mm256_setr_m128i(_mm_set1_epi32(first), _mm_set1_epi32(second));
-            let sum = _mm256_madd_epi16(_mm256_shuffle_epi8(words, which), weights);
-            _mm256_srli_epi32::<{ (WEIGHT_BITS - ROW_BITS) as i32 }>(sum)
-        };
-        let pixels =
-            _mm256_packus_epi32(pair(lower, weights(0), weights(2)), pair(upper, weights(1), weights(3)));
-        let pixels = _mm256_shuffle_epi8(pixels, in_threes);
-        let out = &mut into[done * CHANNELS..][..4 * CHANNELS + 2];
-        // SAFETY: `out` has 28 bytes, 12 and 16 of which these write.
-        unsafe {
-            _mm_storeu_si128(out.as_mut_ptr().cast(), _mm256_castsi256_si128(pixels));
-            _mm_storeu_si128(out.as_mut_ptr().add(6).cast(), _mm256_extracti128_si256::<1>(pixels));
-        }
-        done += 4;
+        four(0, _mm256_setr_epi32(0, 0, 0, 0, 2, 2, 2, 2), _mm256_setr_epi32(1, 1, 1, 1, 3, 3, 3, 3));
+        four(4, _mm256_setr_epi32(4, 4, 4, 4, 6, 6, 6, 6), _mm256_setr_epi32(5, 5, 5, 5, 7, 7, 7, 7));
     }
-    done
+    end
 }
 
 #[cfg(test)]
