@@ -3,6 +3,7 @@
 mod false_color_filter;
 mod grayscale_filter;
 mod histogram_equalisation;
+mod phase_scrambling;
 mod posterize_filter;
 mod saturation_decrease_filter;
 mod saturation_filter;
@@ -17,6 +18,7 @@ pdk_sdk::export! {
         false_color_filter::FalseColorFilter,
         grayscale_filter::GrayscaleFilter,
         histogram_equalisation::HistogramEqualisation,
+        phase_scrambling::PhaseScrambling,
         posterize_filter::PosterizeFilter,
         saturation_decrease_filter::SaturationDecreaseFilter,
         saturation_filter::SaturationFilter,

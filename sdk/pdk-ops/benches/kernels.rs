@@ -4,7 +4,7 @@
 use divan::Bencher;
 use pdk_ops::{
     Frame, FrameBuf, FrameMut, Key, average, blend, canny, color, elastic, equalise, false_color, gaussian,
-    hsv, jpeg, noise, point, poisson, posterize, resample, resize, saturation, sharpen, unsharp, warp,
+    hsv, jpeg, noise, phase, point, poisson, posterize, resample, resize, saturation, sharpen, unsharp, warp,
     white_balance,
 };
 
@@ -287,4 +287,37 @@ fn elastic_10(bencher: Bencher<'_, '_>) {
     let mut workspace = elastic::Workspace::default();
     let mut random = Key::default().frame(0);
     time(bencher, |src, dst| elastic::elastic(src, dst, 10.0, 1.5, &mut random, &mut workspace));
+}
+
+#[divan::bench]
+fn fog_field(bencher: Bencher<'_, '_>) {
+    let mut field = pdk_ops::fog::Field::default();
+    time(bencher, |src, dst| blend::blend(src, 0.4, field.frame(320, 240, Key::default()), dst));
+}
+
+#[divan::bench]
+fn fog_field_of_a_new_sequence(bencher: Bencher<'_, '_>) {
+    let mut field = pdk_ops::fog::Field::default();
+    let mut key = Key::default();
+    time(bencher, |src, dst| {
+        key.0[0] = key.0[0].wrapping_add(1);
+        blend::blend(src, 0.4, field.frame(320, 240, key), dst);
+    });
+}
+
+#[divan::bench]
+fn fog_grain(bencher: Bencher<'_, '_>) {
+    let mut grain = pdk_ops::fog::Grain::default();
+    let mut random = Key::default().frame(0);
+    time(bencher, |src, dst| {
+        let fog = grain.frame(320, 240, 0.45, pdk_ops::fog::Overflow::Wraps, &mut random);
+        blend::blend(src, 0.35, fog, dst);
+    });
+}
+
+#[divan::bench]
+fn phase_scrambling(bencher: Bencher<'_, '_>) {
+    let mut workspace = phase::Workspace::default();
+    let mut random = Key::default().frame(0);
+    time(bencher, |src, dst| phase::scramble_phase(src, dst, 0.55, &mut random, &mut workspace));
 }

@@ -97,7 +97,7 @@ fn cell_and_share(position: usize, tile: usize) -> (usize, f32) {
     let centre = position as f32 / tile as f32 - 0.5;
     // No smaller than a half, so that dropping the fraction is rounding down.
     let cell = (centre + 1.0) as usize;
-    (cell, centre + 1.0 - cell as f32)
+    (cell, centre - (cell as f32 - 1.0))
 }
 
 /// How often each value occurs.

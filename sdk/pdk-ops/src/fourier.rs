@@ -1,0 +1,357 @@
+//! Fourier transforms of eight sequences at a time, one in each lane of a vector.
+//!
+//! Self-sorting passes after Stockham (Cochran and others, "What is the fast Fourier transform?", 1967) with radices 4, 2,
+//! 3 and 5, and a plain sum for other prime factors. The same operations in the same order on every processor, with
+//! factors from [`libm`], so the same result everywhere.
+
+use std::f64::consts::PI;
+
+use crate::simd::vectorised;
+
+/// The number of sequences that are transformed together.
+pub(crate) const LANES: usize = 8;
+
+/// The same element of each sequence.
+pub(crate) type Lane = [f32; LANES];
+
+/// Complex numbers, one in each lane.
+#[derive(Clone, Copy)]
+struct Complex {
+    re: Lane,
+    im: Lane,
+}
+
+/// A complex factor that is the same for all lanes.
+#[derive(Debug, Clone, Copy, Default)]
+struct Factor {
+    re: f32,
+    im: f32,
+}
+
+/// `e^(-2 pi i k / n)`.
+fn root(k: usize, n: usize) -> Factor {
+    let (sin, cos) = libm::sincos(-2.0 * PI * (k % n) as f64 / n as f64);
+    Factor { re: cos as f32, im: sin as f32 }
+}
+
+#[inline(always)]
+fn lanes(of: impl Fn(usize) -> f32) -> Lane {
+    std::array::from_fn(of)
+}
+
+impl Complex {
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self { re: lanes(|i| self.re[i] + other.re[i]), im: lanes(|i| self.im[i] + other.im[i]) }
+    }
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self { re: lanes(|i| self.re[i] - other.re[i]), im: lanes(|i| self.im[i] - other.im[i]) }
+    }
+
+    #[inline(always)]
+    fn scale(self, factor: f32) -> Self {
+        Self { re: lanes(|i| self.re[i] * factor), im: lanes(|i| self.im[i] * factor) }
+    }
+
+    /// Times `-i`.
+    #[inline(always)]
+    fn turn(self) -> Self {
+        Self { re: self.im, im: lanes(|i| -self.re[i]) }
+    }
+
+    #[inline(always)]
+    fn times(self, factor: Factor) -> Self {
+        Self {
+            re: lanes(|i| self.re[i] * factor.re - self.im[i] * factor.im),
+            im: lanes(|i| self.re[i] * factor.im + self.im[i] * factor.re),
+        }
+    }
+}
+
+/// Eight sequences of complex numbers, real and imaginary parts apart.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Sequences {
+    pub(crate) re: Vec<Lane>,
+    pub(crate) im: Vec<Lane>,
+}
+
+impl Sequences {
+    pub(crate) fn resize(&mut self, len: usize) {
+        self.re.resize(len, [0.0; LANES]);
+        self.im.resize(len, [0.0; LANES]);
+    }
+}
+
+/// How sequences of one length are transformed.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Plan {
+    len: usize,
+    passes: Vec<Pass>,
+    factors: Vec<Factor>,
+    /// What the passes write to in turn.
+    scratch: Sequences,
+}
+
+/// One pass: it combines `radix` elements that lie `rest * done` apart into as many that lie `done` apart.
+#[derive(Debug, Clone, Copy)]
+struct Pass {
+    radix: usize,
+    /// The product of the radices of later passes.
+    rest: usize,
+    /// The product of the radices of earlier passes.
+    done: usize,
+    /// Where its factors start: `radix - 1` for each of `rest` groups; for a plain sum, then the roots of the radix.
+    factors: usize,
+}
+
+impl Plan {
+    /// Prepares for sequences of `len` elements, at least 1. Nothing happens where it is prepared for them already.
+    pub(crate) fn prepare(&mut self, len: usize) {
+        if self.len == len {
+            return;
+        }
+        self.len = len;
+        self.passes.clear();
+        self.factors.clear();
+        self.scratch.resize(len);
+        let (mut rest, mut done) = (len, 1);
+        while rest > 1 {
+            let radix = [4, 2, 3, 5].into_iter().find(|r| rest.is_multiple_of(*r));
+            let radix = radix.unwrap_or_else(|| smallest_factor(rest));
+            let length = rest;
+            rest /= radix;
+            self.passes.push(Pass { radix, rest, done, factors: self.factors.len() });
+            for group in 0..rest {
+                self.factors.extend((1..radix).map(|r| root(group * r, length)));
+            }
+            if radix > 5 {
+                self.factors.extend((0..radix).map(|k| root(k, radix)));
+            }
+            done *= radix;
+        }
+    }
+
+    /// Transforms eight sequences in place: element `k` becomes the sum of all elements `j` times `e^(-2 pi i j k / n)`.
+    /// With `re` and `im` exchanged it is the inverse, larger by the length.
+    ///
+    /// # Panics
+    /// Where a slice has another length than the plan.
+    pub(crate) fn transform(&mut self, re: &mut [Lane], im: &mut [Lane]) {
+        assert!(re.len() == self.len && im.len() == self.len, "the plan is for another length");
+        let Sequences { re: other_re, im: other_im } = &mut self.scratch;
+        run(&self.passes, &self.factors, re, im, other_re, other_im);
+    }
+}
+
+/// The smallest prime factor of a number that has none below 6.
+fn smallest_factor(number: usize) -> usize {
+    (7..).step_by(2).take_while(|f| f * f <= number).find(|f| number.is_multiple_of(*f)).unwrap_or(number)
+}
+
+vectorised! {
+    fn run / run_portable / run_avx2 (
+        passes: &[Pass], factors: &[Factor], re: &mut [Lane], im: &mut [Lane], other_re: &mut [Lane],
+        other_im: &mut [Lane],
+    ) {
+        for (number, pass) in passes.iter().enumerate() {
+            let factors = &factors[pass.factors..];
+            if number % 2 == 0 {
+                one_pass(pass, factors, re, im, other_re, other_im);
+            } else {
+                one_pass(pass, factors, other_re, other_im, re, im);
+            }
+        }
+        if passes.len() % 2 == 1 {
+            re.copy_from_slice(other_re);
+            im.copy_from_slice(other_im);
+        }
+    }
+}
+
+#[inline(always)]
+fn one_pass(
+    pass: &Pass,
+    factors: &[Factor],
+    re: &[Lane],
+    im: &[Lane],
+    to_re: &mut [Lane],
+    to_im: &mut [Lane],
+) {
+    match pass.radix {
+        2 => fixed_pass::<2>(pass, factors, re, im, to_re, to_im, radix_2),
+        3 => fixed_pass::<3>(pass, factors, re, im, to_re, to_im, radix_3),
+        4 => fixed_pass::<4>(pass, factors, re, im, to_re, to_im, radix_4),
+        5 => fixed_pass::<5>(pass, factors, re, im, to_re, to_im, radix_5),
+        _ => plain_pass(pass, factors, re, im, to_re, to_im),
+    }
+}
+
+/// A pass with a transform of `RADIX` elements.
+#[inline(always)]
+fn fixed_pass<const RADIX: usize>(
+    pass: &Pass,
+    factors: &[Factor],
+    re: &[Lane],
+    im: &[Lane],
+    to_re: &mut [Lane],
+    to_im: &mut [Lane],
+    combine: impl Fn([Complex; RADIX]) -> [Complex; RADIX],
+) {
+    let Pass { rest, done, .. } = *pass;
+    let apart = rest * done;
+    let (re, im): ([&[Lane]; RADIX], [&[Lane]; RADIX]) = (
+        std::array::from_fn(|j| &re[j * apart..][..apart]),
+        std::array::from_fn(|j| &im[j * apart..][..apart]),
+    );
+    let groups = to_re.chunks_exact_mut(RADIX * done).zip(to_im.chunks_exact_mut(RADIX * done));
+    for (group, (to_re, to_im)) in groups.enumerate() {
+        let factors = &factors[group * (RADIX - 1)..][..RADIX - 1];
+        for k in 0..done {
+            let from = group * done + k;
+            let out = combine(std::array::from_fn(|j| Complex { re: re[j][from], im: im[j][from] }));
+            (to_re[k], to_im[k]) = (out[0].re, out[0].im);
+            for r in 1..RADIX {
+                let turned = out[r].times(factors[r - 1]);
+                (to_re[r * done + k], to_im[r * done + k]) = (turned.re, turned.im);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn radix_2([a, b]: [Complex; 2]) -> [Complex; 2] {
+    [a.add(b), a.sub(b)]
+}
+
+#[inline(always)]
+fn radix_3([a, b, c]: [Complex; 3]) -> [Complex; 3] {
+    /// The sine of 60 degrees.
+    const SIN: f32 = 0.866_025_4;
+    let sum = b.add(c);
+    let middle = a.sub(sum.scale(0.5));
+    let side = b.sub(c).scale(SIN).turn();
+    [a.add(sum), middle.add(side), middle.sub(side)]
+}
+
+#[inline(always)]
+fn radix_4([a, b, c, d]: [Complex; 4]) -> [Complex; 4] {
+    let (even, odd) = (a.add(c), b.add(d));
+    let (even_side, odd_side) = (a.sub(c), b.sub(d).turn());
+    [even.add(odd), even_side.add(odd_side), even.sub(odd), even_side.sub(odd_side)]
+}
+
+#[inline(always)]
+fn radix_5([a, b, c, d, e]: [Complex; 5]) -> [Complex; 5] {
+    /// Cosines and sines of 72 and 144 degrees.
+    const COS: [f32; 2] = [0.309_017, -0.809_017];
+    const SIN: [f32; 2] = [0.951_056_54, 0.587_785_24];
+    let (outer, inner) = (b.add(e), c.add(d));
+    let (outer_side, inner_side) = (b.sub(e).turn(), c.sub(d).turn());
+    let near = a.add(outer.scale(COS[0])).add(inner.scale(COS[1]));
+    let far = a.add(outer.scale(COS[1])).add(inner.scale(COS[0]));
+    let near_side = outer_side.scale(SIN[0]).add(inner_side.scale(SIN[1]));
+    let far_side = outer_side.scale(SIN[1]).sub(inner_side.scale(SIN[0]));
+    [a.add(outer).add(inner), near.add(near_side), far.add(far_side), far.sub(far_side), near.sub(near_side)]
+}
+
+/// A pass that sums up every output of a group by itself.
+fn plain_pass(
+    pass: &Pass,
+    factors: &[Factor],
+    re: &[Lane],
+    im: &[Lane],
+    to_re: &mut [Lane],
+    to_im: &mut [Lane],
+) {
+    let Pass { radix, rest, done, .. } = *pass;
+    let roots = &factors[rest * (radix - 1)..][..radix];
+    for group in 0..rest {
+        for k in 0..done {
+            for r in 0..radix {
+                let mut sum = Complex { re: [0.0; LANES], im: [0.0; LANES] };
+                let mut turn = 0;
+                for j in 0..radix {
+                    let from = (j * rest + group) * done + k;
+                    sum = sum.add(Complex { re: re[from], im: im[from] }.times(roots[turn]));
+                    turn += r;
+                    turn -= if turn >= radix { radix } else { 0 };
+                }
+                if r > 0 {
+                    sum = sum.times(factors[group * (radix - 1) + r - 1]);
+                }
+                let to = (group * radix + r) * done + k;
+                (to_re[to], to_im[to]) = (sum.re, sum.im);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Key;
+    use crate::simd::PORTABLE_ONLY;
+
+    fn random_sequences(len: usize) -> Sequences {
+        let mut random = Key([4; 32]).sequence();
+        let mut part = || (0..len).map(|_| lanes_of(|| random.uniform(-100.0, 100.0) as f32)).collect();
+        Sequences { re: part(), im: part() }
+    }
+
+    fn lanes_of(mut of: impl FnMut() -> f32) -> Lane {
+        std::array::from_fn(|_| of())
+    }
+
+    /// The sum by which the transform is defined, in double precision.
+    fn plain(from: &Sequences, lane: usize) -> Vec<(f64, f64)> {
+        let len = from.re.len();
+        (0..len)
+            .map(|k| {
+                (0..len).fold((0.0, 0.0), |(re, im), j| {
+                    let (sin, cos) = libm::sincos(-2.0 * PI * (j * k % len) as f64 / len as f64);
+                    let (a, b) = (f64::from(from.re[j][lane]), f64::from(from.im[j][lane]));
+                    (re + a * cos - b * sin, im + a * sin + b * cos)
+                })
+            })
+            .collect()
+    }
+
+    #[test]
+    fn matches_the_definition_at_any_length_with_and_without_vectors() {
+        let mut plan = Plan::default();
+        for len in (1..=40).chain([60, 64, 75, 97, 120, 161, 240, 320, 322]) {
+            let from = random_sequences(len);
+            let mut to = from.clone();
+            plan.prepare(len);
+            plan.transform(&mut to.re, &mut to.im);
+            for lane in 0..LANES {
+                for (k, (re, im)) in plain(&from, lane).into_iter().enumerate() {
+                    let off = (f64::from(to.re[k][lane]) - re).hypot(f64::from(to.im[k][lane]) - im);
+                    assert!(off < 2e-3 * (len as f64).sqrt().max(1.0), "{len}: element {k} is off by {off}");
+                }
+            }
+            let mut portable = from.clone();
+            PORTABLE_ONLY.set(true);
+            plan.transform(&mut portable.re, &mut portable.im);
+            PORTABLE_ONLY.set(false);
+            assert!(portable.re == to.re && portable.im == to.im, "{len} without vectors");
+        }
+    }
+
+    #[test]
+    fn exchanged_parts_give_the_inverse() {
+        let mut plan = Plan::default();
+        for len in [1, 7, 48, 320] {
+            let from = random_sequences(len);
+            let mut to = from.clone();
+            plan.prepare(len);
+            plan.transform(&mut to.re, &mut to.im);
+            plan.transform(&mut to.im, &mut to.re);
+            for (before, after) in from.re.iter().flatten().zip(to.re.iter().flatten()) {
+                assert!((before - after / len as f32).abs() < 1e-3, "{len}");
+            }
+        }
+    }
+}

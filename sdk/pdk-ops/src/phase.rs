@@ -1,0 +1,330 @@
+//! Scrambled phases.
+//!
+//! A phase is added to every coefficient of a channel's Fourier transform, and the real part of what comes back is the
+//! result. Coefficients of a real image come in pairs, one the conjugate of the other, and taking the real part at the
+//! end averages what was added to the two: with phases p and q, the first of a pair is multiplied by
+//! `(e^(ip) + e^(-iq)) / 2 = cos((p + q) / 2) e^(i (p - q) / 2)` and the second by its conjugate. So half of the
+//! coefficients is enough, two rows fit one complex transform, and nothing is computed that the real part drops.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+
+use crate::fourier::{LANES, Lane, Plan, Sequences};
+use crate::frame::{CHANNELS, Frame, FrameMut};
+use crate::random::Random;
+use crate::simd::vectorised;
+
+/// Random bytes for one coefficient in each lane: two numbers of 16 bits.
+const DRAW: usize = 4 * LANES;
+
+/// Rows that are transformed together: two in each lane.
+const ROWS: usize = 2 * LANES;
+
+/// What [`scramble_phase`] keeps between calls.
+#[derive(Debug, Clone, Default)]
+pub struct Workspace {
+    across: Plan,
+    down: Plan,
+    /// Rows under way.
+    rows: Sequences,
+    /// The half spectrum: for each channel, for each block of columns, the block's rows.
+    spectrum: Sequences,
+    /// What the coefficients of a block of columns are multiplied with.
+    filter: Sequences,
+    /// The random bytes of a block of columns.
+    draws: Vec<u8>,
+}
+
+/// Adds to the phase of every coefficient of each channel's two-dimensional Fourier transform a random angle from
+/// `0..strength * pi`, transforms back, and keeps the real part, clipped to 0..=255 and without its fraction. The
+/// strength is clipped to 0..=1.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn scramble_phase(
+    src: Frame<'_>,
+    mut dst: FrameMut<'_>,
+    strength: f64,
+    random: &mut Random,
+    workspace: &mut Workspace,
+) {
+    assert!(src.same_size(&dst.as_ref()), "phase scrambling between frames of different size");
+    let (width, height) = (src.width(), src.height());
+    let columns = width / 2 + 1;
+    let blocks = columns.div_ceil(LANES);
+    let Workspace { across, down, rows, spectrum, filter, draws } = workspace;
+    across.prepare(width);
+    down.prepare(height);
+    rows.resize(width);
+    spectrum.resize(CHANNELS * blocks * height);
+    filter.resize(height);
+    draws.resize(DRAW * height, 0);
+
+    for channel in 0..CHANNELS {
+        let of_channel = channel * blocks * height..(channel + 1) * blocks * height;
+        let (re, im) = (&mut spectrum.re[of_channel.clone()], &mut spectrum.im[of_channel]);
+        for top in (0..height).step_by(ROWS) {
+            load_rows(src, channel, top, rows);
+            across.transform(&mut rows.re, &mut rows.im);
+            take_spectra_apart(rows, re, im, top, height);
+        }
+        for (block, (re, im)) in re.chunks_exact_mut(height).zip(im.chunks_exact_mut(height)).enumerate() {
+            random.fill(draws);
+            make_filter(draws, (strength.clamp(0.0, 1.0) as f32) * PI, &mut filter.re, &mut filter.im);
+            for lane in 0..LANES {
+                // Columns that are their own partners hold pairs of their own.
+                if [0, width - width / 2].contains(&(block * LANES + lane)) && block * LANES + lane < columns
+                {
+                    pair_within_column(draws, (strength.clamp(0.0, 1.0) as f32) * PI, lane, filter);
+                }
+            }
+            down.transform(re, im);
+            apply_filter(&filter.re, &filter.im, re, im);
+            down.transform(im, re);
+        }
+        for top in (0..height).step_by(ROWS) {
+            put_spectra_together(re, im, top, height, rows);
+            across.transform(&mut rows.im, &mut rows.re);
+            store_rows(rows, channel, top, &mut dst);
+        }
+    }
+}
+
+/// One channel of the rows from `top` on: even ones as real parts, odd ones as imaginary parts. Rows below the frame are
+/// black.
+fn load_rows(src: Frame<'_>, channel: usize, top: usize, rows: &mut Sequences) {
+    for lane in 0..LANES {
+        for (part, y) in [(&mut rows.re, top + 2 * lane), (&mut rows.im, top + 2 * lane + 1)] {
+            if y < src.height() {
+                let pixels = src.row(y).chunks_exact(CHANNELS);
+                part.iter_mut()
+                    .zip(pixels)
+                    .for_each(|(value, pixel)| value[lane] = f32::from(pixel[channel]));
+            } else {
+                part.iter_mut().for_each(|value| value[lane] = 0.0);
+            }
+        }
+    }
+}
+
+/// Writes the results back to the rows they came from.
+fn store_rows(rows: &Sequences, channel: usize, top: usize, dst: &mut FrameMut<'_>) {
+    // Each of the two directions enlarges by its length, taking two rows apart by two. The small term keeps whole numbers
+    // whole where nothing was scrambled.
+    let scale = 1.0 / (2.0 * dst.width() as f32 * dst.height() as f32);
+    for lane in 0..LANES {
+        for (part, y) in [(&rows.re, top + 2 * lane), (&rows.im, top + 2 * lane + 1)] {
+            if y < dst.height() {
+                let pixels = dst.row_mut(y).chunks_exact_mut(CHANNELS);
+                for (pixel, value) in pixels.zip(part) {
+                    pixel[channel] = (value[lane] * scale + 1.0 / 256.0).clamp(0.0, 255.0) as u8;
+                }
+            }
+        }
+    }
+}
+
+/// Takes the transforms of two rows each apart and puts their halves, twice as large, into the spectrum.
+fn take_spectra_apart(rows: &Sequences, re: &mut [Lane], im: &mut [Lane], top: usize, height: usize) {
+    let width = rows.re.len();
+    let count = ROWS.min(height - top);
+    for column in 0..=width / 2 {
+        let partner = (width - column) % width;
+        let (r, i) = (&rows.re[column], &rows.im[column]);
+        let (partner_r, partner_i) = (&rows.re[partner], &rows.im[partner]);
+        let start = column / LANES * height + top;
+        let lane = column % LANES;
+        let (re, im) = (&mut re[start..start + count], &mut im[start..start + count]);
+        for (pair, (re, im)) in re.chunks_mut(2).zip(im.chunks_mut(2)).enumerate() {
+            re[0][lane] = r[pair] + partner_r[pair];
+            im[0][lane] = i[pair] - partner_i[pair];
+            if let ([_, re], [_, im]) = (re, im) {
+                re[lane] = i[pair] + partner_i[pair];
+                im[lane] = partner_r[pair] - r[pair];
+            }
+        }
+    }
+}
+
+/// The reverse of [`take_spectra_apart`], but for the size.
+fn put_spectra_together(re: &[Lane], im: &[Lane], top: usize, height: usize, rows: &mut Sequences) {
+    let width = rows.re.len();
+    let count = ROWS.min(height - top);
+    for column in 0..=width / 2 {
+        let start = column / LANES * height + top;
+        let lane = column % LANES;
+        let at = |part: &[Lane], row: usize| if row < count { part[start + row][lane] } else { 0.0 };
+        let partner = (width - column) % width;
+        for pair in 0..LANES {
+            let (a_re, a_im) = (at(re, 2 * pair), at(im, 2 * pair));
+            let (b_re, b_im) = (at(re, 2 * pair + 1), at(im, 2 * pair + 1));
+            (rows.re[partner][pair], rows.im[partner][pair]) = (a_re + b_im, b_re - a_im);
+            (rows.re[column][pair], rows.im[column][pair]) = (a_re - b_im, a_im + b_re);
+        }
+    }
+}
+
+/// The sine of an angle in -pi/2..=pi/2, to within 1e-6.
+#[inline(always)]
+fn sine(x: f32) -> f32 {
+    let y = x * x;
+    let series = 1.0 / 362_880.0 - y * (1.0 / 39_916_800.0);
+    let series = 1.0 / 120.0 - y * (1.0 / 5040.0 - y * series);
+    x * (1.0 - y * (1.0 / 6.0 - y * series))
+}
+
+/// The cosine of an angle in -pi/2..=pi/2, to within 1e-6.
+#[inline(always)]
+fn cosine(x: f32) -> f32 {
+    let y = x * x;
+    let series = 1.0 / 40_320.0 - y * (1.0 / 3_628_800.0 - y * (1.0 / 479_001_600.0));
+    let series = 1.0 / 24.0 - y * (1.0 / 720.0 - y * series);
+    1.0 - y * (0.5 - y * series)
+}
+
+vectorised! {
+    /// The factors of a block of columns, from two angles below `range` each.
+    fn make_filter / make_filter_portable / make_filter_avx2 (
+        draws: &[u8], range: f32, re: &mut [Lane], im: &mut [Lane],
+    ) {
+        let unit = range / 131_072.0;
+        for ((draw, re), im) in draws.chunks_exact(DRAW).zip(re).zip(im) {
+            for ((draw, re), im) in draw.chunks_exact(4).zip(re).zip(im) {
+                let first = i32::from(u16::from_le_bytes([draw[0], draw[1]]));
+                let second = i32::from(u16::from_le_bytes([draw[2], draw[3]]));
+                let half_difference = (first - second) as f32 * unit;
+                let half_sum = (first + second) as f32 * unit;
+                let size = sine(FRAC_PI_2 - half_sum);
+                (*re, *im) = (size * cosine(half_difference), size * sine(half_difference));
+            }
+        }
+    }
+}
+
+/// Makes the factors of a column whose coefficients pair with each other: a coefficient's partner has the conjugate of
+/// its factor, and one that is its own partner has the real part of what its own angle gives.
+fn pair_within_column(draws: &[u8], range: f32, lane: usize, filter: &mut Sequences) {
+    let height = filter.re.len();
+    for row in 0..=height / 2 {
+        let partner = (height - row) % height;
+        if partner == row {
+            let start = row * DRAW + 4 * lane;
+            let angle = f32::from(u16::from_le_bytes([draws[start], draws[start + 1]])) * (range / 65_536.0);
+            (filter.re[row][lane], filter.im[row][lane]) = (sine(FRAC_PI_2 - angle), 0.0);
+        } else {
+            (filter.re[partner][lane], filter.im[partner][lane]) =
+                (filter.re[row][lane], -filter.im[row][lane]);
+        }
+    }
+}
+
+vectorised! {
+    fn apply_filter / apply_filter_portable / apply_filter_avx2 (
+        filter_re: &[Lane], filter_im: &[Lane], re: &mut [Lane], im: &mut [Lane],
+    ) {
+        let filters = filter_re.as_flattened().iter().zip(filter_im.as_flattened());
+        let values = re.as_flattened_mut().iter_mut().zip(im.as_flattened_mut());
+        for ((re, im), (a, b)) in values.zip(filters) {
+            (*re, *im) = (*re * a - *im * b, *re * b + *im * a);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::FrameBuf;
+    use crate::random::Key;
+    use crate::testing::run;
+
+    /// What the effect is defined as, on the whole plane and in double precision, with the kernel's draws.
+    fn plain(src: Frame<'_>, strength: f64, random: &mut Random) -> Vec<f64> {
+        let (width, height) = (src.width(), src.height());
+        let mut out = vec![0.0; width * height * 3];
+        let angle = |k: usize, n: usize| 2.0 * std::f64::consts::PI * (k % n) as f64 / n as f64;
+        for channel in 0..3 {
+            let mut phases = vec![f64::NAN; width * height];
+            for block in 0..(width / 2 + 1).div_ceil(LANES) {
+                let mut draws = vec![0; DRAW * height];
+                random.fill(&mut draws);
+                for (i, draw) in draws.chunks(4).enumerate() {
+                    let (row, column) = (i / LANES, block * LANES + i % LANES);
+                    let phase = |low, high| {
+                        strength * std::f64::consts::PI * f64::from(u16::from_le_bytes([low, high])) / 65536.0
+                    };
+                    let here = row * width + column;
+                    let partner = (height - row) % height * width + (width - column) % width;
+                    if column <= width / 2 && phases[here].is_nan() {
+                        phases[partner] = phase(draw[2], draw[3]);
+                        phases[here] = phase(draw[0], draw[1]);
+                    }
+                }
+            }
+            assert!(phases.iter().all(|p| !p.is_nan()));
+            for (k, phase) in phases.iter().enumerate() {
+                let (v, u) = (k / width, k % width);
+                let (mut re, mut im) = (0.0, 0.0);
+                for y in 0..height {
+                    for x in 0..width {
+                        let value = f64::from(src.pixel(x, y)[channel]);
+                        let (sin, cos) = libm::sincos(-angle(u * x, width) - angle(v * y, height));
+                        (re, im) = (re + value * cos, im + value * sin);
+                    }
+                }
+                for y in 0..height {
+                    for x in 0..width {
+                        let (sin, cos) = libm::sincos(angle(u * x, width) + angle(v * y, height) + phase);
+                        out[(y * width + x) * 3 + channel] += (re * cos - im * sin) / (width * height) as f64;
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    fn noise(width: usize, height: usize) -> FrameBuf {
+        let mut pixels = vec![0; width * height * 3];
+        Key([8; 32]).sequence().fill(&mut pixels);
+        FrameBuf::from_vec(pixels, width, height).unwrap()
+    }
+
+    #[test]
+    fn matches_the_definition_on_the_whole_plane() {
+        let mut workspace = Workspace::default();
+        for (width, height) in
+            [(1, 1), (1, 6), (6, 1), (2, 2), (3, 5), (4, 7), (16, 12), (15, 16), (18, 17), (33, 19), (21, 33)]
+        {
+            let src = noise(width, height);
+            for strength in [0.05, 0.55, 1.0] {
+                let expected = plain(src.as_ref(), strength, &mut Key([5; 32]).frame(0));
+                let result = run(width, height, |dst| {
+                    let mut random = Key([5; 32]).frame(0);
+                    scramble_phase(src.as_ref(), dst, strength, &mut random, &mut workspace);
+                });
+                for (actual, expected) in result.data().iter().zip(expected) {
+                    let off = f64::from(*actual) + 0.5 - expected.clamp(0.0, 255.0);
+                    assert!(off.abs() < 0.52, "{width}x{height} at {strength}: {actual}, not {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn without_strength_nothing_changes() {
+        let mut workspace = Workspace::default();
+        for (width, height) in [(1, 1), (7, 3), (64, 48), (161, 97), (320, 240)] {
+            let src = noise(width, height);
+            let mut dst = FrameBuf::new(width, height);
+            scramble_phase(src.as_ref(), dst.as_mut(), 0.0, &mut Key([5; 32]).frame(0), &mut workspace);
+            assert_eq!(dst, src, "{width}x{height}");
+        }
+    }
+
+    #[test]
+    fn sine_and_cosine_are_close() {
+        for step in -1000..=1000 {
+            let x = step as f32 * 0.001 * FRAC_PI_2;
+            assert!((f64::from(sine(x)) - libm::sin(x.into())).abs() < 1e-6, "sine of {x}");
+            assert!((f64::from(cosine(x)) - libm::cos(x.into())).abs() < 1e-6, "cosine of {x}");
+        }
+    }
+}
