@@ -175,7 +175,7 @@ fn dominant(pictures: &[Samples]) -> Result<[f32; 3]> {
 
 /// How much foreground there seems to be where there is only the screen; none where the colour does not occur.
 fn noise_of(pictures: &[Samples], colour: [f32; 3]) -> Option<f32> {
-    const STEPS: usize = 100;
+    const STEPS: usize = 1000;
     let screen = Screen { colour, noise: 0.0 };
     let mut counts = [0u64; STEPS + 1];
     let mut total = 0u64;
@@ -191,13 +191,14 @@ fn noise_of(pictures: &[Samples], colour: [f32; 3]) -> Option<f32> {
     if near * 200 < total {
         return None;
     }
-    // What 98 of 100 pixels stay below; the foreground's own edges are among the rest.
+    // The median tells the noise apart from foreground that is scattered over the screen, such as rain. Four times the
+    // median of noise is 2.7 of its standard deviations.
     let mut seen = 0;
-    let step = counts.iter().position(|count| {
+    let median = counts.iter().position(|count| {
         seen += count;
-        seen * 100 >= near * 98
+        seen * 2 >= near
     })?;
-    Some((step as f32 / STEPS as f32 * 1.5 + 0.03).clamp(0.04, 0.3))
+    Some((4.0 * median as f32 / STEPS as f32 + 0.02).clamp(0.03, 0.3))
 }
 
 /// What to do with each chroma: the share of the screen to subtract, and the factor that brings what is left to its

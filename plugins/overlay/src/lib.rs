@@ -11,9 +11,24 @@ mod picture;
 mod pictures;
 mod player;
 mod prepare;
+mod published;
 mod scale;
 mod store;
 
 pdk_sdk::export! {
-    perturbations: [overlay::Overlay]
+    perturbations: [
+        overlay::Overlay,
+        published::DynamicRain,
+        published::DynamicSnow,
+        published::DynamicSmoke,
+        published::DynamicObject,
+        published::DynamicSun,
+        published::DynamicLightning,
+        published::StaticRain,
+        published::StaticSnow,
+        published::StaticSmoke,
+        published::StaticObject,
+        published::StaticSun,
+        published::StaticLightning,
+    ]
 }

@@ -78,6 +78,9 @@ overlays! {
     "lightning": DynamicLightning "dynamic_lightning_filter", StaticLightning "static_lightning_filter", "bolts of lightning";
 }
 
+/// The screen of all clips of our own; smoke hides too much of it to have it searched for.
+const SCREEN: [u8; 3] = [0, 219, 26];
+
 fn settings() -> Settings {
-    Settings { key: None, fit: Fit::Cover, seconds: 60.0 }
+    Settings { key: Some(SCREEN), fit: Fit::Cover, seconds: 60.0 }
 }

@@ -32,7 +32,7 @@ impl Birds {
         let bird = |i: usize, random: &mut Random| {
             let nearness = (i as f32 / 15.0) * (i as f32 / 15.0);
             Bird {
-                wing: 13.0 + 40.0 * nearness,
+                wing: 16.0 + 40.0 * nearness,
                 height: random.uniform(0.06, 0.72) as f32,
                 rise: random.uniform(-0.16, 0.16) as f32,
                 phase: random.unit() as f32,
@@ -63,39 +63,44 @@ impl Effect for Birds {
     }
 }
 
-/// `root` and `tip` are how far up the inner and the outer half of the wings are, -1 to 1.
+/// Draws a bird that flies past and a little towards the camera. `root` and `tip` are how far up the inner and the outer
+/// half of its wings are, -1 to 1.
 fn draw_bird(canvas: &mut Canvas, [x, y]: [f32; 2], bird: &Bird, root: f32, tip: f32) {
     let (size, facing) = (bird.wing, bird.direction);
     let colour = [0.07, 0.065, 0.07];
     let place = |right: f32, up: f32| [x + facing * right * size, y - up * size];
-    // Beak, back, tail, belly.
+    // Beak, head, back, tail, belly.
     let body = curve(&[
-        place(0.50, 0.06),
-        place(0.36, 0.14),
-        place(0.10, 0.12),
-        place(-0.28, 0.05),
-        place(-0.62, 0.08),
-        place(-0.60, -0.04),
-        place(-0.26, -0.05),
-        place(0.08, -0.10),
-        place(0.34, 0.00),
+        place(0.40, 0.00),
+        place(0.31, 0.065),
+        place(0.20, 0.07),
+        place(-0.08, 0.065),
+        place(-0.42, 0.05),
+        place(-0.44, -0.02),
+        place(-0.14, -0.07),
+        place(0.16, -0.06),
+        place(0.31, -0.035),
     ]);
     canvas.polygon(&body, colour, 1.0);
-    // The near wing reaches towards the camera, which is downwards in the picture; the far one is foreshortened.
-    for (side, share) in [(-1.0, bird.turn), (1.0, bird.turn * 0.8)] {
-        let lift = |rise: f32, out: f32| (0.10 + 0.95 * rise) * out + side * 0.16 * out;
-        let elbow = 0.45;
-        let bend = [elbow * share, lift(root * 0.8 + 0.2, elbow)];
-        let end = [share * (1.0 - 0.25 * (tip - root).abs()), bend[1] + lift(tip, 0.62)];
-        // Wings are swept back a little, and wide where they meet the body.
-        let back = |out: f32| -side * out * 0.35 - 0.16 * out;
+    let inner = 0.22 + 0.62 * root;
+    let outer = 0.35 * inner - 0.28 + 0.85 * tip;
+    for (side, share) in [(1.0, bird.turn), (-1.0, 1.45 - bird.turn)] {
+        let step = |length: f32, angle: f32| [side * share * length * libm::cosf(angle), length * libm::sinf(angle)];
+        let (arm, hand) = (step(0.46, inner), step(0.60, outer));
+        let elbow = [arm[0] + 0.05, arm[1]];
+        let end = [elbow[0] + hand[0] - 0.10, elbow[1] + hand[1]];
+        let along = |share: f32| [0, 1].map(|axis| elbow[axis] + (end[axis] - elbow[axis]) * share);
+        // The rear edge lies behind and below the front edge; the hand narrows to a point.
+        let behind = |[right, up]: [f32; 2], width: f32| place(right - 0.72 * width, up - 0.62 * width);
         let wing = curve(&[
-            place(0.22, 0.08),
-            place(0.20 + back(bend[0]) * 0.7, 0.08 + bend[1]),
-            place(-0.02 + back(end[0]), 0.06 + end[1]),
-            place(-0.16 + back(end[0]) * 0.8, 0.02 + end[1] * 0.86),
-            place(-0.16 + back(bend[0]) * 0.7, -0.02 + bend[1] * 0.82),
-            place(-0.20, 0.00),
+            place(0.14, 0.03),
+            place(elbow[0] + 0.03, elbow[1] + 0.02),
+            place(along(0.55)[0] + 0.02, along(0.55)[1] + 0.02),
+            place(end[0], end[1]),
+            behind(along(0.72), 0.13),
+            behind(along(0.30), 0.21),
+            behind(elbow, 0.25),
+            behind([0.05, 0.02], 0.26),
         ]);
         canvas.polygon(&wing, colour, 1.0);
     }

@@ -33,7 +33,7 @@ impl Rain {
             }
         };
         let mut drops = Vec::new();
-        for (count, low, high) in [(150, 0.0, 0.25), (80, 0.25, 0.6), (26, 0.6, 1.0)] {
+        for (count, low, high) in [(420, 0.0, 0.25), (170, 0.25, 0.6), (46, 0.6, 1.0)] {
             for _ in 0..count {
                 let nearness = random.uniform(low, high) as f32;
                 drops.push(drop(nearness, random));
@@ -54,8 +54,8 @@ impl Effect for Rain {
             let y = fraction(place) * (height + length) - length;
             // Wind: to the left by a sixth of the fall.
             let x = column * width - y / 6.0;
-            let thickness = 1.1 + 1.9 * drop.nearness;
-            let alpha = (0.34 + 0.30 * drop.nearness) * drop.strength;
+            let thickness = 1.7 + 2.3 * drop.nearness;
+            let alpha = (0.55 + 0.25 * drop.nearness) * drop.strength;
             canvas.streak([x, y], [x - length / 6.0, y + length], thickness, [0.86, 0.89, 0.93], alpha);
         }
     }

@@ -37,12 +37,12 @@ impl Effect for Smoke {
                 let x = (column * STEP) as f32 / SIZE.0 as f32;
                 let y = (row * STEP) as f32 / SIZE.1 as f32;
                 // It drifts by one width, which is where the noise repeats.
-                let at = [x - time, y * 0.6, time];
-                let fold = [self.across.at(at) * 0.10, self.down.at(at) * 0.14];
+                let at = [x - time, y * 0.75, time];
+                let fold = [self.across.at(at) * 0.15, self.down.at(at) * 0.20];
                 let folded = [at[0] + fold[0], at[1] + fold[1], time];
                 let thick = self.density.at(folded);
-                let alpha = smooth(-0.12, 0.62, thick) * 0.86;
-                let shade = 0.66 + 0.16 * self.light.at([folded[0], folded[1] + 0.03, time]) + 0.08 * thick;
+                let alpha = smooth(-0.24, 0.46, thick) * 0.90;
+                let shade = 0.68 + 0.22 * self.light.at([folded[0], folded[1] + 0.03, time]) + 0.08 * thick;
                 field.push([alpha, shade]);
             }
         }

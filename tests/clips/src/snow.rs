@@ -25,7 +25,7 @@ pub struct Snow {
 impl Snow {
     pub fn new(random: &mut Random) -> Self {
         let mut flakes = Vec::new();
-        for (count, low, high) in [(330, 0.0, 0.3), (120, 0.3, 0.7), (22, 0.7, 1.0)] {
+        for (count, low, high) in [(520, 0.0, 0.3), (240, 0.3, 0.7), (44, 0.7, 1.0)] {
             for _ in 0..count {
                 let nearness = random.uniform(low, high) as f32;
                 let falls = if nearness < 0.3 {
@@ -58,7 +58,7 @@ impl Effect for Snow {
             let column = flake.columns[place as usize % falls];
             let radius = 1.1
                 + 2.6 * flake.nearness
-                + if flake.nearness > 0.7 { 6.0 * (flake.nearness - 0.7) } else { 0.0 };
+                + if flake.nearness > 0.7 { 10.0 * (flake.nearness - 0.7) } else { 0.0 };
             let soft = 1.2 + radius * 0.9;
             let reach = radius + soft;
             let y = fraction(place) * (height + 2.0 * reach) - reach;
