@@ -5,6 +5,7 @@ mod gaussian_blur;
 mod glass_blur;
 mod low_pass_filter;
 mod motion_blur;
+mod zoom_blur;
 
 #[cfg(test)]
 #[path = "../../golden.rs"]
@@ -17,5 +18,6 @@ pdk_sdk::export! {
         glass_blur::GlassBlur,
         low_pass_filter::LowPassFilter,
         motion_blur::MotionBlur,
+        zoom_blur::ZoomBlur,
     ]
 }

@@ -1,6 +1,8 @@
 //! Perturbations of the weather family: light and what is in the air.
 
 mod contrast;
+mod fog_filter;
+mod fog_mapping;
 mod increase_brightness;
 
 #[cfg(test)]
@@ -8,5 +10,10 @@ mod increase_brightness;
 mod golden;
 
 pdk_sdk::export! {
-    perturbations: [contrast::Contrast, increase_brightness::IncreaseBrightness]
+    perturbations: [
+        contrast::Contrast,
+        fog_filter::FogFilter,
+        fog_mapping::FogMapping,
+        increase_brightness::IncreaseBrightness,
+    ]
 }

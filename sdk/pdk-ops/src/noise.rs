@@ -11,11 +11,11 @@ use crate::simd::{round_to_byte, vectorised};
 /// The number of values that are done at a time.
 const BLOCK: usize = 1024;
 /// Normal numbers are fixed-point numbers with 12 fractional bits.
-const NORMAL_SCALE: f32 = 1.0 / 4096.0;
+pub(crate) const NORMAL_SCALE: f32 = 1.0 / 4096.0;
 
 /// 65536 numbers that divide the standard normal distribution into equally likely parts: the quantiles of
 /// `(i + 0.5) / 65536`, in steps of 1/4096. The largest is 4.33.
-fn normal_table() -> &'static [i16; 65536] {
+pub(crate) fn normal_table() -> &'static [i16; 65536] {
     static TABLE: OnceLock<Box<[i16; 65536]>> = OnceLock::new();
     TABLE.get_or_init(|| {
         let mut table = Box::new([0i16; 65536]);

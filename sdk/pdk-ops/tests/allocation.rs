@@ -3,7 +3,10 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use pdk_ops::{FrameBuf, Key, average, blend, color, draw, gaussian, hsv, jpeg, noise, point, poisson, resize};
+use pdk_ops::{
+    FrameBuf, Key, average, blend, color, draw, fog, gaussian, hsv, jpeg, low_pass, noise, point, poisson,
+    resize, scatter, zoom,
+};
 
 /// The system's allocator, counting what this thread asks for.
 struct Counting;
@@ -44,6 +47,9 @@ fn kernels_allocate_on_the_first_frame_only() {
     let mut averages = average::Workspace::default();
     let mut table = poisson::PoissonTable::new(30.0);
     let mut compression = jpeg::Workspace::default();
+    let (mut zooms, mut places) = (zoom::Workspace::default(), scatter::Workspace::default());
+    let (mut smooth_value, mut field, mut grain) =
+        (low_pass::Workspace::default(), fog::Field::default(), fog::Grain::default());
     let mut all = |frame: u64| {
         let src = src.as_ref();
         let random = || Key([1; 32]).frame(frame);
@@ -58,6 +64,11 @@ fn kernels_allocate_on_the_first_frame_only() {
         average::disc_blur(src, dst.as_mut(), 9.0 - (frame % 2) as f64, &mut averages);
         average::pixel_average(src, dst.as_mut(), &[(0, 0), (3, -2)], &mut averages);
         jpeg::jpeg(src, dst.as_mut(), 5.0 + frame as f64, jpeg::ChannelOrder::Bgr, &mut compression);
+        zoom::zoom_blur(src, dst.as_mut(), 12.0 - (frame % 2) as f64, 0.02, zoom::Ends::Black, &mut zooms);
+        scatter::scatter(src, dst.as_mut(), 3.0, Key([frame as u8; 32]), &mut places);
+        low_pass::low_pass(src, dst.as_mut(), 41 - 2 * (frame % 2) as usize, &mut smooth_value);
+        field.frame(65, 40, Key([frame as u8; 32]));
+        grain.frame(65, 40, 0.1 * frame as f64, fog::Overflow::Clips, &mut random());
         noise::gaussian_noise(src, dst.as_mut(), 0.1, &mut random());
         noise::speckle_noise(src, dst.as_mut(), 0.1, &mut random());
         noise::impulse_noise(src, dst.as_mut(), 0.1, noise::Impulses::Published, &mut random());
