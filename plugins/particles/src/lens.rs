@@ -103,30 +103,36 @@ impl Attention<'_> {
 /// The scene, out of focus: means over square blocks of pixels.
 #[derive(Default)]
 pub struct Backdrop {
-    block: usize,
+    /// Blocks per pixel.
+    scale: f32,
     columns: usize,
     rows: usize,
-    /// Red, green, blue and nothing.
+    /// Red, green, blue and nothing of each block; the last column and the last row are there twice.
     cells: Vec<[f32; 4]>,
     sums: Vec<u32>,
 }
 
+/// Adding this to a number from 0 to 2^15 leaves it, rounded to a 256th, in the lower bits.
+const FIXED_POINT: f32 = 32768.0;
+
 impl Backdrop {
     pub fn update(&mut self, src: Frame<'_>, lens: &Lens) {
-        self.block = ((lens.unit / BACKDROP_ROWS).round() as usize).max(1);
-        (self.columns, self.rows) = (lens.width.div_ceil(self.block), lens.height.div_ceil(self.block));
-        self.cells.resize(self.columns * self.rows, [0.0; 4]);
+        let block = ((lens.unit / BACKDROP_ROWS).round() as usize).max(1);
+        self.scale = 1.0 / block as f32;
+        (self.columns, self.rows) = (lens.width.div_ceil(block), lens.height.div_ceil(block));
+        let line = self.columns + 1;
+        self.cells.resize(line * (self.rows + 1), [0.0; 4]);
         self.sums.resize(lens.width * 3, 0);
-        for (row, cells) in self.cells.chunks_exact_mut(self.columns).enumerate() {
-            let first = row * self.block;
-            let last = (first + self.block).min(lens.height);
+        for (row, cells) in self.cells.chunks_exact_mut(line).take(self.rows).enumerate() {
+            let first = row * block;
+            let last = (first + block).min(lens.height);
             self.sums.fill(0);
             for y in first..last {
                 for (sum, &value) in self.sums.iter_mut().zip(src.row(y)) {
                     *sum += u32::from(value);
                 }
             }
-            for (cell, sums) in cells.iter_mut().zip(self.sums.chunks(self.block * 3)) {
+            for (cell, sums) in cells.iter_mut().zip(self.sums.chunks(block * 3)) {
                 let mut total = [0u32; 3];
                 for sum in sums.chunks_exact(3) {
                     (0..3).for_each(|c| total[c] += sum[c]);
@@ -134,37 +140,89 @@ impl Backdrop {
                 let scale = 1.0 / ((last - first) * (sums.len() / 3)) as f32;
                 *cell = [total[0] as f32 * scale, total[1] as f32 * scale, total[2] as f32 * scale, 0.0];
             }
+            cells[self.columns] = cells[self.columns - 1];
         }
+        self.cells.copy_within((self.rows - 1) * line..self.rows * line, self.rows * line);
     }
 
     /// The mean brightness of the scene, 0 to 255.
     pub fn brightness(&self) -> f32 {
-        let sum: f32 = self.cells.iter().map(|[r, g, b, _]| 0.299 * r + 0.587 * g + 0.114 * b).sum();
-        sum / self.cells.len() as f32
+        let rows = self.cells.chunks_exact(self.columns + 1).take(self.rows);
+        let cells = rows.flat_map(|row| &row[..self.columns]);
+        let sum: f32 = cells.map(|[r, g, b, _]| 0.299 * r + 0.587 * g + 0.114 * b).sum();
+        sum / (self.columns * self.rows) as f32
     }
 
     /// The colour at a place in pixels, interpolated; beyond the edge it is the colour of the edge.
     #[inline(always)]
     pub fn at(&self, x: f32, y: f32) -> [f32; 4] {
-        let scale = 1.0 / self.block as f32;
         let place = |v: f32, count: usize| {
-            let v = ((v + 0.5) * scale - 0.5).clamp(0.0, (count - 1) as f32);
-            let first = (v as usize).min(count.saturating_sub(2));
-            (first, v - first as f32)
+            let v = ((v + 0.5) * self.scale - 0.5).clamp(0.0, (count as i32 - 1) as f32);
+            let fixed = (v + FIXED_POINT).to_bits() & 0x7f_ffff;
+            ((fixed >> 8) as usize, (fixed & 0xff) as i32 as f32 * (1.0 / 256.0))
         };
-        let (column, across) = place(x, self.columns);
-        let (row, down) = place(y, self.rows);
-        let right = usize::from(self.columns > 1);
-        let below = if self.rows > 1 { self.columns } else { 0 };
-        let start = row * self.columns + column;
-        let (a, b) = (self.cells[start], self.cells[start + right]);
-        let (c, d) = (self.cells[start + below], self.cells[start + below + right]);
+        let ((column, across), (row, down)) = (place(x, self.columns), place(y, self.rows));
+        let start = row * (self.columns + 1) + column;
+        let upper: &[[f32; 4]] = &self.cells[start..start + 2];
+        let lower: &[[f32; 4]] = &self.cells[start + self.columns + 1..start + self.columns + 3];
         let mut mixed = [0.0; 4];
-        for i in 0..4 {
-            let upper = a[i] + (b[i] - a[i]) * across;
-            let lower = c[i] + (d[i] - c[i]) * across;
-            mixed[i] = upper + (lower - upper) * down;
+        for (i, mixed) in mixed.iter_mut().enumerate() {
+            let above = upper[0][i] + (upper[1][i] - upper[0][i]) * across;
+            let below = lower[0][i] + (lower[1][i] - lower[0][i]) * across;
+            *mixed = above + (below - above) * down;
         }
         mixed
+    }
+}
+
+/// Rounds what is clipped to 0 to 255.
+#[inline(always)]
+pub fn to_byte(value: f32) -> u8 {
+    // The number, rounded half to even, is in the lowest byte of the sum.
+    (value.max(0.0).min(255.0) + 8_388_608.0).to_bits() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_backdrop_is_the_mean_of_blocks_with_smooth_transitions() {
+        // 120 rows make blocks of 2; the last column of blocks is cut.
+        let (width, height) = (161, 120);
+        let mut frame = FrameBuf::new(width, height);
+        for (x, y) in (0..width * height).map(|i| (i % width, i / width)) {
+            frame.as_mut().set_pixel(x, y, [x as u8, y as u8, 200]);
+        }
+        let lens = Lens::of(frame.as_ref());
+        let mut backdrop = Backdrop::default();
+        backdrop.update(frame.as_ref(), &lens);
+        for (x, y) in [(10.0, 20.0), (33.5, 71.5), (150.25, 3.0)] {
+            let [red, green, blue, _] = backdrop.at(x, y);
+            assert!((red - x).abs() < 0.01 && (green - y).abs() < 0.01 && (blue - 200.0).abs() < 0.01);
+        }
+        assert_eq!(backdrop.at(-900.0, -900.0), [0.5, 0.5, 200.0, 0.0]);
+        assert_eq!(backdrop.at(1e6, 1e6), [160.0, 118.5, 200.0, 0.0]);
+        let mean = 0.299 * 80.0 + 0.587 * 59.5 + 0.114 * 200.0;
+        assert!((backdrop.brightness() - mean).abs() < 0.5);
+    }
+
+    #[test]
+    fn bytes_are_rounded_and_clipped() {
+        for (value, byte) in [(-5.0, 0), (0.4, 0), (0.6, 1), (254.6, 255), (300.0, 255), (f32::NAN, 0)] {
+            assert_eq!(to_byte(value), byte, "{value}");
+        }
+    }
+
+    #[test]
+    fn places_do_not_depend_on_the_resolution() {
+        for (width, height) in [(320, 240), (1280, 960)] {
+            let lens = Lens::of(FrameBuf::new(width, height).as_ref());
+            let (x, y) = lens.to_pixels(0.25, 0.5);
+            assert!(((x + 0.5) / width as f32 - 0.6875).abs() < 1e-6);
+            assert!(((y + 0.5) / height as f32 - 0.5).abs() < 1e-6);
+        }
+        // A very wide frame counts as higher.
+        assert_eq!(Lens::of(FrameBuf::new(800, 10).as_ref()).half_width(), 2.0);
     }
 }

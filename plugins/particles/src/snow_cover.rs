@@ -4,7 +4,7 @@
 
 use pdk_sdk::prelude::*;
 
-use crate::lens::{Backdrop, Lens, smooth};
+use crate::lens::{Backdrop, Lens, smooth, to_byte};
 
 /// Number of stamps.
 pub const STAMPS: usize = 12;
@@ -29,6 +29,10 @@ pub struct SnowCover {
     rows: Vec<(usize, usize)>,
     stamps: Vec<Picture>,
     grain: Vec<Picture>,
+    /// Opacity, light and transparency to the scene's light of each pixel of a row.
+    look: Vec<[f32; 3]>,
+    /// The height of the bank in each column.
+    bank: Vec<f32>,
 }
 
 impl SnowCover {
@@ -37,7 +41,7 @@ impl SnowCover {
         let stamps = (0..STAMPS).map(|_| stamp(&mut random)).collect();
         let noise = Noise::new(&mut random);
         let grain = vec![picture(|u, v| noise.at(u, v))];
-        Self { width: 0, height: 0, density: Vec::new(), rows: Vec::new(), stamps, grain }
+        Self { width: 0, height: 0, density: Vec::new(), rows: Vec::new(), stamps, grain, look: Vec::new(), bank: Vec::new() }
     }
 
     /// Takes all snow away.
@@ -46,6 +50,8 @@ impl SnowCover {
             (self.width, self.height) = (lens.width, lens.height);
             self.density.clear();
             self.density.resize(lens.width * lens.height, 0.0);
+            self.look.resize(lens.width, [0.0; 3]);
+            self.bank.resize(lens.width, 0.0);
             self.rows.clear();
             self.rows.resize(lens.height, (usize::MAX, 0));
         }
@@ -122,31 +128,36 @@ impl SnowCover {
             return;
         }
         let floor = lens.height as f32 / lens.unit;
-        let top = ((floor - highest - Bank::SOFT) * lens.unit).floor().max(0.0) as usize;
+        let top = ((floor - 1.7 * highest - 0.002) * lens.unit).floor().max(0.0) as usize;
         let pictures = std::mem::take(&mut self.grain);
         let Some(picture) = pictures.first() else { return };
         let scale = SIDE as f32 / (GRAIN * lens.unit);
         let middle = 0.5 * self.width as f32;
+        for (x, height) in self.bank.iter_mut().enumerate() {
+            *height = bank.at((x as f32 + 0.5 - middle) / lens.unit);
+        }
+        let heights = std::mem::take(&mut self.bank);
         for y in top.min(lens.height)..lens.height {
             let above = floor - (y as f32 + 0.5) / lens.unit;
+            let down = mirrored(above * lens.unit * scale);
             let Some((_, part)) = self.part(y, 0.0, (lens.width - 1) as f32) else { continue };
-            for (x, value) in part.iter_mut().enumerate() {
-                let across = x as f32 + 0.5 - middle;
-                let height = bank.at(across / lens.unit);
-                if height <= 1e-4 {
+            for (x, (value, &height)) in part.iter_mut().zip(&heights).enumerate() {
+                // The surface is nowhere higher than this.
+                if height <= 1e-4 || above > 1.7 * height + 0.002 {
                     continue;
                 }
-                let grain = sample(picture, mirrored(across * scale), mirrored(above * lens.unit * scale));
+                let grain = sample(picture, mirrored((x as i32 as f32 + 0.5 - middle) * scale), down);
                 let surface = height * (1.0 + 0.5 * grain);
                 let inside = smooth((surface - above) / (Bank::SOFT * 0.5 + 0.6 * height) + 0.1);
                 *value += BANK * inside * (1.0 + 0.4 * grain) * (height * 60.0).min(1.0);
             }
         }
+        self.bank = heights;
         self.grain = pictures;
     }
 
     /// Draws the snow over `dst`, which holds the scene behind it.
-    pub fn draw(&self, mut dst: FrameMut<'_>, lens: &Lens, backdrop: &Backdrop) {
+    pub fn draw(&mut self, mut dst: FrameMut<'_>, lens: &Lens, backdrop: &Backdrop) {
         // Snow is as bright as the light that falls on it, which the scene tells.
         let white = (95.0 + 1.15 * backdrop.brightness()).min(242.0);
         let tint = [white * 0.975, white * 0.99, white];
@@ -159,24 +170,25 @@ impl SnowCover {
             let line = |y: usize| &self.density[y * self.width + first..=y * self.width + last];
             let (here, above) = (line(y), line(y.saturating_sub(step)));
             let below = line((y + step).min(self.height - 1));
+            let look = &mut self.look[..=last - first];
+            for (look, ((&density, &above), &below)) in look.iter_mut().zip(here.iter().zip(above).zip(below)) {
+                let thick = density * 1.35;
+                let alpha = 0.96 - 0.96 / (1.0 + thick + thick * thick);
+                // Light comes from above: slopes that face up are brighter.
+                let rise = 1.0 / (1.0 + above) - 1.0 / (1.0 + below);
+                // Thin snow lets some of the scene's light through, out of focus.
+                *look = [alpha, 1.0 + (rise * 0.3).clamp(-0.14, 0.07), 0.45 / (1.0 + thick)];
+            }
             let out = &mut dst.row_mut(y)[first * 3..(last + 1) * 3];
-            for (i, out) in out.chunks_exact_mut(3).enumerate() {
-                let density = here[i];
-                if density < 0.004 {
+            for (i, (out, &[alpha, light, through])) in out.chunks_exact_mut(3).zip(&*look).enumerate() {
+                if alpha < 0.004 {
                     continue;
                 }
-                let thick = density * 1.35;
-                let alpha = 0.96 * (1.0 - 1.0 / (1.0 + thick + thick * thick));
-                // Light comes from above: slopes that face up are brighter.
-                let rise = opaque(below[i]) - opaque(above[i]);
-                let light = 1.0 + (rise * 0.3).clamp(-0.14, 0.07);
-                let seen = backdrop.at((first + i) as f32, y as f32);
-                // Thin snow lets some of the scene's light through, out of focus.
-                let through = 0.45 / (1.0 + thick);
+                let seen = backdrop.at((first + i) as i32 as f32, y as i32 as f32);
                 for channel in 0..3 {
                     let snow = (tint[channel] + (seen[channel] - tint[channel]) * through) * light;
                     let behind = f32::from(out[channel]);
-                    out[channel] = (behind + alpha * (snow - behind) + 0.5).clamp(0.0, 255.0) as u8;
+                    out[channel] = to_byte(behind + alpha * (snow - behind));
                 }
             }
         }
@@ -193,7 +205,7 @@ pub struct Bank {
 
 impl Bank {
     const STEP: f32 = 1.0 / 64.0;
-    /// The surface is soft over this height.
+    /// The surface is soft over half this height, and more where the bank is high.
     const SOFT: f32 = 0.03;
     /// The bank grows no higher.
     const HIGHEST: f32 = 0.35;
@@ -231,12 +243,6 @@ impl Bank {
         let first = place as usize;
         self.heights[first] + (self.heights[first + 1] - self.heights[first]) * (place - first as f32)
     }
-}
-
-/// How much of the light a density takes, roughly.
-#[inline(always)]
-fn opaque(density: f32) -> f32 {
-    density / (1.0 + density)
 }
 
 /// A coordinate of a picture, going back and forth.

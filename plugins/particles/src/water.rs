@@ -6,7 +6,7 @@
 
 use pdk_sdk::prelude::*;
 
-use crate::lens::{Backdrop, Lens};
+use crate::lens::{Backdrop, Lens, to_byte};
 
 /// Height of a drop in the middle, in radii.
 const CAP: f32 = 0.5;
@@ -236,7 +236,7 @@ impl Look {
         for (channel, out) in out.iter_mut().enumerate() {
             let behind = f32::from(*out);
             let colour = seen[channel] * shade + light;
-            *out = (behind + alpha * (colour - behind) + 0.5).clamp(0.0, 255.0) as u8;
+            *out = to_byte(behind + alpha * (colour - behind));
         }
     }
 }
