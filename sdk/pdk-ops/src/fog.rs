@@ -44,10 +44,16 @@ impl Field {
 
     /// Fills `fine` with a square that has more than `length` elements on a side; returns that number.
     fn draw(&mut self, length: usize, random: &mut Random) -> usize {
+        let target = length.next_power_of_two();
+        // The grids take turns; the larger buffer has to be the last one's.
+        let turns_are_even = target.trailing_zeros().is_multiple_of(2);
+        if (self.fine.capacity() >= self.coarse.capacity()) != turns_are_even {
+            std::mem::swap(&mut self.coarse, &mut self.fine);
+        }
         self.fine.clear();
         self.fine.extend((0..4).map(|_| random.unit() as f32));
         let mut squares = 1;
-        while squares < length.next_power_of_two() {
+        while squares < target {
             std::mem::swap(&mut self.coarse, &mut self.fine);
             self.refine(squares, random);
             squares *= 2;
