@@ -3,6 +3,8 @@
 mod canny_edges_mapping;
 mod cutout_filter;
 mod dotted_lines_mapping;
+mod logo;
+mod object_overlay;
 mod ray;
 mod splatter_mapping;
 mod zigzag_mapping;
@@ -16,6 +18,7 @@ pdk_sdk::export! {
         canny_edges_mapping::CannyEdgesMapping,
         cutout_filter::CutoutFilter,
         dotted_lines_mapping::DottedLinesMapping,
+        object_overlay::ObjectOverlay,
         splatter_mapping::SplatterMapping,
         zigzag_mapping::ZigzagMapping,
     ]
