@@ -22,6 +22,8 @@ const REFRACTION: f32 = 0.26;
 const STEEPNESS: f32 = 0.55;
 /// The edge of the water is out of focus over this width, in heights of the frame, and over a pixel at least.
 const EDGE: f32 = 0.0032;
+/// The slope that reflects the sky brightest, down and to the right.
+const SPOT: [f32; 2] = [0.29, 0.43];
 /// Columns and rows of a tile, the unit in which the field is cleared and drawn.
 const TILE: usize = 16;
 
@@ -151,7 +153,7 @@ impl Water {
         let look = Look {
             refraction: REFRACTION * self.unit,
             opacity: 1.0 / (EDGE * self.unit).max(1.0),
-            light: 30.0 + 0.55 * backdrop.brightness(),
+            light: 16.0 + 0.3 * backdrop.brightness(),
         };
         for tile in (0..self.wet.len()).filter(|&tile| self.wet[tile]) {
             // Columns and rows of the field; those of the frame are one less.
@@ -159,28 +161,19 @@ impl Water {
             let right = (tile % columns * TILE + TILE).min(self.width + 1);
             let bottom = (tile / columns * TILE + TILE).min(self.height + 1);
             for y in top..bottom {
-                let out = dst.row_mut(y - 1);
-                for x in left..right {
-                    let at = y * line + x;
-                    let depth = self.field[at];
-                    if depth <= 0.0 {
-                        continue;
-                    }
-                    // Beside dry glass the slope is that of the other side.
-                    let slope = |before: usize, after: usize| {
-                        let (before, after) = (self.field[before], self.field[after]);
-                        let slope = match (before > DRY, after > DRY) {
-                            (true, true) => 0.5 * (after - before),
-                            (true, false) => depth - before,
-                            (false, true) => after - depth,
-                            (false, false) => 0.0,
-                        };
-                        slope.clamp(-1.2, 1.2)
-                    };
-                    let slopes = (slope(at - 1, at + 1), slope(at - line, at + line));
-                    let place = ((x - 1) as f32, (y - 1) as f32);
-                    look.draw(depth, slopes, place, backdrop, &mut out[(x - 1) * 3..x * 3]);
-                }
+                let row = |y: usize, shift: usize| {
+                    let start = y * line + left + shift - 1;
+                    &self.field[start..start + right - left]
+                };
+                let near = Near {
+                    depth: row(y, 1),
+                    left: row(y, 0),
+                    right: row(y, 2),
+                    above: row(y - 1, 1),
+                    below: row(y + 1, 1),
+                };
+                let out = &mut dst.row_mut(y - 1)[(left - 1) * 3..(right - 1) * 3];
+                look.draw(&near, ((left - 1) as f32, (y - 1) as f32), backdrop, out);
             }
         }
     }
@@ -212,31 +205,58 @@ struct Look {
     light: f32,
 }
 
+/// The heights along a part of a row, at most as long as a tile, and those beside them.
+struct Near<'a> {
+    depth: &'a [f32],
+    left: &'a [f32],
+    right: &'a [f32],
+    above: &'a [f32],
+    below: &'a [f32],
+}
+
+/// The slope between two neighbours; where one is dry glass, that on the other side.
+#[inline(always)]
+fn slope(before: f32, depth: f32, after: f32) -> f32 {
+    let (wet_before, wet_after) = (before > DRY, after > DRY);
+    let before = if wet_before { before } else { depth };
+    let after = if wet_after { after } else { depth };
+    let slope = (after - before) * if wet_before & wet_after { 0.5 } else { 1.0 };
+    slope.max(-1.2).min(1.2)
+}
+
 impl Look {
+    /// Draws a part of a row that starts at the place `(x, y)`.
     #[inline(always)]
-    fn draw(
-        &self,
-        depth: f32,
-        (sx, sy): (f32, f32),
-        (x, y): (f32, f32),
-        backdrop: &Backdrop,
-        out: &mut [u8],
-    ) {
-        let steep = (sx * sx + sy * sy) * (1.0 / (4.0 * CAP * CAP));
-        let bend = self.refraction * (1.0 + STEEPNESS * steep);
-        let seen = backdrop.at(x + sx * bend, y + sy * bend);
-        // Light from the side hardly comes through the steep rim.
-        let rim = (steep * steep).min(1.6);
-        let shade = 1.02 - 0.34 * rim;
-        // A soft spot where the surface faces the sky, on the upper left, and a glow inside the lower rim.
-        let (dx, dy) = (sx - 0.42 * 2.0 * CAP * 0.7, sy - 0.62 * 2.0 * CAP * 0.7);
-        let spot = (1.0 - (dx * dx + dy * dy) * 28.0).max(0.0);
-        let light = self.light * spot * spot * 0.55;
-        let alpha = (depth * self.opacity).min(1.0);
-        for (channel, out) in out.iter_mut().enumerate() {
-            let behind = f32::from(*out);
-            let colour = seen[channel] * shade + light;
-            *out = to_byte(behind + alpha * (colour - behind));
+    fn draw(&self, near: &Near<'_>, (x, y): (f32, f32), backdrop: &Backdrop, out: &mut [u8]) {
+        let count = near.depth.len().min(TILE);
+        if near.depth.iter().all(|&depth| depth <= 0.0) {
+            return;
+        }
+        let [mut alpha, mut across, mut down, mut shade, mut light] = [[0.0f32; TILE]; 5];
+        let (depth, left, right) = (&near.depth[..count], &near.left[..count], &near.right[..count]);
+        let (above, below) = (&near.above[..count], &near.below[..count]);
+        for i in 0..count {
+            let (sx, sy) = (slope(left[i], depth[i], right[i]), slope(above[i], depth[i], below[i]));
+            let steep = (sx * sx + sy * sy) * (1.0 / (4.0 * CAP * CAP));
+            let bend = self.refraction * (1.0 + STEEPNESS * steep);
+            (across[i], down[i]) = (x + i as i32 as f32 + sx * bend, y + sy * bend);
+            // Light from the side hardly comes through the steep rim.
+            shade[i] = 1.02 - 0.34 * (steep * steep).min(1.6);
+            // A soft spot where the surface faces the sky, on the upper left.
+            let (dx, dy) = (sx - SPOT[0], sy - SPOT[1]);
+            let spot = (1.0 - (dx * dx + dy * dy) * 28.0).max(0.0);
+            light[i] = self.light * spot * spot;
+            alpha[i] = (depth[i] * self.opacity).max(0.0).min(1.0);
+        }
+        for (i, out) in out.chunks_exact_mut(3).enumerate().take(count) {
+            if alpha[i] > 0.0 {
+                let seen = backdrop.at(across[i], down[i]);
+                for (channel, out) in out.iter_mut().enumerate() {
+                    let behind = f32::from(*out);
+                    let colour = seen[channel] * shade[i] + light[i];
+                    *out = to_byte(behind + alpha[i] * (colour - behind));
+                }
+            }
         }
     }
 }
