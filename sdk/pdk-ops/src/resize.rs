@@ -52,10 +52,49 @@ struct Columns {
     places: [u32; BLOCK],
     weights: [[u16; 2]; BLOCK],
     len: usize,
-    /// How many places lie so far from the right end that a row has eight bytes there.
-    roomy: usize,
+    fours: [Four; BLOCK / 4],
+    /// How many groups of four taps, from the left, can be done at a time.
+    groups: usize,
     /// Whether the output is as wide as the input.
     same: bool,
+}
+
+/// Four neighbouring taps, arranged for two registers that hold 16 bytes from the first and 16 from the third on.
+#[derive(Clone, Copy, Default)]
+struct Four {
+    /// Where the second and the fourth tap start within these bytes, 16 times each.
+    starts: [[u8; 16]; 2],
+    /// The weights of the first and the third tap, then those of the second and the fourth, four times each.
+    weights: [[[[u16; 2]; 4]; 2]; 2],
+}
+
+/// As many bytes are read at a time.
+const READ: usize = 16;
+
+impl Columns {
+    /// Computes the taps of the columns from `start` on, as many as there are up to `width`.
+    fn set(&mut self, start: usize, width: usize, from: usize) {
+        self.same = from == width;
+        self.len = BLOCK.min(width - start);
+        let scale = from as f64 / width as f64;
+        for i in 0..self.len {
+            let tap = Tap::at(start + i, from, scale);
+            self.places[i] = (tap.first * CHANNELS) as u32;
+            self.weights[i] = tap.weights;
+        }
+        self.groups = 0;
+        let fours = self.places[..self.len].chunks_exact(4).zip(self.weights.chunks_exact(4));
+        for ((places, weights), four) in fours.zip(&mut self.fours) {
+            let [a, b, c, d] = [places[0], places[1], places[2], places[3]].map(|place| place as usize);
+            let near = (b - a).max(d - c) + 2 * CHANNELS <= READ;
+            if !near || c + READ > from * CHANNELS {
+                break;
+            }
+            four.starts = [[(b - a) as u8; 16], [(d - c) as u8; 16]];
+            four.weights = [[[weights[0]; 4], [weights[2]; 4]], [[weights[1]; 4], [weights[3]; 4]]];
+            self.groups += 1;
+        }
+    }
 }
 
 /// Resizes `src` to the size of `dst` with linear interpolation between the two nearest pixels in each direction.
@@ -74,41 +113,41 @@ pub fn resize_linear(src: Frame<'_>, mut dst: FrameMut<'_>) {
 pub fn resize_linear_from(src: Source<'_>, mut dst: FrameMut<'_>) {
     assert!(src.width > 0 && src.height > 0, "resizing needs an image");
     let (width, height) = (dst.width(), dst.height());
-    let (scale_x, scale_y) = (src.width as f64 / width as f64, src.height as f64 / height as f64);
-    let mut columns =
-        Columns { places: [0; BLOCK], weights: [[0; 2]; BLOCK], len: 0, roomy: 0, same: src.width == width };
+    let scale = src.height as f64 / height as f64;
+    let mut columns = Columns {
+        places: [0; BLOCK],
+        weights: [[0; 2]; BLOCK],
+        len: 0,
+        fours: [Four::default(); BLOCK / 4],
+        groups: 0,
+        same: false,
+    };
     // The two source rows that an output row lies between, interpolated horizontally, with their row numbers.
     let mut rows = [[0u16; BLOCK * CHANNELS + SLACK]; 2];
+    let [mut first, mut second] = rows.each_mut();
     for start in (0..width).step_by(BLOCK) {
-        columns.len = BLOCK.min(width - start);
-        for i in 0..columns.len {
-            let tap = Tap::at(start + i, src.width, scale_x);
-            columns.places[i] = (tap.first * CHANNELS) as u32;
-            columns.weights[i] = tap.weights;
-        }
-        columns.roomy = columns.places[..columns.len]
-            .partition_point(|&place| place as usize + 8 <= src.width * CHANNELS);
+        columns.set(start, width, src.width);
         let values = columns.len * CHANNELS;
         let mut held = [usize::MAX; 2];
         for y in 0..height {
-            let tap = Tap::at(y, src.height, scale_y);
+            let tap = Tap::at(y, src.height, scale);
             let wanted = [tap.first, (tap.first + 1).min(src.height - 1)];
             if held[0] != wanted[0] && held[1] == wanted[0] {
-                rows.swap(0, 1);
+                std::mem::swap(&mut first, &mut second);
                 held.swap(0, 1);
             }
-            for slot in 0..2 {
+            for (slot, into) in [&mut *first, &mut *second].into_iter().enumerate() {
                 if held[slot] != wanted[slot] && tap.weights[slot] > 0 {
                     let row = &(src.row)(wanted[slot])[..src.width * CHANNELS];
                     match columns.same {
-                        true => widen(&row[start * CHANNELS..][..values], &mut rows[slot]),
-                        false => interpolate_row(row, &columns, &mut rows[slot]),
+                        true => widen(&row[start * CHANNELS..][..values], into),
+                        false => interpolate_row(row, &columns, into),
                     }
                     held[slot] = wanted[slot];
                 }
             }
             let out = &mut dst.row_mut(y)[start * CHANNELS..][..values];
-            mix(&rows[0], &rows[1], out, tap.weights);
+            mix(first, second, out, tap.weights);
         }
     }
 }
@@ -134,7 +173,7 @@ vectorised! {
 fn interpolate_row(row: &[u8], columns: &Columns, into: &mut [u16; BLOCK * CHANNELS + SLACK]) {
     #[cfg(target_arch = "x86_64")]
     let done = match std::arch::is_x86_feature_detected!("avx2") && !portable_only() {
-        // SAFETY: the processor has AVX2. Places grow from left to right, so `roomy` counts those that have eight bytes.
+        // SAFETY: the processor has AVX2, and the row is as long as the one that the groups were counted for.
         true => unsafe { interpolate_row_avx2(row, columns, into) },
         false => 0,
     };
@@ -152,10 +191,10 @@ fn interpolate_row(row: &[u8], columns: &Columns, into: &mut [u16; BLOCK * CHANN
     }
 }
 
-/// Does eight taps at a time, each with eight bytes of the row from its first pixel on, and returns how many it did.
+/// Does four taps at a time and returns how many it did.
 ///
 /// # Safety
-/// The processor has AVX2, and `row` has eight bytes at each of the first `columns.roomy` places.
+/// `row` has the width that `columns` was set for.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 unsafe fn interpolate_row_avx2(
@@ -164,48 +203,40 @@ unsafe fn interpolate_row_avx2(
     into: &mut [u16; BLOCK * CHANNELS + SLACK],
 ) -> usize {
     use std::arch::x86_64::*;
-    // The first pixel's red and the second's, as words, then green and blue: of the lower and of the upper half.
-    let lower =
-        _mm256_broadcastsi128_si256(_mm_setr_epi8(0, -1, 3, -1, 1, -1, 4, -1, 2, -1, 5, -1, -1, -1, -1, -1));
-    let upper = _mm256_broadcastsi128_si256(_mm_setr_epi8(
-        8, -1, 11, -1, 9, -1, 12, -1, 10, -1, 13, -1, -1, -1, -1, -1,
+    // The first pixel's red and the second's, as words, then green and blue. Adding a start to the others leaves them
+    // negative, and so zero.
+    let pairs = _mm256_broadcastsi128_si256(_mm_setr_epi8(
+        0, -128, 3, -128, 1, -128, 4, -128, 2, -128, 5, -128, -128, -128, -128, -128,
     ));
     // From r g b 0 r g b 0 to r g b r g b, in words.
     let in_threes =
         _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 13, -1, -1, -1, -1));
-    let end = columns.roomy.min(columns.len) / 8 * 8;
-    let groups = columns.places[..end].chunks_exact(8).zip(columns.weights[..end].chunks_exact(8));
-    for ((places, weights), out) in groups.zip(into.chunks_exact_mut(8 * CHANNELS)) {
-        let out = out.as_mut_ptr();
-        // SAFETY: there are eight weights.
-        let weights = unsafe { _mm256_loadu_si256(weights.as_ptr().cast()) };
-        let four = |first: usize, even: __m256i, odd: __m256i| {
-            // SAFETY: the caller vouches for the places.
-            let word = |i: usize| unsafe {
-                row.as_ptr().add(places[first + i] as usize).cast::<i64>().read_unaligned()
-            };
-            let words = _mm256_setr_epi64x(word(0), word(1), word(2), word(3));
-            let pair = |which: __m256i, weights: __m256i| {
-                let sum = _mm256_madd_epi16(_mm256_shuffle_epi8(words, which), weights);
-                _mm256_srli_epi32::<{ (WEIGHT_BITS - ROW_BITS) as i32 }>(sum)
-            };
-            let pixels = _mm256_packus_epi32(
-                pair(lower, _mm256_permutevar8x32_epi32(weights, even)),
-                pair(upper, _mm256_permutevar8x32_epi32(weights, odd)),
-            );
-            let pixels = _mm256_shuffle_epi8(pixels, in_threes);
-            // SAFETY: from the first of eight pixels on 24 numbers are left, from the fourth on 12, and SLACK more
-            // follow the last; these write 6 and 8.
-            unsafe {
-                let out = out.add(first * CHANNELS);
-                _mm_storeu_si128(out.cast(), _mm256_castsi256_si128(pixels));
-                _mm_storeu_si128(out.add(6).cast(), _mm256_extracti128_si256::<1>(pixels));
-            }
+    let fours = columns.fours[..columns.groups].iter().zip(columns.places.chunks_exact(4));
+    for ((four, places), out) in fours.zip(into.chunks_exact_mut(4 * CHANNELS)) {
+        // SAFETY: a group was counted only where 16 bytes follow its third place, which is not before its first.
+        let bytes = unsafe {
+            let at = |place: u32| _mm_loadu_si128(row.as_ptr().add(place as usize).cast());
+            _mm256_setr_m128i(at(places[0]), at(places[2]))
         };
-        four(0, _mm256_setr_epi32(0, 0, 0, 0, 2, 2, 2, 2), _mm256_setr_epi32(1, 1, 1, 1, 3, 3, 3, 3));
-        four(4, _mm256_setr_epi32(4, 4, 4, 4, 6, 6, 6, 6), _mm256_setr_epi32(5, 5, 5, 5, 7, 7, 7, 7));
+        // SAFETY: each of the arrays has 32 bytes.
+        let [starts, even, odd] = unsafe {
+            [four.starts.as_ptr().cast(), four.weights[0].as_ptr().cast(), four.weights[1].as_ptr().cast()]
+                .map(|array: *const __m256i| _mm256_loadu_si256(array))
+        };
+        let sums = |which: __m256i, weights: __m256i| {
+            let sums = _mm256_madd_epi16(_mm256_shuffle_epi8(bytes, which), weights);
+            _mm256_srli_epi32::<{ (WEIGHT_BITS - ROW_BITS) as i32 }>(sums)
+        };
+        let pixels = _mm256_packus_epi32(sums(pairs, even), sums(_mm256_add_epi8(pairs, starts), odd));
+        let pixels = _mm256_shuffle_epi8(pixels, in_threes);
+        let out = out.as_mut_ptr();
+        // SAFETY: there are 12 numbers and, after the last group, SLACK more; these write 6 and 8.
+        unsafe {
+            _mm_storeu_si128(out.cast(), _mm256_castsi256_si128(pixels));
+            _mm_storeu_si128(out.add(6).cast(), _mm256_extracti128_si256::<1>(pixels));
+        }
     }
-    end
+    columns.groups * 4
 }
 
 #[cfg(test)]
