@@ -3,8 +3,7 @@
 //! As published, higher levels have higher thresholds and so fewer edges: what all levels share, the darkening, makes
 //! most of the effect, and level 0 is the strongest.
 
-use pdk_sdk::ops::canny::{EDGE, Workspace, canny};
-use pdk_sdk::ops::point::scale_about;
+use pdk_sdk::ops::canny::{Workspace, blend_with_edges};
 use pdk_sdk::prelude::*;
 
 /// Darkens the frame and marks edges in red.
@@ -49,20 +48,9 @@ impl Component for CannyEdgesMapping {
 }
 
 impl Perturbation for CannyEdgesMapping {
-    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        canny(src, cx.number("low_threshold"), cx.number("high_threshold"), &mut self.workspace);
-        let weight = cx.number("weight");
-        let rest = (1.0 - weight) as f32;
-        let edge = (255.0 * weight) as f32;
-        scale_about(src, dst.reborrow(), 0.0, 1.0 - weight);
-        for y in 0..src.height() {
-            let pixels = src.row(y).chunks_exact(3).zip(dst.row_mut(y).chunks_exact_mut(3));
-            for (&mark, (from, to)) in self.workspace.edges(y).iter().zip(pixels) {
-                if mark == EDGE {
-                    to[0] = (f32::from(from[0]) * rest + edge).round_ties_even() as u8;
-                }
-            }
-        }
+    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let thresholds = (cx.number("low_threshold"), cx.number("high_threshold"));
+        blend_with_edges(src, dst, cx.number("weight"), thresholds, &mut self.workspace);
         Ok(())
     }
 }

@@ -206,7 +206,7 @@ fn zoom_blur_11(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn canny_edges(bencher: Bencher<'_, '_>) {
     let mut workspace = canny::Workspace::default();
-    time(bencher, |src, _| canny::canny(src, 51.0, 151.0, &mut workspace));
+    time(bencher, |src, dst| canny::blend_with_edges(src, dst, 0.3, (51.0, 151.0), &mut workspace));
 }
 
 #[divan::bench]

@@ -5,8 +5,8 @@
 //! threshold are edges.
 
 use crate::color::grey;
-use crate::frame::{CHANNELS, Frame};
-use crate::simd::vectorised;
+use crate::frame::{CHANNELS, Frame, FrameMut};
+use crate::simd::{round_inside_byte, vectorised};
 
 /// The tangent of 22.5 degrees, times 2^15.
 const TANGENT: i32 = 13573;
@@ -16,9 +16,12 @@ const NONE: u8 = 0;
 /// A pixel that is an edge if it is connected to one.
 const CANDIDATE: u8 = 1;
 /// A pixel on an edge.
-pub const EDGE: u8 = 2;
+const EDGE: u8 = 2;
 
-/// What [`canny`] keeps between calls, with the edges that it found.
+/// Pixels of a row that are skipped together where they are smooth.
+const PART: usize = 16;
+
+/// What [`blend_with_edges`] keeps between calls.
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
     /// The grey of three rows, each with its ends repeated once.
@@ -36,15 +39,49 @@ pub struct Workspace {
 
 impl Workspace {
     /// A row of what [`canny`] found in the last frame: [`EDGE`] where there is an edge, another value elsewhere.
-    pub fn edges(&self, y: usize) -> &[u8] {
+    fn row(&self, y: usize) -> &[u8] {
         &self.marks[(y + 1) * (self.width + 2) + 1..][..self.width]
     }
 }
 
-/// Finds the edges in the grey of a frame. A gradient is eight times the difference of two neighbouring columns or rows
-/// over a linear ramp of twice that difference each, so magnitudes reach 2040. Thresholds lose their fraction; the
-/// smaller one is the lower.
-pub fn canny(src: Frame<'_>, first_threshold: f64, second_threshold: f64, workspace: &mut Workspace) {
+/// Blends the frame with a picture of its edges: `weight * edges + (1 - weight) * src`, rounded half to even. Edges are
+/// red on black; thresholds are those of the gradient's magnitude |dx| + |dy|, which reaches 2040. They lose their
+/// fraction, and the smaller one is the lower. The weight is clipped to 0..=1.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn blend_with_edges(
+    src: Frame<'_>,
+    mut dst: FrameMut<'_>,
+    weight: f64,
+    thresholds: (f64, f64),
+    workspace: &mut Workspace,
+) {
+    assert!(src.same_size(&dst.as_ref()), "edges between frames of different size");
+    canny(src, thresholds.0, thresholds.1, workspace);
+    let weight = weight.clamp(0.0, 1.0);
+    let (red, rest) = ((255.0 * weight) as f32, (1.0 - weight) as f32);
+    for y in 0..src.height() {
+        blend_row(src.row(y), dst.row_mut(y), workspace.row(y), red, rest);
+    }
+}
+
+vectorised! {
+    fn blend_row / blend_row_portable / blend_row_avx2 (
+        from: &[u8], to: &mut [u8], marks: &[u8], red: f32, rest: f32,
+    ) {
+        let pixels = from.chunks_exact(CHANNELS).zip(to.chunks_exact_mut(CHANNELS));
+        for ((from, to), &mark) in pixels.zip(marks) {
+            let red = if mark == EDGE { red } else { 0.0 };
+            to[0] = round_inside_byte(f32::from(from[0]) * rest + red);
+            to[1] = round_inside_byte(f32::from(from[1]) * rest);
+            to[2] = round_inside_byte(f32::from(from[2]) * rest);
+        }
+    }
+}
+
+/// Finds the edges in the grey of a frame.
+fn canny(src: Frame<'_>, first_threshold: f64, second_threshold: f64, workspace: &mut Workspace) {
     let (width, height) = (src.width(), src.height());
     let stride = width + 2;
     let threshold = |value: f64| value.floor().clamp(-1.0, 3000.0) as i16;
@@ -81,16 +118,25 @@ pub fn canny(src: Frame<'_>, first_threshold: f64, second_threshold: f64, worksp
     }
 
     for y in 1..=height {
-        for at in y * stride + 1..=y * stride + width {
-            let strength = magnitude[at];
-            if strength > lower && is_largest(magnitude, at, stride, across[at], down[at]) {
-                marks[at] = if strength > upper { EDGE } else { CANDIDATE };
-                if strength > upper {
-                    open.push(at as u32);
+        let row = y * stride..(y + 1) * stride;
+        for (part, strengths) in magnitude[row.clone()].chunks(PART).enumerate() {
+            // Most of a frame is smooth, which many pixels at a time tell.
+            if strengths.iter().fold(i16::MIN, |most, &strength| most.max(strength)) <= lower {
+                continue;
+            }
+            let start = row.start + part * PART;
+            for at in start.max(row.start + 1)..(start + PART).min(row.end - 1) {
+                let strength = magnitude[at];
+                if strength > lower && is_largest(magnitude, at, stride, across[at], down[at]) {
+                    marks[at] = if strength > upper { EDGE } else { CANDIDATE };
+                    if strength > upper {
+                        open.push(at as u32);
+                    }
                 }
             }
         }
     }
+    // Candidates beside an edge join it.
     while let Some(at) = open.pop() {
         let at = at as usize;
         for start in [at - stride - 1, at - 1, at + stride - 1] {
@@ -164,7 +210,7 @@ mod tests {
     use super::*;
     use crate::frame::FrameBuf;
     use crate::simd::PORTABLE_ONLY;
-    use crate::testing::samples;
+    use crate::testing::{plain, run_on, samples};
 
     /// The method from its description, with coordinates that are clamped and sets that grow until nothing changes.
     fn plain_canny(src: Frame<'_>, lower: i32, upper: i32) -> Vec<bool> {
@@ -230,7 +276,7 @@ mod tests {
     fn edges(src: Frame<'_>, first: f64, second: f64, workspace: &mut Workspace) -> Vec<bool> {
         canny(src, first, second, workspace);
         (0..src.height())
-            .flat_map(|y| workspace.edges(y).iter().map(|&m| m == EDGE).collect::<Vec<_>>())
+            .flat_map(|y| workspace.row(y).iter().map(|&m| m == EDGE).collect::<Vec<_>>())
             .collect()
     }
 
@@ -249,6 +295,24 @@ mod tests {
                 // The order of the thresholds does not matter.
                 prop_assert_eq!(&edges(src, second, first, &mut workspace), &expected);
             }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn edges_are_blended_in_red(sample in samples(), weight in 0.0..=1.0f64) {
+            let src = sample.frame();
+            let found = plain_canny(src, 80, 200);
+            let expected = plain(src, |x, y| {
+                let red = if found[y * src.width() + x] { (255.0 * weight) as f32 } else { 0.0 };
+                let [r, g, b] = src.pixel(x, y).map(|v| f32::from(v) * (1.0 - weight) as f32);
+                [r + red, g, b].map(|v| v.round_ties_even() as u8)
+            });
+            let mut workspace = Workspace::default();
+            let actual = run_on(&sample, |src, dst| {
+                blend_with_edges(src, dst, weight, (80.0, 200.0), &mut workspace);
+            });
+            prop_assert_eq!(actual, expected);
         }
     }
 

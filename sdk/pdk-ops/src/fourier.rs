@@ -180,10 +180,10 @@ fn one_pass(
     to_im: &mut [Lane],
 ) {
     match pass.radix {
-        2 => fixed_pass::<2>(pass, factors, re, im, to_re, to_im, radix_2),
-        3 => fixed_pass::<3>(pass, factors, re, im, to_re, to_im, radix_3),
-        4 => fixed_pass::<4>(pass, factors, re, im, to_re, to_im, radix_4),
-        5 => fixed_pass::<5>(pass, factors, re, im, to_re, to_im, radix_5),
+        2 => fixed_pass::<2>(pass, factors, re, im, to_re, to_im),
+        3 => fixed_pass::<3>(pass, factors, re, im, to_re, to_im),
+        4 => fixed_pass::<4>(pass, factors, re, im, to_re, to_im),
+        5 => fixed_pass::<5>(pass, factors, re, im, to_re, to_im),
         _ => plain_pass(pass, factors, re, im, to_re, to_im),
     }
 }
@@ -197,8 +197,9 @@ fn fixed_pass<const RADIX: usize>(
     im: &[Lane],
     to_re: &mut [Lane],
     to_im: &mut [Lane],
-    combine: impl Fn([Complex; RADIX]) -> [Complex; RADIX],
-) {
+) where
+    Direct: Transform<RADIX>,
+{
     let Pass { rest, done, .. } = *pass;
     let apart = rest * done;
     let (re, im): ([&[Lane]; RADIX], [&[Lane]; RADIX]) = (
@@ -210,7 +211,8 @@ fn fixed_pass<const RADIX: usize>(
         let factors = &factors[group * (RADIX - 1)..][..RADIX - 1];
         for k in 0..done {
             let from = group * done + k;
-            let out = combine(std::array::from_fn(|j| Complex { re: re[j][from], im: im[j][from] }));
+            let out =
+                Direct::transform(std::array::from_fn(|j| Complex { re: re[j][from], im: im[j][from] }));
             (to_re[k], to_im[k]) = (out[0].re, out[0].im);
             for r in 1..RADIX {
                 let turned = out[r].times(factors[r - 1]);
@@ -220,40 +222,63 @@ fn fixed_pass<const RADIX: usize>(
     }
 }
 
-#[inline(always)]
-fn radix_2([a, b]: [Complex; 2]) -> [Complex; 2] {
-    [a.add(b), a.sub(b)]
+/// Transforms of a few elements, written out. (A trait, because a function handed on as an argument is not always made
+/// part of its caller, whose instruction set it has to share.)
+trait Transform<const RADIX: usize> {
+    fn transform(elements: [Complex; RADIX]) -> [Complex; RADIX];
 }
 
-#[inline(always)]
-fn radix_3([a, b, c]: [Complex; 3]) -> [Complex; 3] {
-    /// The sine of 60 degrees.
-    const SIN: f32 = 0.866_025_4;
-    let sum = b.add(c);
-    let middle = a.sub(sum.scale(0.5));
-    let side = b.sub(c).scale(SIN).turn();
-    [a.add(sum), middle.add(side), middle.sub(side)]
+/// See [`Transform`].
+struct Direct;
+
+impl Transform<2> for Direct {
+    #[inline(always)]
+    fn transform([a, b]: [Complex; 2]) -> [Complex; 2] {
+        [a.add(b), a.sub(b)]
+    }
 }
 
-#[inline(always)]
-fn radix_4([a, b, c, d]: [Complex; 4]) -> [Complex; 4] {
-    let (even, odd) = (a.add(c), b.add(d));
-    let (even_side, odd_side) = (a.sub(c), b.sub(d).turn());
-    [even.add(odd), even_side.add(odd_side), even.sub(odd), even_side.sub(odd_side)]
+impl Transform<3> for Direct {
+    #[inline(always)]
+    fn transform([a, b, c]: [Complex; 3]) -> [Complex; 3] {
+        /// The sine of 60 degrees.
+        const SIN: f32 = 0.866_025_4;
+        let sum = b.add(c);
+        let middle = a.sub(sum.scale(0.5));
+        let side = b.sub(c).scale(SIN).turn();
+        [a.add(sum), middle.add(side), middle.sub(side)]
+    }
 }
 
-#[inline(always)]
-fn radix_5([a, b, c, d, e]: [Complex; 5]) -> [Complex; 5] {
-    /// Cosines and sines of 72 and 144 degrees.
-    const COS: [f32; 2] = [0.309_017, -0.809_017];
-    const SIN: [f32; 2] = [0.951_056_54, 0.587_785_24];
-    let (outer, inner) = (b.add(e), c.add(d));
-    let (outer_side, inner_side) = (b.sub(e).turn(), c.sub(d).turn());
-    let near = a.add(outer.scale(COS[0])).add(inner.scale(COS[1]));
-    let far = a.add(outer.scale(COS[1])).add(inner.scale(COS[0]));
-    let near_side = outer_side.scale(SIN[0]).add(inner_side.scale(SIN[1]));
-    let far_side = outer_side.scale(SIN[1]).sub(inner_side.scale(SIN[0]));
-    [a.add(outer).add(inner), near.add(near_side), far.add(far_side), far.sub(far_side), near.sub(near_side)]
+impl Transform<4> for Direct {
+    #[inline(always)]
+    fn transform([a, b, c, d]: [Complex; 4]) -> [Complex; 4] {
+        let (even, odd) = (a.add(c), b.add(d));
+        let (even_side, odd_side) = (a.sub(c), b.sub(d).turn());
+        [even.add(odd), even_side.add(odd_side), even.sub(odd), even_side.sub(odd_side)]
+    }
+}
+
+impl Transform<5> for Direct {
+    #[inline(always)]
+    fn transform([a, b, c, d, e]: [Complex; 5]) -> [Complex; 5] {
+        /// Cosines and sines of 72 and 144 degrees.
+        const COS: [f32; 2] = [0.309_017, -0.809_017];
+        const SIN: [f32; 2] = [0.951_056_54, 0.587_785_24];
+        let (outer, inner) = (b.add(e), c.add(d));
+        let (outer_side, inner_side) = (b.sub(e).turn(), c.sub(d).turn());
+        let near = a.add(outer.scale(COS[0])).add(inner.scale(COS[1]));
+        let far = a.add(outer.scale(COS[1])).add(inner.scale(COS[0]));
+        let near_side = outer_side.scale(SIN[0]).add(inner_side.scale(SIN[1]));
+        let far_side = outer_side.scale(SIN[1]).sub(inner_side.scale(SIN[0]));
+        [
+            a.add(outer).add(inner),
+            near.add(near_side),
+            far.add(far_side),
+            far.sub(far_side),
+            near.sub(near_side),
+        ]
+    }
 }
 
 /// A pass that sums up every output of a group by itself.
