@@ -105,10 +105,9 @@ impl Flake {
         let way = ((GROUND - self.y) / pace).max(0.0);
         let arrives = self.sticks + 0.5 * (way + (way * way + 4.0 * EASE * way).sqrt());
         let lies = age - arrives;
-        let lying = match arrives < self.life {
-            true => smooth(lies / 2.0) * (1.0 - smooth(lies / LYING)),
-            false => 0.0,
-        };
+        // One that arrives almost melted leaves little, so that nothing depends on arriving a little sooner.
+        let left = smooth((self.life - arrives) / 3.0);
+        let lying = left * smooth(lies / 2.0) * (1.0 - smooth(lies / LYING));
         Some(Moment {
             x: self.x + sideways,
             y: self.y + down,

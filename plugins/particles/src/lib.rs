@@ -18,6 +18,7 @@ mod raindrops_on_lens;
 mod sliders;
 mod snow_cover;
 mod snow_on_lens;
+mod sweep;
 mod water;
 
 #[cfg(test)]

@@ -2,18 +2,17 @@
 
 use pdk_sdk::prelude::*;
 
-use crate::births::{Births, COLUMN, Place, sequence_key};
+use crate::births::{Births, COLUMN, sequence_key};
 use crate::lens::{Backdrop, Density, Lens, smooth, time_of};
 use crate::rain::{LIFETIME, MEAN_LIFE, Sitting};
-use crate::sliders::{self, AFTERMATH, DRIFT, Slider, Sliding};
+use crate::sliders::{self, AFTERMATH, DRIFT, Slider};
+use crate::sweep::{Sweeper, Sweepers};
 use crate::water::{Drop, Water};
 
 /// The most drops that sit on a square of the lens.
 const MOST_DROPS: f64 = 1000.0;
 /// Sliders born on a square of the lens each second, where there are the most drops.
 const MOST_SLIDERS: f64 = 3.0;
-/// A swallowed drop is gone after this many seconds.
-const SWALLOWING: f32 = 0.12;
 /// The wet track of a slider lasts so many seconds.
 const TRACK: f32 = 1.6;
 
@@ -22,7 +21,7 @@ pub struct RaindropsOnLens {
     drops: Births<Sitting>,
     sliders: Births<Slider>,
     /// The sliders that exist in the frame at hand.
-    active: Vec<Active>,
+    sweepers: Sweepers,
     water: Water,
     backdrop: Backdrop,
 }
@@ -75,7 +74,7 @@ impl Component for RaindropsOnLens {
         Ok(Self {
             drops: Births::new(1),
             sliders: Births::new(2),
-            active: Vec::new(),
+            sweepers: Sweepers::default(),
             water: Water::default(),
             backdrop: Backdrop::default(),
         })
@@ -103,7 +102,7 @@ impl Perturbation for RaindropsOnLens {
         });
 
         self.water.clear(&lens);
-        self.find_sliders(time, dry_before, (size, speed), &density);
+        self.sweepers.find(&self.sliders, &lens, (time, dry_before), (size, speed), &density);
         self.add_drops(&lens, time, dry_before, size, &density);
         self.add_tracks(&lens);
         self.add_sliders(&lens);
@@ -114,40 +113,7 @@ impl Perturbation for RaindropsOnLens {
     }
 }
 
-/// A slider that exists now.
-struct Active {
-    place: Place,
-    /// Full radius in heights of the frame.
-    radius: f32,
-    /// The leftmost and rightmost, highest and lowest place that it has swept.
-    reach: [f32; 2],
-    height: [f32; 2],
-    /// Seconds since it came to an end; negative before.
-    over: f32,
-    /// What it has swallowed, in cubed radii.
-    swallowed: f32,
-    state: Sliding,
-}
-
 impl RaindropsOnLens {
-    /// Finds the sliders that exist now and what has become of them.
-    fn find_sliders(&mut self, time: f64, dry_before: f64, (size, speed): (f32, f32), density: &Density<'_>) {
-        self.active.clear();
-        self.active.reserve(self.sliders.len());
-        for (place, slider) in self.sliders.iter().filter(|(_, slider)| slider.born >= dry_before) {
-            let presence = density.presence(slider.rank, slider.x, slider.y);
-            if presence <= 0.0 {
-                continue;
-            }
-            if let Some(state) = slider.at_time(time, speed) {
-                let radius = slider.radius * size * presence;
-                let reach = [slider.reach[0] - radius, slider.reach[1] + radius];
-                let (height, over) = ([slider.y, state.y], state.slid - slider.slides(speed));
-                self.active.push(Active { place, radius, reach, height, over, swallowed: 0.0, state });
-            }
-        }
-    }
-
     /// Adds the drops that stay; sliders swallow those in their way.
     fn add_drops(&mut self, lens: &Lens, time: f64, dry_before: f64, size: f32, density: &Density<'_>) {
         let edge = lens.half_width() + 2.0 * size;
@@ -162,7 +128,7 @@ impl RaindropsOnLens {
             }
             let radius = drop.radius * size * presence * scale;
             let age = (time - drop.born) as f32;
-            let left = swallow(&self.sliders, &mut self.active, (drop.x, drop.y), radius, age);
+            let left = self.sweepers.swallow(&self.sliders, (drop.x, drop.y), radius, age);
             if left > 0.0 {
                 drop.caps(radius * left, |cap| self.water.add(lens, cap));
             }
@@ -172,19 +138,20 @@ impl RaindropsOnLens {
     /// Adds what sliders leave behind: small drops and a wet track.
     fn add_tracks(&mut self, lens: &Lens) {
         let edge = lens.half_width();
-        for i in 0..self.active.len() {
-            let Active { place, radius, reach, over, state, .. } = self.active[i];
+        for i in 0..self.sweepers.all.len() {
+            let Sweeper { place, radius, reach, over, state, .. } = self.sweepers.all[i];
             if state.slid <= 0.0 || over > AFTERMATH as f32 || reach[0] > edge || reach[1] < -edge {
                 continue;
             }
             let slider = self.sliders.at(place);
             for bead in &slider.beads {
                 let shown = state.since(bead.progress).filter(|&(since, _)| since < bead.life);
-                let Some((since, scale)) = shown.filter(|_| bead.y < 1.05 && bead.x.abs() < edge + 0.05) else {
+                let Some((since, scale)) = shown.filter(|_| bead.y < 1.05 && bead.x.abs() < edge + 0.05)
+                else {
                     continue;
                 };
                 let radius = bead.radius * radius * scale * smooth((bead.life - since) / 1.5);
-                let left = swallow(&self.sliders, &mut self.active, (bead.x, bead.y), radius, since);
+                let left = self.sweepers.swallow(&self.sliders, (bead.x, bead.y), radius, since);
                 let wobble = [bead.wobble, 0.1, 0.0, 0.0];
                 self.water
                     .add(lens, &Drop { x: bead.x, y: bead.y, radius: radius * left, tail: 0.1, wobble });
@@ -212,7 +179,7 @@ impl RaindropsOnLens {
 
     /// Adds the sliders themselves.
     fn add_sliders(&mut self, lens: &Lens) {
-        for Active { place, radius, swallowed, state, .. } in &self.active {
+        for Sweeper { place, radius, swallowed, state, .. } in &self.sweepers.all {
             let own = radius * state.scale;
             if own <= 0.0 {
                 continue;
@@ -231,35 +198,4 @@ impl RaindropsOnLens {
             }
         }
     }
-}
-
-/// What sliders leave of the radius of a drop that has been at a place for `age` seconds, from 0 to 1. They grow by what
-/// they take.
-fn swallow(
-    sliders: &Births<Slider>,
-    active: &mut [Active],
-    (x, y): (f32, f32),
-    radius: f32,
-    age: f32,
-) -> f32 {
-    let mut left = 1.0;
-    for slider in active {
-        // Most have come to an end before the drop was there, or are somewhere else.
-        if slider.over > age || y < slider.height[0] || y > slider.height[1] {
-            continue;
-        }
-        if x < slider.reach[0] - radius || x > slider.reach[1] + radius || slider.state.slid <= 0.0 {
-            continue;
-        }
-        let Some((path, progress)) = sliders.at(slider.place).at_height(y) else { continue };
-        let met = slider.state.since(progress).filter(|&(since, _)| since < age);
-        let Some((since, scale)) = met else { continue };
-        // Drops at the edge of its way and those that have just come are swallowed in part, so that nothing depends on
-        // whether a slider comes a little sooner or grows a little larger.
-        let depth = 0.95 * scale * slider.radius + 0.4 * radius - (path - x).abs();
-        let share = smooth(since / SWALLOWING) * smooth(depth / (0.35 * slider.radius)) * smooth((age - since) / 0.3);
-        slider.swallowed += 0.4 * share * left * radius * radius * radius;
-        left *= 1.0 - share;
-    }
-    left
 }

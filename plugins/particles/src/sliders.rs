@@ -7,8 +7,10 @@ use crate::births::Cell;
 use crate::lens::smooth;
 
 /// Steps of the path that a slider's table holds, each [`STEP`] heights down.
-const STEPS: usize = 130;
+const STEPS: usize = 145;
 const STEP: f32 = 0.01;
+/// The speed of a slider is a mean over so many heights before and behind it.
+const AROUND: f32 = 0.03;
 /// Drops left behind by one slider at most.
 pub const BEADS: usize = 48;
 /// A slider has left the frame or dried up so many seconds after it began to slide.
@@ -160,6 +162,10 @@ impl Slider {
         let (before, ahead) = (self.progress[after - 1], self.progress[after]);
         let fraction = ((progress - before) / (ahead - before)).min(1.0);
         let down = ((after - 1) as f32 + fraction) * STEP;
+        let passed = |down: f32| interpolate(&self.sideways, &self.progress, down).1;
+        // Beyond the ends of the table it goes on as it does there.
+        let middle = down.clamp(AROUND, (STEPS - 1) as f32 * STEP - AROUND);
+        let around = passed(middle + AROUND) - passed(middle - AROUND);
         let across = self.sideways[after - 1] + (self.sideways[after] - self.sideways[after - 1]) * fraction;
         // It hits the glass, grows, and dries up in the end.
         let growth = smooth(age / 0.12) * (0.62 + 0.38 * smooth(age / self.grows));
@@ -167,7 +173,7 @@ impl Slider {
             x: self.x + across,
             y: self.y + down,
             scale: growth * remaining(slid),
-            speed: if slid > 0.0 { pace * STEP / (ahead - before) } else { 0.0 },
+            speed: if slid > 0.0 { pace * 2.0 * AROUND / around } else { 0.0 },
             progress,
             pace,
             slid,

@@ -41,7 +41,16 @@ impl SnowCover {
         let stamps = (0..STAMPS).map(|_| stamp(&mut random)).collect();
         let noise = Noise::new(&mut random);
         let grain = vec![picture(|u, v| noise.at(u, v))];
-        Self { width: 0, height: 0, density: Vec::new(), rows: Vec::new(), stamps, grain, look: Vec::new(), bank: Vec::new() }
+        Self {
+            width: 0,
+            height: 0,
+            density: Vec::new(),
+            rows: Vec::new(),
+            stamps,
+            grain,
+            look: Vec::new(),
+            bank: Vec::new(),
+        }
     }
 
     /// Takes all snow away.
@@ -171,7 +180,8 @@ impl SnowCover {
             let (here, above) = (line(y), line(y.saturating_sub(step)));
             let below = line((y + step).min(self.height - 1));
             let look = &mut self.look[..=last - first];
-            for (look, ((&density, &above), &below)) in look.iter_mut().zip(here.iter().zip(above).zip(below)) {
+            for (look, ((&density, &above), &below)) in look.iter_mut().zip(here.iter().zip(above).zip(below))
+            {
                 let thick = density * 1.35;
                 let alpha = 0.96 - 0.96 / (1.0 + thick + thick * thick);
                 // Light comes from above: slopes that face up are brighter.
