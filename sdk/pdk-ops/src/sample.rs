@@ -123,7 +123,8 @@ impl Padded {
     fn sample_avx2(&self, xs: &[i32], ys: &[i32], out: &mut [u8]) -> usize {
         use std::arch::x86_64::*;
         // Eight pixels are written as two overlapping stores, which reach four bytes further.
-        const WRITTEN: usize = 28;
+        const BYTES: usize = 8 * CHANNELS;
+        const WRITTEN: usize = BYTES + 4;
         let (last_x, last_y) = self.limits();
         let (last_x, last_y) = (_mm256_set1_epi32(last_x), _mm256_set1_epi32(last_y));
         let start = _mm256_set1_epi32(self.margin as i32 * SUBPIXELS);
@@ -143,7 +144,7 @@ impl Padded {
         ));
         let data = self.data.as_ptr();
         let mut done = 0;
-        while xs.len() - done >= 8 && out.len() - done * CHANNELS >= WRITTEN {
+        while xs.len() - done >= 8 {
             // SAFETY: both slices have eight more elements.
             let (x, y) = unsafe {
                 (
@@ -208,11 +209,17 @@ impl Padded {
                 _mm256_setr_epi32(0, 1, 4, 5, 2, 3, 6, 7),
             );
             let pixels = _mm256_shuffle_epi8(pixels, in_threes);
-            // SAFETY: `out` has WRITTEN more bytes, 12 and 16 of which these write.
+            let mut last = [0; WRITTEN];
+            let out = &mut out[done * CHANNELS..];
+            let ends = out.len() < WRITTEN;
+            let into = if ends { &mut last[..] } else { &mut *out }.as_mut_ptr();
+            // SAFETY: there are WRITTEN bytes, the first 16 and the last 16 of which these write.
             unsafe {
-                let out = out.as_mut_ptr().add(done * CHANNELS);
-                _mm_storeu_si128(out.cast(), _mm256_castsi256_si128(pixels));
-                _mm_storeu_si128(out.add(12).cast(), _mm256_extracti128_si256::<1>(pixels));
+                _mm_storeu_si128(into.cast(), _mm256_castsi256_si128(pixels));
+                _mm_storeu_si128(into.add(12).cast(), _mm256_extracti128_si256::<1>(pixels));
+            }
+            if ends {
+                out[..BYTES].copy_from_slice(&last[..BYTES]);
             }
             done += 8;
         }

@@ -39,12 +39,10 @@ impl Affine {
     pub fn inverse(&self) -> Option<Self> {
         let [a, b, c, d, e, f] = self.0;
         let determinant = a * e - b * d;
-        if determinant == 0.0 || !determinant.is_finite() {
-            return None;
-        }
         let scale = 1.0 / determinant;
         let (a, b, d, e) = (e * scale, -b * scale, -d * scale, a * scale);
-        Some(Self([a, b, -a * c - b * f, d, e, -d * c - e * f]))
+        let back = [a, b, -a * c - b * f, d, e, -d * c - e * f];
+        back.iter().all(|number| number.is_finite()).then_some(Self(back))
     }
 }
 
@@ -68,8 +66,8 @@ fn fine(value: f64, limit: i32) -> i32 {
 }
 
 /// Moves every pixel of `src` as `map` says, with linear interpolation; what the image does not cover is black, and its
-/// edges fade to black over one pixel. Places are rounded to 1/32 pixel. A map that leaves no area (a determinant of
-/// zero) gives a black frame.
+/// edges fade to black over one pixel. Places are rounded to 1/32 pixel. A map that cannot be inverted, because it leaves
+/// no area, gives a black frame.
 ///
 /// # Panics
 /// Where the sizes differ.
@@ -263,6 +261,8 @@ mod tests {
         let src = crate::FrameBuf::from_vec(vec![200; 40 * 6 * 3], 40, 6).unwrap();
         let maps = [
             Affine([0.0; 6]),
+            Affine([1e-200, 0.0, 3.0, 0.0, 1e-200, 2.0]),
+            Affine([f64::NAN, 0.0, 3.0, 0.0, 1.0, 2.0]),
             Affine::translation(1e300, 0.0),
             Affine::translation(-41.0, 0.0),
             Affine::translation(0.0, 1e12),
