@@ -321,3 +321,12 @@ fn phase_scrambling(bencher: Bencher<'_, '_>) {
     let mut random = Key::default().frame(0);
     time(bencher, |src, dst| phase::scramble_phase(src, dst, 0.55, &mut random, &mut workspace));
 }
+
+#[divan::bench]
+fn lay_over_and_scale_saturation(bencher: Bencher<'_, '_>) {
+    let (texture, cover, mut covered) = (scene(320, 240), scene(320, 240), scene(320, 240));
+    time(bencher, |src, dst| {
+        pdk_ops::layer::lay_over(src, texture.as_ref(), cover.as_ref(), 0.6, covered.as_mut());
+        hsv::scale_hsv(covered.as_ref(), dst, 0.8, 1.0);
+    });
+}

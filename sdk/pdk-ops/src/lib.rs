@@ -24,6 +24,7 @@ pub mod frame;
 pub mod gaussian;
 pub mod hsv;
 pub mod jpeg;
+pub mod layer;
 pub mod low_pass;
 pub mod noise;
 pub mod overlay;
