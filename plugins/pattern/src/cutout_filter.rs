@@ -16,6 +16,8 @@ impl Component for CutoutFilter {
         )
         .family("pattern")
         .source("DeVries and Taylor, Improved regularization of convolutional neural networks with cutout (2017)")
+        .mathematics("black in rectangles whose sides are uniform in 5 %..20 % of the frame's")
+        .drawn_per_sequence("size and place of each rectangle")
         .parameter(
             Parameter::by_level(
                 "rectangles",

@@ -19,6 +19,9 @@ impl Component for DottedLinesMapping {
             "Draws dotted black lines, at places that stay for a sequence",
         )
         .family("pattern")
+        .mathematics("black where |(x, y) - trunc(start + k * spacing * direction)| <= radius for any line, k = 0, 1, ...")
+        .divergence("the corrected variant counts its lines by the severity; the published one by the number of the level, so that level 0 draws none")
+        .drawn_per_sequence("start and direction of each line")
         .parameter(
             Parameter::by_level(
                 "severity",

@@ -1,8 +1,8 @@
 //! Fourier transforms of eight sequences at a time, one in each lane of a vector.
 //!
 //! Self-sorting passes after Stockham (Cochran and others, "What is the fast Fourier transform?", 1967) with radices 4, 2,
-//! 3 and 5, and a plain sum for other prime factors. The same operations in the same order on every processor, with
-//! factors from [`libm`], so the same result everywhere.
+//! 3 and 5, and a sum for other prime factors, which takes the longer the larger they are. The same operations in the
+//! same order on every processor, with factors from [`libm`], so the same result everywhere.
 
 use std::f64::consts::PI;
 
@@ -15,11 +15,13 @@ pub(crate) const LANES: usize = 8;
 pub(crate) type Lane = [f32; LANES];
 
 /// Complex numbers, one in each lane.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 struct Complex {
     re: Lane,
     im: Lane,
 }
+
+const ZERO: Complex = Complex { re: [0.0; LANES], im: [0.0; LANES] };
 
 /// A complex factor that is the same for all lanes.
 #[derive(Debug, Clone, Copy, Default)]
@@ -92,6 +94,8 @@ pub(crate) struct Plan {
     factors: Vec<Factor>,
     /// What the passes write to in turn.
     scratch: Sequences,
+    /// Sums and differences of a group's elements, for large radices.
+    pairs: Vec<[Complex; 2]>,
 }
 
 /// One pass: it combines `radix` elements that lie `rest * done` apart into as many that lie `done` apart.
@@ -102,7 +106,7 @@ struct Pass {
     rest: usize,
     /// The product of the radices of earlier passes.
     done: usize,
-    /// Where its factors start: `radix - 1` for each of `rest` groups; for a plain sum, then the roots of the radix.
+    /// Where its factors start: `radix - 1` for each of `rest` groups; for radices above 5, then the roots of the radix.
     factors: usize,
 }
 
@@ -116,6 +120,7 @@ impl Plan {
         self.passes.clear();
         self.factors.clear();
         self.scratch.resize(len);
+        self.pairs.clear();
         let (mut rest, mut done) = (len, 1);
         while rest > 1 {
             let radix = [4, 2, 3, 5].into_iter().find(|r| rest.is_multiple_of(*r));
@@ -128,6 +133,7 @@ impl Plan {
             }
             if radix > 5 {
                 self.factors.extend((0..radix).map(|k| root(k, radix)));
+                self.pairs.resize(self.pairs.len().max(radix / 2), [ZERO; 2]);
             }
             done *= radix;
         }
@@ -141,7 +147,7 @@ impl Plan {
     pub(crate) fn transform(&mut self, re: &mut [Lane], im: &mut [Lane]) {
         assert!(re.len() == self.len && im.len() == self.len, "the plan is for another length");
         let Sequences { re: other_re, im: other_im } = &mut self.scratch;
-        run(&self.passes, &self.factors, re, im, other_re, other_im);
+        run(&self.passes, &self.factors, re, im, other_re, other_im, &mut self.pairs);
     }
 }
 
@@ -153,14 +159,14 @@ fn smallest_factor(number: usize) -> usize {
 vectorised! {
     fn run / run_portable / run_avx2 (
         passes: &[Pass], factors: &[Factor], re: &mut [Lane], im: &mut [Lane], other_re: &mut [Lane],
-        other_im: &mut [Lane],
+        other_im: &mut [Lane], pairs: &mut [[Complex; 2]],
     ) {
         for (number, pass) in passes.iter().enumerate() {
             let factors = &factors[pass.factors..];
             if number % 2 == 0 {
-                one_pass(pass, factors, re, im, other_re, other_im);
+                one_pass(pass, factors, re, im, other_re, other_im, pairs);
             } else {
-                one_pass(pass, factors, other_re, other_im, re, im);
+                one_pass(pass, factors, other_re, other_im, re, im, pairs);
             }
         }
         if passes.len() % 2 == 1 {
@@ -178,13 +184,14 @@ fn one_pass(
     im: &[Lane],
     to_re: &mut [Lane],
     to_im: &mut [Lane],
+    pairs: &mut [[Complex; 2]],
 ) {
     match pass.radix {
         2 => fixed_pass::<2>(pass, factors, re, im, to_re, to_im),
         3 => fixed_pass::<3>(pass, factors, re, im, to_re, to_im),
         4 => fixed_pass::<4>(pass, factors, re, im, to_re, to_im),
         5 => fixed_pass::<5>(pass, factors, re, im, to_re, to_im),
-        _ => plain_pass(pass, factors, re, im, to_re, to_im),
+        _ => odd_pass(pass, factors, re, im, to_re, to_im, pairs),
     }
 }
 
@@ -281,33 +288,51 @@ impl Transform<5> for Direct {
     }
 }
 
-/// A pass that sums up every output of a group by itself.
-fn plain_pass(
+/// A pass for an odd prime radix. Elements `j` and `radix - j` meet conjugate roots, so that their sum is multiplied by a
+/// cosine and their difference by a sine, and outputs `r` and `radix - r` share both products.
+#[inline(always)]
+fn odd_pass(
     pass: &Pass,
     factors: &[Factor],
     re: &[Lane],
     im: &[Lane],
     to_re: &mut [Lane],
     to_im: &mut [Lane],
+    pairs: &mut [[Complex; 2]],
 ) {
     let Pass { radix, rest, done, .. } = *pass;
     let roots = &factors[rest * (radix - 1)..][..radix];
+    let pairs = &mut pairs[..radix / 2];
     for group in 0..rest {
+        let factors = &factors[group * (radix - 1)..][..radix - 1];
         for k in 0..done {
-            for r in 0..radix {
-                let mut sum = Complex { re: [0.0; LANES], im: [0.0; LANES] };
+            let element = |j: usize| {
+                let from = (j * rest + group) * done + k;
+                Complex { re: re[from], im: im[from] }
+            };
+            let first = element(0);
+            let mut total = first;
+            for (j, pair) in (1..).zip(pairs.iter_mut()) {
+                let (near, far) = (element(j), element(radix - j));
+                *pair = [near.add(far), near.sub(far)];
+                total = total.add(pair[0]);
+            }
+            let to = group * radix * done + k;
+            (to_re[to], to_im[to]) = (total.re, total.im);
+            for r in 1..=radix / 2 {
+                let (mut even, mut odd) = (first, ZERO);
                 let mut turn = 0;
-                for j in 0..radix {
-                    let from = (j * rest + group) * done + k;
-                    sum = sum.add(Complex { re: re[from], im: im[from] }.times(roots[turn]));
+                for [sum, difference] in &*pairs {
                     turn += r;
                     turn -= if turn >= radix { radix } else { 0 };
+                    even = even.add(sum.scale(roots[turn].re));
+                    odd = odd.add(difference.scale(roots[turn].im));
                 }
-                if r > 0 {
-                    sum = sum.times(factors[group * (radix - 1) + r - 1]);
+                let side = odd.turn();
+                for (r, out) in [(r, even.sub(side)), (radix - r, even.add(side))] {
+                    let out = out.times(factors[r - 1]);
+                    (to_re[to + r * done], to_im[to + r * done]) = (out.re, out.im);
                 }
-                let to = (group * radix + r) * done + k;
-                (to_re[to], to_im[to]) = (sum.re, sum.im);
             }
         }
     }

@@ -26,7 +26,7 @@ pub struct Workspace {
     down: Plan,
     /// Rows under way.
     rows: Sequences,
-    /// The half spectrum: for each channel, for each block of columns, the block's rows.
+    /// The half spectrum of a channel: for each block of columns, the block's rows.
     spectrum: Sequences,
     /// What the coefficients of a block of columns are multiplied with.
     filter: Sequences,
@@ -51,17 +51,17 @@ pub fn scramble_phase(
     let (width, height) = (src.width(), src.height());
     let columns = width / 2 + 1;
     let blocks = columns.div_ceil(LANES);
+    let range = strength.clamp(0.0, 1.0) as f32 * PI;
     let Workspace { across, down, rows, spectrum, filter, draws } = workspace;
     across.prepare(width);
     down.prepare(height);
     rows.resize(width);
-    spectrum.resize(CHANNELS * blocks * height);
+    spectrum.resize(blocks * height);
     filter.resize(height);
     draws.resize(DRAW * height, 0);
 
     for channel in 0..CHANNELS {
-        let of_channel = channel * blocks * height..(channel + 1) * blocks * height;
-        let (re, im) = (&mut spectrum.re[of_channel.clone()], &mut spectrum.im[of_channel]);
+        let Sequences { re, im } = &mut *spectrum;
         for top in (0..height).step_by(ROWS) {
             load_rows(src, channel, top, rows);
             across.transform(&mut rows.re, &mut rows.im);
@@ -69,12 +69,12 @@ pub fn scramble_phase(
         }
         for (block, (re, im)) in re.chunks_exact_mut(height).zip(im.chunks_exact_mut(height)).enumerate() {
             random.fill(draws);
-            make_filter(draws, (strength.clamp(0.0, 1.0) as f32) * PI, &mut filter.re, &mut filter.im);
+            make_filter(draws, range, &mut filter.re, &mut filter.im);
             for lane in 0..LANES {
                 // Columns that are their own partners hold pairs of their own.
                 if [0, width - width / 2].contains(&(block * LANES + lane)) && block * LANES + lane < columns
                 {
-                    pair_within_column(draws, (strength.clamp(0.0, 1.0) as f32) * PI, lane, filter);
+                    pair_within_column(draws, range, lane, filter);
                 }
             }
             down.transform(re, im);
