@@ -19,23 +19,22 @@ const GROUP: usize = 32;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Kernel {
     /// The distances 0 and 1, 2 and 3, ... with a weight for each side; the centre has half its weight on either side.
-    /// Where the number of distances is odd, the last one has no partner and that has no weight.
+    /// The last distance may have no weight.
     pairs: Vec<[i16; 2]>,
-    radius: usize,
 }
 
 impl Kernel {
     /// Makes it a Gaussian of `size` values (the next odd number counts) and the given standard deviation. Weights are
     /// rounded from the end to the centre, each handing its rounding error on, and the centre takes what is left.
     pub(crate) fn set_gaussian(&mut self, size: usize, sigma: f64) {
-        self.radius = size / 2;
+        let radius = size / 2;
         let density = |x: usize| libm::exp(-((x * x) as f64) / (2.0 * sigma * sigma));
-        let total = 1.0 + 2.0 * (1..=self.radius).map(density).sum::<f64>();
+        let total = 1.0 + 2.0 * (1..=radius).map(density).sum::<f64>();
         let whole = 1 << WEIGHT_BITS;
         self.pairs.clear();
-        self.pairs.resize(self.radius / 2 + 1, [0; 2]);
+        self.pairs.resize(radius / 2 + 1, [0; 2]);
         let (mut error, mut used) = (0.0, 0);
-        for x in (1..=self.radius).rev() {
+        for x in (1..=radius).rev() {
             let wanted = f64::from(whole) * density(x) / total + error;
             let weight = wanted.round_ties_even();
             error = wanted - weight;
@@ -43,6 +42,11 @@ impl Kernel {
             used += 2 * weight as i32;
         }
         self.pairs[0][0] = ((whole - used) / 2) as i16;
+    }
+
+    /// The largest distance.
+    fn reach(&self) -> usize {
+        (2 * self.pairs.len()).saturating_sub(1)
     }
 }
 
@@ -79,7 +83,7 @@ pub(crate) fn smooth(
 ) {
     let Size { width, height, channels } = size;
     let Workspace { strip, rows, sums } = workspace;
-    let (values, reach) = (width * channels, kernel.radius);
+    let (values, reach) = (width * channels, kernel.reach());
     let border = reach * channels;
     // The last group may reach beyond the row, into the border and what follows it.
     let line = values + 2 * border + GROUP;
@@ -125,7 +129,7 @@ vectorised! {
 /// For each place `i` of `sums`, the kernel's sum of the numbers `step` apart around `line[at + i]`. The number of sums
 /// is a multiple of [`GROUP`].
 fn weighted_sums(line: &[i16], at: usize, step: usize, kernel: &Kernel, sums: &mut [i32]) {
-    let reach = kernel.radius * step;
+    let reach = kernel.reach() * step;
     assert!(sums.len().is_multiple_of(GROUP) && at >= reach && at + reach + sums.len() <= line.len());
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") && !portable_only() {
@@ -137,7 +141,7 @@ fn weighted_sums(line: &[i16], at: usize, step: usize, kernel: &Kernel, sums: &m
 
 fn weighted_sums_portable(line: &[i16], at: usize, step: usize, kernel: &Kernel, sums: &mut [i32]) {
     sums.fill(0);
-    for (distance, &weight) in kernel.pairs.iter().flatten().enumerate().take(kernel.radius + 1) {
+    for (distance, &weight) in kernel.pairs.iter().flatten().enumerate() {
         let (left, right) = (&line[at - distance * step..], &line[at + distance * step..]);
         for ((sum, &a), &b) in sums.iter_mut().zip(left).zip(right) {
             *sum += i32::from(a + b) * i32::from(weight);
@@ -146,7 +150,7 @@ fn weighted_sums_portable(line: &[i16], at: usize, step: usize, kernel: &Kernel,
 }
 
 /// # Safety
-/// `line` has at least `radius * step` numbers before `at`, and as many after the `sums.len()` numbers from `at` on.
+/// `line` has at least `reach * step` numbers before `at`, and as many after the `sums.len()` numbers from `at` on.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 unsafe fn weighted_sums_avx2(line: &[i16], at: usize, step: usize, kernel: &Kernel, sums: &mut [i32]) {
@@ -158,9 +162,9 @@ unsafe fn weighted_sums_avx2(line: &[i16], at: usize, step: usize, kernel: &Kern
         for (pair, &[first, second]) in kernel.pairs.iter().enumerate() {
             let weights = _mm256_set1_epi32(i32::from(first as u16) | i32::from(second) << 16);
             let near = 2 * pair * step;
-            let far = (2 * pair + 1).min(kernel.radius) * step;
+            let far = near + step;
             for half in 0..2 {
-                // SAFETY: both distances are within the radius.
+                // SAFETY: both distances are within the kernel's reach.
                 let both = |distance: usize| unsafe {
                     let centre = middle.add(half * 16);
                     _mm256_add_epi16(
@@ -224,7 +228,7 @@ mod tests {
             let numbers: Vec<i16> = (0..values * height).map(|_| random.between(-limit, limit) as i16).collect();
             let mut kernel = Kernel::default();
             kernel.set_gaussian(size, size as f64 / 5.0);
-            let radius = kernel.radius as isize;
+            let radius = size as isize / 2;
             let weight = |distance: isize| {
                 let x = distance.unsigned_abs();
                 i64::from(kernel.pairs[x / 2][x % 2]) * if x == 0 { 2 } else { 1 }
