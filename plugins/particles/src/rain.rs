@@ -83,3 +83,46 @@ impl Sitting {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::births::{Births, COLUMN};
+    use crate::lens::Lens;
+
+    #[test]
+    fn as_many_drops_sit_as_births_and_lives_say() {
+        let lens = Lens { width: 800, height: 200, unit: 200.0 };
+        let mut births = Births::new(1);
+        let mut count = 0;
+        for time in [20.0, 50.5, 80.9] {
+            births.advance(&Key([2; 32]), &lens, 0.0, (time, LIFETIME), |cell, random, into| {
+                into.extend((0..20).map(|_| Sitting::born(cell, random)));
+            });
+            count += births.iter().filter(|(_, drop)| drop.scale_at(time) > 0.0).count();
+            // Nothing that is older than the window would be there still.
+            assert!(births.iter().all(|(_, drop)| drop.scale_at(drop.born + LIFETIME as f64) == 0.0));
+        }
+        // Eight columns; a drop is born every twentieth of a second in each.
+        let expected = 3.0 * 8.0 * 20.0 * MEAN_LIFE;
+        assert_eq!(COLUMN * 8.0, 4.0);
+        assert!((f64::from(count as u32) / expected - 1.0).abs() < 0.05, "{count}, not {expected}");
+    }
+
+    #[test]
+    fn drops_grow_and_dry_smoothly() {
+        let cells = std::cell::RefCell::new(Vec::new());
+        let mut births = Births::<()>::new(1);
+        let lens = Lens { width: 10, height: 10, unit: 10.0 };
+        births.advance(&Key([2; 32]), &lens, 0.0, (0.0, 9), |cell, random, _| {
+            cells.borrow_mut().push(Sitting::born(cell, random));
+        });
+        for drop in cells.into_inner() {
+            let scale = |i: u32| drop.scale_at(drop.born + f64::from(i) / 100.0);
+            assert_eq!(scale(0), 0.0);
+            assert!(scale(100) > 0.5);
+            let steps = (12..1200).map(|i| (scale(i + 1) - scale(i)).abs());
+            assert!(steps.fold(0.0, f32::max) < 0.01);
+        }
+    }
+}

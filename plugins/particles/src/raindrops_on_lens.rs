@@ -9,10 +9,11 @@ use crate::sliders::{self, AFTERMATH, DRIFT, Slider};
 use crate::sweep::{Sweeper, Sweepers};
 use crate::water::{Drop, Water};
 
+/// Drops and sliders born in each cell, that is in a column of the lens in a second.
+const DROPS: usize = 63;
+const SLIDERS: usize = 2;
 /// The most drops that sit on a square of the lens.
-const MOST_DROPS: f64 = 1000.0;
-/// Sliders born on a square of the lens each second, where there are the most drops.
-const MOST_SLIDERS: f64 = 3.0;
+const MOST_DROPS: f64 = DROPS as f64 / COLUMN as f64 * MEAN_LIFE;
 /// The wet track of a slider lasts so many seconds.
 const TRACK: f32 = 1.6;
 
@@ -35,6 +36,9 @@ impl Component for RaindropsOnLens {
         .family("lens")
         .dynamic()
         .source("Particles with bounded lives; caps joined by a smooth maximum, refracted by their slope")
+        .mathematics(
+            "h = max of R / 2 (1 - |p - c|² / R²); out(p) = blurred(p + 0.26 H grad h (1 + 0.55 |grad h|²))",
+        )
         .drawn_per_sequence("where and when drops hit the lens, their shapes and their paths")
         .parameter(
             Parameter::by_level(
@@ -81,11 +85,6 @@ impl Component for RaindropsOnLens {
     }
 }
 
-/// How many are born in each cell, given how many on a square of the lens in a second.
-fn per_cell(rate: f64) -> usize {
-    (rate * f64::from(COLUMN)).ceil() as usize
-}
-
 impl Perturbation for RaindropsOnLens {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let lens = Lens::of(src);
@@ -95,10 +94,10 @@ impl Perturbation for RaindropsOnLens {
         let dry_before = -cx.number("since");
         let key = sequence_key(cx);
         self.drops.advance(&key, &lens, 0.1, (time, LIFETIME), |cell, random, into| {
-            into.extend((0..per_cell(MOST_DROPS / MEAN_LIFE)).map(|_| Sitting::born(cell, random)));
+            into.extend((0..DROPS).map(|_| Sitting::born(cell, random)));
         });
         self.sliders.advance(&key, &lens, DRIFT, (time, sliders::LIFETIME), |cell, random, into| {
-            into.extend((0..per_cell(MOST_SLIDERS)).map(|_| Slider::born(cell, random)));
+            into.extend((0..SLIDERS).map(|_| Slider::born(cell, random)));
         });
 
         self.water.clear(&lens);

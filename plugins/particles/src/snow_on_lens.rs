@@ -8,8 +8,10 @@ use crate::lens::{Backdrop, Density, Lens, smooth, time_of};
 use crate::snow_cover::{Bank, SnowCover};
 use crate::water::{Drop, Water};
 
+/// Flakes born in each cell, that is in a column of the lens in a second.
+const FLAKES: usize = 10;
 /// The most flakes on a square of the lens.
-const MOST_FLAKES: f64 = 260.0;
+const MOST_FLAKES: f64 = FLAKES as f64 / COLUMN as f64 * MEAN_LIFE;
 
 /// Flakes of snow on the lens.
 pub struct SnowOnLens {
@@ -29,6 +31,7 @@ impl Component for SnowOnLens {
         .family("lens")
         .dynamic()
         .source("Particles with bounded lives; stamps of clumps over water refracted by its slope")
+        .mathematics("opacity = 0.96 (1 - 1 / (1 + t + t²)), t = 1.35 times the sum of the flakes' densities")
         .drawn_per_sequence("where and when flakes land, their shapes and their paths")
         .parameter(
             Parameter::by_level(
@@ -82,9 +85,8 @@ impl Perturbation for SnowOnLens {
         let density = Density::new((cx.number("number") / MOST_FLAKES) as f32, lens, cx)?;
         let (size, speed) = (cx.number("size") as f32, cx.number("speed") as f32);
         let clear_before = -cx.number("since");
-        let per_cell = (MOST_FLAKES / MEAN_LIFE * f64::from(COLUMN)).ceil() as usize;
         self.flakes.advance(&sequence_key(cx), &lens, DRIFT, (time, LIFETIME), |cell, random, into| {
-            into.extend((0..per_cell).map(|_| Flake::born(cell, random)));
+            into.extend((0..FLAKES).map(|_| Flake::born(cell, random)));
         });
 
         self.water.clear(&lens);

@@ -80,6 +80,7 @@ both!(
     refuses_attention_without_a_map_and_impossible_times,
     late_frames_alone_are_fast,
     keeps_its_memory,
+    takes_frames_of_extreme_shape,
 );
 
 fn passes_the_test_kit<P: Component + Perturbation + 'static>() {
@@ -302,6 +303,15 @@ fn keeps_its_memory<P: Component + Perturbation>() {
         film.render(source.as_ref(), dst.as_mut(), f64::from(i), None).unwrap();
     }
     assert_eq!(crate::allocations::count() - before, 0);
+}
+
+fn takes_frames_of_extreme_shape<P: Component + Perturbation>() {
+    let mut film = Film::<P>::new("{}", 4.0);
+    for (width, height) in [(1, 1), (5000, 1), (1, 5000), (4000, 3), (3, 4000), (7, 5)] {
+        let started = Instant::now();
+        film.at(&sample_frame(width, height), 3.0);
+        assert!(started.elapsed().as_millis() < 2000, "{width}x{height}");
+    }
 }
 
 /// Times on one thread: `cargo test --release -p pdk-particles -- --ignored --nocapture times`

@@ -260,3 +260,110 @@ impl Look {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A frame that is dark above and bright below, red on the left and blue on the right.
+    fn scene() -> FrameBuf {
+        let mut frame = FrameBuf::new(240, 240);
+        for (x, y) in (0..240 * 240).map(|i| (i % 240, i / 240)) {
+            frame.as_mut().set_pixel(x, y, [(240 - x) as u8, y as u8, x as u8]);
+        }
+        frame
+    }
+
+    fn drawn(add: impl FnOnce(&mut Water, &Lens)) -> FrameBuf {
+        let mut frame = scene();
+        let lens = Lens::of(frame.as_ref());
+        let (mut water, mut backdrop) = (Water::default(), Backdrop::default());
+        water.clear(&lens);
+        add(&mut water, &lens);
+        backdrop.update(scene().as_ref(), &lens);
+        water.refract(frame.as_mut(), &backdrop);
+        frame
+    }
+
+    /// A round drop in the middle of the frame.
+    const DROP: Drop = Drop { x: 0.0, y: 0.5, radius: 0.1, tail: 0.0, wobble: [0.0; 4] };
+
+    #[test]
+    fn a_drop_shows_the_scene_upside_down_and_the_wrong_way_round() {
+        let frame = drawn(|water, lens| water.add(lens, &DROP));
+        let at = |x: usize, y: usize| frame.as_ref().pixel(x, y).map(i32::from);
+        // Half a radius from the middle the view is half of the refraction away, on the other side.
+        let seen = (0.5 * REFRACTION * 240.0) as i32;
+        assert!((at(120, 132)[1] - (132 - seen)).abs() < 16, "{:?}", at(120, 132));
+        assert!((at(132, 120)[2] - (132 - seen)).abs() < 16, "{:?}", at(132, 120));
+        assert!(at(120, 110)[1] > at(120, 130)[1] + 20 && at(110, 120)[2] > at(130, 120)[2] + 20);
+        // Nothing beyond the rim has changed, and everything well inside it has been looked through.
+        for (x, y) in (0..240 * 240).map(|i| (i % 240, i / 240)) {
+            let far = (x as f32 - 119.5).hypot(y as f32 - 119.5);
+            if far > 25.0 {
+                assert_eq!(frame.as_ref().pixel(x, y), scene().as_ref().pixel(x, y), "{x} {y}");
+            }
+        }
+        let changed = frame.data().chunks(3).zip(scene().data().chunks(3)).filter(|(a, b)| a != b).count();
+        assert!((changed as f32 / (std::f32::consts::PI * 24.0 * 24.0) - 1.0).abs() < 0.06, "{changed}");
+    }
+
+    #[test]
+    fn near_drops_join_and_distant_ones_do_not() {
+        let bridge = |apart: f32| {
+            let mut depth = 0.0;
+            drawn(|water, lens| {
+                water.add(lens, &Drop { x: -apart, ..DROP });
+                water.add(lens, &Drop { x: apart, ..DROP });
+                depth = water.field[121 * 242 + 121];
+            });
+            depth
+        };
+        assert!(bridge(0.102) > bridge(0.115) && bridge(0.115) < 0.0);
+        assert!(bridge(0.08) > 0.0);
+    }
+
+    #[test]
+    fn a_film_bends_the_view_less_than_a_drop() {
+        let film = drawn(|water, lens| (60..180).for_each(|y| water.add_film_row(lens, y, 0.0, 0.04)));
+        let changed = |frame: &FrameBuf, y: usize| {
+            let row = frame.as_ref().row(y).iter().zip(scene().as_ref().row(y).to_vec());
+            row.map(|(a, b)| u32::from(a.abs_diff(b))).max()
+        };
+        assert_eq!((changed(&film, 50), changed(&film, 190)), (Some(0), Some(0)));
+        let drop = drawn(|water, lens| water.add(lens, &DROP));
+        assert!(changed(&film, 120) > Some(8) && changed(&film, 120) < changed(&drop, 120));
+    }
+
+    #[test]
+    fn clearing_dries_the_lens_at_any_size() {
+        let mut water = Water::default();
+        for (width, height) in [(240, 240), (17, 90), (1, 1), (240, 240)] {
+            let frame = FrameBuf::new(width, height);
+            let lens = Lens::of(frame.as_ref());
+            for i in -3..30 {
+                water.clear(&lens);
+                assert!(water.field.iter().all(|&h| h == DRY) && !water.wet.contains(&true));
+                water.add(&lens, &Drop { x: i as f32 * 0.05, y: i as f32 * 0.04, ..DROP });
+                water.add(&lens, &Drop { radius: 4.0 / lens.unit, tail: 1.3, wobble: [0.15; 4], ..DROP });
+            }
+        }
+    }
+
+    #[test]
+    fn drops_of_any_size_stay_within_their_rims() {
+        for radius in [0.3f32, 0.5, 0.9, 1.4, 2.0, 3.1, 4.7, 9.0] {
+            for wobble in [[0.15, 0.16, 0.09, 0.04], [-0.15, -0.08, -0.09, -0.09]] {
+                let drop = Drop { radius: radius / 240.0, wobble, tail: 1.3, ..DROP };
+                drawn(|water, lens| {
+                    water.add(lens, &drop);
+                    for (i, &depth) in water.field.iter().enumerate().filter(|(_, depth)| **depth > 0.0) {
+                        let (x, y) = ((i % 242) as f32 - 120.5, (i / 242) as f32 - 120.5);
+                        let far = x.hypot(y) / radius;
+                        assert!(far < 2.8 && depth <= CAP * radius * 1.01, "{far} radii out at {radius}");
+                    }
+                });
+            }
+        }
+    }
+}
