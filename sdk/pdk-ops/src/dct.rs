@@ -50,6 +50,7 @@ fn rotate_odd([a, b, c, d]: [i32; 4]) -> [i32; 4] {
 /// Transforms eight elements, `step` apart from each other.
 #[inline(always)]
 fn forward_line(blocks: &mut Blocks, first: usize, step: usize, bits: u32) {
+    #[allow(clippy::needless_range_loop)] // the index goes into eight arrays
     for lane in 0..LANES {
         let at = |i: usize| blocks[first + i * step][lane];
         let sums = [at(0) + at(7), at(1) + at(6), at(2) + at(5), at(3) + at(4)];
@@ -77,6 +78,7 @@ fn forward_line(blocks: &mut Blocks, first: usize, step: usize, bits: u32) {
 /// Transforms eight elements, `step` apart from each other, back.
 #[inline(always)]
 fn inverse_line(blocks: &mut Blocks, first: usize, step: usize, bits: u32) {
+    #[allow(clippy::needless_range_loop)] // the index goes into eight arrays
     for lane in 0..LANES {
         let at = |i: usize| blocks[first + i * step][lane];
         let both = (at(2) + at(6)) * C0_541;

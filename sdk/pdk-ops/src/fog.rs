@@ -261,7 +261,7 @@ mod tests {
         let mut step = squares;
         while step > 1 {
             let half = step / 2;
-            let mut number = |bytes: &[u8], i: usize| f64::from(draw(&bytes[2 * i..]));
+            let number = |bytes: &[u8], i: usize| f64::from(draw(&bytes[2 * i..]));
             let mut bytes = vec![0; 2 * side];
             let mut middles = vec![vec![]; squares / step];
             let mut evens = vec![vec![]; squares / step + 1];
@@ -288,7 +288,7 @@ mod tests {
                 }
             }
             for y in (0..side).step_by(half) {
-                let even = (y / half) % 2 == 0;
+                let even = (y / half).is_multiple_of(2);
                 for x in ((if even { half } else { 0 })..side).step_by(step) {
                     let mut neighbours = vec![];
                     for (dy, dx) in [(0, -1), (0, 1), (-1, 0), (1, 0)] {
