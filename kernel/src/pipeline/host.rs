@@ -28,7 +28,7 @@ const RUNS: &str = "runs";
 pub struct Options {
     /// What the command line sets, in order.
     pub overrides: Vec<Override>,
-    /// Whether people read along: then there are progress bars and tables.
+    /// Whether nobody reads along: then there are no progress bars and no tables.
     pub quiet: bool,
 }
 
