@@ -1,4 +1,8 @@
 //! Histogram equalisation: the tone mapping of a camera that lifts shadows, overdone.
+//!
+//! The limit is a whole number of pixels of a tile, as published, so small frames have few different strengths between two
+//! levels. Just above level 0 most of a tile's pixels exceed the limit and are spread evenly, which changes more than
+//! level 1 does.
 
 use pdk_sdk::ops::equalise::{Workspace, equalise_value};
 use pdk_sdk::prelude::*;

@@ -2,7 +2,8 @@
 //!
 //! In the published version neighbouring tones lie 255 / (tones - 1) apart without the fraction. Between the published
 //! numbers of tones that loses up to a third of the brightness (96 tones reach 190), so here the distance is
-//! interpolated, over the width of a bin, between the published ones.
+//! interpolated, over the width of a bin, between the published ones. Strength grows with the level over the published
+//! ones; in between it wavers with where the boundaries of few bins fall in an image's histogram.
 
 use pdk_sdk::ops::posterize::posterize;
 use pdk_sdk::prelude::*;

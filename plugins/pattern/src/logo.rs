@@ -90,11 +90,6 @@ impl Logo {
         }
     }
 
-    /// Width and height in pixels.
-    pub fn size(&self) -> (usize, usize) {
-        (self.width, self.height)
-    }
-
     /// A row: for each pixel whether it belongs to the logo, and its colour.
     pub fn row(&self, y: usize) -> impl Iterator<Item = (bool, &[u8])> {
         let row = y * self.width..(y + 1) * self.width;
@@ -111,7 +106,7 @@ mod tests {
     fn the_corners_are_open_and_the_rest_is_covered() {
         let mut logo = Logo::default();
         logo.draw(200, 104);
-        assert_eq!(logo.size(), (200, 104));
+        assert_eq!((logo.pixels.len(), logo.opaque.len()), (200 * 104 * 3, 200 * 104));
         let opaque: Vec<Vec<bool>> = (0..104).map(|y| logo.row(y).map(|(o, _)| o).collect()).collect();
         for (x, y) in [(0, 0), (199, 0), (0, 103), (199, 103)] {
             assert!(!opaque[y][x]);

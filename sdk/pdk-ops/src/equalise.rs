@@ -126,8 +126,7 @@ fn curve_of(mut histogram: [u32; 256], area: usize, limit: f64) -> [u8; 256] {
     let excess: u32 = histogram.iter().map(|&count| count.saturating_sub(most)).sum();
     let (share, rest) = (excess / 256, excess as usize % 256);
     histogram.iter_mut().for_each(|count| *count = (*count).min(most) + share);
-    if rest > 0 {
-        let spacing = (256 / rest).max(1);
+    if let Some(spacing) = 256usize.checked_div(rest) {
         histogram.iter_mut().step_by(spacing).take(rest).for_each(|count| *count += 1);
     }
     let scale = 255.0 / area as f32;
