@@ -239,11 +239,12 @@ impl Keyer {
             let luma = (f32::from(luma) - 16.0 - share * screen_luma) * factor;
             let mut blue = (f32::from(blue) - 128.0 - share * screen_blue) * factor;
             let mut red = (f32::from(red) - 128.0 - share * screen_red) * factor;
-            // Light that the screen throws on the edges of things: the rest of its hue goes, the more the more of the
-            // screen shows through.
+            // Light that the screen throws on the edges of things: the rest of its hue goes wherever the screen shows through,
+            // from a fortieth on in full, and from pale colours, which show it most.
             let spill = blue * direction[0] + red * direction[1];
             if spill > 0.0 {
-                let removed = spill * (share * 8.0).min(1.0);
+                let pale = 2.0 - (blue * blue + red * red).sqrt() / (0.2 * magnitude);
+                let removed = spill * (share * 40.0).max(pale).clamp(0.0, 1.0);
                 blue -= removed * direction[0];
                 red -= removed * direction[1];
             }

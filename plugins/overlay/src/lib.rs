@@ -14,6 +14,8 @@ mod prepare;
 mod published;
 mod scale;
 mod store;
+#[cfg(test)]
+mod tests;
 
 pdk_sdk::export! {
     perturbations: [

@@ -85,22 +85,28 @@ fn draw_bird(canvas: &mut Canvas, [x, y]: [f32; 2], bird: &Bird, root: f32, tip:
     let inner = 0.22 + 0.62 * root;
     let outer = 0.35 * inner - 0.28 + 0.85 * tip;
     for (side, share) in [(1.0, bird.turn), (-1.0, 1.45 - bird.turn)] {
-        let step = |length: f32, angle: f32| [side * share * length * libm::cosf(angle), length * libm::sinf(angle)];
+        let step =
+            |length: f32, angle: f32| [side * share * length * libm::cosf(angle), length * libm::sinf(angle)];
         let (arm, hand) = (step(0.46, inner), step(0.60, outer));
         let elbow = [arm[0] + 0.05, arm[1]];
         let end = [elbow[0] + hand[0] - 0.10, elbow[1] + hand[1]];
         let along = |share: f32| [0, 1].map(|axis| elbow[axis] + (end[axis] - elbow[axis]) * share);
-        // The rear edge lies behind and below the front edge; the hand narrows to a point.
-        let behind = |[right, up]: [f32; 2], width: f32| place(right - 0.72 * width, up - 0.62 * width);
+        // The rear edge lies below the front edge, and a little behind; the hand narrows to a point.
+        let below = |at: [f32; 2], [right, up]: [f32; 2], width: f32| {
+            let length = (right * right + up * up).sqrt().max(1e-3);
+            let across = [side * up / length, -side * right / length];
+            place(at[0] + (0.75 * across[0] - 0.3) * width, at[1] + (0.75 * across[1] - 0.12) * width)
+        };
+        let bend = [arm[0] + hand[0], arm[1] + hand[1]];
         let wing = curve(&[
             place(0.14, 0.03),
             place(elbow[0] + 0.03, elbow[1] + 0.02),
             place(along(0.55)[0] + 0.02, along(0.55)[1] + 0.02),
             place(end[0], end[1]),
-            behind(along(0.72), 0.13),
-            behind(along(0.30), 0.21),
-            behind(elbow, 0.25),
-            behind([0.05, 0.02], 0.26),
+            below(along(0.72), hand, 0.13),
+            below(along(0.30), hand, 0.21),
+            below(elbow, bend, 0.25),
+            below([0.05, 0.02], arm, 0.26),
         ]);
         canvas.polygon(&wing, colour, 1.0);
     }

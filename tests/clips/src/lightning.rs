@@ -89,7 +89,7 @@ impl Effect for Lightning {
                     &branch.points,
                     2.0,
                     26.0 * strength + 4.0,
-                    [0.74, 0.78, 1.0],
+                    [0.82, 0.85, 1.0],
                     0.55 * glow * strength.sqrt(),
                 );
             }

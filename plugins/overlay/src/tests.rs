@@ -1,0 +1,509 @@
+//! What needs more than one module: clips from the file to the frame, and everything that can be wrong with one.
+
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use image::codecs::gif::GifEncoder;
+use image::{Delay, Rgba, RgbaImage};
+use mp4::{AvcConfig, MediaConfig, Mp4Config, Mp4Reader, Mp4Writer, TrackConfig, TrackType};
+use pdk_sdk::config::frame_values;
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::{Value, json};
+use pdk_sdk::testing::{check_perturbation, sample_frame};
+
+use crate::clip::{Clip, Frames, some_pictures};
+use crate::h264::{H264, Opened};
+use crate::key::Matte;
+use crate::overlay::Overlay;
+use crate::picture::{Matrix, Picture};
+use crate::prepare::{self, Settings};
+use crate::published::*;
+use crate::scale::Fit;
+use crate::store::{Layer, Store};
+
+const SUN: &[u8] = include_bytes!("../../../scripts/overlays/sun.mp4");
+const GREEN: [u8; 4] = [0, 200, 30, 255];
+const PLAIN: Settings = Settings { key: None, fit: Fit::Cover, seconds: 30.0 };
+
+/// A recording of the test data, where there is one.
+fn recording(name: &str) -> Option<PathBuf> {
+    let data = std::env::var_os("PDK_TEST_DATA")
+        .map(PathBuf::from)
+        .unwrap_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared"));
+    let file = data.join("data").join(name);
+    if !file.is_file() {
+        eprintln!("skipped: no {}; PDK_TEST_DATA can name the folder", file.display());
+        return None;
+    }
+    Some(file)
+}
+
+/// The first `frames` frames of a clip of one scene, again and again where it has fewer.
+fn remuxed(clip: &[u8], frames: u32) -> Vec<u8> {
+    let mut reader = Mp4Reader::read_header(Cursor::new(clip), clip.len() as u64).unwrap();
+    let track = &reader.tracks()[&1];
+    let (timescale, count) = (track.timescale(), track.sample_count());
+    let sets = AvcConfig {
+        width: track.width(),
+        height: track.height(),
+        seq_param_set: track.sequence_parameter_set().unwrap().to_vec(),
+        pic_param_set: track.picture_parameter_set().unwrap().to_vec(),
+    };
+    let brand = mp4::FourCC { value: *b"isom" };
+    let config =
+        Mp4Config { major_brand: brand, minor_version: 0, compatible_brands: vec![brand], timescale };
+    let mut writer = Mp4Writer::write_start(Cursor::new(Vec::new()), &config).unwrap();
+    writer
+        .add_track(&TrackConfig {
+            track_type: TrackType::Video,
+            timescale,
+            language: "und".to_owned(),
+            media_conf: MediaConfig::AvcConfig(sets),
+        })
+        .unwrap();
+    for frame in 0..frames {
+        let mut sample = reader.read_sample(1, frame % count + 1).unwrap().unwrap();
+        sample.start_time = u64::from(frame) * u64::from(sample.duration);
+        writer.write_sample(1, &sample).unwrap();
+    }
+    writer.write_end().unwrap();
+    writer.into_writer().into_inner()
+}
+
+/// A GIF in which a dark square moves to the right before `screen`, by four pixels a frame.
+fn gif(frames: usize, screen: [u8; 4]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut encoder = GifEncoder::new(&mut bytes);
+    for number in 0..frames as u32 {
+        let picture = RgbaImage::from_fn(48, 32, |x, y| {
+            let inside = x.wrapping_sub(10 + 4 * number % 24) < 8 && (12..20).contains(&y);
+            Rgba(if inside { [20, 20, 20, 255] } else { screen })
+        });
+        let delay = Delay::from_numer_denom_ms(40, 1);
+        encoder.encode_frame(image::Frame::from_parts(picture, 0, 0, delay)).unwrap();
+    }
+    drop(encoder);
+    bytes
+}
+
+fn file(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+/// Applies a perturbation as the kernel would.
+fn apply<P: Component + Perturbation>(
+    given: Value,
+    intensity: f64,
+    time: f64,
+    src: Frame<'_>,
+) -> Result<FrameBuf> {
+    let description = P::description();
+    let config = Config::check(&description, given.as_object().unwrap())?;
+    let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
+    let mut values = Vec::new();
+    frame_values(&description, &config, intensity, &mut values);
+    let key = Key([8; 32]);
+    let cx = Context::new(intensity, 0, time, &key).with_values(&names, &values);
+    let mut dst = FrameBuf::new(src.width(), src.height());
+    P::new(&config)?.apply(src, dst.as_mut(), &cx)?;
+    Ok(dst)
+}
+
+fn overlaid(clip: &Path) -> Result<FrameBuf> {
+    apply::<Overlay>(json!({"clip": clip.to_str()}), 4.0, 0.5, sample_frame(64, 48).as_ref())
+}
+
+/// The sentence with which a clip is refused.
+fn refusal(name: &str, bytes: &[u8]) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path(), name, bytes);
+    let sentence = overlaid(&path).unwrap_err().to_string();
+    let place = format!("clip `{}`: ", path.display());
+    sentence.strip_prefix(&place).unwrap_or_else(|| panic!("{sentence}")).to_owned()
+}
+
+/// All frames of a store.
+fn layers(store: &mut Store) -> Vec<Layer> {
+    let mut layer = Layer::default();
+    (0..store.index().places.len())
+        .map(|frame| {
+            store.read(frame, &mut layer).unwrap();
+            layer.clone()
+        })
+        .collect()
+}
+
+#[test]
+fn the_published_overlays_keep_the_rules_of_perturbations() {
+    pdk_sdk::testing::perturbation::<DynamicRain>();
+    pdk_sdk::testing::perturbation::<DynamicSnow>();
+    pdk_sdk::testing::perturbation::<DynamicSmoke>();
+    pdk_sdk::testing::perturbation::<DynamicObject>();
+    pdk_sdk::testing::perturbation::<DynamicSun>();
+    pdk_sdk::testing::perturbation::<DynamicLightning>();
+    pdk_sdk::testing::perturbation::<StaticRain>();
+    pdk_sdk::testing::perturbation::<StaticSnow>();
+    pdk_sdk::testing::perturbation::<StaticSmoke>();
+    pdk_sdk::testing::perturbation::<StaticObject>();
+    pdk_sdk::testing::perturbation::<StaticSun>();
+    pdk_sdk::testing::perturbation::<StaticLightning>();
+}
+
+#[test]
+fn a_clip_of_the_user_keeps_the_rules_of_perturbations() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path(), "square.gif", &gif(12, GREEN));
+    for more in [
+        json!({}),
+        json!({"fit": "stretch", "loop": "ping-pong", "rate": 12.5, "key": "#00c81e"}),
+        json!({"loop": "repeat"}),
+    ] {
+        let mut given = more;
+        given["clip"] = path.to_str().into();
+        let description = Overlay::description();
+        let config = Config::check(&description, given.as_object().unwrap()).unwrap();
+        let mut make = |config: &Config| Ok(Box::new(Overlay::new(config)?) as Box<dyn Perturbation>);
+        check_perturbation(&description, &config, &mut make).unwrap();
+    }
+}
+
+#[test]
+fn all_but_static_smoke_and_the_users_own_are_in_the_published_set() {
+    let left_out = [Overlay::description(), StaticSmoke::description()];
+    assert!(left_out.iter().all(|description| !description.default));
+    let published = [
+        DynamicRain::description(),
+        DynamicSnow::description(),
+        DynamicSmoke::description(),
+        DynamicObject::description(),
+        DynamicSun::description(),
+        DynamicLightning::description(),
+        StaticRain::description(),
+        StaticSnow::description(),
+        StaticObject::description(),
+        StaticSun::description(),
+        StaticLightning::description(),
+    ];
+    assert!(published.iter().all(|description| description.default && description.family == "overlay"));
+    let moving = published.iter().filter(|description| description.temporal == Temporal::Dynamic);
+    assert!(moving.eq(&published[..6]));
+}
+
+/// The mean squared difference from the source at twenty intensities.
+fn strengths<P: Component + Perturbation>() -> Vec<f64> {
+    let src = sample_frame(160, 120);
+    let strength = |step: i32| {
+        let out = apply::<P>(json!({}), f64::from(step) / 5.0, 0.0, src.as_ref()).unwrap();
+        let squares = src.data().iter().zip(out.data()).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2));
+        squares.sum::<f64>() / src.data().len() as f64
+    };
+    (0..=20).map(strength).collect()
+}
+
+#[test]
+fn the_effect_grows_with_the_intensity() {
+    for (name, strengths) in [
+        ("rain", strengths::<DynamicRain>()),
+        ("snow", strengths::<StaticSnow>()),
+        ("smoke", strengths::<DynamicSmoke>()),
+        ("birds", strengths::<StaticObject>()),
+        ("sun", strengths::<DynamicSun>()),
+        ("lightning", strengths::<StaticLightning>()),
+    ] {
+        assert!(strengths[0] > 0.5, "{name}: {strengths:?}");
+        assert!(strengths.windows(2).all(|pair| pair[0] < pair[1]), "{name}: {strengths:?}");
+    }
+}
+
+#[test]
+fn moving_overlays_move_and_standing_ones_stand() {
+    let src = sample_frame(160, 120);
+    let at = |time: f64| apply::<DynamicRain>(json!({}), 4.0, time, src.as_ref()).unwrap();
+    assert_ne!(at(0.0), at(1.0 / 30.0));
+    // The clip is three seconds long.
+    assert_eq!(at(0.4), at(3.4));
+    let still = |time: f64| apply::<StaticRain>(json!({}), 4.0, time, src.as_ref()).unwrap();
+    assert_eq!(still(0.0), still(1.7));
+}
+
+#[test]
+fn the_square_of_a_clip_lies_where_it_belongs_and_the_screen_is_gone() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, key) in [("green.gif", GREEN), ("blue.gif", [20, 30, 220, 255])] {
+        let path = file(folder.path(), name, &gif(1, key));
+        let src = FrameBuf::from_vec(vec![200; 48 * 32 * 3], 48, 32).unwrap();
+        let out = apply::<Overlay>(json!({"clip": path.to_str()}), 4.0, 0.0, src.as_ref()).unwrap();
+        for y in 0..32 {
+            for x in 0..48 {
+                let inside = (10..18).contains(&x) && (12..20).contains(&y);
+                let expected = if inside { 20 } else { 200u8 };
+                let pixel = out.as_ref().pixel(x, y);
+                assert!(pixel.iter().all(|v| v.abs_diff(expected) <= 4), "{name} {x} {y}: {pixel:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_no_clip_is_refused_in_one_sentence() {
+    assert_eq!(
+        refusal("a.mp4", b"Dear diary,\ntoday"),
+        "it is a text file and no video, whatever its name says"
+    );
+    assert_eq!(refusal("a.mp4", b""), "the file is empty");
+    assert!(refusal("a.gif", &gif(3, [90, 90, 90, 255])).starts_with("it is no green-screen clip: "));
+    assert!(refusal("a.png", b"\x89PNG\r\n\x1a\nbroken").starts_with("it is damaged or cut off"));
+    let whole = gif(5, GREEN);
+    assert!(refusal("a.gif", &whole[..whole.len() / 2]).starts_with("it is damaged or cut off"));
+    let error = overlaid(Path::new("/nonexistent/clip.mp4")).unwrap_err().to_string();
+    assert_eq!(error, "clip `/nonexistent/clip.mp4`: it does not exist");
+    let folder = tempfile::tempdir().unwrap();
+    assert!(overlaid(folder.path()).unwrap_err().to_string().contains("the folder has no pictures"));
+    let error =
+        apply::<Overlay>(json!({"clip": "x.mp4", "key": "greenish"}), 4.0, 0.0, sample_frame(8, 8).as_ref());
+    assert!(error.unwrap_err().to_string().ends_with("has to be a colour such as #42c105, or auto"));
+}
+
+#[test]
+fn a_clip_that_is_cut_off_anywhere_is_refused() {
+    for length in (20..SUN.len()).step_by(SUN.len() / 23) {
+        let sentence = refusal("a.mp4", &SUN[..length]);
+        assert_eq!(
+            sentence, "it is cut off: the index of its frames is missing; copy it again",
+            "at {length}"
+        );
+    }
+    // Index first, as for streaming: what is missing are frames.
+    let faststart = index_first(SUN);
+    assert!(overlaid(&file(tempfile::tempdir().unwrap().path(), "whole.mp4", &faststart)).is_ok());
+    for length in (6000..faststart.len()).step_by(faststart.len() / 11) {
+        let sentence = refusal("a.mp4", &faststart[..length]);
+        assert!(sentence.starts_with("it is cut off"), "at {length}: {sentence}");
+    }
+}
+
+/// The same clip with the index before the frames.
+fn index_first(clip: &[u8]) -> Vec<u8> {
+    let mut boxes = Vec::new();
+    let mut at = 0;
+    while at < clip.len() {
+        let length = u32::from_be_bytes(clip[at..at + 4].try_into().unwrap()) as usize;
+        boxes.push(&clip[at..at + length]);
+        at += length;
+    }
+    let found = |name: &[u8]| boxes.iter().find(|b| &b[4..8] == name).unwrap().to_vec();
+    let (header, mut index, frames) = (found(b"ftyp"), found(b"moov"), found(b"mdat"));
+    // Every place in the file moves by the length of the index.
+    let table = index.windows(4).position(|w| w == b"stco").unwrap() + 8;
+    let entries = u32::from_be_bytes(index[table..table + 4].try_into().unwrap()) as usize;
+    let moved = index.len() as u32;
+    for entry in index[table + 4..].chunks_exact_mut(4).take(entries) {
+        let place = u32::from_be_bytes((&*entry).try_into().unwrap()) + moved;
+        entry.copy_from_slice(&place.to_be_bytes());
+    }
+    [header, index, frames].concat()
+}
+
+#[test]
+fn damage_in_the_index_never_ends_the_process() {
+    let index = SUN.windows(4).rposition(|w| w == b"moov").unwrap() - 4;
+    let mut random = Key([5; 32]).sequence();
+    for _ in 0..400 {
+        let mut damaged = SUN.to_vec();
+        for _ in 0..=random.below(3) {
+            let at = index + random.below((SUN.len() - index) as u32) as usize;
+            damaged[at] = random.next_u32() as u8;
+        }
+        let input = Box::new(Cursor::new(damaged.clone()));
+        // Whether it can be read or not, it comes back.
+        if let Ok(Opened::Frames(mut frames)) = H264::open(input, damaged.len() as u64, true) {
+            let _ = frames.next(&mut Picture::default());
+        }
+    }
+}
+
+#[test]
+fn other_codecs_are_left_to_ffmpeg() {
+    let codec_of = |from: &[u8], to: &[u8]| {
+        let at = SUN.windows(from.len()).rposition(|w| w == from).unwrap();
+        let mut other = SUN.to_vec();
+        other[at..at + to.len()].copy_from_slice(to);
+        match H264::open(Box::new(Cursor::new(other)), SUN.len() as u64, true)
+            .unwrap_or_else(|e| panic!("{e}"))
+        {
+            Opened::OtherCodec(codec) => codec,
+            Opened::Frames(_) => panic!("it was opened"),
+        }
+    };
+    assert_eq!(codec_of(b"avc1", b"av01"), "another codec than H.264");
+    // High 4:4:4 Predictive.
+    let (profile, other) = ([b"avcC" as &[u8], &[1, 100]].concat(), [b"avcC" as &[u8], &[1, 244]].concat());
+    assert!(codec_of(&profile, &other).starts_with("H.264 in profile 244"));
+}
+
+#[test]
+fn clips_of_one_and_two_frames_work() {
+    let folder = tempfile::tempdir().unwrap();
+    for frames in [1, 2] {
+        overlaid(&file(folder.path(), &format!("{frames}.mp4"), &remuxed(SUN, frames))).unwrap();
+        overlaid(&file(folder.path(), &format!("{frames}.gif"), &gif(frames as usize, GREEN))).unwrap();
+    }
+}
+
+#[test]
+fn of_a_clip_of_ten_minutes_the_first_half_minute_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path(), "long.mp4", &remuxed(SUN, 18_000));
+    let clip = Clip::Path(path);
+    let store = prepare::open(&clip, &clip.hash().unwrap(), &PLAIN, (64, 48), folder.path()).unwrap();
+    let index = store.index();
+    assert_eq!((index.frames, index.places.len()), (900, 915));
+    assert!((index.rate - 30.0).abs() < 1e-9);
+}
+
+#[test]
+fn pictures_in_a_folder_and_a_still_picture_are_clips_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames = folder.path().join("frames");
+    std::fs::create_dir(&frames).unwrap();
+    for i in 0..3u32 {
+        let picture =
+            RgbaImage::from_fn(20, 10, |x, _| Rgba(if x / 5 == i { [9, 9, 9, 255] } else { GREEN }));
+        picture.save(frames.join(format!("{i}.png"))).unwrap();
+    }
+    std::fs::write(frames.join("notes.txt"), "no picture").unwrap();
+    let clip = Clip::Path(frames.clone());
+    let before = clip.hash().unwrap();
+    let mut store = prepare::open(&clip, &before, &PLAIN, (20, 10), folder.path()).unwrap();
+    let index = store.index().clone();
+    assert_eq!((index.frames, index.rate), (3, 30.0));
+    for (i, layer) in layers(&mut store).iter().enumerate() {
+        let opaque: Vec<bool> = layer.planes().1[..20].iter().map(|&alpha| alpha > 128).collect();
+        assert_eq!(opaque, (0..20).map(|x| x / 5 == i).collect::<Vec<_>>());
+    }
+    std::fs::remove_file(frames.join("2.png")).unwrap();
+    assert_ne!(clip.hash().unwrap(), before);
+    overlaid(&frames.join("0.png")).unwrap();
+}
+
+#[test]
+fn a_damaged_cache_is_made_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let clip = Clip::Path(file(folder.path(), "square.gif", &gif(12, GREEN)));
+    let hash = clip.hash().unwrap();
+    let cache = folder.path().join("cache");
+    let open = || prepare::open(&clip, &hash, &PLAIN, (30, 20), &cache).unwrap();
+    let expected = layers(&mut open());
+    let stored = std::fs::read_dir(&cache).unwrap().next().unwrap().unwrap().path();
+    let whole = std::fs::read(&stored).unwrap();
+    for damaged in [whole[..whole.len() / 2].to_vec(), vec![7; 500], Vec::new()] {
+        std::fs::write(&stored, damaged).unwrap();
+        assert_eq!(layers(&mut open()), expected);
+    }
+    assert_eq!(std::fs::read(&stored).unwrap(), whole);
+}
+
+#[test]
+fn damage_while_a_clip_plays_is_repaired() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path(), "own.gif", &gif(12, GREEN));
+    let given = json!({"clip": path.to_str(), "loop": "repeat"});
+    let description = Overlay::description();
+    let config = Config::check(&description, given.as_object().unwrap()).unwrap();
+    let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
+    let mut values = Vec::new();
+    frame_values(&description, &config, 4.0, &mut values);
+    let (key, src) = (Key([8; 32]), sample_frame(37, 23));
+    let mut overlay = Overlay::new(&config).unwrap();
+    let mut at = |time: f64| {
+        let cx = Context::new(4.0, 0, time, &key).with_values(&names, &values);
+        let mut dst = FrameBuf::new(37, 23);
+        overlay.apply(src.as_ref(), dst.as_mut(), &cx).unwrap();
+        dst
+    };
+    let (first, second) = (at(0.0), at(0.04));
+    let clip = Clip::Path(path);
+    let mut damaged = 0;
+    for entry in std::fs::read_dir(crate::cache::folder()).unwrap() {
+        let stored = entry.unwrap().path();
+        if Store::open(&stored).is_ok_and(|store| (store.index().width, store.index().height) == (37, 23)) {
+            let length = std::fs::metadata(&stored).unwrap().len() as usize;
+            std::fs::write(&stored, vec![0; length]).unwrap();
+            damaged += 1;
+        }
+    }
+    assert!(damaged > 0 && clip.hash().is_ok());
+    assert_eq!((at(0.0), at(0.04)), (first, second));
+}
+
+#[test]
+fn threads_that_want_the_same_clip_at_once_get_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let clip = Clip::Path(file(folder.path(), "square.gif", &gif(12, GREEN)));
+    let hash = clip.hash().unwrap();
+    let all: Vec<Vec<Layer>> = std::thread::scope(|scope| {
+        let open = || layers(&mut prepare::open(&clip, &hash, &PLAIN, (40, 30), folder.path()).unwrap());
+        let threads: Vec<_> = (0..4).map(|_| scope.spawn(open)).collect();
+        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+    });
+    assert!(all.iter().all(|layers| layers == &all[0] && layers.len() == 15));
+}
+
+#[test]
+fn the_fade_leads_from_the_end_to_the_beginning() {
+    let folder = tempfile::tempdir().unwrap();
+    let clip = Clip::Path(file(folder.path(), "square.gif", &gif(12, GREEN)));
+    let mut store = prepare::open(&clip, &clip.hash().unwrap(), &PLAIN, (48, 32), folder.path()).unwrap();
+    assert!((store.index().rate - 25.0).abs() < 1e-9);
+    let layers = layers(&mut store);
+    let distance = |a: &Layer, b: &Layer| -> u64 {
+        a.planes().1.iter().zip(b.planes().1).map(|(a, b)| u64::from(a.abs_diff(*b))).sum()
+    };
+    // Twelve frames; the last three fade into the first three.
+    for i in 0..3 {
+        let (from, to, mixed) = (&layers[9 + i], &layers[i], &layers[12 + i]);
+        let whole = distance(from, to) as f64;
+        assert!((distance(from, mixed) as f64 / whole - (i + 1) as f64 / 4.0).abs() < 0.02);
+        assert!((distance(mixed, to) as f64 / whole - (3 - i) as f64 / 4.0).abs() < 0.02);
+    }
+}
+
+#[test]
+fn a_recorded_clip_with_frames_out_of_order_is_read_whole() {
+    let Some(path) = recording("overlays/birds.mp4") else { return };
+    let clip = Clip::Path(path);
+    let Matte::Screen(screen) = prepare::matte(&clip, &PLAIN).unwrap() else { panic!("no screen") };
+    let rgb = screen.rgb(Matrix::BT709);
+    println!("screen {rgb:?}");
+    assert!(rgb.iter().zip([66.0, 193.0, 5.0]).all(|(a, b)| (a - b).abs() < 8.0), "{rgb:?}");
+    let folder = tempfile::tempdir().unwrap();
+    let mut store = prepare::open(&clip, &clip.hash().unwrap(), &PLAIN, (320, 180), folder.path()).unwrap();
+    assert_eq!(store.index().frames, 91);
+    // Frames in the wrong order would jump to and fro: each is nearer to the next one than to the one after that.
+    let layers = layers(&mut store);
+    let distance = |a: &Layer, b: &Layer| -> u64 {
+        a.planes().1.iter().zip(b.planes().1).map(|(a, b)| u64::from(a.abs_diff(*b))).sum()
+    };
+    let nearer = (0..88)
+        .filter(|&i| distance(&layers[i], &layers[i + 1]) < distance(&layers[i], &layers[i + 2]))
+        .count();
+    assert!(nearer >= 86, "{nearer} of 88");
+    for layer in &layers {
+        let (colours, alphas) = layer.planes();
+        let covered = alphas.iter().filter(|&&alpha| alpha > 0).count();
+        assert!((20..6000).contains(&covered), "{covered} pixels show");
+        // Dark birds: nowhere is green above the other colours.
+        assert!(colours.chunks(3).all(|c| i32::from(c[1]) <= i32::from(c[0].max(c[2])) + 8));
+    }
+}
+
+#[test]
+fn a_recording_of_a_road_is_no_green_screen() {
+    let Some(path) = recording("road/solidWhiteRight.mp4") else { return };
+    let error = overlaid(&path).unwrap_err().to_string();
+    assert!(error.contains("it is no green-screen clip"), "{error}");
+    let clip = Clip::Path(path);
+    assert!((1..=5).contains(&some_pictures(&clip, 5).unwrap().len()));
+}
