@@ -97,7 +97,7 @@ mod tests {
             let tones = f64::from(tenths) / 10.0;
             // The brightness of a mid-grey to that of its tone.
             let gain = step(tones) * tones / 255.0;
-            assert!(gain >= 1.0 && gain <= 2.0 && (tones > 4.0 || gain >= 4.0 / 3.0), "{tones}: {gain}");
+            assert!((1.0..=2.0).contains(&gain) && (tones > 4.0 || gain >= 4.0 / 3.0), "{tones}: {gain}");
         }
     }
 
