@@ -49,16 +49,36 @@ unsafe impl Sync for Alarm {}
 
 impl Alarm {
     fn set(&self, interrupt: Option<Interrupt>) {
-        let function = interrupt.map_or(ptr::null_mut(), |f| f as *mut c_void);
-        // SAFETY: `slot` is the address of an aligned, nullable function pointer which Luau documents as "safe to
-        // set from an arbitrary thread". It lives as long as the virtual machine, which outlives the registration
-        // of the alarm (see `Registration`), and both callers hold one of the two.
-        unsafe { AtomicPtr::from_ptr(self.slot.cast::<*mut c_void>()) }.store(function, Ordering::Release);
+        // SAFETY: the slot lives as long as the virtual machine, which outlives the registration of the alarm (see
+        // `Registration`), and both callers hold one of the two.
+        unsafe { store(self.slot, interrupt) }
     }
 
     fn is_late(&self) -> bool {
         clock() >= self.deadline.load(Ordering::Relaxed)
     }
+}
+
+/// Sets the function of a virtual machine. The watchdog and the machine's own thread may both do so at any time, so
+/// every write to the slot goes through here.
+///
+/// # Safety
+/// `slot` has to be that of a virtual machine that lives.
+unsafe fn store(slot: *mut c_void, interrupt: Option<Interrupt>) {
+    let function = interrupt.map_or(ptr::null_mut(), |f| f as *mut c_void);
+    // SAFETY: `slot` is the address of an aligned, nullable function pointer, which Luau documents as "safe to set
+    // from an arbitrary thread".
+    unsafe { AtomicPtr::from_ptr(slot.cast::<*mut c_void>()) }.store(function, Ordering::Release);
+}
+
+/// Where the virtual machine of `state` looks for its interrupt function.
+///
+/// # Safety
+/// `state` has to be of a virtual machine that lives.
+unsafe fn slot_of(state: *mut ffi::lua_State) -> *mut c_void {
+    // SAFETY: `lua_callbacks` returns a pointer into the global state, valid for the machine's lifetime; only the
+    // address of a field is taken.
+    unsafe { (&raw mut (*ffi::lua_callbacks(state)).interrupt).cast() }
 }
 
 /// Registers an alarm for as long as it lives. Has to be dropped before the virtual machine.
@@ -71,14 +91,9 @@ impl Registration {
     pub(super) fn new(lua: &Lua) -> Result<Self> {
         let watchdog = watchdog()?;
         let mut slot: *mut c_void = ptr::null_mut();
-        // SAFETY: `lua_callbacks` returns a pointer into the global state, valid for the machine's lifetime; only
-        // the address of a field is taken.
-        unsafe {
-            lua.exec_raw::<()>((), |state| {
-                slot = (&raw mut (*ffi::lua_callbacks(state)).interrupt).cast();
-            })
-        }
-        .map_err(|error| Error::new(format!("the script's virtual machine cannot be set up: {error}")))?;
+        // SAFETY: `state` is of `lua`, which lives, and the stack is left as it is.
+        unsafe { lua.exec_raw::<()>((), |state| slot = slot_of(state)) }
+            .map_err(|error| Error::new(format!("the script's virtual machine cannot be set up: {error}")))?;
         let alarm = Arc::new(Alarm { deadline: AtomicU64::new(NEVER), rang: AtomicBool::new(false), slot });
         watchdog.alarms().push(Arc::clone(&alarm));
         Ok(Self { alarm })
@@ -181,7 +196,7 @@ unsafe extern "C-unwind" fn interrupt(state: *mut ffi::lua_State, gc: c_int) {
                 ffi::lua_pushliteral(state, c"out of time");
                 ffi::lua_error(state);
             }
-            None => (*ffi::lua_callbacks(state)).interrupt = None,
+            None => store(slot_of(state), None),
         }
     }
 }
