@@ -11,11 +11,13 @@ use crate::record::trace::{ImageTopic, Trace};
 
 /// Messages that may wait for the writer; when they are that many, the loop waits too and nothing is lost.
 const QUEUE: usize = 256;
+/// Images among them, far fewer because of their size: 50 MB at 1920x1080.
+const IMAGES: usize = 8;
 
 /// The loop's end of the recorder.
 pub struct Recorder {
     sender: Option<SyncSender<Message>>,
-    /// Frames that were written and can be filled again.
+    /// Frames that can be filled: all [`IMAGES`] of them, less those that wait to be written.
     spare: Receiver<FrameBuf>,
     finished: Receiver<Result<()>>,
     thread: Option<JoinHandle<()>>,
@@ -36,7 +38,11 @@ impl Recorder {
     /// Where the system has no thread left.
     pub fn new() -> Result<Self> {
         let (sender, messages) = sync_channel(QUEUE);
-        let (give_back, spare) = sync_channel(QUEUE);
+        let (give_back, spare) = sync_channel(IMAGES);
+        // There is room for all of them, and `spare` is there to receive.
+        for _ in 0..IMAGES {
+            let _ = give_back.send(FrameBuf::default());
+        }
         let (finish, finished) = sync_channel(1);
         let thread = std::thread::Builder::new()
             .name("recorder".into())
@@ -55,9 +61,10 @@ impl Recorder {
         self.send(Message::Step { sequence, state, control, frame_hash });
     }
 
-    /// Adds a copy of a frame.
+    /// Adds a copy of a frame, once a buffer is free for it.
     pub fn image(&self, topic: ImageTopic, sequence: u64, time: f64, frame: Frame<'_>) {
-        let mut copy = self.spare.try_recv().unwrap_or_default();
+        // Fails only where the thread is gone, which `finish` reports.
+        let Ok(mut copy) = self.spare.recv() else { return };
         copy.resize(frame.width(), frame.height());
         copy.as_mut().copy_from(frame);
         self.send(Message::Image { topic, sequence, time, frame: copy });
@@ -121,10 +128,13 @@ fn write_traces(
             (Message::Step { sequence, state, control, frame_hash }, Some(Ok(trace))) => {
                 trace.step(sequence, &state, control, frame_hash)
             }
-            (Message::Image { topic, sequence, time, frame }, Some(Ok(trace))) => {
-                let result = trace.image(topic, sequence, time, frame.as_ref());
-                // The pool is full where the loop was ahead: then this frame is one too many.
-                let _ = give_back.try_send(frame);
+            (Message::Image { topic, sequence, time, frame }, trace) => {
+                let result = match trace {
+                    Some(Ok(trace)) => trace.image(topic, sequence, time, frame.as_ref()),
+                    _ => Ok(()),
+                };
+                // Written or not, it goes back, or the loop would wait for it. Fails only where the loop is gone.
+                let _ = give_back.send(frame);
                 result
             }
             (Message::Event { time, failure, text }, Some(Ok(trace))) => trace.event(time, failure, &text),
@@ -133,5 +143,36 @@ fn write_traces(
         if let Err(error) = result {
             trace = Some(Err(error));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All images are written and none of the buffers is lost, also where a trace cannot be written.
+    #[test]
+    fn few_images_wait_at_a_time() {
+        let folder = std::env::temp_dir().join(format!("pdk-recorder-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let recorder = Recorder::new().unwrap();
+        let frame = FrameBuf::new(64, 48);
+        let scenario = |file: &str| {
+            recorder.start(folder.join(file));
+            for sequence in 0..4 * IMAGES as u64 {
+                recorder.image(ImageTopic::Raw, sequence, sequence as f64, frame.as_ref());
+            }
+            recorder.finish()
+        };
+        assert!(scenario("missing/trace.mcap").is_err());
+        for file in ["first.mcap", "second.mcap"] {
+            scenario(file).unwrap();
+            let trace = std::fs::read(folder.join(file)).unwrap();
+            let images = mcap::MessageStream::new(&trace).unwrap().count();
+            assert_eq!(images, 4 * IMAGES);
+        }
+        // Every buffer is back before the trace is complete.
+        assert_eq!(recorder.spare.try_iter().count(), IMAGES);
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -21,7 +21,7 @@ pub struct Trace {
     writer: mcap::Writer<BufWriter<File>>,
     channels: Channels,
     sequence: u32,
-    /// Encoded messages and images, reused from one message to the next.
+    /// The encoded message, reused from one to the next.
     message: Vec<u8>,
 }
 
@@ -127,13 +127,13 @@ impl Trace {
             .map_err(|error| {
                 Error::new(format!("cannot encode a frame for {} ({error})", self.path.display()))
             })?;
-        let (channel, frame_id) = match topic {
-            ImageTopic::Raw => (self.channels.raw, "camera"),
-            ImageTopic::Perturbed => (self.channels.perturbed, "camera"),
+        let channel = match topic {
+            ImageTopic::Raw => self.channels.raw,
+            ImageTopic::Perturbed => self.channels.perturbed,
         };
         let message = CompressedImage {
             timestamp: Some(timestamp(time)),
-            frame_id: frame_id.to_owned(),
+            frame_id: "camera".to_owned(),
             data: jpeg.into(),
             format: "jpeg".to_owned(),
         };
@@ -171,21 +171,22 @@ impl Trace {
         message.encode(&mut self.message).map_err(|error| {
             Error::new(format!("cannot encode a message for {} ({error})", self.path.display()))
         })?;
-        let nanoseconds = (time * 1e9).round().max(0.0) as u64;
-        let header = MessageHeader {
-            channel_id,
-            sequence: self.sequence,
-            log_time: nanoseconds,
-            publish_time: nanoseconds,
-        };
+        let time = nanoseconds(time);
+        let header =
+            MessageHeader { channel_id, sequence: self.sequence, log_time: time, publish_time: time };
         self.writer
             .write_to_known_channel(&header, &self.message)
             .map_err(|error| trace_error(&self.path, &error))
     }
 }
 
+/// Simulation time in seconds as a trace counts it.
+fn nanoseconds(time: f64) -> u64 {
+    (time * 1e9).round().max(0.0) as u64
+}
+
 fn timestamp(time: f64) -> Timestamp {
-    let nanoseconds = (time * 1e9).round().max(0.0) as u64;
+    let nanoseconds = nanoseconds(time);
     Timestamp::new((nanoseconds / 1_000_000_000) as u32, (nanoseconds % 1_000_000_000) as u32)
 }
 
