@@ -4,8 +4,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use pdk_ops::{
-    FrameBuf, Key, average, blend, color, draw, fog, gaussian, hsv, jpeg, low_pass, noise, point, poisson,
-    resize, scatter, zoom,
+    FrameBuf, Key, average, blend, canny, color, draw, equalise, false_color, fog, gaussian, hsv, jpeg,
+    low_pass, noise, phase, point, poisson, posterize, resize, saturation, scatter, white_balance, zoom,
 };
 
 /// The system's allocator, counting what this thread asks for.
@@ -50,6 +50,8 @@ fn kernels_allocate_on_the_first_frame_only() {
     let (mut zooms, mut places) = (zoom::Workspace::default(), scatter::Workspace::default());
     let (mut smooth_value, mut field, mut grain) =
         (low_pass::Workspace::default(), fog::Field::default(), fog::Grain::default());
+    let (mut edges, mut curves, mut spectra) =
+        (canny::Workspace::default(), equalise::Workspace::default(), phase::Workspace::default());
     let mut all = |frame: u64| {
         let src = src.as_ref();
         let random = || Key([1; 32]).frame(frame);
@@ -64,9 +66,23 @@ fn kernels_allocate_on_the_first_frame_only() {
         average::disc_blur(src, dst.as_mut(), 9.0 - (frame % 2) as f64, &mut averages);
         average::pixel_average(src, dst.as_mut(), &[(0, 0), (3, -2)], &mut averages);
         jpeg::jpeg(src, dst.as_mut(), 5.0 + frame as f64, jpeg::ChannelOrder::Bgr, &mut compression);
-        zoom::zoom_blur(src, dst.as_mut(), 12.0 - (frame % 2) as f64, 0.02, zoom::Ends::Black, &mut zooms);
+        zoom::zoom_blur(
+            src,
+            dst.as_mut(),
+            12.0 - (frame % 2) as f64,
+            0.02,
+            zoom::Enlargement::WholePixels,
+            &mut zooms,
+        );
         scatter::scatter(src, dst.as_mut(), 3.0, Key([frame as u8; 32]), &mut places);
         low_pass::low_pass(src, dst.as_mut(), 41 - 2 * (frame % 2) as usize, &mut smooth_value);
+        canny::blend_with_edges(src, dst.as_mut(), 0.3, (50.0 - 10.0 * frame as f64, 150.0), &mut edges);
+        equalise::equalise_value(src, dst.as_mut(), 1.0 + frame as f64, &mut curves);
+        phase::scramble_phase(src, dst.as_mut(), 0.1 * frame as f64, &mut random(), &mut spectra);
+        false_color::false_color(src, dst.as_mut(), 0.7 * frame as f64, false_color::Sums::Wrapped);
+        posterize::posterize(src, dst.as_mut(), 9.0, 30.0);
+        saturation::scale_saturation(src, dst.as_mut(), 1.5);
+        white_balance::blend_with_grey_world(src, dst.as_mut(), 0.5);
         field.frame(65, 40, Key([frame as u8; 32]));
         grain.frame(65, 40, 0.1 * frame as f64, fog::Overflow::Clips, &mut random());
         noise::gaussian_noise(src, dst.as_mut(), 0.1, &mut random());
