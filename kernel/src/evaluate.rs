@@ -20,7 +20,7 @@ use crate::component::ComponentSpec;
 use crate::drive;
 use crate::record::{Lines, RESULTS, RunDirectory};
 use crate::registry::Registry;
-use crate::watchdog::{DEFAULT_PATIENCE, Watch};
+use crate::watchdog::Watch;
 
 /// What to evaluate, as a pipeline writes it.
 #[derive(Debug, Deserialize)]
@@ -191,20 +191,25 @@ const DATASET: usize = 0;
 const DRIVER: usize = 1;
 const PERTURBATIONS: usize = 2;
 
-/// Opens the dataset of a plan.
+/// Opens the dataset of a plan. A reader that takes longer than `patience` for it ends the process.
 ///
 /// # Errors
 /// Where no reader can open it.
-pub fn open_dataset(registry: &Registry, spec: &DatasetSpec) -> Result<(ComponentSpec, Box<dyn Dataset>)> {
+pub fn open_dataset(
+    registry: &Registry,
+    spec: &DatasetSpec,
+    patience: Duration,
+) -> Result<(ComponentSpec, Box<dyn Dataset>)> {
     match spec {
-        DatasetSpec::Reader(spec) => Ok((spec.clone(), open_with(registry, &spec.name, &spec.parameters)?)),
+        DatasetSpec::Reader(spec) => Ok((spec.clone(), open_with(registry, spec, patience)?)),
         DatasetSpec::Path(path) => {
             let mut reasons = Vec::new();
             for reader in registry.of_kind(Kind::Dataset) {
                 let name = reader.description.name.clone();
                 let parameters = Map::from_iter([("path".to_owned(), Value::String(path.clone()))]);
-                match open_with(registry, &name, &parameters) {
-                    Ok(dataset) => return Ok((ComponentSpec { name, parameters }, dataset)),
+                let spec = ComponentSpec { name, parameters };
+                match open_with(registry, &spec, patience) {
+                    Ok(dataset) => return Ok((spec, dataset)),
                     Err(error) => reasons.push(error.to_string()),
                 }
             }
@@ -216,10 +221,10 @@ pub fn open_dataset(registry: &Registry, spec: &DatasetSpec) -> Result<(Componen
     }
 }
 
-/// Opens a dataset with a reader; one that does not come back ends the process.
-fn open_with(registry: &Registry, reader: &str, parameters: &Map<String, Value>) -> Result<Box<dyn Dataset>> {
-    let watch = Watch::new(vec![format!("dataset `{reader}`")], DEFAULT_PATIENCE);
-    watch.call(0, || Ok(registry.dataset(reader, parameters)?.0))
+/// Opens a dataset with a reader.
+fn open_with(registry: &Registry, spec: &ComponentSpec, patience: Duration) -> Result<Box<dyn Dataset>> {
+    let watch = Watch::new(vec![format!("dataset `{}`", spec.name)], patience);
+    watch.call(0, || Ok(registry.dataset(&spec.name, &spec.parameters)?.0))
 }
 
 /// Evaluates every frame, perturbation and level, and writes a line for each. The lines come in the order of the
@@ -234,7 +239,7 @@ pub fn evaluate(
     directory: &RunDirectory,
     progress: &ProgressBar,
 ) -> Result<(Summary, Performance)> {
-    let (reader, dataset) = open_dataset(registry, &plan.dataset)?;
+    let (reader, dataset) = open_dataset(registry, &plan.dataset, settings.patience)?;
     let frames = plan.frames.unwrap_or(usize::MAX).min(dataset.len());
     if frames == 0 {
         return Err(Error::new("the dataset has no frames; name a folder that has some"));

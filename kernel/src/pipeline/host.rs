@@ -187,7 +187,7 @@ impl Host {
     pub(super) fn evaluate(&mut self, request: Value) -> Result<Value> {
         let plan = evaluate::Plan::from_json(request)?;
         let registry = Arc::clone(&self.registry);
-        let (reader, _) = evaluate::open_dataset(&registry, &plan.dataset)?;
+        let (reader, _) = evaluate::open_dataset(&registry, &plan.dataset, self.common.patience)?;
         self.begin([(Kind::Dataset, &reader), (Kind::Driver, &plan.driver)], &plan.cells)?;
         let directory = self.directory()?;
         let settings = evaluate::Settings {
