@@ -1,11 +1,11 @@
 //! Zoom blur: the camera moves towards the scene while the shutter is open.
 //!
-//! In the published version an edge can darken: where rounding puts the last row or column of an enlargement a trace
-//! beyond the last pixel, it counts as black. The variant `published` keeps that, and `corrected` takes the last pixel.
-//!
-//! The published levels 1 and 2 are about equally strong: the first has more enlargements in smaller steps.
+//! The published version crops and enlarges by whole pixels, so that the middle of an enlargement can lie up to a pixel
+//! off, and strength rises and falls a little between the levels (levels 1 and 2 are about equally strong). Where
+//! rounding puts the last row or column of an enlargement a trace beyond the last pixel, it counts as black, which
+//! darkens that edge. The variant `published` keeps all that, and `corrected` enlarges exactly about the middle.
 
-use pdk_sdk::ops::zoom::{Ends, MAX_COUNT, MAX_STEP, Workspace, zoom_blur};
+use pdk_sdk::ops::zoom::{Enlargement, MAX_COUNT, MAX_STEP, Workspace, zoom_blur};
 use pdk_sdk::prelude::*;
 
 /// Averages the frame with its enlargements about the middle.
@@ -38,7 +38,7 @@ impl Component for ZoomBlur {
             .parameter(Parameter::choice(
                 "variant",
                 &["published", "corrected"],
-                "published: where rounding leads beyond the last row or column, that of the enlargement is black; corrected: it never is",
+                "published: enlargements of whole pixels, up to a pixel off the middle, whose last row or column may be black; corrected: exactly about the middle",
             ))
     }
 
@@ -49,8 +49,9 @@ impl Component for ZoomBlur {
 
 impl Perturbation for ZoomBlur {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let ends = if cx.integer("variant") == 0 { Ends::Black } else { Ends::Kept };
-        zoom_blur(src, dst, cx.number("count"), cx.number("step"), ends, &mut self.workspace);
+        let enlargement =
+            if cx.integer("variant") == 0 { Enlargement::WholePixels } else { Enlargement::Exact };
+        zoom_blur(src, dst, cx.number("count"), cx.number("step"), enlargement, &mut self.workspace);
         Ok(())
     }
 }

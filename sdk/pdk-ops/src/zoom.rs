@@ -11,14 +11,16 @@ pub const MAX_COUNT: f64 = 1000.0;
 /// The largest step between enlargements that [`zoom_blur`] takes.
 pub const MAX_STEP: f64 = 10.0;
 
-/// What happens where the last position of an enlargement, computed in double precision, comes out a trace beyond the
-/// last pixel. That depends on the size of the frame and on the factor.
+/// How an image is enlarged by a factor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ends {
-    /// That row or column of the enlargement is black.
-    Black,
-    /// It is the last row or column.
-    Kept,
+pub enum Enlargement {
+    /// `ceil(length / factor)` whole pixels from the middle are stretched to a whole number of pixels near the factor,
+    /// first to first and last to last, and trimmed. The middle moves by up to a pixel from one factor to the next.
+    /// Where the last position, computed in double precision, comes out a trace beyond the last pixel, that row or
+    /// column is black; that depends on the size of the frame and on the factor.
+    WholePixels,
+    /// About the middle of the image and by the factor, exactly.
+    Exact,
 }
 
 /// Where a position lies between two pixels.
@@ -28,44 +30,56 @@ struct Tap {
     fraction: f32,
 }
 
-/// One direction of an enlargement: a part from the middle, stretched so that its ends meet the ends of the stretched
-/// part, and trimmed at both ends to the old length.
+/// One direction of an enlargement.
 #[derive(Debug, Clone, Copy)]
-struct Stretch {
-    /// Where the part begins, and its length.
-    start: usize,
-    length: usize,
-    /// The length of the stretched part, and how much of it is trimmed at its beginning.
-    stretched: usize,
-    trimmed: usize,
+enum Stretch {
+    WholePixels {
+        /// Where the part begins, and its length.
+        start: usize,
+        part: usize,
+        /// The length of the stretched part, and how much of it is trimmed at its beginning.
+        stretched: usize,
+        trimmed: usize,
+    },
+    Exact {
+        middle: f64,
+        factor: f64,
+    },
 }
 
 impl Stretch {
-    fn new(length: usize, factor: f64) -> Self {
+    fn new(length: usize, factor: f64, enlargement: Enlargement) -> Self {
+        if enlargement == Enlargement::Exact {
+            return Self::Exact { middle: (length - 1) as f64 / 2.0, factor };
+        }
         let part = ((length as f64 / factor).ceil() as usize).clamp(1, length);
         let stretched = ((part as f64 * factor).round_ties_even() as usize).max(length);
-        Self { start: (length - part) / 2, length: part, stretched, trimmed: (stretched - length) / 2 }
+        Self::WholePixels { start: (length - part) / 2, part, stretched, trimmed: (stretched - length) / 2 }
     }
 
-    /// Which pixels of the image position `i` lies between; none where it lies beyond and ends are black. The second
-    /// pixel is there unless the fraction is 0.
-    fn tap(&self, i: usize, ends: Ends) -> Option<Tap> {
-        let ratio = (self.length - 1) as f64 / (self.stretched - 1).max(1) as f64;
-        let (place, last) = ((i + self.trimmed) as f64 * ratio, (self.length - 1) as f64);
-        if place > last && ends == Ends::Black {
-            return None;
-        }
-        let place = place.min(last);
-        let first = place as usize;
-        Some(Tap { first: (self.start + first) as u32, fraction: (place - first as f64) as f32 })
+    /// Which pixels of the image position `i` lies between; none where it is black. The second pixel is there unless
+    /// the fraction is 0.
+    fn tap(&self, i: usize) -> Option<Tap> {
+        let place = match *self {
+            Self::Exact { middle, factor } => middle + (i as f64 - middle) / factor,
+            Self::WholePixels { start, part, stretched, trimmed } => {
+                let ratio = (part - 1) as f64 / (stretched - 1).max(1) as f64;
+                let place = (i + trimmed) as f64 * ratio;
+                if place > (part - 1) as f64 {
+                    return None;
+                }
+                start as f64 + place
+            }
+        };
+        Some(Tap { first: place as u32, fraction: place.fract() as f32 })
     }
 }
 
 /// What [`zoom_blur`] keeps between calls.
 #[derive(Debug, Clone, Default)]
 pub struct Workspace {
-    /// Width, height, count, step and ends that `zooms` and `columns` belong to.
-    made_for: Option<(usize, usize, f64, f64, Ends)>,
+    /// Width, height, count, step and enlargement that `zooms` and `columns` belong to.
+    made_for: Option<(usize, usize, f64, f64, Enlargement)>,
     /// The vertical direction and the weight of each enlargement.
     zooms: Vec<(Stretch, f32)>,
     /// The taps of all columns, one enlargement after the other.
@@ -77,8 +91,8 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    fn prepare(&mut self, width: usize, height: usize, count: f64, step: f64, ends: Ends) {
-        let wanted = Some((width, height, count, step, ends));
+    fn prepare(&mut self, width: usize, height: usize, count: f64, step: f64, enlargement: Enlargement) {
+        let wanted = Some((width, height, count, step, enlargement));
         if self.made_for == wanted {
             return;
         }
@@ -89,11 +103,11 @@ impl Workspace {
             // The step as it is left after the addition of 1, as number ranges are usually made.
             let factor = 1.0 + i as f64 * ((1.0 + step) - 1.0);
             let weight = (count - i as f64).min(1.0) as f32;
-            self.zooms.push((Stretch::new(height, factor), weight));
-            let across = Stretch::new(width, factor);
+            self.zooms.push((Stretch::new(height, factor, enlargement), weight));
+            let across = Stretch::new(width, factor, enlargement);
             // Right of the row it is black.
             let black = Tap { first: width as u32, fraction: 0.0 };
-            self.columns.extend((0..width).map(|x| across.tap(x, ends).unwrap_or(black)));
+            self.columns.extend((0..width).map(|x| across.tap(x).unwrap_or(black)));
         }
         self.row.clear();
         self.row.resize((width + 2) * CHANNELS + 1, 0.0);
@@ -104,9 +118,7 @@ impl Workspace {
 /// The mean of the image and of `count` enlargements by `1`, `1 + step`, `1 + 2 * step` and so on, so that the image
 /// itself counts twice. What `count` has beyond a whole number is the weight of the last enlargement.
 ///
-/// An enlargement by `z` takes `ceil(height / z)` rows from the middle, stretches them linearly to `z` times their
-/// number, first row to first row and last to last, and trims the result; the same with columns. The sum is rounded
-/// once.
+/// Enlargements interpolate linearly; the sum is rounded once.
 ///
 /// # Panics
 /// Where the sizes of the frames differ, `count` is not within 0..=[`MAX_COUNT`], or `step` not within 0..=[`MAX_STEP`].
@@ -115,21 +127,21 @@ pub fn zoom_blur(
     mut dst: FrameMut<'_>,
     count: f64,
     step: f64,
-    ends: Ends,
+    enlargement: Enlargement,
     workspace: &mut Workspace,
 ) {
     assert!(src.same_size(&dst.as_ref()), "zoom_blur between frames of different size");
     assert!((0.0..=MAX_COUNT).contains(&count), "zoom_blur takes a count of 0 to 1000, not {count}");
     assert!((0.0..=MAX_STEP).contains(&step), "zoom_blur takes a step of 0 to 10, not {step}");
     let (width, height) = (src.width(), src.height());
-    workspace.prepare(width, height, count, step, ends);
+    workspace.prepare(width, height, count, step, enlargement);
     let Workspace { zooms, columns, row, sums, .. } = workspace;
     let own_weight = (1.0 + count.min(1.0)) as f32;
     let scale = (1.0 / (1.0 + count)) as f32;
     for y in 0..height {
         start_sums(src.row(y), sums, own_weight);
         for ((down, weight), columns) in zooms.iter().zip(columns.chunks_exact(width)) {
-            let Some(tap) = down.tap(y, ends) else { continue };
+            let Some(tap) = down.tap(y) else { continue };
             let upper = src.row(tap.first as usize);
             let lower = src.row((tap.first as usize + 1).min(height - 1));
             let weights = [weight * (1.0 - tap.fraction), weight * tap.fraction];
@@ -198,28 +210,29 @@ mod tests {
     use crate::testing::{plain, run_on, samples};
 
     /// The enlargement by `factor`, made as a whole image in double precision.
-    fn enlarged(src: Frame<'_>, factor: f64) -> Vec<[f64; 3]> {
-        let axis = |length: usize| {
+    fn enlarged(src: Frame<'_>, factor: f64, enlargement: Enlargement) -> Vec<[f64; 3]> {
+        let axis = |length: usize| -> Vec<f64> {
+            if enlargement == Enlargement::Exact {
+                let middle = (length - 1) as f64 / 2.0;
+                return (0..length).map(|i| (i as f64 - middle) / factor + middle).collect();
+            }
             let part = (length as f64 / factor).ceil() as usize;
             let stretched = (part as f64 * factor).round_ties_even() as usize;
-            let places: Vec<f64> =
-                (0..stretched)
-                    .map(|i| {
-                        if stretched == 1 {
-                            0.0
-                        } else {
-                            i as f64 * (part - 1) as f64 / (stretched - 1) as f64
-                        }
-                    })
-                    .map(|place| place + ((length - part) / 2) as f64)
-                    .collect();
+            let ratio = if stretched == 1 { 0.0 } else { (part - 1) as f64 / (stretched - 1) as f64 };
             let trimmed = (stretched - length) / 2;
-            places[trimmed..trimmed + length].to_vec()
+            let places = (trimmed..trimmed + length).map(|i| i as f64 * ratio);
+            // Infinity is black.
+            let black = |place: f64| if place > (part - 1) as f64 { f64::INFINITY } else { place };
+            places.map(|place| black(place) + ((length - part) / 2) as f64).collect()
         };
         let (across, down) = (axis(src.width()), axis(src.height()));
         let mut out: Vec<[f64; 3]> = Vec::new();
         for &v in &down {
             for &u in &across {
+                if u.is_infinite() || v.is_infinite() {
+                    out.push([0.0; 3]);
+                    continue;
+                }
                 let at = |x: f64, y: f64, c: usize| {
                     let (x, y) = ((x as usize).min(src.width() - 1), (y as usize).min(src.height() - 1));
                     f64::from(src.pixel(x, y)[c])
@@ -238,20 +251,23 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(64))]
 
         #[test]
-        fn matches_the_plain_version(sample in samples(), count in 0.0..14.0f64, step in 0.0..0.3) {
+        fn matches_the_plain_version(
+            sample in samples(), count in 0.0..14.0f64, step in 0.0..0.3, exact: bool,
+        ) {
+            let enlargement = if exact { Enlargement::Exact } else { Enlargement::WholePixels };
             let src = sample.frame();
             let mut sums: Vec<[f64; 3]> = src.rows()
                 .flat_map(|row| row.chunks(3).map(|p| [p[0], p[1], p[2]].map(f64::from)))
                 .collect();
             for i in 0..count.ceil() as usize {
                 let weight = (count - i as f64).min(1.0);
-                let zoomed = enlarged(src, 1.0 + i as f64 * ((1.0 + step) - 1.0));
+                let zoomed = enlarged(src, 1.0 + i as f64 * ((1.0 + step) - 1.0), enlargement);
                 for (sum, value) in sums.iter_mut().zip(zoomed) {
                     (0..3).for_each(|c: usize| sum[c] += weight * value[c]);
                 }
             }
             let mut workspace = Workspace::default();
-            let result = run_on(&sample, |src, dst| zoom_blur(src, dst, count, step, Ends::Kept, &mut workspace));
+            let result = run_on(&sample, |src, dst| zoom_blur(src, dst, count, step, enlargement, &mut workspace));
             let exact = plain(src, |x, y| {
                 sums[y * src.width() + x].map(|v| (v / (count + 1.0)).round() as u8)
             });
@@ -274,8 +290,8 @@ mod tests {
             let bytes: Vec<u8> = (0..width * height * 3).map(|i| (i * 37 % 251) as u8).collect();
             let src = Frame::new(&bytes, width, height).unwrap();
             let (mut first, mut second) = (src.to_buf(), src.to_buf());
-            zoom_blur(src, first.as_mut(), count, step, Ends::Kept, &mut kept);
-            zoom_blur(src, second.as_mut(), count, step, Ends::Kept, &mut Workspace::default());
+            zoom_blur(src, first.as_mut(), count, step, Enlargement::Exact, &mut kept);
+            zoom_blur(src, second.as_mut(), count, step, Enlargement::Exact, &mut Workspace::default());
             assert_eq!(first, second);
         }
     }
@@ -286,23 +302,22 @@ mod tests {
         let src = Frame::new(&bytes, 50, 20).unwrap();
         for count in [0.0, 0.5, 1.0, 3.3, 12.0] {
             let mut dst = FrameBuf::new(50, 20);
-            zoom_blur(src, dst.as_mut(), count, 0.03, Ends::Kept, &mut Workspace::default());
+            zoom_blur(src, dst.as_mut(), count, 0.03, Enlargement::Exact, &mut Workspace::default());
             assert!(dst.data().iter().all(|&v| v == 255));
         }
     }
 
     #[test]
-    fn positions_beyond_the_last_pixel_are_black_or_kept() {
+    fn positions_beyond_the_last_pixel_are_black() {
         // 159 times 125 / 159 is more than 125 in double precision.
-        let stretch = Stretch::new(160, 1.0 + 9.0 * ((1.0 + 0.03) - 1.0));
-        assert_eq!((stretch.length, stretch.stretched), (126, 160));
-        assert!(stretch.tap(159, Ends::Black).is_none());
-        assert_eq!(stretch.tap(159, Ends::Kept).map(|tap| (tap.first, tap.fraction)), Some((17 + 125, 0.0)));
+        let factor = 1.0 + 9.0 * ((1.0 + 0.03) - 1.0);
+        assert!(Stretch::new(160, factor, Enlargement::WholePixels).tap(159).is_none());
+        assert!((0..160).all(|x| Stretch::new(160, factor, Enlargement::Exact).tap(x).is_some()));
         let bytes = [255; 160 * 10 * 3];
         let src = Frame::new(&bytes, 160, 10).unwrap();
-        for (ends, last) in [(Ends::Black, 234), (Ends::Kept, 255)] {
+        for (enlargement, last) in [(Enlargement::WholePixels, 234), (Enlargement::Exact, 255)] {
             let mut dst = FrameBuf::new(160, 10);
-            zoom_blur(src, dst.as_mut(), 11.0, 0.03, ends, &mut Workspace::default());
+            zoom_blur(src, dst.as_mut(), 11.0, 0.03, enlargement, &mut Workspace::default());
             assert_eq!([158, 159].map(|x| dst.as_ref().pixel(x, 5)), [[255; 3], [last; 3]]);
         }
     }
