@@ -1,5 +1,6 @@
 //! Writes a scenario's trace on a thread of its own, so that encoding images does not slow the loop.
 
+use std::cell::RefCell;
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
@@ -9,14 +10,20 @@ use pdk_sdk::prelude::{Control, Frame, FrameBuf, State};
 
 use crate::record::trace::{ImageTopic, Trace};
 
-/// Messages that may wait for the writer; when they are that many, the loop waits too and nothing is lost.
-const QUEUE: usize = 256;
+/// Messages that go to the writer together: waking its thread costs the loop more than everything else here.
+const BATCH: usize = 32;
+/// Batches that may wait for the writer; when they are that many, the loop waits too and nothing is lost.
+const QUEUE: usize = 16;
 /// Images among them, far fewer because of their size: 50 MB at 1920x1080.
 const IMAGES: usize = 8;
 
 /// The loop's end of the recorder.
 pub struct Recorder {
-    sender: Option<SyncSender<Message>>,
+    sender: Option<SyncSender<Vec<Message>>>,
+    /// Messages that have not been sent yet.
+    batch: RefCell<Vec<Message>>,
+    /// Batches that were written and can be filled again.
+    spare_batches: Receiver<Vec<Message>>,
     /// Frames that can be filled: all [`IMAGES`] of them, less those that wait to be written.
     spare: Receiver<FrameBuf>,
     finished: Receiver<Result<()>>,
@@ -43,12 +50,14 @@ impl Recorder {
         for _ in 0..IMAGES {
             let _ = give_back.send(FrameBuf::default());
         }
+        let (give_batch_back, spare_batches) = sync_channel(QUEUE);
         let (finish, finished) = sync_channel(1);
         let thread = std::thread::Builder::new()
             .name("recorder".into())
-            .spawn(move || write_traces(&messages, &give_back, &finish))
+            .spawn(move || write_traces(&messages, &give_batch_back, &give_back, &finish))
             .map_err(|error| Error::new(format!("cannot start the recorder's thread ({error})")))?;
-        Ok(Self { sender: Some(sender), spare, finished, thread: Some(thread) })
+        let batch = RefCell::new(Vec::with_capacity(BATCH));
+        Ok(Self { sender: Some(sender), batch, spare_batches, spare, finished, thread: Some(thread) })
     }
 
     /// Starts the trace of a scenario.
@@ -68,6 +77,8 @@ impl Recorder {
         copy.resize(frame.width(), frame.height());
         copy.as_mut().copy_from(frame);
         self.send(Message::Image { topic, sequence, time, frame: copy });
+        // The next image may wait for this one's buffer.
+        self.flush();
     }
 
     /// Adds something that happened.
@@ -81,13 +92,28 @@ impl Recorder {
     /// The first thing that went wrong since [`Recorder::start`].
     pub fn finish(&self) -> Result<()> {
         self.send(Message::Finish);
+        self.flush();
         self.finished.recv().unwrap_or_else(|_| Err(Error::new("the recorder's thread ended early")))
     }
 
     fn send(&self, message: Message) {
+        let full = {
+            let mut batch = self.batch.borrow_mut();
+            batch.push(message);
+            batch.len() >= BATCH
+        };
+        if full {
+            self.flush();
+        }
+    }
+
+    /// Hands everything over to the writer.
+    fn flush(&self) {
+        let empty = self.spare_batches.try_recv().unwrap_or_else(|_| Vec::with_capacity(BATCH));
+        let batch = self.batch.replace(empty);
         // Fails only where the thread is gone, which `finish` reports.
         if let Some(sender) = &self.sender {
-            let _ = sender.send(message);
+            let _ = sender.send(batch);
         }
     }
 }
@@ -103,11 +129,18 @@ impl Drop for Recorder {
 }
 
 fn write_traces(
-    messages: &Receiver<Message>,
+    batches: &Receiver<Vec<Message>>,
+    give_batch_back: &SyncSender<Vec<Message>>,
     give_back: &SyncSender<FrameBuf>,
     finish: &SyncSender<Result<()>>,
 ) {
     let mut trace: Option<Result<Trace>> = None;
+    let messages = batches.iter().flat_map(|mut batch| {
+        let messages: Vec<Message> = batch.drain(..).collect();
+        // The pool is full where the loop was ahead: then this batch is one too many.
+        let _ = give_batch_back.try_send(batch);
+        messages
+    });
     for message in messages {
         // After an error the rest of the scenario is read but not written; the error waits for `Finish`.
         let result = match (message, &mut trace) {
