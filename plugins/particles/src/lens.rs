@@ -181,7 +181,8 @@ fn pack([red, green, blue]: [u32; 3]) -> u64 {
     u64::from(red) | u64::from(green) << LANE | u64::from(blue) << (2 * LANE)
 }
 
-/// Rounds what is clipped to 0 to 255.
+/// Clips to 0 to 255 and rounds; what is not a number becomes 0.
+#[allow(clippy::manual_clamp)] // `clamp` keeps what is not a number
 #[inline(always)]
 pub fn to_byte(value: f32) -> u8 {
     // The number, rounded half to even, is in the lowest byte of the sum.

@@ -221,7 +221,7 @@ fn slope(before: f32, depth: f32, after: f32) -> f32 {
     let before = if wet_before { before } else { depth };
     let after = if wet_after { after } else { depth };
     let slope = (after - before) * if wet_before & wet_after { 0.5 } else { 1.0 };
-    slope.max(-1.2).min(1.2)
+    slope.clamp(-1.2, 1.2)
 }
 
 impl Look {
@@ -246,7 +246,7 @@ impl Look {
             let (dx, dy) = (sx - SPOT[0], sy - SPOT[1]);
             let spot = (1.0 - (dx * dx + dy * dy) * 28.0).max(0.0);
             light[i] = self.light * spot * spot;
-            alpha[i] = (depth[i] * self.opacity).max(0.0).min(1.0);
+            alpha[i] = (depth[i] * self.opacity).clamp(0.0, 1.0);
         }
         for (i, out) in out.chunks_exact_mut(3).enumerate().take(count) {
             if alpha[i] > 0.0 {
