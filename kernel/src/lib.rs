@@ -8,6 +8,7 @@ pub mod output;
 
 pub mod chain;
 pub mod component;
+mod description;
 pub mod drive;
 mod elf;
 pub mod evaluate;

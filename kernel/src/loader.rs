@@ -2,6 +2,7 @@
 
 use std::ffi::CStr;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use abi_stable::library::{AbiHeaderRef, LibraryError};
 use pdk_sdk::SDK_VERSION;
@@ -10,8 +11,9 @@ use pdk_sdk::abi::{self, PluginDescription, PluginModuleRef};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::{Map, Value};
 
+use crate::description;
 use crate::elf;
-use crate::watchdog::{DEFAULT_PATIENCE, Watch};
+use crate::watchdog::Watch;
 
 /// A plugin that has been loaded. Its library stays in memory until the process ends.
 pub struct Plugin {
@@ -23,17 +25,21 @@ pub struct Plugin {
 }
 
 impl Plugin {
-    /// Opens a plugin library.
+    /// Opens a plugin library. One that takes longer than `patience` for it ends the process.
     ///
     /// # Errors
     /// Where the file is no library, is no pdk plugin, was built with another SDK version, or cannot describe itself.
-    pub fn load(path: &Path) -> Result<Self> {
-        let watch = Watch::new(vec![format!("plugin {}", path.display())], DEFAULT_PATIENCE);
+    pub fn load(path: &Path, patience: Duration) -> Result<Self> {
+        let watch = Watch::with_remedy(
+            vec![format!("plugin {}", path.display())],
+            patience,
+            "take the file out of the folder in which pdk looks for plugins; `pdk check` tells more of it",
+        );
         let module = watch.call(0, || open(path)).place(format_args!("plugin {}", path.display()))?;
         let description = watch
             .call(0, || host::result((module.describe())()))
             .and_then(|json| Ok(serde_json::from_str::<PluginDescription>(&json)?))
-            .and_then(|description| check_names(&description).map(|()| description))
+            .and_then(|description| description::check_plugin(&description).map(|()| description))
             .place(format_args!("plugin {}", path.display()))?;
         Ok(Self { path: path.to_owned(), description, module })
     }
@@ -105,20 +111,4 @@ fn cause(error: &libloading::Error) -> String {
 
 fn first_line(text: &str) -> &str {
     text.trim().lines().next().unwrap_or_default()
-}
-
-/// Names appear in files, on command lines and in Lua: lower-case letters, digits and underscores.
-fn check_names(plugin: &PluginDescription) -> Result<()> {
-    for component in &plugin.components {
-        let names = component.parameters.iter().map(|p| &p.name).chain([&component.name]);
-        for name in names {
-            let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
-            if name.is_empty() || !name.chars().all(fits) {
-                return Err(Error::new(format!(
-                    "names something `{name}`; names are lower-case letters, digits and underscores"
-                )));
-            }
-        }
-    }
-    Ok(())
 }

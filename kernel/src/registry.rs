@@ -1,6 +1,7 @@
 //! What components there are, where they come from, and how instances of them are made.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use pdk_sdk::abi::host::Instance;
@@ -13,6 +14,7 @@ use serde_json::{Map, Value};
 use crate::loader::Plugin;
 use crate::lua;
 use crate::suggest;
+use crate::watchdog::DEFAULT_PATIENCE;
 
 /// Names the folders with further plugins and Lua perturbations, separated as in PATH.
 pub const PATH_VARIABLE: &str = "PDK_PLUGIN_PATH";
@@ -80,7 +82,17 @@ impl Registry {
             registry.add_place(folder);
         }
         for place in std::env::var_os(PATH_VARIABLE).iter().flat_map(std::env::split_paths) {
-            registry.add_place(&place);
+            if place.as_os_str().is_empty() {
+                continue; // Nothing between two separators, or in a variable that is set to nothing.
+            }
+            if place.exists() {
+                registry.add_place(&place);
+            } else {
+                registry.refused.push(Error::new(format!(
+                    "{PATH_VARIABLE} names {}, which does not exist; create it or correct the variable",
+                    place.display()
+                )));
+            }
         }
         if let Some(place) = user_folder() {
             registry.add_place(&place);
@@ -168,7 +180,7 @@ impl Registry {
     /// Adds the libraries and scripts of a folder, by name; a folder that does not exist has none.
     fn add_folder(&mut self, folder: &Path, wanted: impl Fn(&str) -> bool) {
         self.places.push(folder.to_owned());
-        for file in files_of(folder) {
+        for file in self.files_of(folder) {
             let stem = file.file_stem().unwrap_or_default().to_string_lossy();
             let extension = file.extension().unwrap_or_default();
             if extension == std::env::consts::DLL_EXTENSION && wanted(&stem) || extension == "lua" {
@@ -190,7 +202,7 @@ impl Registry {
             }
             return;
         }
-        match Plugin::load(&file) {
+        match Plugin::load(&file, DEFAULT_PATIENCE) {
             Ok(plugin) => {
                 let (plugin_index, descriptions) =
                     (self.plugins.len(), plugin.description.components.clone());
@@ -211,11 +223,31 @@ impl Registry {
             let given = search.drop_ins.iter().filter(|(name, _)| *name == drop_in.folder);
             let mut folders: Vec<PathBuf> = given.map(|(_, folder)| folder.clone()).collect();
             folders.extend(self.places.iter().map(|place| place.join(&drop_in.folder)));
-            for file in folders.iter().flat_map(|folder| files_of(folder)) {
+            let files: Vec<_> = folders.iter().flat_map(|folder| self.files_of(folder)).collect();
+            for file in files {
                 let ending = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
                 if drop_in.endings.contains(&ending) {
                     self.add_drop_in(&base, &drop_in.parameter, file);
                 }
+            }
+        }
+    }
+
+    /// The files of a folder by name; none where there is no such folder. One that cannot be read is refused.
+    fn files_of(&mut self, folder: &Path) -> Vec<PathBuf> {
+        let paths = std::fs::read_dir(folder)
+            .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>());
+        match paths {
+            Ok(mut files) => {
+                files.retain(|file| file.is_file());
+                files.sort();
+                files
+            }
+            Err(error) if error.kind() == ErrorKind::NotFound => Vec::new(),
+            Err(error) => {
+                let shown = folder.display();
+                self.refused.push(Error::new(format!("the folder {shown} cannot be read ({error})")));
+                Vec::new()
             }
         }
     }
@@ -285,15 +317,6 @@ create_functions! {
     driver: Driver as Driver;
     /// Opens a dataset.
     dataset: Dataset as Dataset;
-}
-
-/// The files of a folder by name; none where there is no such folder.
-fn files_of(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten();
-    let mut files: Vec<PathBuf> =
-        entries.filter_map(|entry| Some(entry.ok()?.path())).filter(|f| f.is_file()).collect();
-    files.sort();
-    files
 }
 
 /// The folder of the running executable.

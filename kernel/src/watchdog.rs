@@ -24,6 +24,8 @@ struct Slot {
     /// What may be called, as it is named to the user.
     labels: Vec<String>,
     patience: Duration,
+    /// What the user can do.
+    remedy: &'static str,
     /// Which label is being called.
     current: AtomicUsize,
     /// When the call began in nanoseconds since the clock's start; 0 while nothing is called.
@@ -31,10 +33,15 @@ struct Slot {
 }
 
 impl Watch {
-    /// A watch over calls with these labels. None may take longer than `patience`.
+    /// A watch over calls of a run with these labels. None may take longer than `patience`.
     pub fn new(labels: Vec<String>, patience: Duration) -> Self {
-        let slot =
-            Arc::new(Slot { labels, patience, current: AtomicUsize::new(0), since: AtomicU64::new(0) });
+        Self::with_remedy(labels, patience, "the limit of a run is raised with --set patience=SECONDS")
+    }
+
+    /// A watch over calls with these labels, that says what can be done where one takes longer than `patience`.
+    pub fn with_remedy(labels: Vec<String>, patience: Duration, remedy: &'static str) -> Self {
+        let (current, since) = (AtomicUsize::new(0), AtomicU64::new(0));
+        let slot = Arc::new(Slot { labels, patience, remedy, current, since });
         let mut slots = slots().lock().unwrap_or_else(PoisonError::into_inner);
         slots.retain(|slot| slot.strong_count() > 0);
         slots.push(Arc::downgrade(&slot));
@@ -116,23 +123,49 @@ impl Slot {
     }
 
     fn check(&self) {
+        if let Some(sentence) = self.overdue() {
+            eprintln!("pdk: error: {sentence}");
+            exit_guard::end_now(EXIT_CODE);
+        }
+    }
+
+    /// What there is to say where the call takes too long.
+    fn overdue(&self) -> Option<String> {
         let since = self.since.load(Ordering::Acquire);
         if since == 0 || Duration::from_nanos(now().saturating_sub(since)) < self.patience {
-            return;
+            return None;
         }
-        eprintln!(
-            "pdk: error: {} has not come back for {} s, so pdk ends here; what was recorded is kept \
-             (the limit of a run is raised with --set patience=SECONDS)",
+        Some(format!(
+            "{} has not come back for {} s, so pdk ends here; what was recorded is kept ({})",
             self.label(),
-            self.patience.as_secs_f64()
-        );
-        exit_guard::end_now(EXIT_CODE);
+            self.patience.as_secs_f64(),
+            self.remedy
+        ))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_call_that_takes_too_long_is_named_with_the_remedy() {
+        let patient = Watch::new(vec!["driver `foo`".to_owned()], Duration::MAX);
+        patient.call(0, || assert_eq!(patient.slot.overdue(), None));
+        // Not known to the thread that would end the process.
+        let slot = Slot {
+            labels: vec!["driver `foo`".to_owned()],
+            patience: Duration::ZERO,
+            remedy: "leave it out",
+            current: AtomicUsize::new(0),
+            since: AtomicU64::new(0),
+        };
+        assert_eq!(slot.overdue(), None);
+        let _call = Call::begin(&slot, 0);
+        let sentence = slot.overdue().unwrap();
+        assert!(sentence.starts_with("driver `foo` has not come back for 0 s"), "{sentence}");
+        assert!(sentence.ends_with("(leave it out)"), "{sentence}");
+    }
 
     #[test]
     fn calls_are_known_while_they_last() {

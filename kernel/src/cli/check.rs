@@ -1,7 +1,7 @@
 //! `pdk check`: what a plugin author runs before shipping. The plugin is loaded in a process of its own, so that one
 //! that hangs, crashes or exits is a finding like any other.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc;
@@ -96,19 +96,35 @@ fn observe(
 
     let mut current = LOADING.to_owned();
     let mut began = 0;
+    let mut ended = true;
     let hung = loop {
-        match reports.recv_timeout(patience) {
+        let report = reports.recv_timeout(patience);
+        if !ended && matches!(report, Ok(Report::Begin(_) | Report::Done)) {
+            findings.add(
+                &current,
+                Some("its result was lost; does the plugin write to standard output?".to_owned()),
+            );
+        }
+        match report {
             Ok(Report::Begin(step)) => {
                 began += usize::from(step != LOADING);
                 current = step;
+                ended = false;
             }
-            // Loading is a check of the first process only.
-            Ok(Report::End(None)) if current == LOADING && skipped > 0 => {}
-            Ok(Report::End(failure)) => findings.add(&current, failure),
+            Ok(Report::End(failure)) => {
+                // Loading is a check of the first process only.
+                if current != LOADING || skipped == 0 || failure.is_some() {
+                    findings.add(&current, failure);
+                }
+                ended = true;
+            }
             Ok(Report::Carries { name, version, components }) => {
                 findings.carries = Some((name, version, components))
             }
-            Ok(Report::Done) => current = LEAVING.to_owned(),
+            Ok(Report::Done) => {
+                current = LEAVING.to_owned();
+                ended = true;
+            }
             Err(mpsc::RecvTimeoutError::Timeout) => break true,
             Err(mpsc::RecvTimeoutError::Disconnected) => break false,
         }
@@ -192,14 +208,16 @@ impl Findings {
 /// The process with the plugin: takes each step from number `skipped` on, and reports it.
 fn work(arguments: &Arguments, skipped: usize) -> Result<()> {
     exit_guard::disarm();
-    let plugin =
-        match step(LOADING, || Plugin::load(&arguments.plugin).and_then(|plugin| known(plugin, arguments))) {
-            Some(plugin) => plugin,
-            None => {
-                report(&Report::Done);
-                return Ok(());
-            }
-        };
+    // The process that watches has the patience.
+    let plugin = match step(LOADING, || {
+        Plugin::load(&arguments.plugin, Duration::MAX).and_then(|plugin| known(plugin, arguments))
+    }) {
+        Some(plugin) => plugin,
+        None => {
+            report(&Report::Done);
+            return Ok(());
+        }
+    };
     let components = &plugin.description.components;
     report(&Report::Carries {
         name: plugin.description.name.clone(),
@@ -271,7 +289,10 @@ fn step<T>(name: &str, work: impl FnOnce() -> Result<T>) -> Option<T> {
 
 fn report(report: &Report) {
     if let Ok(line) = serde_json::to_string(report) {
-        println!("{line}");
+        // In a line of its own whatever the plugin wrote before, and in one piece whatever it writes meanwhile. A report
+        // that cannot be written is missed by the process that watches.
+        let mut stdout = std::io::stdout().lock();
+        let _ = stdout.write_all(format!("\n{line}\n").as_bytes()).and_then(|()| stdout.flush());
     }
 }
 

@@ -1,6 +1,6 @@
 //! `pdk doctor`: what is installed, what is missing, what to do.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use pdk::registry::{self, PATH_VARIABLE, Registry};
 use pdk_sdk::SDK_VERSION;
@@ -56,6 +56,7 @@ pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
         text: error.to_string(),
     }));
     findings.extend([plugin_folders(), routing(), ffmpeg()]);
+    findings.extend(variables());
     if global.json {
         let list: Vec<_> = findings
             .iter()
@@ -88,21 +89,32 @@ fn components(registry: &Registry) -> Finding {
 }
 
 fn plugin_folders() -> Finding {
-    let named = std::env::var_os(PATH_VARIABLE);
-    let folders: Vec<PathBuf> = named.iter().flat_map(std::env::split_paths).collect();
-    if let Some(missing) = folders.iter().find(|folder| !folder.exists()) {
-        return Finding {
-            subject: "plugins",
-            state: State::Bad,
-            text: format!("{PATH_VARIABLE} names {}, which does not exist", missing.display()),
-        };
-    }
     let own = registry::user_folder().map_or_else(String::new, |folder| folder.display().to_string());
     Finding {
         subject: "plugins",
         state: State::Good,
         text: format!("your own go to {own}, or use --plugins DIR"),
     }
+}
+
+/// The environment variables that are meant for pdk or one of its plugins, such as the place of a library.
+fn variables() -> Vec<Finding> {
+    let mut variables: Vec<_> = std::env::vars_os()
+        .map(|(name, value)| (name.to_string_lossy().into_owned(), value))
+        .filter(|(name, value)| name.starts_with("PDK_") && !value.is_empty())
+        .collect();
+    variables.sort();
+    let finding = |(name, value): (String, std::ffi::OsString)| {
+        let path = Path::new(&value);
+        // The folders of the search path have been looked into.
+        let missing = name != PATH_VARIABLE && path.is_absolute() && !path.exists();
+        let (state, remark) = match missing {
+            true => (State::Bad, ", which does not exist; correct or unset it"),
+            false => (State::Good, ""),
+        };
+        Finding { subject: "variable", state, text: format!("{name} is {}{remark}", path.display()) }
+    };
+    variables.into_iter().map(finding).collect()
 }
 
 /// Publishes and reads back a frame.
@@ -136,6 +148,13 @@ fn ffmpeg() -> Finding {
     }
 }
 
+#[cfg(unix)]
+fn is_program(file: &Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    file.metadata().is_ok_and(|metadata| metadata.is_file() && metadata.permissions().mode() & 0o111 != 0)
+}
+
+#[cfg(not(unix))]
 fn is_program(file: &Path) -> bool {
     file.is_file()
 }

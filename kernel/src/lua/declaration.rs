@@ -9,7 +9,7 @@ use pdk_sdk::serde_json;
 
 use super::api::{ApiField, ApiRecord};
 use super::failure::type_of;
-use crate::suggest;
+use crate::{description, suggest};
 
 /// The table that a script returns.
 pub const PERTURBATION: ApiRecord = ApiRecord {
@@ -144,7 +144,6 @@ pub(super) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
     let fields = Fields { table, of: "the perturbation", record: &PERTURBATION };
     fields.refuse_unknown()?;
     let name = fields.optional_text("name")?.unwrap_or_else(|| stem.to_owned());
-    check_name(&name).map_err(|error| error.at("the name of the perturbation"))?;
     let mut description = Description::perturbation(&name, &fields.line("doc")?);
     description.family = fields.optional_text("family")?.unwrap_or_default();
     description.source = fields.optional_text("source")?.unwrap_or_default();
@@ -167,6 +166,7 @@ pub(super) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
     if let Some(list) = fields.optional_table("parameters")? {
         description.parameters = parameters(&list)?;
     }
+    description::check(&description)?;
     match fields.get("apply")? {
         Value::Function(apply) => Ok(Declaration { description, apply }),
         Value::Nil => {
@@ -197,11 +197,7 @@ fn parameters(list: &Table) -> Result<Vec<Parameter>> {
                 describe(&entry)
             )));
         };
-        let parameter = parameter(entry, &format!("parameter {index}"))?;
-        if parameters.iter().any(|other| other.name == parameter.name) {
-            return Err(Error::new(format!("there are two parameters named `{}`", parameter.name)));
-        }
-        parameters.push(parameter);
+        parameters.push(parameter(entry, &format!("parameter {index}"))?);
     }
     Ok(parameters)
 }
@@ -212,7 +208,6 @@ fn parameter(table: &Table, place: &str) -> Result<Parameter> {
     let place = format!("parameter `{name}`");
     let fields = Fields { table, of: &place, record: &PARAMETER };
     fields.refuse_unknown()?;
-    check_name(&name).map_err(|error| error.at("the name of a parameter"))?;
     if CONTEXT.names().any(|reserved| reserved == name) {
         return Err(Error::new(format!(
             "a parameter cannot be named `{name}`, because cx.{name} is taken; rename it"
@@ -433,16 +428,6 @@ fn finite(value: &Value) -> Option<f64> {
         _ => None,
     }
     .filter(|number| number.is_finite())
-}
-
-fn check_name(name: &str) -> Result<()> {
-    let valid = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
-    if name.starts_with(|c: char| c.is_ascii_lowercase()) && name.chars().all(valid) && name.len() <= 64 {
-        return Ok(());
-    }
-    Err(Error::new(format!(
-        "`{name}` has to begin with a lower-case letter and consist of lower-case letters, digits and underscores"
-    )))
 }
 
 /// A value as it is called in an error.
