@@ -90,7 +90,7 @@ impl Driver for LaneKeeper {
         }
         if self.finder.rows() < FEWEST_ROWS {
             return Err(Error::new(format!(
-                "driver `lane_keeper` cannot make out a lane in frames of {}x{} pixels: use larger ones, such as 320x240",
+                "it cannot make out a lane in frames of {}x{} pixels: use larger ones, such as 320x240",
                 size.0, size.1
             )));
         }

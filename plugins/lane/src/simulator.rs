@@ -74,7 +74,7 @@ impl Component for Lane {
         let (initial_speed, speed_limit) = (config.number("initial_speed"), config.number("speed_limit"));
         if initial_speed > speed_limit {
             return Err(Error::new(format!(
-                "simulator `lane`: initial_speed is {initial_speed} m/s, above speed_limit, which is {speed_limit} m/s: lower the \
+                "initial_speed is {initial_speed} m/s, above speed_limit, which is {speed_limit} m/s: lower the \
                  one or raise the other"
             )));
         }
@@ -104,7 +104,7 @@ impl Simulator for Lane {
     }
 
     fn reset(&mut self, scenario: &Scenario) -> Result<State> {
-        let road = Road::new(&scenario.road, scenario.seed).map_err(|e| e.at("simulator `lane`"))?;
+        let road = Road::new(&scenario.road, scenario.seed)?;
         let mut random = pdk_sdk::seed::key(scenario.seed, "lane scene", 0, 0).sequence();
         let scene = Scene::new(&road.path, &mut random);
         self.renderer.prepare(&scene);
@@ -122,7 +122,7 @@ impl Simulator for Lane {
         let drive = self.drive.as_ref().ok_or_else(not_started)?;
         if !self.renderer.fits(&into.as_ref()) {
             return Err(Error::new(format!(
-                "simulator `lane` was given a {}x{} frame, but its camera delivers {}x{}",
+                "it was given a {}x{} frame, but its camera delivers {}x{}",
                 into.width(),
                 into.height(),
                 self.camera.width,
@@ -139,7 +139,7 @@ impl Simulator for Lane {
         for (name, value) in [("steering", control.steering), ("throttle", control.throttle)] {
             if !value.is_finite() {
                 return Err(Error::new(format!(
-                    "simulator `lane`: {name} is {value} at {:.2} s, but has to be a number from -1 to 1",
+                    "{name} is {value} at {:.2} s, but has to be a number from -1 to 1",
                     drive.frames as f64 / self.camera.rate
                 )));
             }
@@ -156,7 +156,7 @@ impl Simulator for Lane {
 }
 
 fn not_started() -> Error {
-    Error::new("simulator `lane` has no scenario yet: call reset first")
+    Error::new("it has no scenario yet: call reset first")
 }
 
 impl Drive {

@@ -305,20 +305,20 @@ fn misuse_is_refused_with_a_sentence() {
     let mut frame = FrameBuf::new(8, 7);
     assert_eq!(
         simulator.frame(frame.as_mut()).unwrap_err().to_string(),
-        "simulator `lane` has no scenario yet: call reset first"
+        "it has no scenario yet: call reset first"
     );
     assert!(simulator.act(Control::default()).is_err());
     assert!(simulator.waypoints().is_empty());
     let error = simulator.reset(&scenario(json!({"angle": 1}), 0)).unwrap_err().to_string();
-    assert!(error.starts_with("simulator `lane`: the road has an unknown key `angle`"), "{error}");
+    assert!(error.starts_with("the road has an unknown key `angle`"), "{error}");
     simulator.reset(&scenario(Value::Null, 0)).unwrap();
     assert_eq!(
         simulator.frame(frame.as_mut()).unwrap_err().to_string(),
-        "simulator `lane` was given a 8x7 frame, but its camera delivers 8x6"
+        "it was given a 8x7 frame, but its camera delivers 8x6"
     );
     assert_eq!(
         simulator.act(Control { steering: f64::NAN, throttle: 0.0 }).unwrap_err().to_string(),
-        "simulator `lane`: steering is NaN at 0.00 s, but has to be a number from -1 to 1"
+        "steering is NaN at 0.00 s, but has to be a number from -1 to 1"
     );
     let error = lane_with(json!({"initial_speed": 30})).err().unwrap().to_string();
     assert!(error.contains("initial_speed is 30 m/s, above speed_limit, which is 20 m/s"), "{error}");
