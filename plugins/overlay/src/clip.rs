@@ -156,20 +156,19 @@ fn is_text(head: &[u8]) -> bool {
     !text.is_empty() && text.chars().all(|c| !c.is_control() || matches!(c, '\n' | '\r' | '\t'))
 }
 
-/// Decodes all frames that `few` leaves, for tests and for finding the screen.
+/// Decodes the first of the frames that `few` leaves, at most `most`.
 ///
 /// # Errors
 /// Where the clip is damaged, or has no frames.
 pub fn some_pictures(clip: &Clip, most: usize) -> Result<Vec<Picture>> {
-    let mut frames = clip.open(true)?;
-    let mut pictures = Vec::new();
-    let mut picture = Picture::default();
-    while pictures.len() < most && frames.next(&mut picture)? {
-        pictures.push(picture.clone());
-    }
-    match pictures.is_empty() {
-        true => Err(Error::new("it has no frames")),
-        false => Ok(pictures),
-    }
-    .place(clip)
+    let read = || {
+        let mut frames = clip.open(true)?;
+        let mut pictures = Vec::new();
+        let mut picture = Picture::default();
+        while pictures.len() < most && frames.next(&mut picture)? {
+            pictures.push(picture.clone());
+        }
+        if pictures.is_empty() { Err(Error::new("it has no frames")) } else { Ok(pictures) }
+    };
+    read().place(clip)
 }

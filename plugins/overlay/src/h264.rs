@@ -1,7 +1,7 @@
 //! Decodes H.264 from MP4 files.
 
 use std::collections::VecDeque;
-use std::io::{Read, Seek};
+use std::io::{Read, Seek, SeekFrom};
 
 use mp4::{MediaType, Mp4Reader, TrackType};
 use openh264::OpenH264API;
@@ -55,11 +55,14 @@ impl H264 {
     ///
     /// # Errors
     /// Where it is no MP4 file, is cut off, or has no video.
-    pub fn open(input: Box<dyn Input>, size: u64, few: bool) -> Result<Opened> {
+    pub fn open(mut input: Box<dyn Input>, size: u64, few: bool) -> Result<Opened> {
+        if let Some(other) = check_boxes(&mut input, size)? {
+            return Ok(Opened::OtherCodec(other));
+        }
         let reader = match Mp4Reader::read_header(input, size) {
             Ok(reader) => reader,
             Err(mp4::Error::BoxNotFound(mp4::BoxType::MoovBox) | mp4::Error::IoError(_)) => {
-                return Err(Error::new("it is cut off: the index of its frames is missing; copy it again"));
+                return Err(Error::new(CUT_OFF));
             }
             Err(error) => {
                 return Ok(Opened::OtherCodec(format!(
@@ -189,6 +192,70 @@ impl Frames for H264 {
     fn rate(&self) -> f64 {
         self.rate
     }
+}
+
+const UNKNOWN: &str = "MP4 or QuickTime of a kind that the built-in reader does not know";
+
+/// Looks at the sizes of all boxes before anything is read from them, because the reader would go round in circles in one
+/// of size 0. Returns what the file is where the reader would not understand it.
+fn check_boxes(input: &mut Box<dyn Input>, size: u64) -> Result<Option<String>> {
+    let mut index = false;
+    // Where the boxes to look at begin and end, and whether that is the whole file.
+    let mut spans = vec![(0, size, true)];
+    while let Some((mut at, end, file)) = spans.pop() {
+        while at < end {
+            let Some((name, header, length)) = box_at(input, at, end)? else {
+                return match file {
+                    true => Err(Error::new(CUT_OFF)),
+                    false => Ok(Some(format!("{UNKNOWN} (a box has an impossible size)"))),
+                };
+            };
+            // The last box of a file may go on to its end without saying how long it is.
+            let length = if file && length == 0 { end - at } else { length };
+            if at + length > end && file {
+                return Err(Error::new(CUT_OFF));
+            }
+            if length < header || at + length > end {
+                return Ok(Some(format!("{UNKNOWN} (a box has an impossible size)")));
+            }
+            index |= &name == b"moov";
+            // Boxes that consist of boxes, some behind a version.
+            match &name {
+                b"moov" | b"trak" | b"mdia" | b"minf" | b"stbl" | b"dinf" | b"mvex" | b"moof" | b"traf"
+                | b"udta" => {
+                    spans.push((at + header, at + length, false));
+                }
+                b"meta" => spans.push((at + header + 4, at + length, false)),
+                _ => {}
+            }
+            at += length;
+        }
+    }
+    input.seek(SeekFrom::Start(0))?;
+    if index { Ok(None) } else { Err(Error::new(CUT_OFF)) }
+}
+
+const CUT_OFF: &str = "it is cut off: its frames or their index are missing in part; copy it again";
+
+/// The name, the length of the header and the length of the box at a place; none where there is no room for a header.
+fn box_at(input: &mut Box<dyn Input>, at: u64, end: u64) -> Result<Option<([u8; 4], u64, u64)>> {
+    if end - at < 8 {
+        return Ok(None);
+    }
+    let mut head = [0; 8];
+    input.seek(SeekFrom::Start(at))?;
+    input.read_exact(&mut head)?;
+    let [a, b, c, d, name @ ..] = head;
+    let length = u64::from(u32::from_be_bytes([a, b, c, d]));
+    if length != 1 {
+        return Ok(Some((name, 8, length)));
+    }
+    if end - at < 16 {
+        return Ok(None);
+    }
+    let mut long = [0; 8];
+    input.read_exact(&mut long)?;
+    Ok(Some((name, 16, u64::from_be_bytes(long).min(u64::MAX / 2))))
 }
 
 fn new_decoder() -> Result<Decoder> {

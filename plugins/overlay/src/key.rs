@@ -7,7 +7,7 @@
 
 use pdk_sdk::prelude::*;
 
-use crate::picture::{Matrix, Picture, Samples};
+use crate::picture::{Picture, Samples, luma_and_chroma, rgb};
 
 /// Chroma at least this far from grey counts as saturated, of at most about 119.
 const SATURATED: f32 = 40.0;
@@ -16,7 +16,7 @@ const LEAST_SHARE: f64 = 0.35;
 /// Luma of a lit screen does not spread wider than this, as a standard deviation.
 const LARGEST_SPREAD: f64 = 30.0;
 /// Tangent of the angle from the screen's hue at which a colour has nothing of the screen.
-const HUE_TANGENT: f32 = 1.2;
+const HUE_TANGENT: f32 = 1.0;
 /// Foreground from this share on is opaque.
 const OPAQUE: f32 = 0.95;
 /// Pixels looked at in each direction when the screen is searched for.
@@ -59,8 +59,7 @@ impl Matte {
             .collect();
         let colour = match key {
             Some(key) => {
-                let matrix = halved.first().map_or(Matrix::BT601, |samples| samples.matrix);
-                let colour = matrix.luma_and_chroma(key.map(f32::from));
+                let colour = luma_and_chroma(key.map(f32::from));
                 if length(colour) < SATURATED / 2.0 {
                     return Err(Error::new(format!(
                         "the key colour {} is nearly grey and cannot be told from what lies before it; take a saturated one",
@@ -82,19 +81,19 @@ impl Matte {
 }
 
 impl Screen {
-    /// The share of the screen in a pixel, 0 to 1, from its chroma.
+    /// The share of the screen in a pixel, from its chroma; noise leads beyond 0 and 1.
     fn share(&self, blue: f32, red: f32) -> f32 {
         let magnitude = length(self.colour);
         let direction = [self.colour[1] / magnitude, self.colour[2] / magnitude];
         let along = blue * direction[0] + red * direction[1];
         let across = (blue * direction[1] - red * direction[0]).abs();
-        ((along - across / HUE_TANGENT) / magnitude).clamp(0.0, 1.0)
+        (along - across / HUE_TANGENT) / magnitude
     }
 
     /// The screen's colour in red, green and blue.
     #[cfg(test)]
-    pub fn rgb(&self, matrix: Matrix) -> [f32; 3] {
-        matrix.rgb(self.colour)
+    pub fn rgb(&self) -> [f32; 3] {
+        rgb(self.colour)
     }
 }
 
@@ -181,7 +180,7 @@ fn noise_of(pictures: &[Samples], colour: [f32; 3]) -> Option<f32> {
     let mut total = 0u64;
     for_each_sample(pictures, |sample, _| {
         total += 1;
-        let foreground = 1.0 - screen.share(sample[1], sample[2]);
+        let foreground = (1.0 - screen.share(sample[1], sample[2])).abs();
         let luma = (sample[0] - colour[0]).abs();
         if foreground < 0.3 && luma < 40.0 {
             counts[(foreground * STEPS as f32) as usize] += 1;
@@ -214,7 +213,7 @@ impl Keyer {
     pub fn new(screen: Screen) -> Self {
         let entry = |i: usize| {
             let (blue, red) = ((i >> 8) as f32 - 128.0, (i & 255) as f32 - 128.0);
-            let share = screen.share(blue, red);
+            let share = screen.share(blue, red).clamp(0.0, 1.0);
             let foreground = 1.0 - share;
             let alpha = ((foreground - screen.noise) / (OPAQUE - screen.noise)).clamp(0.0, 1.0);
             [share, if alpha > 0.0 { alpha / foreground } else { 0.0 }]
@@ -240,16 +239,16 @@ impl Keyer {
             let mut blue = (f32::from(blue) - 128.0 - share * screen_blue) * factor;
             let mut red = (f32::from(red) - 128.0 - share * screen_red) * factor;
             // Light that the screen throws on the edges of things: the rest of its hue goes wherever the screen shows through,
-            // from a fortieth on in full, and from pale colours, which show it most.
+            // from a twelfth on in full, and from pale colours, which show it most.
             let spill = blue * direction[0] + red * direction[1];
             if spill > 0.0 {
                 let pale = 2.0 - (blue * blue + red * red).sqrt() / (0.2 * magnitude);
-                let removed = spill * (share * 40.0).max(pale).clamp(0.0, 1.0);
+                let removed = spill * (share * 12.0).max(pale).clamp(0.0, 1.0);
                 blue -= removed * direction[0];
                 red -= removed * direction[1];
             }
             let alpha = (alpha * 255.0).min(255.0);
-            let colour = samples.matrix.rgb([luma, blue, red]);
+            let colour = rgb([luma, blue, red]);
             for (out, value) in out.iter_mut().zip(colour) {
                 *out = (value.clamp(0.0, alpha) + 0.5) as u8;
             }
@@ -272,7 +271,7 @@ mod tests {
     use super::*;
     use crate::picture::Layout;
 
-    const GREEN: [f32; 3] = [66.0, 193.0, 5.0];
+    const GREEN: [f32; 3] = [5.0, 193.0, 66.0];
 
     /// A picture whose pixels `colour` gives as `(foreground, alpha)`, over a screen.
     fn over(
@@ -308,7 +307,7 @@ mod tests {
                 ([30.0; 3], f32::from(u8::from(x.abs_diff(32) + y.abs_diff(24) < 14)))
             });
             let Matte::Screen(found) = Matte::find(&[picture], None).unwrap() else { panic!("no screen") };
-            let rgb = found.rgb(Matrix::BT601);
+            let rgb = found.rgb();
             assert!(rgb.iter().zip(screen).all(|(a, b)| (a - b).abs() < 3.0), "{screen:?} {rgb:?}");
         }
     }
@@ -386,7 +385,7 @@ mod tests {
     fn a_key_that_the_user_gives_is_taken() {
         let picture = over(GREEN, 40, 30, |x, _| ([200.0, 30.0, 30.0], f32::from(u8::from(x > 12))));
         // Red fills most of the border; the user means the green.
-        let found = Matte::find(std::slice::from_ref(&picture), Some([66, 193, 5])).unwrap();
+        let found = Matte::find(std::slice::from_ref(&picture), Some([5, 193, 66])).unwrap();
         let rgba = keyed(&picture, found);
         assert_eq!((rgba[3], rgba[20 * 4 + 3]), (0, 255));
     }

@@ -42,7 +42,7 @@ impl Component for Overlay {
             ))
             .parameter(Parameter::text(
                 "key",
-                "colour of the screen, such as #42c105; `auto` or nothing: found in the clip",
+                "colour of the screen, such as #05c142; `auto` or nothing: found in the clip",
             ))
             .parameter(Parameter::choice(
                 "fit",
@@ -108,7 +108,7 @@ fn colour(text: &str) -> Result<[u8; 3]> {
     match value.map(u32::to_be_bytes) {
         Some([_, r, g, b]) => Ok([r, g, b]),
         None => Err(Error::new(format!(
-            "parameter `key` is \"{text}\", but has to be a colour such as #42c105, or auto"
+            "parameter `key` is \"{text}\", but has to be a colour such as #05c142, or auto"
         ))),
     }
 }

@@ -45,75 +45,46 @@ impl Picture {
     }
 }
 
-/// The weights of red, green and blue in luma.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Matrix {
-    red: f32,
-    blue: f32,
+/// The weights of red and blue in luma: ITU-R BT.601. It is what the published tool's decoder uses for clips of any size,
+/// so a key colour read there holds here.
+const RED: f32 = 0.299;
+const BLUE: f32 = 0.114;
+
+/// Luma, blue and red chroma of a colour, each without its offset.
+pub fn luma_and_chroma([r, g, b]: [f32; 3]) -> [f32; 3] {
+    let luma = RED * r + (1.0 - RED - BLUE) * g + BLUE * b;
+    [
+        luma * (219.0 / 255.0),
+        (b - luma) * (112.0 / 255.0) / (1.0 - BLUE),
+        (r - luma) * (112.0 / 255.0) / (1.0 - RED),
+    ]
 }
 
-impl Matrix {
-    /// ITU-R BT.601, for standard definition and for what is no video.
-    pub const BT601: Self = Self { red: 0.299, blue: 0.114 };
-    /// ITU-R BT.709, for high definition.
-    pub const BT709: Self = Self { red: 0.2126, blue: 0.0722 };
-
-    /// What a picture of this size uses where the file does not say: players choose by the height too.
-    fn of(picture: &Picture) -> Self {
-        if picture.layout == Layout::Yuv420 && picture.height >= 720 { Self::BT709 } else { Self::BT601 }
-    }
-
-    /// Luma, blue and red chroma of a colour, each without its offset.
-    pub fn luma_and_chroma(self, [r, g, b]: [f32; 3]) -> [f32; 3] {
-        let luma = self.red * r + (1.0 - self.red - self.blue) * g + self.blue * b;
-        [
-            luma * (219.0 / 255.0),
-            (b - luma) * (112.0 / 255.0) / (1.0 - self.blue),
-            (r - luma) * (112.0 / 255.0) / (1.0 - self.red),
-        ]
-    }
-
-    /// The reverse of [`Matrix::luma_and_chroma`].
-    pub fn rgb(self, [luma, blue, red]: [f32; 3]) -> [f32; 3] {
-        let luma = luma * (255.0 / 219.0);
-        let r = luma + red * (255.0 / 112.0) * (1.0 - self.red);
-        let b = luma + blue * (255.0 / 112.0) * (1.0 - self.blue);
-        let g = (luma - self.red * r - self.blue * b) / (1.0 - self.red - self.blue);
-        [r, g, b]
-    }
+/// The reverse of [`luma_and_chroma`].
+#[inline]
+pub fn rgb([luma, blue, red]: [f32; 3]) -> [f32; 3] {
+    let luma = luma * (255.0 / 219.0);
+    let r = luma + red * (255.0 / 112.0) * (1.0 - RED);
+    let b = luma + blue * (255.0 / 112.0) * (1.0 - BLUE);
+    let g = (luma - RED * r - BLUE * b) / (1.0 - RED - BLUE);
+    [r, g, b]
 }
 
 /// Luma and chroma of every pixel, in three planes of the same size.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Samples {
     pub width: usize,
     pub height: usize,
     pub luma: Vec<u8>,
     pub blue: Vec<u8>,
     pub red: Vec<u8>,
-    pub matrix: Matrix,
     column: [Vec<u16>; 2],
-}
-
-impl Default for Samples {
-    fn default() -> Self {
-        Self {
-            width: 0,
-            height: 0,
-            luma: Vec::new(),
-            blue: Vec::new(),
-            red: Vec::new(),
-            matrix: Matrix::BT601,
-            column: [Vec::new(), Vec::new()],
-        }
-    }
 }
 
 impl Samples {
     /// Takes the samples of a picture. With `halve`, video comes out at half the width and height, which is the size of
     /// its chroma.
     pub fn fill(&mut self, picture: &Picture, halve: bool) {
-        self.matrix = Matrix::of(picture);
         match (picture.layout, halve) {
             (Layout::Rgba, _) => self.fill_from_rgba(picture),
             (Layout::Yuv420, true) if picture.width >= 2 && picture.height >= 2 => self.fill_halved(picture),
@@ -130,10 +101,9 @@ impl Samples {
 
     fn fill_from_rgba(&mut self, picture: &Picture) {
         self.resize(picture.width, picture.height);
-        let matrix = self.matrix;
         for (i, pixel) in picture.data.chunks_exact(4).enumerate() {
             let [luma, blue, red] =
-                matrix.luma_and_chroma([f32::from(pixel[0]), f32::from(pixel[1]), f32::from(pixel[2])]);
+                luma_and_chroma([f32::from(pixel[0]), f32::from(pixel[1]), f32::from(pixel[2])]);
             self.luma[i] = (luma + 16.5) as u8;
             self.blue[i] = (blue + 128.5) as u8;
             self.red[i] = (red + 128.5) as u8;
@@ -219,14 +189,12 @@ mod tests {
 
     #[test]
     fn colours_survive_the_trip_through_luma_and_chroma() {
-        for matrix in [Matrix::BT601, Matrix::BT709] {
-            for colour in [[0.0, 255.0, 0.0], [255.0; 3], [66.0, 193.0, 5.0]] {
-                let back = matrix.rgb(matrix.luma_and_chroma(colour));
-                assert!(colour.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-3), "{colour:?} {back:?}");
-            }
+        for colour in [[0.0, 255.0, 0.0], [255.0; 3], [66.0, 193.0, 5.0]] {
+            let back = rgb(luma_and_chroma(colour));
+            assert!(colour.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-3), "{colour:?} {back:?}");
         }
         // ITU-R BT.601: pure green.
-        let [luma, blue, red] = Matrix::BT601.luma_and_chroma([0.0, 255.0, 0.0]);
+        let [luma, blue, red] = luma_and_chroma([0.0, 255.0, 0.0]);
         assert_eq!([luma + 16.0, blue + 128.0, red + 128.0].map(|v| v.round()), [145.0, 54.0, 34.0]);
     }
 

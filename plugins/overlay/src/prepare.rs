@@ -14,7 +14,7 @@ use crate::scale::{Fit, Scaler};
 use crate::store::{Layer, Store, Writer};
 
 /// Raised by every change of what a store holds.
-const VERSION: u32 = 2;
+const VERSION: u32 = 1;
 /// Pictures in which the screen is searched for.
 const PICTURES: usize = 5;
 /// Seconds over which the end of a clip is faded into its beginning, at most a quarter of the clip.

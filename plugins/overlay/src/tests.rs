@@ -15,7 +15,7 @@ use crate::clip::{Clip, Frames, some_pictures};
 use crate::h264::{H264, Opened};
 use crate::key::Matte;
 use crate::overlay::Overlay;
-use crate::picture::{Matrix, Picture};
+use crate::picture::Picture;
 use crate::prepare::{self, Settings};
 use crate::published::*;
 use crate::scale::Fit;
@@ -263,17 +263,14 @@ fn what_is_no_clip_is_refused_in_one_sentence() {
     assert!(overlaid(folder.path()).unwrap_err().to_string().contains("the folder has no pictures"));
     let error =
         apply::<Overlay>(json!({"clip": "x.mp4", "key": "greenish"}), 4.0, 0.0, sample_frame(8, 8).as_ref());
-    assert!(error.unwrap_err().to_string().ends_with("has to be a colour such as #42c105, or auto"));
+    assert!(error.unwrap_err().to_string().ends_with("has to be a colour such as #05c142, or auto"));
 }
 
 #[test]
 fn a_clip_that_is_cut_off_anywhere_is_refused() {
     for length in (20..SUN.len()).step_by(SUN.len() / 23) {
         let sentence = refusal("a.mp4", &SUN[..length]);
-        assert_eq!(
-            sentence, "it is cut off: the index of its frames is missing; copy it again",
-            "at {length}"
-        );
+        assert!(sentence.starts_with("it is cut off: its frames or their index"), "at {length}: {sentence}");
     }
     // Index first, as for streaming: what is missing are frames.
     let faststart = index_first(SUN);
@@ -475,9 +472,9 @@ fn a_recorded_clip_with_frames_out_of_order_is_read_whole() {
     let Some(path) = recording("overlays/birds.mp4") else { return };
     let clip = Clip::Path(path);
     let Matte::Screen(screen) = prepare::matte(&clip, &PLAIN).unwrap() else { panic!("no screen") };
-    let rgb = screen.rgb(Matrix::BT709);
+    let rgb = screen.rgb();
     println!("screen {rgb:?}");
-    assert!(rgb.iter().zip([66.0, 193.0, 5.0]).all(|(a, b)| (a - b).abs() < 8.0), "{rgb:?}");
+    assert!(rgb.iter().zip([5.0, 193.0, 66.0]).all(|(a, b)| (a - b).abs() < 3.0), "{rgb:?}");
     let folder = tempfile::tempdir().unwrap();
     let mut store = prepare::open(&clip, &clip.hash().unwrap(), &PLAIN, (320, 180), folder.path()).unwrap();
     assert_eq!(store.index().frames, 91);
