@@ -86,7 +86,9 @@ impl Spec {
             let (key, value) = part.split_once('=').ok_or_else(|| {
                 Error::new(format!("`{part}` in `{text}` sets nothing; write parameters as name=value"))
             })?;
-            table.insert(key.to_owned(), parse_value(value));
+            if table.insert(key.to_owned(), parse_value(value)).is_some() {
+                return Err(Error::new(format!("`{text}` sets `{key}` twice; leave one out")));
+            }
         }
         Self::from_json(&Value::Object(table), default_level)
     }
@@ -142,6 +144,21 @@ impl Spec {
             .transpose()?;
         Ok(Self { name, level, probability, region, draws, parameters })
     }
+
+    /// What it is without its level, as it is written on the command line: `NAME,key=value,...`. It tells two of the same
+    /// name with other parameters apart.
+    pub fn label(&self) -> String {
+        format!("{}{}", self.name, self.conditions())
+    }
+
+    /// What stands behind the name and the level, each part with a comma before it.
+    fn conditions(&self) -> String {
+        let probability = self.probability.map(|probability| format!(",probability={probability}"));
+        let region = self.region.as_ref().map(|region| format!(",region={}", json(region)));
+        let draws = self.draws.as_ref().map(|draws| format!(",draws={}", json(draws)));
+        let parameters = self.parameters.iter().map(|(key, value)| format!(",{key}={value}"));
+        [probability, region, draws].into_iter().flatten().chain(parameters).collect()
+    }
 }
 
 /// Splits at commas, except within brackets, braces and quotes, so that values may be JSON.
@@ -171,16 +188,7 @@ impl fmt::Display for Spec {
             Some(level) => write!(f, "{level}")?,
             None => f.write_str(&json(&self.level))?,
         }
-        if let Some(probability) = self.probability {
-            write!(f, ",probability={probability}")?;
-        }
-        if let Some(region) = &self.region {
-            write!(f, ",region={}", json(region))?;
-        }
-        if let Some(draws) = &self.draws {
-            write!(f, ",draws={}", json(draws))?;
-        }
-        self.parameters.iter().try_for_each(|(key, value)| write!(f, ",{key}={value}"))
+        f.write_str(&self.conditions())
     }
 }
 
@@ -302,6 +310,8 @@ impl Stage {
             Some(Draws::PerSequence) => cx.with_stream(0),
             _ => cx,
         };
+        // A plugin that leaves pixels out must not show what happened to lie there: that depends on the threads.
+        dst.rows_mut().for_each(|row| row.fill(0));
         self.instance
             .apply(src, dst.reborrow(), &cx)
             .map_err(|error| error.at(format!("perturbation `{}`", self.label)))?;
@@ -326,6 +336,7 @@ mod tests {
         let limited = r#"fog@1,probability=0.5,region={"box":[0.0,0.5,1.0,1.0]},draws="per_frame""#;
         assert_eq!(Spec::parse(limited, 0.0).unwrap().to_string(), limited);
         assert_eq!(spec.to_string(), "fog@1,mode=\"soft\",size=3");
+        assert_eq!(spec.label(), "fog,mode=\"soft\",size=3");
     }
 
     #[test]
@@ -338,6 +349,12 @@ mod tests {
         assert!(Spec::from_json(&json!(3), 0.0).is_err());
         let error = Spec::parse("fog@1,probability=2", 0.0).unwrap_err().to_string();
         assert_eq!(error, "the probability of `fog` is 2, but has to be a number from 0 to 1");
+        for (text, twice) in
+            [("fog@1,size=1,size=2", "size"), ("fog@1,level=2", "level"), ("fog,name=rain", "name")]
+        {
+            let error = Spec::parse(text, 0.0).unwrap_err().to_string();
+            assert_eq!(error, format!("`{text}` sets `{twice}` twice; leave one out"));
+        }
         assert!(Spec::parse("fog@1,draws=often", 0.0).unwrap_err().to_string().contains("per_sequence"));
     }
 }

@@ -72,6 +72,13 @@ impl Level {
             let shown = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             return Err(out_of_range(what, &shown));
         }
+        if let Some(courses) = value.as_object().filter(|courses| courses.len() > 1) {
+            let courses: Vec<_> = courses.keys().map(|course| format!("`{course}`")).collect();
+            return Err(Error::new(format!(
+                "the level of `{what}` has {}; it takes one course only",
+                courses.join(" and ")
+            )));
+        }
         let level: Self = serde_json::from_value(value.clone()).map_err(|_| {
             Error::new(format!(
                 "the level of `{what}` is {value}, but has to be a number from 0 to {MAX_INTENSITY}, \
@@ -173,6 +180,8 @@ mod tests {
         assert!(error(json!({"ramp": {"from": 0, "to": 5, "end": 1}})).contains("is 5,"));
         assert!(error(json!({"ramp": {"from": 0, "to": 4, "end": 0}})).contains("end after it starts"));
         assert!(error(json!({"points": [[2, 1], [1, 1]]})).contains("have to rise"));
+        let both = json!({"ramp": {"from": 0, "to": 4, "end": 1}, "pulse": {"level": 3, "period": 2, "duration": 1}});
+        assert_eq!(error(both), "the level of `fog` has `ramp` and `pulse`; it takes one course only");
         assert!(error(json!({"wave": 3})).contains("or a function of time"));
     }
 
