@@ -98,6 +98,11 @@ fn parse(default: &Value, text: &str) -> Result<Value> {
         }
         (Value::String(_), _) => Ok(Value::String(text.to_owned())),
         (Value::Array(_), Some(Value::Array(list))) => Ok(Value::Array(list)),
+        // An empty Lua table, which may be meant as either.
+        (Value::Array(list), Some(Value::Object(table))) if list.is_empty() => Ok(Value::Object(table)),
+        (Value::Array(_), _) if text.trim_start().starts_with(['{', '[']) => {
+            wrong("list; write it as JSON, or its entries with commas between them")
+        }
         (Value::Array(list), _) => {
             let like = list.first().cloned().unwrap_or(Value::Null);
             let parts = text.split(',').map(str::trim).filter(|part| !part.is_empty());
@@ -119,7 +124,7 @@ mod tests {
     fn defaults() -> Value {
         json!({
             "model": "pilot.onnx", "frames": 10, "loud": false, "levels": [0, 1], "names": ["a"],
-            "simulator": { "name": "lane", "width": 320 },
+            "simulator": { "name": "lane", "width": 320 }, "extra": [],
         })
     }
 
@@ -141,6 +146,9 @@ mod tests {
             with("simulator.rate=20").unwrap()["simulator"],
             json!({"name": "lane", "width": 320, "rate": 20})
         );
+        assert_eq!(with(r#"extra={"a":1,"b":2}"#).unwrap()["extra"], json!({"a": 1, "b": 2}));
+        assert_eq!(with(r#"extra=["a",2]"#).unwrap()["extra"], json!(["a", 2]));
+        assert_eq!(with("extra=a,2").unwrap()["extra"], json!(["a", 2]));
         assert_eq!(with("simulator=donkey").unwrap()["simulator"], "donkey");
     }
 
@@ -154,6 +162,9 @@ mod tests {
         assert_eq!(error("frames=many"), "--set frames: `many` is no number");
         assert_eq!(error("frames.x=1"), "--set frames.x: `frames` is no table, so it has no `x`");
         assert_eq!(error("nothing"), "`nothing` sets nothing; write KEY=VALUE");
+        for text in [r#"extra={"a":1,"b""#, "extra=[1,2", r#"names={"a":1}"#, "levels=[1,"] {
+            assert!(error(text).contains(" is no list; write it as JSON"), "{}", error(text));
+        }
         assert!(error("levels=a").contains("`a` is no number"));
     }
 }
