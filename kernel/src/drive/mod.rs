@@ -158,9 +158,12 @@ pub fn drive(
         };
         let stopwatches: Vec<_> = threads.into_iter().map(join).collect();
         failure.map_or(Ok(stopwatches), Err)
-    })?;
+    });
     progress.finish_and_clear();
-    record::sort_lines(directory, SCENARIOS, "index")?;
+    // What was recorded before a failure stays, and in order; the failure is the one to report.
+    let sorted = record::sort_lines(directory, SCENARIOS, "index");
+    let stopwatches = stopwatches?;
+    sorted?;
     outcomes.sort_by_key(|outcome| outcome.index);
 
     let wall = started.elapsed().as_secs_f64();
@@ -264,7 +267,11 @@ impl<'a> Worker<'a> {
         let text = error.as_deref().unwrap_or(run.cause.text());
         self.recorder.event(run.state.time, run.cause != Cause::Finished, text);
         self.recorder.finish()?;
-        let waypoints = outcome::waypoint_string(&self.simulator.waypoints());
+        // Before its reset a simulator still has the road of the scenario before, if any.
+        let waypoints = match run.on_the_road {
+            true => outcome::waypoint_string(&self.simulator.waypoints()),
+            false => String::new(),
+        };
         if error.is_some() {
             // What failed may be in any state.
             let (simulator, driver) = make_components(self.registry, self.plan, &self.watch)?;
@@ -308,6 +315,8 @@ struct ScenarioRun<'a> {
     observer: outcome::Observer,
     digest: blake3::Hasher,
     frames: u64,
+    /// Whether the simulator has built this scenario.
+    on_the_road: bool,
     state: State,
     cause: Cause,
 }
@@ -321,6 +330,7 @@ impl<'a> ScenarioRun<'a> {
             observer: outcome::Observer::new(spec.duration),
             digest: blake3::Hasher::new(),
             frames: 0,
+            on_the_road: false,
             state: State::default(),
             cause: Cause::Error,
         }
@@ -352,6 +362,7 @@ impl<'a> ScenarioRun<'a> {
             .watch
             .call(SIMULATOR, || worker.simulator.reset(&scenario))
             .map_err(|error| Fault::Component(error.at(simulator)))?;
+        self.on_the_road = true;
         worker
             .watch
             .call(DRIVER, || worker.driver.reset())

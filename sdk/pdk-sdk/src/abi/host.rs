@@ -116,6 +116,8 @@ impl Simulator for HostSimulator {
     }
 
     fn reset(&mut self, scenario: &Scenario) -> Result<State> {
+        // Where this one cannot be built, the road of the one before must not pass for its own.
+        self.waypoints.clear();
         let scenario = serde_json::to_string(scenario)?;
         let state = result(self.raw.reset(scenario.as_str().into()))?;
         self.waypoints = result(self.raw.waypoints())?.into();
