@@ -193,7 +193,8 @@ impl Lines {
     }
 }
 
-/// The scenarios of a run, in the order in which they were recorded.
+/// The scenarios of a run, in the order in which they were recorded. A last line that was cut off, as a power cut leaves
+/// it, is left out with a warning on standard error.
 ///
 /// # Errors
 /// Where the run drove none, or a line is damaged.
@@ -202,10 +203,17 @@ pub fn read_outcomes(directory: &RunDirectory) -> Result<Vec<Outcome>> {
     let text = fs::read_to_string(&path).map_err(|error| {
         Error::new(format!("{} has no scenarios to read ({error}); was it an offline run?", path.display()))
     })?;
+    let complete = text.rfind('\n').map_or(0, |end| end + 1);
+    if complete < text.len() {
+        eprintln!(
+            "pdk: warning: the last line of {} was cut off and is left out; its scenario has to be driven again",
+            path.display()
+        );
+    }
     let parse = |(number, line): (usize, &str)| {
         serde_json::from_str(line).place(format_args!("{}:{}", path.display(), number + 1))
     };
-    text.lines().enumerate().map(parse).collect()
+    text[..complete].lines().enumerate().map(parse).collect()
 }
 
 /// Puts the lines of a file in order of a number in each of them, if they are not.
@@ -226,9 +234,11 @@ pub fn sort_lines(directory: &RunDirectory, name: &str, field: &str) -> Result<(
     lines.sort_by_key(|(number, _)| *number);
     let part = path.with_extension("part");
     let sorted: String = lines.iter().flat_map(|(_, line)| [*line, "\n"]).collect();
-    fs::write(&part, sorted)
-        .and_then(|()| fs::rename(&part, &path))
-        .map_err(|error| write_error(&path, &error))
+    fs::write(&part, sorted).and_then(|()| fs::rename(&part, &path)).map_err(|error| {
+        // On a full disk what is there matters more than its order.
+        let _ = fs::remove_file(&part);
+        write_error(&path, &error)
+    })
 }
 
 /// What went wrong with writing, and what to do.
