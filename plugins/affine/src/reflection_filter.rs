@@ -13,6 +13,7 @@ impl Component for ReflectionFilter {
             "Stacks the bottom of the frame, upside down, under the frame and squeezes both to its height",
         )
         .family("affine")
+        .mathematics("image over its bottom share, flipped, squeezed to the height")
         .source("Linear interpolation without averaging")
         .not_default()
         .parameter(

@@ -10,6 +10,7 @@ impl Component for ScaleImage {
     fn description() -> Description {
         Description::perturbation("scale_image", "Shrinks the frame and puts it in the middle of black")
             .family("affine")
+            .mathematics("image shrunk by factor, centred on black")
             .source("Linear interpolation without averaging")
             .parameter(
                 Parameter::by_level(

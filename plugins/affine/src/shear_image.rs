@@ -12,6 +12,7 @@ impl Component for ShearImage {
     fn description() -> Description {
         Description::perturbation("shear_image", "Moves rows to the right, the lower the further, over black")
             .family("affine")
+            .mathematics("x' = x + factor y")
             .source("Affine map x' = x + factor * y with linear interpolation at 1/32 px")
             .not_default()
             .parameter(

@@ -15,7 +15,7 @@ pub struct TranslateImage {
 impl Component for TranslateImage {
     fn description() -> Description {
         Description::perturbation("translate_image", "Shifts the frame to the right and up, over black")
-            .family("affine")
+            .family("affine").mathematics("x' = x + dx, y' = y + dy").divergence("Level 0 moves by a tenth of a pixel and pixels ignore the frame's size, as published; `variant=corrected` moves by shares of the size.")
             .source("Shift with linear interpolation at 1/32 px")
             .parameter(
                 Parameter::by_level(

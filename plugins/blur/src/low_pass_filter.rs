@@ -20,6 +20,7 @@ impl Component for LowPassFilter {
             "Smooths brightness with a Gaussian kernel, keeping hue and saturation",
         )
         .family("blur")
+        .mathematics("V * G in HSV, hue and saturation kept")
         .source("Gaussian filter on the value of hue, saturation and value, in 8 bits")
         .parameter(
             Parameter::by_level(

@@ -14,7 +14,7 @@ pub struct MotionBlur {
 impl Component for MotionBlur {
     fn description() -> Description {
         Description::perturbation("motion_blur", "Averages every pixel along a slanted line")
-            .family("blur")
+            .family("blur").mathematics("mean of v along one cell a row of a size x size kernel, x = trunc(tan(angle) (y - c) + c)").divergence("A kernel of even size also shifts the frame by half a pixel, as published; between levels that can outweigh the blur.")
             .source("Average over one pixel in each row of a square kernel, along a line through its middle")
             .parameter(
                 Parameter::by_level(

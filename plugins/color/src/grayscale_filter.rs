@@ -10,6 +10,7 @@ impl Component for GrayscaleFilter {
     fn description() -> Description {
         Description::perturbation("grayscale_filter", "Blends the frame with its own grey")
             .family("color")
+            .mathematics("(1 - s) v + s grey")
             .source("Luma of ITU-R BT.601")
             .parameter(
                 Parameter::by_level(

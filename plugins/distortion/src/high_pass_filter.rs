@@ -15,6 +15,8 @@ impl Component for HighPassFilter {
             "Subtracts a Gaussian blur from twice the frame: an unsharp mask, which emphasises edges",
         )
         .family("distortion")
+        .mathematics("trunc(clip(2 v - v * G))")
+        .divergence("An unsharp mask, whatever its name says.")
         .source("Unsharp mask; the blur's standard deviation is 0.3 * ((size - 1) / 2 - 1) + 0.8")
         .not_default()
         .parameter(

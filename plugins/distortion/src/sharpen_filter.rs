@@ -11,7 +11,7 @@ pub struct SharpenFilter {
 impl Component for SharpenFilter {
     fn description() -> Description {
         Description::perturbation("sharpen_filter", "Blends the frame with a sharpened and brightened copy")
-            .family("distortion")
+            .family("distortion").mathematics("w v + (1 - w) (v * K), K of -1 with 8 + strength in the middle").divergence("What is brightened until it clips loses structure in steps, so that similarity falls unevenly between levels.")
             .source("Laplacian with eight neighbours; its centre is larger by the gain, so it brightens too")
             .parameter(
                 Parameter::by_level(

@@ -19,6 +19,9 @@ impl Component for FogFilter {
             "Blends the frame with white and some noise, drawn anew for every frame",
         )
         .family("weather")
+        .mathematics("(1 - s) v + s ((1 - n) 255 + n noise), noise ~ N(0, 255 n)")
+        .drawn_per_frame("the noise")
+        .divergence("Negative noise wraps round to bright values as published; `variant=corrected` clips it.")
         .source("Weighted sum of the frame, white and normal noise")
         .parameter(
             Parameter::by_level("strength", [0.1, 0.2, 0.3, 0.45, 0.65], "share of the fog in the result")

@@ -20,6 +20,9 @@ pub type Draw = fn(usize, usize) -> Vec<Texel>;
 pub fn describe(description: Description, opacities: [f64; 5]) -> Description {
     description
         .family("weather")
+        .mathematics("(1 - a t) v + a texture, then S x 0.8 in HSV")
+        .divergence("The texture is the project's own, drawn from a fixed key.")
+        .divergence("The texture is not weighted by its own alpha, as published; `variant=corrected` does so.")
         .parameter(
             Parameter::by_level("opacity", opacities, "opacity of the texture where it covers what is behind it")
                 .range(0.0, 1.0),

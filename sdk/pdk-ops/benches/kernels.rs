@@ -199,7 +199,14 @@ fn histogram_equalisation(bencher: Bencher<'_, '_>) {
 fn zoom_blur_11(bencher: Bencher<'_, '_>) {
     let mut workspace = pdk_ops::zoom::Workspace::default();
     time(bencher, |src, dst| {
-        pdk_ops::zoom::zoom_blur(src, dst, 11.0, 0.03, pdk_ops::zoom::Enlargement::WholePixels, &mut workspace)
+        pdk_ops::zoom::zoom_blur(
+            src,
+            dst,
+            11.0,
+            0.03,
+            pdk_ops::zoom::Enlargement::WholePixels,
+            &mut workspace,
+        )
     });
 }
 

@@ -43,7 +43,10 @@ fn plane(frame: Frame<'_>, channel: usize) -> Plane {
 
 fn channel_similarity(a: &Plane, b: &Plane) -> f64 {
     let product = |p: &Plane, q: &Plane| {
-        smoothed(&Plane { values: p.values.iter().zip(&q.values).map(|(p, q)| p * q).collect(), width: p.width })
+        smoothed(&Plane {
+            values: p.values.iter().zip(&q.values).map(|(p, q)| p * q).collect(),
+            width: p.width,
+        })
     };
     let (mean_a, mean_b) = (smoothed(a), smoothed(b));
     let (square_a, square_b, mixed) = (product(a, a), product(b, b), product(a, b));
@@ -68,7 +71,12 @@ fn smoothed(plane: &Plane) -> Vec<f64> {
 
 /// Weighted means along lines of `length` values, of which there are `lines`; `at` says where value `place` of a line is.
 /// Returns the means line by line, and how many a line has.
-fn means(values: &[f64], length: usize, lines: usize, at: impl Fn(usize, usize) -> usize) -> (Vec<f64>, usize) {
+fn means(
+    values: &[f64],
+    length: usize,
+    lines: usize,
+    at: impl Fn(usize, usize) -> usize,
+) -> (Vec<f64>, usize) {
     let window = (2 * RADIUS + 1).min(length);
     let middle = (window - 1) as f64 / 2.0;
     let weights: Vec<f64> = (0..window)
@@ -79,7 +87,8 @@ fn means(values: &[f64], length: usize, lines: usize, at: impl Fn(usize, usize) 
     let mut means = Vec::with_capacity(count * lines);
     for line in 0..lines {
         for start in 0..count {
-            let sum: f64 = weights.iter().enumerate().map(|(i, weight)| weight * values[at(line, start + i)]).sum();
+            let sum: f64 =
+                weights.iter().enumerate().map(|(i, weight)| weight * values[at(line, start + i)]).sum();
             means.push(sum / total);
         }
     }
@@ -116,9 +125,15 @@ mod tests {
         assert_eq!(mean_squared_difference(a.as_ref(), b.as_ref()), 9.0);
         let mut noise = a.clone();
         let mut random = crate::random::Key([1; 32]).sequence();
-        noise.as_mut().rows_mut().flatten().for_each(|value| *value = value.wrapping_add(random.below(90) as u8));
-        let (shifted, noisy) =
-            (structural_similarity(a.as_ref(), b.as_ref()), structural_similarity(a.as_ref(), noise.as_ref()));
+        noise
+            .as_mut()
+            .rows_mut()
+            .flatten()
+            .for_each(|value| *value = value.wrapping_add(random.below(90) as u8));
+        let (shifted, noisy) = (
+            structural_similarity(a.as_ref(), b.as_ref()),
+            structural_similarity(a.as_ref(), noise.as_ref()),
+        );
         assert!(shifted > 0.9 && noisy < 0.7, "{shifted} {noisy}");
     }
 }
