@@ -397,6 +397,6 @@ mod tests {
         assert_eq!(Matte::find(std::slice::from_ref(&picture), None).unwrap(), Matte::Alpha);
         let mut rgba = Vec::new();
         premultiply(&picture, &mut rgba);
-        assert_eq!(rgba[..8], [33, 97, 3, 128, 66, 193, 5, 255]);
+        assert_eq!(rgba[..8], [3, 97, 33, 128, 5, 193, 66, 255]);
     }
 }

@@ -16,6 +16,7 @@ use crate::h264::{H264, Opened};
 use crate::key::Matte;
 use crate::overlay::Overlay;
 use crate::picture::Picture;
+use crate::player::{Loop, Motion, Player};
 use crate::prepare::{self, Settings};
 use crate::published::*;
 use crate::scale::Fit;
@@ -487,13 +488,16 @@ fn a_recorded_clip_with_frames_out_of_order_is_read_whole() {
         .filter(|&i| distance(&layers[i], &layers[i + 1]) < distance(&layers[i], &layers[i + 2]))
         .count();
     assert!(nearer >= 86, "{nearer} of 88");
+    let mut shown = 0;
     for layer in &layers {
         let (colours, alphas) = layer.planes();
         let covered = alphas.iter().filter(|&&alpha| alpha > 0).count();
-        assert!((20..6000).contains(&covered), "{covered} pixels show");
+        assert!(covered < 6000, "{covered} pixels show");
+        shown += covered;
         // Dark birds: nowhere is green above the other colours.
         assert!(colours.chunks(3).all(|c| i32::from(c[1]) <= i32::from(c[0].max(c[2])) + 8));
     }
+    assert!(shown > 91 * 100, "{shown}");
 }
 
 #[test]
@@ -503,4 +507,38 @@ fn a_recording_of_a_road_is_no_green_screen() {
     assert!(error.contains("it is no green-screen clip"), "{error}");
     let clip = Clip::Path(path);
     assert!((1..=5).contains(&some_pictures(&clip, 5).unwrap().len()));
+}
+
+/// Prints how long a frame takes: `cargo test --release -p pdk-overlay -- --ignored --nocapture speed`.
+#[test]
+#[ignore = "measures and checks nothing"]
+fn speed_of_playing() {
+    for (width, height) in [(320, 240), (1280, 720)] {
+        for (name, clip) in [
+            ("rain", include_bytes!("../../../scripts/overlays/rain.mp4") as &'static [u8]),
+            ("smoke", include_bytes!("../../../scripts/overlays/smoke.mp4")),
+            ("birds", include_bytes!("../../../scripts/overlays/birds.mp4")),
+        ] {
+            let settings = Settings { key: Some([0, 219, 26]), ..PLAIN };
+            let motion = Motion::Runs { end: Loop::Repeat, rate: None };
+            let mut player = Player::new(Clip::BuiltIn(name, clip), settings, motion).unwrap();
+            let (key, src) = (Key([8; 32]), sample_frame(width, height));
+            let mut dst = FrameBuf::new(width, height);
+            let names = ["opacity".to_owned()];
+            let mut play = |frame: u64| {
+                let cx = Context::new(3.0, frame, frame as f64 / 30.0, &key).with_values(&names, &[0.8]);
+                let begin = std::time::Instant::now();
+                player.apply(src.as_ref(), dst.as_mut(), &cx).unwrap();
+                begin.elapsed().as_secs_f64() * 1e3
+            };
+            let first = play(0);
+            let mut times: Vec<f64> = (1..200).map(&mut play).collect();
+            times.sort_by(f64::total_cmp);
+            println!(
+                "{name} {width}x{height}: first {first:.0} ms, then {:.3} ms (worst {:.3})",
+                times[times.len() / 2],
+                times[times.len() - 1]
+            );
+        }
+    }
 }
