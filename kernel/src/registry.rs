@@ -138,6 +138,14 @@ impl Registry {
         }
     }
 
+    /// The component that makes this one from a file of the user's; none where it stands for itself.
+    pub fn base_of(&self, component: &Component) -> Option<&Component> {
+        match &component.source {
+            Source::DropIn { base, .. } => self.get(component.description.kind, base).ok(),
+            Source::Plugin { .. } | Source::Lua { .. } => None,
+        }
+    }
+
     fn create(&self, kind: Kind, name: &str, parameters: &Map<String, Value>) -> Result<(Instance, Config)> {
         let component = self.get(kind, name)?;
         let config = Config::check(&component.description, parameters)?;

@@ -106,7 +106,8 @@ pub struct InUse {
 }
 
 impl InUse {
-    /// Notes a component, what it says of itself once it is made, and the files among its parameters.
+    /// Notes a component, what it says of itself once it is made, and its files: those among its parameters, and the one
+    /// that a drop-in is made from.
     ///
     /// # Errors
     /// Where the component does not exist, or one of its files cannot be read.
@@ -125,15 +126,29 @@ impl InUse {
                 kind,
                 name: name.to_owned(),
                 version: component.description.version,
-                file: FileRecord::of(registry.file_of(component))?,
+                file: FileRecord::of(registry.file_of(registry.base_of(component).unwrap_or(component)))?,
                 info,
             });
         }
+        if registry.base_of(component).is_some() {
+            self.add_file(registry.file_of(component))?;
+        }
         for value in parameters.values().filter_map(Value::as_str) {
             let path = Path::new(value);
-            if path.is_file() && !self.files.iter().any(|f| f.path == path) {
-                self.files.insert(FileRecord::of(path)?);
+            if path.is_file() {
+                self.add_file(path)?;
             }
+        }
+        Ok(())
+    }
+
+    /// Notes a file.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn add_file(&mut self, path: &Path) -> Result<()> {
+        if !self.files.iter().any(|file| file.path == path) {
+            self.files.insert(FileRecord::of(path)?);
         }
         Ok(())
     }
