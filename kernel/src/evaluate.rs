@@ -12,27 +12,16 @@ use pdk_sdk::abi::PANICKED;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Control, Dataset, DriveContext, Driver, Entry, Frame, FrameBuf};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::chain::{Chain, Level, Spec};
 use crate::component::ComponentSpec;
 use crate::drive;
+use crate::pipeline::fields::Fields;
 use crate::record::{Lines, RESULTS, RunDirectory};
 use crate::registry::Registry;
 use crate::watchdog::Watch;
-
-/// What to evaluate, as a pipeline writes it.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Request {
-    dataset: Value,
-    driver: Value,
-    perturbations: Vec<Value>,
-    levels: Vec<f64>,
-    #[serde(default)]
-    frames: Option<usize>,
-}
 
 /// What to evaluate.
 #[derive(Debug, Clone)]
@@ -62,14 +51,18 @@ impl Plan {
     /// # Errors
     /// Where a field is unknown, missing or of the wrong type, or a level is out of range.
     pub fn from_json(request: Value) -> Result<Self> {
-        let request: Request =
-            serde_json::from_value(request).map_err(|error| Error::new(format!("pdk.evaluate: {error}")))?;
-        let dataset = match &request.dataset {
-            Value::String(path) => DatasetSpec::Path(path.clone()),
-            other => DatasetSpec::Reader(ComponentSpec::from_json("dataset", other)?),
+        let known = ["dataset", "driver", "perturbations", "levels", "frames"];
+        let mut request = Fields::new("pdk.evaluate", request, &known)?;
+        let dataset = match request.needed("dataset")? {
+            Value::String(path) => DatasetSpec::Path(path),
+            other => DatasetSpec::Reader(ComponentSpec::from_json("dataset", &other)?),
         };
+        let driver = ComponentSpec::from_json("driver", &request.needed("driver")?)?;
+        let perturbations = request.filled_list("perturbations")?;
+        let levels = request.filled_list("levels")?;
+        let frames = request.whole("frames")?.map(|frames| usize::try_from(frames).unwrap_or(usize::MAX));
         let mut cells = Vec::new();
-        for perturbation in &request.perturbations {
+        for perturbation in &perturbations {
             let own = match perturbation {
                 Value::String(text) => text.contains('@'),
                 other => other.get("level").is_some(),
@@ -79,13 +72,17 @@ impl Plan {
                     "the perturbation {perturbation} has a level of its own; leave it out, because each is evaluated at all `levels`"
                 )));
             }
-            for &level in &request.levels {
+            for level in &levels {
+                let level = level.as_f64().ok_or_else(|| {
+                    Error::new(format!(
+                        "pdk.evaluate: {level} in `levels` is no number; they are numbers from 0 to 4"
+                    ))
+                })?;
                 Level::from_json("levels", &level.into())?;
                 cells.push(Spec::from_json(perturbation, level)?);
             }
         }
-        let driver = ComponentSpec::from_json("driver", &request.driver)?;
-        Ok(Self { dataset, driver, cells, frames: request.frames })
+        Ok(Self { dataset, driver, cells, frames })
     }
 }
 
@@ -102,11 +99,15 @@ pub struct Settings {
     pub threads: usize,
     /// How long one call of a component may take.
     pub patience: Duration,
+    /// The number of the evaluation in its run.
+    pub number: u64,
 }
 
 /// The result of an evaluation.
 #[derive(Debug, Clone, Serialize)]
 pub struct Summary {
+    /// The number of the evaluation in its run, from 0.
+    pub evaluation: u64,
     /// Frames that were evaluated.
     pub frames: usize,
     /// Frames that could not be read or driven, with the reason.
@@ -131,6 +132,8 @@ pub struct BadFrame {
 pub struct Row {
     /// The perturbation.
     pub perturbation: String,
+    /// The perturbation with its parameters, which tells it from the same one with others.
+    pub label: String,
     /// Its level.
     pub level: f64,
     /// Mean absolute difference between the prediction on the perturbed frame and the recorded steering.
@@ -148,9 +151,11 @@ pub struct Row {
 pub struct Performance {
     /// Threads that were used.
     pub threads: usize,
+    /// Perturbed frames, each with a prediction.
+    pub perturbed_frames: usize,
     /// Wall time in seconds.
     pub wall_seconds: f64,
-    /// Perturbed frames, each with a prediction, per second of wall time.
+    /// Perturbed frames per second of wall time.
     pub frames_per_second: f64,
     /// Mean time of one perturbation in milliseconds, over all perturbations and levels.
     pub perturbation_milliseconds: f64,
@@ -161,9 +166,11 @@ pub struct Performance {
 /// One line of the results.
 #[derive(Serialize)]
 struct Line<'a> {
+    evaluation: u64,
     index: usize,
     frame: &'a str,
     perturbation: &'a str,
+    label: &'a str,
     level: f64,
     truth: Control,
     original: Control,
@@ -251,7 +258,7 @@ pub fn evaluate(
 
     progress.set_length(frames as u64);
     let started = Instant::now();
-    let mut collector = Collector::new(plan, directory.lines(RESULTS)?);
+    let mut collector = Collector::new(plan, settings.number, directory.lines(RESULTS)?);
     let next = AtomicUsize::new(0);
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
@@ -410,6 +417,10 @@ fn plausible(entry: Entry) -> Result<Entry> {
 /// Puts the frames back in order, writes their lines and sums them up.
 struct Collector<'a> {
     plan: &'a Plan,
+    /// The number of the evaluation in its run.
+    number: u64,
+    /// What each cell is called without its level.
+    labels: Vec<String>,
     lines: Lines,
     /// Frames that came before their turn.
     waiting: BTreeMap<usize, FrameResult>,
@@ -424,9 +435,11 @@ struct Collector<'a> {
 }
 
 impl<'a> Collector<'a> {
-    fn new(plan: &'a Plan, lines: Lines) -> Self {
+    fn new(plan: &'a Plan, number: u64, lines: Lines) -> Self {
         Self {
             plan,
+            number,
+            labels: plan.cells.iter().map(Spec::label).collect(),
             lines,
             waiting: BTreeMap::new(),
             next: 0,
@@ -456,9 +469,9 @@ impl<'a> Collector<'a> {
             Ok(predictions) => predictions,
             Err(error) => {
                 let bad = BadFrame { frame: result.frame, error: error.to_string() };
-                self.lines.write(
-                    &serde_json::json!({ "index": result.index, "frame": bad.frame, "error": bad.error }),
-                )?;
+                self.lines.write(&serde_json::json!({
+                    "evaluation": self.number, "index": result.index, "frame": bad.frame, "error": bad.error,
+                }))?;
                 self.bad_frames.push(bad);
                 return Ok(());
             }
@@ -467,15 +480,18 @@ impl<'a> Collector<'a> {
         let Predictions { truth, original, perturbed } = predictions;
         self.original_error += (original.steering - truth.steering).abs();
         self.text.clear();
-        for ((cell, sums), control) in self.plan.cells.iter().zip(&mut self.sums).zip(perturbed) {
+        let cells = self.plan.cells.iter().zip(&self.labels).zip(&mut self.sums);
+        for (((cell, label), sums), control) in cells.zip(perturbed) {
             sums[0] += (control.steering - truth.steering).abs();
             sums[1] += (control.steering - original.steering).abs();
             sums[2] += (control.throttle - truth.throttle).abs();
             sums[3] += (control.throttle - original.throttle).abs();
             let line = Line {
+                evaluation: self.number,
                 index: result.index,
                 frame: &result.frame,
                 perturbation: &cell.name,
+                label,
                 level: level_of(cell),
                 truth,
                 original,
@@ -498,8 +514,9 @@ impl<'a> Collector<'a> {
             )));
         }
         let count = self.frames as f64;
-        let rows = self.plan.cells.iter().zip(&self.sums).map(|(cell, sums)| Row {
+        let rows = self.plan.cells.iter().zip(self.labels).zip(&self.sums).map(|((cell, label), sums)| Row {
             perturbation: cell.name.clone(),
+            label,
             level: level_of(cell),
             steering_error: sums[0] / count,
             steering_drift: sums[1] / count,
@@ -509,17 +526,49 @@ impl<'a> Collector<'a> {
         let perturbed = count * self.plan.cells.len() as f64;
         let performance = Performance {
             threads,
+            perturbed_frames: self.frames * self.plan.cells.len(),
             wall_seconds: wall.as_secs_f64(),
             frames_per_second: perturbed / wall.as_secs_f64(),
             perturbation_milliseconds: self.perturbation_time.as_secs_f64() * 1e3 / perturbed.max(1.0),
             driver_milliseconds: self.driver_time.as_secs_f64() * 1e3 / (perturbed + count),
         };
         let summary = Summary {
+            evaluation: self.number,
             frames: self.frames,
             original_steering_error: self.original_error / count,
             rows: rows.collect(),
             bad_frames: self.bad_frames,
         };
         Ok((summary, performance))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn mistakes_are_named() {
+        let error = |field: &str, value: Value| {
+            let mut request =
+                json!({"dataset": "x", "driver": "y", "perturbations": ["fog"], "levels": [1], "frames": 3});
+            assert_eq!(Plan::from_json(request.clone()).unwrap().cells.len(), 1);
+            request[field] = value;
+            Plan::from_json(request).unwrap_err().to_string()
+        };
+        for (field, value, start) in [
+            ("levels", json!([]), "pdk.evaluate: `levels` is empty; give it"),
+            ("perturbations", json!([]), "pdk.evaluate: `perturbations` is empty; give it"),
+            ("perturbations", json!("fog"), "pdk.evaluate: `perturbations` is \"fog\", but has to be a list"),
+            ("levels", json!(["high"]), "pdk.evaluate: \"high\" in `levels` is no number"),
+            ("levels", json!([9]), "the level in `levels` is 9, but has to be"),
+            ("frames", json!(-1), "pdk.evaluate: `frames` is -1, but has to be a whole number"),
+            ("perturbations", json!(["fog@1"]), "the perturbation \"fog@1\" has a level of its own"),
+            ("frmes", json!(1), "pdk.evaluate: there is no field `frmes`; did you mean `frames`?"),
+        ] {
+            let error = error(field, value);
+            assert!(error.starts_with(start), "{error}");
+        }
     }
 }

@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use crate::chain::Spec;
 use crate::component::ComponentSpec;
+use crate::pipeline::fields::Fields;
 
 /// The time limit of a scenario in seconds of simulation time, where the pipeline sets none.
 pub const DEFAULT_DURATION: f64 = 30.0;
@@ -41,70 +42,53 @@ pub struct ScenarioSpec {
     pub seed: Option<u64>,
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Request {
-    simulator: Value,
-    driver: Value,
-    scenarios: Vec<ScenarioRequest>,
-    #[serde(default)]
-    duration: Option<f64>,
-    #[serde(default)]
-    images_every: Option<u64>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ScenarioRequest {
-    #[serde(default)]
-    name: Option<String>,
-    #[serde(default)]
-    road: Value,
-    #[serde(default)]
-    perturbations: Vec<Value>,
-    #[serde(default)]
-    duration: Option<f64>,
-    #[serde(default)]
-    seed: Option<u64>,
-}
-
 impl Plan {
     /// Reads what a pipeline wrote.
     ///
     /// # Errors
     /// Where a field is unknown, missing, of the wrong type or out of range.
     pub fn from_json(request: Value) -> Result<Self> {
-        let request: Request =
-            serde_json::from_value(request).map_err(|error| Error::new(format!("pdk.drive: {error}")))?;
-        if request.scenarios.is_empty() {
-            return Err(Error::new("pdk.drive: `scenarios` is empty; give it at least one scenario"));
-        }
-        let duration = request.duration.unwrap_or(DEFAULT_DURATION);
-        let scenarios = request.scenarios.into_iter().map(|scenario| scenario.check(duration));
+        let known = ["simulator", "driver", "scenarios", "duration", "images_every"];
+        let mut request = Fields::new("pdk.drive", request, &known)?;
+        let simulator = ComponentSpec::from_json("simulator", &request.needed("simulator")?)?;
+        let driver = ComponentSpec::from_json("driver", &request.needed("driver")?)?;
+        let duration = request.number("duration")?.unwrap_or(DEFAULT_DURATION);
+        let scenarios = request.filled_list("scenarios")?.into_iter().enumerate();
         Ok(Self {
-            simulator: ComponentSpec::from_json("simulator", &request.simulator)?,
-            driver: ComponentSpec::from_json("driver", &request.driver)?,
-            scenarios: scenarios.collect::<Result<_>>()?,
-            images_every: request.images_every.unwrap_or(DEFAULT_IMAGES_EVERY),
+            simulator,
+            driver,
+            scenarios: scenarios
+                .map(|(index, scenario)| {
+                    // As Lua counts.
+                    ScenarioSpec::from_json(&format!("scenarios[{}]", index + 1), scenario, duration)
+                })
+                .collect::<Result<_>>()?,
+            images_every: request.whole("images_every")?.unwrap_or(DEFAULT_IMAGES_EVERY),
         })
     }
 }
 
-impl ScenarioRequest {
-    fn check(self, default_duration: f64) -> Result<ScenarioSpec> {
-        let perturbations =
-            self.perturbations.iter().map(|p| Spec::from_json(p, 0.0)).collect::<Result<Vec<_>>>()?;
-        let name = self.name.unwrap_or_else(|| match perturbations.is_empty() {
+impl ScenarioSpec {
+    /// Reads what a pipeline wrote; `place` says in errors which scenario it is.
+    fn from_json(place: &str, scenario: Value, default_duration: f64) -> Result<Self> {
+        let known = ["name", "road", "perturbations", "duration", "seed"];
+        let mut scenario = Fields::new(format!("pdk.drive: {place}"), scenario, &known)?;
+        let perturbations = scenario.list("perturbations")?.unwrap_or_default();
+        let perturbations = perturbations
+            .iter()
+            .map(|perturbation| Spec::from_json(perturbation, 0.0).map_err(|error| error.at(place)))
+            .collect::<Result<Vec<_>>>()?;
+        let name = scenario.text("name")?.unwrap_or_else(|| match perturbations.is_empty() {
             true => "nominal".to_owned(),
             false => perturbations.iter().map(Spec::to_string).collect::<Vec<_>>().join(" + "),
         });
-        let duration = self.duration.unwrap_or(default_duration);
+        let duration = scenario.number("duration")?.unwrap_or(default_duration);
         if !(duration > 0.0 && duration <= 86_400.0) {
             return Err(Error::new(format!(
                 "scenario `{name}` lasts {duration} s, but has to last more than 0 and at most 86400 s"
             )));
         }
-        Ok(ScenarioSpec { name, road: self.road, perturbations, duration, seed: self.seed })
+        Ok(Self { name, road: scenario.any("road"), perturbations, duration, seed: scenario.whole("seed")? })
     }
 }
 
@@ -131,10 +115,32 @@ mod tests {
     #[test]
     fn mistakes_are_named() {
         let error = |request| Plan::from_json(request).unwrap_err().to_string();
-        assert!(error(json!({"simulater": "lane"})).contains("unknown field `simulater`"));
+        assert!(
+            error(json!({"simulater": "lane"})).contains("no field `simulater`; did you mean `simulator`?")
+        );
         let no_scenarios = json!({"simulator": "lane", "driver": "x", "scenarios": []});
         assert!(error(no_scenarios).contains("`scenarios` is empty"));
         let endless = json!({"simulator": "lane", "driver": "x", "scenarios": [{"duration": -1}]});
         assert!(error(endless).contains("lasts -1 s"));
+        let with = |field: &str, value: Value| {
+            let mut scenario = json!({});
+            scenario[field] = value;
+            error(json!({"simulator": "lane", "driver": "x", "scenarios": [{}, scenario]}))
+        };
+        assert_eq!(
+            with("perturbations", json!("contrast@1")),
+            "pdk.drive: scenarios[2]: `perturbations` is \"contrast@1\", but has to be a list: { ... }"
+        );
+        assert!(
+            with("seed", json!(1.5))
+                .starts_with("pdk.drive: scenarios[2]: `seed` is 1.5, but has to be a whole")
+        );
+        assert!(with("perturbations", json!(["fog@9"])).starts_with("scenarios[2]: the level in `fog@9`"));
+        assert!(with("lenght", json!(1)).contains("scenarios[2]: there is no field `lenght`"));
+        let images = json!({"simulator": "lane", "driver": "x", "scenarios": [{}], "images_every": -1});
+        assert_eq!(
+            error(images),
+            "pdk.drive: `images_every` is -1, but has to be a whole number of at least 0"
+        );
     }
 }

@@ -10,8 +10,8 @@ use pdk_sdk::error::{Error, Result};
 use serde_json::{Map, Value, json};
 
 use super::settings::{self, COMMON, Override};
-use super::table;
-use crate::chain::Spec;
+use super::{speed, table};
+use crate::chain::{Region, Spec};
 use crate::component::ComponentSpec;
 use crate::drive::{self, Cause, Outcome};
 use crate::evaluate;
@@ -41,7 +41,7 @@ pub struct Finished {
     pub summary: Value,
     /// What did not go well without ending the run, one sentence each.
     pub warnings: Vec<String>,
-    /// Why the run counts as failed although it came to its end.
+    /// Why the run counts as failed: an error of the script, or one that did not end it.
     pub failure: Option<Error>,
 }
 
@@ -56,6 +56,10 @@ pub struct Host {
     in_use: InUse,
     outcomes: Vec<Value>,
     evaluations: Vec<Value>,
+    /// The number of the next scenario; it goes on where a drive failed, so that no trace is written twice.
+    next_scenario: u64,
+    /// The number of the next evaluation, for the same reason.
+    next_evaluation: u64,
     performance: Vec<Value>,
     warnings: Vec<String>,
     failed_scenarios: Vec<String>,
@@ -120,6 +124,8 @@ impl Host {
             in_use: InUse::default(),
             outcomes: Vec::new(),
             evaluations: Vec::new(),
+            next_scenario: 0,
+            next_evaluation: 0,
             performance: Vec::new(),
             warnings: Vec::new(),
             failed_scenarios: Vec::new(),
@@ -136,6 +142,11 @@ impl Host {
             return Err(Error::new(format!(
                 "`{name}` is a setting that every pipeline has ({meaning}); leave it out of pdk.settings"
             )));
+        }
+        if self.directory.is_some() {
+            return Err(Error::new(
+                "pdk.settings has to come before the first pdk.drive or pdk.evaluate, because the record begins there",
+            ));
         }
         let settings = settings::apply(defaults, &self.own_overrides())?;
         self.settings = Some(settings.clone());
@@ -160,8 +171,9 @@ impl Host {
             threads: self.common.threads,
             patience: self.common.patience,
             run_id: run_id(directory.path()),
-            first_index: self.outcomes.len() as u64,
+            first_index: self.next_scenario,
         };
+        self.next_scenario += plan.scenarios.len() as u64;
         let progress =
             self.progress("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {per_sec}, {eta} left");
         let (outcomes, performance) = drive::drive(&registry, &plan, &settings, &directory, &progress)?;
@@ -179,6 +191,7 @@ impl Host {
                 .push(format!("scenario {} `{}`: {error}", outcome.index, outcome.scenario.name));
         }
         self.outcomes.extend(rows.iter().cloned());
+        self.say_speed(speed::of_drive(&performance));
         self.performance.push(json!({ "drive": performance }));
         Ok(Value::Array(rows))
     }
@@ -194,7 +207,9 @@ impl Host {
             seed: self.common.seed,
             threads: self.common.threads,
             patience: self.common.patience,
+            number: self.next_evaluation,
         };
+        self.next_evaluation += 1;
         let progress = self.progress("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {eta} left");
         let (summary, performance) = evaluate::evaluate(&registry, &plan, &settings, &directory, &progress)?;
         for bad in &summary.bad_frames {
@@ -202,8 +217,16 @@ impl Host {
         }
         let summary = serde_json::to_value(summary)?;
         self.evaluations.push(summary.clone());
+        self.say_speed(speed::of_evaluation(&performance));
         self.performance.push(json!({ "evaluate": performance }));
         Ok(summary)
+    }
+
+    /// One line for people, who should not have to look for the speed in the record.
+    fn say_speed(&self, line: String) {
+        if !self.options.quiet {
+            println!("{line}");
+        }
     }
 
     /// `pdk.show`: a table of what `pdk.drive` or `pdk.evaluate` returned.
@@ -227,31 +250,40 @@ impl Host {
         folder.join(relative).to_string_lossy().into_owned()
     }
 
-    /// Completes the record after the pipeline has come to its end, or to an error.
-    ///
-    /// # Errors
-    /// Where the record cannot be written, or the command line sets something that the pipeline does not have.
-    pub fn finish(&mut self) -> Result<Finished> {
-        if self.settings.is_none() {
+    /// Where the command line sets something although the pipeline has no settings of its own.
+    fn check_overrides(&self) -> Result<()> {
+        match self.settings {
+            Some(_) => Ok(()),
             // Says that the setting does not exist.
-            settings::apply(Value::Object(Map::new()), &self.own_overrides())?;
+            None => settings::apply(Value::Object(Map::new()), &self.own_overrides()).map(drop),
         }
+    }
+
+    /// Completes the record after the pipeline has come to its end, or to an error. Of several failures the first in this
+    /// order is reported: that of the script, that of the record, those of scenarios, a setting that the pipeline does not
+    /// have.
+    pub fn finish(&mut self, script: Result<()>) -> Finished {
         let summary = json!({ "outcomes": self.outcomes, "evaluations": self.evaluations });
-        if let Some(directory) = &self.directory {
+        let written = self.directory.as_ref().map_or(Ok(()), |directory| {
             directory.write_json(SUMMARY, &summary)?;
             let started = self.started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
             let performance = json!({ "started_unix_seconds": started, "steps": self.performance });
-            directory.write_json(PERFORMANCE, &performance)?;
-        }
-        let failure = self.failed_scenarios.first().map(|first| {
+            directory.write_json(PERFORMANCE, &performance)
+        });
+        let scenarios = self.failed_scenarios.first().map(|first| {
             Error::new(format!(
                 "{} of {} scenarios could not be driven because a component failed; the first: {first}",
                 self.failed_scenarios.len(),
                 self.outcomes.len()
             ))
         });
-        let record = self.directory.as_ref().map(|directory| directory.path().to_owned());
-        Ok(Finished { record, summary, warnings: std::mem::take(&mut self.warnings), failure })
+        let failures = [script.err(), written.err(), scenarios, self.check_overrides().err()];
+        Finished {
+            record: self.directory.as_ref().map(|directory| directory.path().to_owned()),
+            summary,
+            warnings: std::mem::take(&mut self.warnings),
+            failure: failures.into_iter().flatten().next(),
+        }
     }
 
     /// Notes what is used from here on, and writes it down before anything is computed.
@@ -260,6 +292,7 @@ impl Host {
         components: [(Kind, &ComponentSpec); 2],
         perturbations: impl IntoIterator<Item = &'a Spec>,
     ) -> Result<()> {
+        self.check_overrides()?;
         for (kind, spec) in components {
             let info = match kind {
                 Kind::Driver => self.driver_info(spec)?,
@@ -268,6 +301,9 @@ impl Host {
             self.in_use.add(&self.registry, kind, &spec.name, &spec.parameters, info)?;
         }
         for spec in perturbations {
+            if let Some(Region::Mask(path)) = &spec.region {
+                self.in_use.add_file(Path::new(path))?;
+            }
             self.in_use.add(&self.registry, Kind::Perturbation, &spec.name, &spec.parameters, Vec::new())?;
         }
         let manifest = Manifest {

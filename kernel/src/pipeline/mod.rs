@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use mlua::{ExternalError, Function, Lua, LuaSerdeExt, Value as LuaValue};
+use mlua::{ExternalError, Function, IntoLua, Lua, LuaSerdeExt, Value as LuaValue};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::Value;
 
@@ -13,9 +13,11 @@ use crate::lua::{ApiFunction, ApiTable, Limits, Sandbox, without_clock};
 use crate::record::manifest::Pipeline;
 use crate::registry::Registry;
 
+pub(crate) mod fields;
 mod host;
 pub mod records;
 pub mod settings;
+mod speed;
 pub mod table;
 
 pub use host::{Finished, Host, Options};
@@ -38,9 +40,8 @@ pub const API: ApiTable = ApiTable {
             doc: "Drives scenarios in the closed loop of a simulator and a driver, and returns an outcome for each.",
             make: |lua| {
                 let drive = host_function(lua, |host, request| host.drive(request))?;
-                lua.create_function(move |_, request: LuaValue| {
-                    sample_schedules(&request)?;
-                    drive.call::<LuaValue>(request)
+                lua.create_function(move |lua, request: LuaValue| {
+                    drive.call::<LuaValue>(sampled(lua, request)?)
                 })
             },
         },
@@ -82,30 +83,64 @@ pub const API: ApiTable = ApiTable {
 /// Seconds between the points at which a level that is a function of time is sampled.
 const SCHEDULE_STEP: f64 = 0.1;
 
-/// Puts points in the place of levels that are functions of time, so that a scenario can be recorded and driven again
-/// without its script.
-fn sample_schedules(request: &LuaValue) -> mlua::Result<()> {
-    let LuaValue::Table(request) = request else { return Ok(()) };
-    let duration = request.get::<Option<f64>>("duration").ok().flatten();
-    let Ok(scenarios) = request.get::<mlua::Table>("scenarios") else { return Ok(()) };
-    for scenario in scenarios.sequence_values::<mlua::Table>() {
-        let Ok(scenario) = scenario else { return Ok(()) };
-        let own = scenario.get::<Option<f64>>("duration").ok().flatten();
-        let duration = own.or(duration).unwrap_or(drive::plan::DEFAULT_DURATION).clamp(0.0, 86_400.0);
-        let Ok(perturbations) = scenario.get::<mlua::Table>("perturbations") else { continue };
-        for perturbation in perturbations.sequence_values::<LuaValue>() {
-            let LuaValue::Table(perturbation) = perturbation? else { continue };
-            let LuaValue::Function(level) = perturbation.get::<LuaValue>("level")? else { continue };
-            let points = (0..=(duration / SCHEDULE_STEP).ceil() as u32)
-                .map(|step| {
-                    let time = f64::from(step) * SCHEDULE_STEP;
-                    Ok([time, level.call::<f64>(time)?])
-                })
-                .collect::<mlua::Result<Vec<_>>>()?;
-            perturbation.set("level", HashMap::from([("points", points)]))?;
-        }
+/// The request with points in the place of levels that are functions of time, so that a scenario can be recorded and
+/// driven again without its script. The script's own tables stay as they are: scenarios of different durations may share
+/// them.
+fn sampled(lua: &Lua, request: LuaValue) -> mlua::Result<LuaValue> {
+    let default = duration_of(&request).unwrap_or(drive::plan::DEFAULT_DURATION);
+    let scenarios = |scenarios| {
+        copied(lua, scenarios, |_, scenario| {
+            let duration = duration_of(&scenario).unwrap_or(default).clamp(0.0, 86_400.0);
+            let level = |level| points(lua, level, duration);
+            let perturbation = |_: &LuaValue, p| copied(lua, p, only("level", level));
+            copied(lua, scenario, only("perturbations", |list| copied(lua, list, perturbation)))
+        })
+    };
+    copied(lua, request, only("scenarios", scenarios))
+}
+
+/// A level that is a function of time as points; any other as it is.
+fn points(lua: &Lua, level: LuaValue, duration: f64) -> mlua::Result<LuaValue> {
+    let LuaValue::Function(level) = level else { return Ok(level) };
+    let points = (0..=(duration / SCHEDULE_STEP).ceil() as u32)
+        .map(|step| {
+            let time = f64::from(step) * SCHEDULE_STEP;
+            Ok([time, level.call::<f64>(time)?])
+        })
+        .collect::<mlua::Result<Vec<_>>>()?;
+    HashMap::from([("points", points)]).into_lua(lua)
+}
+
+/// A copy of a table with other values; what is no table is itself.
+fn copied(
+    lua: &Lua,
+    value: LuaValue,
+    mut change: impl FnMut(&LuaValue, LuaValue) -> mlua::Result<LuaValue>,
+) -> mlua::Result<LuaValue> {
+    let LuaValue::Table(table) = value else { return Ok(value) };
+    let copy = lua.create_table()?;
+    for pair in table.pairs::<LuaValue, LuaValue>() {
+        let (key, value) = pair?;
+        let value = change(&key, value)?;
+        copy.raw_set(key, value)?;
     }
-    Ok(())
+    Ok(LuaValue::Table(copy))
+}
+
+/// Changes the value of one field and leaves the others.
+fn only(
+    field: &str,
+    mut change: impl FnMut(LuaValue) -> mlua::Result<LuaValue>,
+) -> impl FnMut(&LuaValue, LuaValue) -> mlua::Result<LuaValue> {
+    move |key, value| match key.as_string().is_some_and(|key| key.as_bytes() == field.as_bytes()) {
+        true => change(value),
+        false => Ok(value),
+    }
+}
+
+/// The time limit of a request or scenario in seconds, where it sets one.
+fn duration_of(value: &LuaValue) -> Option<f64> {
+    value.as_table().and_then(|table| table.raw_get("duration").ok()?)
 }
 
 /// A function of the host as a Lua function: values cross as JSON, and the time it takes is not the script's.
@@ -125,10 +160,11 @@ fn host_function(lua: &Lua, work: fn(&mut Host, Value) -> Result<Value>) -> mlua
     })
 }
 
-/// Runs a pipeline to its end. What was recorded until an error is complete and stays.
+/// Runs a pipeline to its end, or to an error of its script, which [`Finished::failure`] then holds. What was recorded
+/// until an error is complete and stays.
 ///
 /// # Errors
-/// Where the file cannot be read, the script fails, or what it asks for fails.
+/// Where nothing could be begun: the file cannot be read, or a setting that every pipeline understands has a wrong value.
 pub fn run(registry: Arc<Registry>, path: &Path, options: Options) -> Result<Finished> {
     let source =
         std::fs::read_to_string(path).place(format_args!("cannot read the pipeline {}", path.display()))?;
@@ -143,12 +179,34 @@ pub fn run(registry: Arc<Registry>, path: &Path, options: Options) -> Result<Fin
         .lua()
         .remove_app_data::<Host>()
         .ok_or_else(|| Error::new("the pipeline's host is gone, which is a defect in pdk"))?;
-    match result {
-        Ok(()) => host.finish(),
-        Err(error) => {
-            // The record of what came before is completed; the script's error is the one to report.
-            let _ = host.finish();
-            Err(error)
+    Ok(host.finish(result))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_function_of_time_is_sampled_for_each_scenario_and_stays_a_function() {
+        let lua = Lua::new();
+        let request: LuaValue = lua
+            .load(
+                "local fog = { name = 'fog', level = function(time) return time / 2 end }
+                 local list = { fog, 'rain@1' }
+                 return { duration = 1, simulator = 'x',
+                     scenarios = { { perturbations = list }, { perturbations = list, duration = 4 }, {} } }",
+            )
+            .eval()
+            .unwrap();
+        for _ in 0..2 {
+            let sampled: Value = lua.from_value(sampled(&lua, request.clone()).unwrap()).unwrap();
+            assert_eq!(sampled["simulator"], "x");
+            let perturbation = |scenario: usize| &sampled["scenarios"][scenario]["perturbations"];
+            let points = |scenario: usize| perturbation(scenario)[0]["level"]["points"].as_array().unwrap();
+            assert_eq!(points(0).len(), 11);
+            assert_eq!(points(1).len(), 41);
+            assert_eq!(points(1)[40], serde_json::json!([4, 2]));
+            assert_eq!(perturbation(1)[1], "rain@1");
         }
     }
 }

@@ -174,6 +174,7 @@ const EVALUATION: ApiRecord = ApiRecord {
     name: "Evaluation",
     doc: "What `pdk.evaluate` returns.",
     fields: &[
+        field("evaluation", "number", "The number of the evaluation in its run, from 0."),
         field("frames", "number", "Frames that were evaluated."),
         field("bad_frames", "{ { frame: string, error: string } }", "Frames that were left out, and why."),
         field("original_steering_error", "number", "Mean absolute steering error on the original frames."),
@@ -186,6 +187,11 @@ const EVALUATION_ROW: ApiRecord = ApiRecord {
     doc: "How the driver did under one perturbation at one level. Steering and throttle are from -1 to 1.",
     fields: &[
         field("perturbation", "string", "The perturbation."),
+        field(
+            "label",
+            "string",
+            "The perturbation with its parameters, as on the command line without the level.",
+        ),
         field("level", "number", "Its intensity."),
         field("steering_error", "number", "Mean absolute difference from the recorded steering."),
         field(

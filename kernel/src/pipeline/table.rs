@@ -59,22 +59,22 @@ fn evaluation_tables(summary: &Value) -> String {
     let mut levels: Vec<f64> = rows.iter().filter_map(|row| row["level"].as_f64()).collect();
     levels.sort_by(f64::total_cmp);
     levels.dedup();
-    let mut names: Vec<&str> = Vec::new();
+    let mut labels: Vec<&str> = Vec::new();
     for row in &rows {
-        let name = row["perturbation"].as_str().unwrap_or_default();
-        if !names.contains(&name) {
-            names.push(name);
+        let label = row["label"].as_str().unwrap_or_default();
+        if !labels.contains(&label) {
+            labels.push(label);
         }
     }
     let grid = |field: &str| {
         let header: Vec<String> = levels.iter().map(|level| format!("level {level}")).collect();
         let mut table = table(std::iter::once("perturbation").chain(header.iter().map(String::as_str)));
-        for name in &names {
+        for label in &labels {
             let cell = |level: &f64| {
-                let row = rows.iter().find(|row| row["perturbation"] == **name && row["level"] == *level);
+                let row = rows.iter().find(|row| row["label"] == **label && row["level"] == *level);
                 right(row.map_or_else(String::new, |row| number(&row[field], 3)))
             };
-            table.add_row(std::iter::once(Cell::new(name)).chain(levels.iter().map(cell)));
+            table.add_row(std::iter::once(Cell::new(label)).chain(levels.iter().map(cell)));
         }
         table
     };
@@ -104,12 +104,14 @@ mod tests {
 
     #[test]
     fn an_evaluation_is_a_grid_of_perturbations_and_levels() {
-        let row = |name: &str, level: f64, error: f64| json!({"perturbation": name, "level": level, "steering_error": error, "steering_drift": 0.5});
+        let row = |name: &str, level: f64, error: f64| json!({"perturbation": "x", "label": name, "level": level, "steering_error": error, "steering_drift": 0.5});
         let summary = json!({
             "frames": 3, "bad_frames": [], "original_steering_error": 0.07,
-            "rows": [row("fog", 0.0, 0.1), row("fog", 1.0, 0.2), row("rain", 0.0, 0.3)],
+            "rows": [row("fog", 0.0, 0.1), row("fog", 1.0, 0.2), row("fog,thick=2", 0.0, 0.3)],
         });
         let text = render(&summary).unwrap();
-        assert!(text.contains("level 0") && text.contains("0.200") && text.contains("rain"), "{text}");
+        for part in ["level 0", "0.100", "0.200", "fog,thick=2", "0.300"] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
     }
 }
