@@ -33,6 +33,8 @@ fn the_quickstart_drives_and_records() {
     let ran = quickstart(&out).args(["--seed", "3"]).succeed();
     assert!(ran.stdout.contains("nominal") && ran.stdout.contains("gaussian_noise@1"), "{}", ran.stdout);
     assert!(ran.stdout.contains(&format!("Record: {}", out.display())));
+    let speed =
+        ran.stdout.lines().find(|line| line.ends_with(" times real time")).expect("no line with the speed");
 
     let manifest = json_file(&out.join("manifest.json"));
     assert_eq!((&manifest["seed"], &manifest["settings"]["driver"]), (&json!(3), &json!("lane_keeper")));
@@ -61,6 +63,7 @@ fn the_quickstart_drives_and_records() {
     let performance = json_file(&out.join("performance.json"));
     let frames: u64 = scenarios.iter().map(|scenario| scenario["frames"].as_u64().unwrap()).sum();
     assert_eq!(performance["steps"][0]["drive"]["stages"]["steps"], frames);
+    assert!(speed.starts_with(&format!("{frames} frames in ")) && speed.contains(" a second, "), "{speed}");
 }
 
 #[test]
@@ -187,6 +190,111 @@ fn several_drives_of_one_pipeline_number_their_scenarios_on() {
         .collect();
     assert_eq!(indexes, [0, 1, 2, 3, 4, 5]);
     assert!(out.join("traces/0005.mcap").is_file());
+}
+
+#[test]
+fn a_course_that_scenarios_share_is_sampled_for_each() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    let source = r#"
+        local shared = { { name = "contrast", level = function(time) return math.min(time, 4) end } }
+        pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = {
+            { perturbations = shared, duration = 0.5 }, { perturbations = shared, duration = 3 },
+        } })
+        assert(type(shared[1].level) == "function")
+    "#;
+    Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).misbehave().succeed();
+    let scenarios = json_lines(&out.join("scenarios.jsonl"));
+    let last = |number: usize| {
+        let points = &scenarios[number]["scenario"]["perturbations"][0]["level"]["points"];
+        points.as_array().unwrap().last().unwrap()[0].as_f64().unwrap()
+    };
+    assert_eq!((last(0), last(1)), (0.5, 3.0));
+}
+
+#[test]
+fn a_mask_is_in_the_manifest() {
+    let folder = temp();
+    let mask = folder.path().join("mask.png");
+    pdk_tests::pictures::write(&mask, 8, 6);
+    let out = folder.path().join("record");
+    let source = r#"
+        pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = {
+            { perturbations = { { name = "contrast", level = 1, region = { mask = pdk.path("mask.png") } } } },
+        } })
+    "#;
+    Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).misbehave().succeed();
+    let files = json_file(&out.join("manifest.json"))["files"].clone();
+    assert_eq!((files.as_array().unwrap().len(), &files[0]["path"]), (1, &json!(mask)));
+    assert_eq!(files[0]["blake3"].as_str().unwrap().len(), 64);
+}
+
+#[test]
+fn a_drop_in_is_in_the_manifest_with_the_library_that_shows_it() {
+    let folder = temp();
+    let clip = folder.path().join("overlays/sticker.png");
+    fs::create_dir(clip.parent().unwrap()).unwrap();
+    pdk_tests::pictures::write(&clip, 16, 12);
+    let out = folder.path().join("record");
+    let source = r#"
+        pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { { perturbations = { "sticker@2" } } } })
+    "#;
+    Pdk::new(["run", "--plugins"])
+        .arg(folder.path())
+        .arg("--out")
+        .arg(&out)
+        .arg(pipeline(folder.path(), source))
+        .misbehave()
+        .succeed();
+    let manifest = json_file(&out.join("manifest.json"));
+    let components = manifest["components"].as_array().unwrap();
+    let sticker = components.iter().find(|component| component["name"] == "sticker").unwrap();
+    assert_eq!(sticker["file"]["path"], json!(pdk_tests::library("pdk_overlay")));
+    assert_eq!(manifest["files"].as_array().unwrap().len(), 1);
+    assert_eq!(manifest["files"][0]["path"], json!(clip));
+}
+
+#[test]
+fn a_line_that_was_cut_off_does_not_hide_the_others() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    let source =
+        r#"pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, {}, {} } })"#;
+    Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).misbehave().succeed();
+    let lines = out.join("scenarios.jsonl");
+    let text = fs::read_to_string(&lines).unwrap();
+    fs::write(&lines, &text[..text.len() - 20]).unwrap();
+    let exported = Pdk::new(["export"]).arg(&out).succeed();
+    assert_eq!(exported.json().as_array().unwrap().len(), 2);
+    assert!(exported.stderr.contains("warning: the last line of"), "{}", exported.stderr);
+    // Damage within the file is another matter.
+    fs::write(&lines, text.replacen("}\n", "\n", 1)).unwrap();
+    Pdk::new(["export"]).arg(&out).fail(1, &["scenarios.jsonl:1"]);
+}
+
+#[test]
+fn a_drive_that_fails_keeps_its_numbers() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    // The first drive's traces outgrow what a file may hold.
+    let source = r#"
+        local ok, error = pcall(pdk.drive, { simulator = { name = "misbehave", how = "stand_still" },
+            driver = "misbehave", images_every = 1, scenarios = { {}, {} } })
+        assert(not ok and string.find(tostring(error), "cannot write"), tostring(error))
+        pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, {} } })
+    "#;
+    Pdk::program("sh")
+        .args(["-c", "trap '' XFSZ; ulimit -f 140; exec \"$0\" \"$@\""])
+        .arg(pdk_tests::built("pdk"))
+        .args(["run", "--threads", "1", "--out"])
+        .arg(&out)
+        .arg(pipeline(folder.path(), source))
+        .misbehave()
+        .succeed();
+    let indexes: Vec<_> =
+        json_lines(&out.join("scenarios.jsonl")).iter().map(|outcome| outcome["index"].clone()).collect();
+    assert_eq!(indexes, [2, 3]);
+    assert!(out.join("traces/0000.mcap").is_file() && out.join("traces/0003.mcap").is_file());
 }
 
 /// A pipeline that drives for long on small frames.

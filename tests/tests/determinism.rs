@@ -92,16 +92,17 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 
 /// Runs a pipeline on one and on two threads, twice each, and compares everything but the times. Returns the names of
 /// the files.
-fn compare_threads(folder: &Path, source: &str) -> Vec<String> {
+fn compare_threads(folder: &Path, source: &str, code: i32) -> Vec<String> {
     let path = pipeline(folder, source);
     let mut records = Vec::new();
     for (number, threads) in ["1", "2", "2"].iter().enumerate() {
         let out = folder.join(format!("record-{number}"));
-        Pdk::new(["run", "--seed", "11", "--threads", threads, "--out"])
+        let ran = Pdk::new(["run", "--seed", "11", "--threads", threads, "--out"])
             .arg(&out)
             .arg(&path)
             .misbehave()
-            .succeed();
+            .run();
+        assert_eq!(ran.code, Some(code), "{}", ran.stderr);
         let mut record = files(&out);
         assert!(record.remove("performance.json").is_some());
         records.push(record);
@@ -126,13 +127,23 @@ fn a_closed_loop_is_the_same_on_any_number_of_threads() {
         for index, name in { "gaussian_noise@3", "motion_blur@2", "banding@4", "dirty_lens@1.5" } do
             table.insert(scenarios, { perturbations = { name }, road = { angles = { 0, 5 * index }, segment = 10 } })
         end
+        -- One that cannot be built is part of the record, and does not know another one's road.
+        table.insert(scenarios, 3, { road = { angels = { 0 } } })
         pdk.drive({
             simulator = { name = "lane", width = 80, height = 60, rate = 20 }, driver = "lane_keeper",
             duration = 1, images_every = 5, scenarios = scenarios,
         })
         "#,
+        1,
     );
-    let traces = ["traces/0000.mcap", "traces/0001.mcap", "traces/0002.mcap", "traces/0003.mcap"];
+    for number in 0..3 {
+        let lines = folder.path().join(format!("record-{number}/scenarios.jsonl"));
+        let outcomes = pdk_tests::process::json_lines(&lines);
+        assert_eq!((&outcomes[2]["cause"], &outcomes[2]["waypoints"]), (&"error".into(), &"".into()));
+        assert!(outcomes.iter().filter(|o| o["cause"] != "error").all(|o| o["waypoints"] != ""));
+    }
+    let traces = [0, 1, 2, 3, 4].map(|number| format!("traces/000{number}.mcap"));
+    let traces = traces.each_ref().map(String::as_str);
     assert_eq!(names, [&["manifest.json", "scenarios.jsonl", "summary.json"][..], &traces].concat());
 }
 
@@ -153,8 +164,40 @@ fn an_offline_evaluation_is_the_same_on_any_number_of_threads() {
             levels = { 0, 2.5, 4 },
         })
         "#,
+        0,
     );
     assert_eq!(names, ["manifest.json", "results.jsonl", "summary.json"]);
+}
+
+#[test]
+fn pixels_that_a_perturbation_leaves_out_are_black_whoever_came_before() {
+    let folder = temp();
+    datasets::folder(&folder.path().join("data"), 8, 32, 24);
+    compare_threads(
+        folder.path(),
+        r#"
+        local leaves = { name = "misbehave", how = "leave_pixels" }
+        pdk.evaluate({ dataset = pdk.path("data"), driver = "misbehave", perturbations = { leaves, "gaussian_noise" },
+            levels = { 4 } })
+        -- Between the stages of a chain there are two frames, which an odd number of stages uses in turn.
+        pdk.drive({ simulator = "misbehave", driver = "misbehave", images_every = 0,
+            scenarios = { { perturbations = { "gaussian_noise@4", leaves, "gaussian_noise@4", leaves } },
+                { perturbations = { "gaussian_noise@4", leaves, "gaussian_noise@0", "misbehave" }, name = "odd" } } })
+        "#,
+        0,
+    );
+    // The driver steers by the pixel in the middle, which is the first one that is left out.
+    let results = pdk_tests::process::json_lines(&folder.path().join("record-0/results.jsonl"));
+    let (left, noisy): (Vec<_>, Vec<_>) =
+        results.iter().partition(|line| line["perturbation"] == "misbehave");
+    assert!(left.len() == 8 && left.iter().all(|line| line["perturbed"]["steering"] == 0.0), "{left:?}");
+    assert!(noisy.len() == 8 && noisy.iter().any(|line| line["perturbed"]["steering"] != 0.0));
+    let driven = pdk_tests::process::json_lines(&folder.path().join("record-0/scenarios.jsonl"));
+    let telemetry = driven[0]["telemetry"].as_array().unwrap();
+    assert!(
+        telemetry.len() >= 4 && telemetry.iter().all(|sample| sample["steering"] == 0.0),
+        "{telemetry:?}"
+    );
 }
 
 #[test]

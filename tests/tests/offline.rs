@@ -91,6 +91,71 @@ fn error_and_drift_are_three_different_numbers_for_both_formats() {
 }
 
 #[test]
+fn lines_and_rows_tell_parameters_and_evaluations_apart() {
+    let folder = temp();
+    datasets::folder(&folder.path().join("data"), 3, 32, 24);
+    let source = r#"
+        local request = { dataset = pdk.path("data"), driver = "misbehave", levels = { 2, 4 },
+            perturbations = { "contrast", { name = "motion_blur", degrees = 0 }, { name = "motion_blur", degrees = 40 } } }
+        pdk.show(pdk.evaluate(request))
+        request.frames = 2
+        pdk.evaluate(request)
+    "#;
+    let out = folder.path().join("record");
+    let pipeline = pdk_tests::process::pipeline(folder.path(), source);
+    let ran = Pdk::new(["run", "--out"]).arg(&out).arg(&pipeline).misbehave().succeed();
+    for label in ["contrast", "motion_blur,degrees=0", "motion_blur,degrees=40"] {
+        assert!(ran.stdout.contains(&format!(" {label} ")), "{label}: {}", ran.stdout);
+    }
+    // How fast it went is said without being asked for.
+    for frames in [18, 12] {
+        let start = format!("{frames} perturbed frames in ");
+        let line = ran.stdout.lines().find(|line| line.starts_with(&start)).expect("no line with the speed");
+        assert!(line.contains(" s: ") && line.ends_with(" a second"), "{line}");
+    }
+    let lines = json_lines(&out.join("results.jsonl"));
+    let key = |line: &Value| {
+        [&line["evaluation"], &line["index"], &line["label"], &line["level"]].map(Value::to_string).join(" ")
+    };
+    let keys: std::collections::BTreeSet<_> = lines.iter().map(key).collect();
+    assert_eq!((keys.len(), lines.len()), (30, 30), "two lines of the same name");
+    assert!(lines.iter().all(|line| line["evaluation"] == u64::from(line["evaluation"] != 0)));
+    assert!(lines[..18].iter().all(|line| line["evaluation"] == 0) && lines[18]["evaluation"] == 1);
+    let evaluations = json_file(&out.join("summary.json"))["evaluations"].clone();
+    for (number, evaluation) in evaluations.as_array().unwrap().iter().enumerate() {
+        assert_eq!(evaluation["evaluation"], number);
+        let labels: Vec<_> = evaluation["rows"].as_array().unwrap().iter().map(|row| &row["label"]).collect();
+        assert_eq!(
+            labels[2..5],
+            ["motion_blur,degrees=0", "motion_blur,degrees=0", "motion_blur,degrees=40"]
+        );
+    }
+
+    let json = Pdk::new(["run", "--json", "--out"]).arg(folder.path().join("json")).arg(&pipeline);
+    assert_eq!(json.misbehave().succeed().json()["summary"]["evaluations"], evaluations);
+}
+
+#[test]
+fn what_was_left_out_is_said_even_where_the_script_ends_in_an_error() {
+    let folder = temp();
+    let data = folder.path().join("data");
+    datasets::folder(&data, 3, 32, 24);
+    pictures::cut(&data.join("1_camera.jpg"));
+    let source = r#"
+        pdk.evaluate({ dataset = pdk.path("data"), driver = "misbehave", perturbations = { "contrast" }, levels = { 1 } })
+        error("on purpose")
+    "#;
+    let out = folder.path().join("record");
+    let pipeline = pdk_tests::process::pipeline(folder.path(), source);
+    let ran = Pdk::new(["run", "--out"]).arg(&out).arg(pipeline).misbehave().run();
+    assert_eq!(ran.code, Some(1));
+    assert!(ran.stderr.contains("pdk: warning: 1_camera.jpg was left out: "), "{}", ran.stderr);
+    assert!(ran.stderr.contains("on purpose"), "{}", ran.stderr);
+    assert!(ran.stdout.contains(&format!("Record: {}", out.display())), "{}", ran.stdout);
+    assert_eq!(json_file(&out.join("summary.json"))["evaluations"][0]["frames"], 2);
+}
+
+#[test]
 fn the_truth_is_the_recorded_steering() {
     let folder = temp();
     let dataset = folder.path().join("data");
@@ -186,8 +251,13 @@ fn what_the_pipeline_needs_is_asked_for() {
     let run = || Pdk::new(["run"]).arg(&script).folder(folder.path());
     run().fail(1, &["--set dataset=DIR"]);
     run().set("dataset", "x").fail(1, &["--set model=FILE.onnx"]);
-    run().set("dataset", "x").set("model", "y").set("driver", "onx").fail(1, &[]);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "a run that did not begin leaves nothing");
+    datasets::folder(&folder.path().join("data"), 2, 40, 30);
+    run()
+        .set("dataset", "data")
+        .set("model", "y")
+        .set("driver", "onx")
+        .fail(1, &["there is no driver `onx`", "did you mean `onnx`"]);
 }
 
 #[test]
