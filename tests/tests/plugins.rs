@@ -124,6 +124,18 @@ fn a_panic_at_every_entry_point_is_an_error_with_a_name() {
 }
 
 #[test]
+fn a_panic_on_a_thread_of_the_plugin_is_said() {
+    let run = three_scenarios("perturbation", "panic_on_thread", &[]);
+    assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
+    for part in ["panicked at", "perturbation.rs", "as asked to on a thread"] {
+        assert!(run.finished.stderr.contains(part), "{}", run.finished.stderr);
+    }
+    // Those that end as errors are not said twice.
+    let run = three_scenarios("perturbation", "panic_in_apply", &[]);
+    assert_eq!(run.finished.stderr.matches("as asked to").count(), 1, "{}", run.finished.stderr);
+}
+
+#[test]
 fn a_panic_while_an_instance_is_dropped_is_said_and_harmless() {
     for who in ["simulator", "driver", "perturbation"] {
         let run = three_scenarios(who, "panic_in_drop", &[]);
@@ -231,6 +243,12 @@ fn a_description_that_misbehaves_is_refused_by_name() {
     // The other plugins are there nevertheless.
     assert!(panicked.stdout.contains("lane_keeper"));
     list("exit_in_describe").fail(70, &["libmisbehave", "ended the process"]);
+    // One that hangs has a minute, but `pdk check` has the patience that it is told to have.
+    let check = Pdk::new(["check", "--patience", "0.7"]).arg(library("misbehave"));
+    let hung = check.env("MISBEHAVE", "hang_in_describe").run();
+    assert_eq!(hung.code, Some(1), "{}", hung.stderr);
+    let said = "FAIL loading the plugin: it has not come back for 0.7 s";
+    assert!(hung.stdout.contains(said), "{}", hung.stdout);
 }
 
 #[test]
@@ -282,6 +300,14 @@ fn offline_a_panic_costs_the_frame_at_hand_only() {
             .set(&format!("{who}.how"), how)
             .fail(1, &[part]);
     }
+    // The patience of the run is that of the reader as well.
+    Pdk::new(["run", "--out"])
+        .arg(folder.path().join("hung"))
+        .arg(pipeline(folder.path(), source))
+        .misbehave()
+        .set("dataset.how", "hang_in_new")
+        .set("patience", "0.4")
+        .fail(75, &["dataset `misbehave`", "has not come back for 0.4 s", "patience"]);
 }
 
 #[test]
@@ -295,7 +321,9 @@ fn check_finds_every_misbehaviour() {
     for check in checks {
         let (name, failure) = (check["check"].as_str().unwrap(), &check["failure"]);
         // What is out of range is put into it, and what panics in `drop` has done its work.
-        let good = ["loading", "behave\"}", "wild", "panic_in_drop"].iter().any(|good| name.contains(good));
+        let good = ["loading", "behave\"}", "wild", "panic_in_drop", "mutter", "on_thread"]
+            .iter()
+            .any(|good| name.contains(good));
         harmless += usize::from(good);
         assert_eq!(failure.is_null(), good, "{name}: {failure}");
         let expected = match name {
@@ -307,7 +335,7 @@ fn check_finds_every_misbehaviour() {
         };
         assert!(failure.as_str().unwrap_or_default().contains(expected), "{name}: {failure}");
     }
-    assert!(checks.len() > 70 && harmless == 14, "{} checks, {harmless} harmless", checks.len());
+    assert!(checks.len() > 70 && harmless == 16, "{} checks, {harmless} harmless", checks.len());
 
     let describe = Pdk::new(["check"]).arg(library("misbehave")).env("MISBEHAVE", "panic_in_describe").run();
     assert_eq!(describe.code, Some(1));
@@ -377,17 +405,18 @@ fn the_built_in_plugins_keep_the_rules() {
             "libpdk_models" => {
                 check = check.set("onnx.model", "pilot.onnx").set("onnx.backend", "tract");
             }
+            "libpdk_overlay" => {
+                let clip = repository().join("scripts/overlays/snow.mp4");
+                check = check.set("overlay.clip", clip.display());
+            }
             _ => {}
         }
         let checked = check.run();
         assert_eq!(checked.code, Some(0), "{name}:\n{}{}", checked.stdout, checked.stderr);
     }
-    Pdk::new(["check"])
-        .arg(library("pdk_datasets"))
-        .set("tup.path", "tub")
-        .run()
-        .stdout
-        .contains("did you mean `tub`");
+    let misspelt = Pdk::new(["check"]).arg(library("pdk_datasets")).set("tup.path", "tub").run();
+    assert_eq!(misspelt.code, Some(1), "{}", misspelt.stderr);
+    assert!(misspelt.stdout.contains("did you mean `tub`"), "{}", misspelt.stdout);
 }
 
 #[test]
@@ -450,6 +479,9 @@ fn a_new_perturbation_and_a_new_pipeline_work_as_they_are() {
     assert_eq!(ran.json()["record"], json!("runs/night_shift-1"));
     assert_eq!(json_lines(&folder.path().join("runs/night_shift-1/scenarios.jsonl")).len(), 2);
     Pdk::new(["new", "pipeline", "night_shift", "--out"]).arg(folder.path()).fail(1, &["night_shift.lua"]);
-    Pdk::new(["new", "pipeline", "Night-Shift"]).fail(1, &["lower-case letters"]);
-    assert!(repository().join("Cargo.toml").exists());
+    let empty = temp();
+    for what in ["pipeline", "perturbation", "plugin"] {
+        Pdk::new(["new", what, "Night-Shift"]).folder(empty.path()).fail(1, &["lower-case letters"]);
+    }
+    assert_eq!(fs::read_dir(empty.path()).unwrap().count(), 0, "what was refused wrote nothing");
 }

@@ -12,7 +12,11 @@ pub struct Misbehaving {
 impl Component for Misbehaving {
     fn description() -> Description {
         let description = Description::perturbation("misbehave", "Misbehaves as told");
-        describe(description, &["new", "drop", "apply"], &["leave_pixels", "remember"])
+        describe(
+            description,
+            &["new", "drop", "apply"],
+            &["leave_pixels", "remember", "mutter", "panic_on_thread"],
+        )
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -27,6 +31,15 @@ impl Perturbation for Misbehaving {
         let written = if self.manner.is("leave_pixels") { src.height() / 2 } else { src.height() };
         for y in 0..written {
             dst.row_mut(y).copy_from_slice(src.row(y));
+        }
+        if self.manner.is("mutter") {
+            use std::io::Write;
+            let mut stdout = std::io::stdout();
+            write!(stdout, "a word without a line feed").and_then(|()| stdout.flush())?;
+        }
+        if self.manner.is("panic_on_thread") {
+            let thread = std::thread::spawn(|| panic!("as asked to on a thread"));
+            assert!(thread.join().is_err(), "the thread has panicked");
         }
         if self.manner.is("remember") {
             dst.row_mut(0)[0] = self.calls;

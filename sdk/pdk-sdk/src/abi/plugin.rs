@@ -1,6 +1,6 @@
 //! The plugin's side of the boundary: wraps the author's types, and turns their panics into errors before they reach it.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::mem::ManuallyDrop;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Once;
@@ -96,8 +96,26 @@ pub fn module(
 }
 
 thread_local! {
+    /// How many calls of [`guard`] this thread is in.
+    static GUARDS: Cell<usize> = const { Cell::new(0) };
     /// Where the last panic on this thread happened.
     static PANIC_PLACE: RefCell<String> = const { RefCell::new(String::new()) };
+}
+
+/// This thread is in a call of [`guard`] while it lives.
+struct InGuard;
+
+impl InGuard {
+    fn enter() -> Self {
+        GUARDS.set(GUARDS.get() + 1);
+        Self
+    }
+}
+
+impl Drop for InGuard {
+    fn drop(&mut self) {
+        GUARDS.set(GUARDS.get() - 1);
+    }
 }
 
 /// Runs the author's code; a panic becomes an error that names its place.
@@ -105,11 +123,19 @@ fn guard<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     static HOOK: Once = Once::new();
     // A plugin has its own copy of the standard library, so this hook concerns the plugin alone.
     HOOK.call_once(|| {
-        std::panic::set_hook(Box::new(|info| {
-            let place = info.location().map(ToString::to_string).unwrap_or_default();
+        let report = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            // Nobody but the hook tells of a panic on a thread that the plugin started itself.
+            if GUARDS.get() == 0 {
+                return report(info);
+            }
+            let place = info.location().map(|place| format!(" at {place}")).unwrap_or_default();
             PANIC_PLACE.with(|slot| *slot.borrow_mut() = place);
         }));
     });
+    let _in_guard = InGuard::enter();
+    // A panic that comes from another thread of the plugin, which has told of it, has no place here.
+    PANIC_PLACE.with(|slot| slot.borrow_mut().clear());
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let message = payload
             .downcast_ref::<String>()
@@ -120,7 +146,7 @@ fn guard<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
         // A payload may itself panic when it is dropped.
         std::mem::forget(payload);
         let place = PANIC_PLACE.with(|slot| slot.borrow().clone());
-        Err(Error::new(format!("{PANICKED} at {place}: {message}")))
+        Err(Error::new(format!("{PANICKED}{place}: {message}")))
     })
 }
 
