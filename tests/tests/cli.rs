@@ -5,8 +5,14 @@
 use pdk_tests::{Pdk, pictures, temp};
 use serde_json::Value;
 
-const VERBS: [&str; 9] =
-    ["run", "perturb", "list", "show", "new", "check", "doctor", "export", "completions"];
+/// The verbs, as the help lists them.
+fn verbs() -> Vec<String> {
+    let help = Pdk::new(["--help"]).succeed().stdout;
+    let list = help.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let verbs =
+        list.take_while(|line| line.starts_with("  ")).filter_map(|line| line.split_whitespace().next());
+    verbs.filter(|verb| *verb != "help").map(str::to_owned).collect()
+}
 
 #[test]
 fn every_verb_explains_itself() {
@@ -14,10 +20,13 @@ fn every_verb_explains_itself() {
     for code in ["0 done", "1 failed", "2 wrong usage", "70", "75"] {
         assert!(help.contains(code), "the help does not tell exit code {code}");
     }
-    for verb in VERBS {
-        assert!(help.contains(&format!("\n  {verb} ")), "the help does not list {verb}");
-        let own = Pdk::new([verb, "--help"]).succeed().stdout;
-        assert!(own.contains("Usage: pdk ") && own.contains(verb), "{own}");
+    let verbs = verbs();
+    for known in ["run", "perturb", "preview", "reference", "check", "doctor"] {
+        assert!(verbs.iter().any(|verb| verb == known), "the help does not list {known}: {verbs:?}");
+    }
+    for verb in verbs {
+        let own = Pdk::new([&verb, "--help"]).succeed().stdout;
+        assert!(own.contains(&format!("Usage: pdk {verb}")), "{own}");
     }
     let version = Pdk::new(["--version"]).succeed().stdout;
     assert!(version.starts_with("pdk ") && version.trim().split('.').count() == 3, "{version}");
@@ -95,17 +104,71 @@ fn the_doctor_finds_what_is_wrong() {
     let ill = Pdk::new(["doctor", "--plugins"]).arg(&broken).run();
     assert_eq!(ill.code, Some(1));
     assert!(ill.stdout.contains("broken.so") && ill.stdout.contains("BAD"), "{}", ill.stdout);
-    let missing = Pdk::new(["doctor"]).env("PDK_PLUGIN_PATH", "/no/such/folder").run();
-    assert_eq!(missing.code, Some(1));
-    assert!(missing.stdout.contains("/no/such/folder"), "{}", missing.stdout);
+    for variable in ["PDK_PLUGIN_PATH", "PDK_ONNXRUNTIME"] {
+        let missing = Pdk::new(["doctor"]).env(variable, "/no/such/folder").run();
+        assert_eq!(missing.code, Some(1));
+        let said = format!(
+            "{variable} {} /no/such/folder, which does not exist",
+            match variable {
+                "PDK_PLUGIN_PATH" => "names",
+                _ => "is",
+            }
+        );
+        assert!(missing.stdout.contains(&said), "{}", missing.stdout);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn the_doctor_takes_no_program_that_cannot_be_run() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = temp();
+    let program = folder.path().join("ffmpeg");
+    std::fs::write(&program, "").unwrap();
+    for (mode, state) in [(0o644, "note"), (0o755, "ok")] {
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(mode)).unwrap();
+        let findings = Pdk::new(["doctor", "--json"]).env("PATH", folder.path()).succeed().json();
+        let ffmpeg = findings.as_array().unwrap().iter().find(|f| f["subject"] == "ffmpeg").unwrap();
+        assert_eq!(ffmpeg["state"], state, "{ffmpeg}");
+    }
+}
+
+#[test]
+fn places_of_plugins_that_cannot_be_searched_are_named() {
+    let folder = temp();
+    let list = |path: &str| {
+        Pdk::new(["list", "driver"]).folder(folder.path()).env("PDK_PLUGIN_PATH", path).succeed()
+    };
+    for (path, said) in [
+        ("/no/such/folder", "PDK_PLUGIN_PATH names /no/such/folder, which does not exist"),
+        ("/no/such/folder:.", "PDK_PLUGIN_PATH names /no/such/folder, which does not exist"),
+    ] {
+        let listed = list(path);
+        assert!(
+            listed.stderr.starts_with("pdk: warning: ") && listed.stderr.contains(said),
+            "{}",
+            listed.stderr
+        );
+        assert_eq!(listed.stderr.lines().count(), 1, "{}", listed.stderr);
+        assert!(listed.stdout.contains("lane_keeper"));
+    }
+    for path in ["", ":", "."] {
+        assert_eq!(list(path).stderr, "", "{path}");
+    }
+    // A file where the user's folder of plugins should be.
+    std::fs::create_dir(folder.path().join("pdk")).unwrap();
+    std::fs::create_dir(folder.path().join("pdk/plugins")).unwrap();
+    std::fs::write(folder.path().join("pdk/plugins/overlays"), "no folder").unwrap();
+    let listed = Pdk::new(["list", "driver"]).env("XDG_DATA_HOME", folder.path()).succeed();
+    assert!(listed.stderr.contains("pdk/plugins/overlays cannot be read"), "{}", listed.stderr);
 }
 
 #[test]
 fn completions_are_there_for_the_usual_shells() {
     for shell in ["bash", "zsh", "fish"] {
         let script = Pdk::new(["completions", shell]).succeed().stdout;
-        for verb in VERBS {
-            assert!(script.contains(verb), "{shell} does not complete {verb}");
+        for verb in verbs() {
+            assert!(script.contains(&verb), "{shell} does not complete {verb}");
         }
     }
     Pdk::program("bash").args(["-n", "-c"]).arg(Pdk::new(["completions", "bash"]).succeed().stdout).succeed();
