@@ -24,11 +24,12 @@ local settings = pdk.settings({
 
 assert(settings.dataset ~= "", "name the recording with --set dataset=DIR")
 assert(settings.model ~= "", "name the model with --set model=FILE.onnx")
-settings.driver.model = settings.model
+local driver = if type(settings.driver) == "string" then { name = settings.driver } else settings.driver
+driver.model = settings.model
 
 pdk.show(pdk.evaluate({
 	dataset = settings.dataset,
-	driver = settings.driver,
+	driver = driver,
 	perturbations = settings.perturbations,
 	levels = settings.levels,
 	frames = if settings.frames > 0 then settings.frames else nil,
