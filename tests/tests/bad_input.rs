@@ -170,7 +170,6 @@ fn wrong_settings_are_answered_with_what_there_is() {
         ("driver.speed=3", &["driver.speed", "is no table"]),
         (r#"driver={"name":"lane_keeper","speed":3}"#, &["speed", "target_speed"]),
         ("simulator=line", &["simulator", "`line`"]),
-        ("road={\"angels\":[1]}", &["angels"]),
         ("seed=-1", &["seed", "whole number"]),
         ("seed=1.5", &["seed", "whole number"]),
         ("threads=0", &["threads", "at least 1"]),
@@ -182,9 +181,15 @@ fn wrong_settings_are_answered_with_what_there_is() {
     // Not one of them began to drive.
     let driven: Vec<_> =
         walk(folder.path()).into_iter().filter(|path| path.ends_with("scenarios.jsonl")).collect();
-    assert!(
-        driven.iter().all(|lines| fs::metadata(lines).unwrap().len() == 0 || !json_lines(lines).is_empty())
-    );
+    for lines in driven {
+        assert_eq!(fs::metadata(&lines).unwrap().len(), 0, "{}", lines.display());
+    }
+    // What only the simulator knows is an error of each scenario, none of which drives a frame.
+    let record = folder.path().join("road");
+    run().set("road", r#"{"angels":[1]}"#).arg("--out").arg(&record).fail(1, &["angels", "13 of 13"]);
+    let outcomes = json_lines(&record.join("scenarios.jsonl"));
+    assert_eq!(outcomes.len(), 13);
+    assert!(outcomes.iter().all(|outcome| outcome["cause"] == "error" && outcome["frames"] == 0));
 }
 
 fn walk(folder: &Path) -> Vec<std::path::PathBuf> {
