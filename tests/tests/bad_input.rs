@@ -219,12 +219,28 @@ fn a_pipeline_that_fails_says_where() {
             "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', scenarios = { { lenght = 3 } } })",
             &["lenght"],
         ),
+        (
+            "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', images_every = -1, scenarios = { {} } })",
+            &["pdk.drive", "`images_every` is -1", "whole number of at least 0"],
+        ),
+        (
+            "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', scenarios = { { perturbations = 'contrast@1' } } })",
+            &["scenarios[1]", "`perturbations` is \"contrast@1\"", "a list"],
+        ),
         ("pdk.settings({ seed = 3 })", &["seed", "every pipeline"]),
         ("pdk.settings({}) pdk.settings({})", &["once"]),
         ("pdk.show(3)", &["pdk.show"]),
         (
-            "pdk.evaluate({ dataset = 'x', driver = 'misbehave', perturbations = {}, levels = { 9 } })",
-            &["pipeline.lua:1"],
+            "pdk.evaluate({ dataset = 'x', driver = 'misbehave', perturbations = { 'contrast' }, levels = { 9 } })",
+            &["pipeline.lua:1", "from 0 to 4"],
+        ),
+        (
+            "pdk.evaluate({ dataset = 'x', driver = 'misbehave', perturbations = {}, levels = { 1 } })",
+            &["pipeline.lua:1", "`perturbations` is empty"],
+        ),
+        (
+            "pdk.evaluate({ dataset = 'x', driver = 'misbehave', perturbations = { 'contrast' }, levels = {} })",
+            &["pipeline.lua:1", "`levels` is empty"],
         ),
         ("io.open('/etc/passwd')", &["pipeline.lua:1"]),
         ("os.execute('true')", &["pipeline.lua:1"]),
@@ -243,6 +259,14 @@ fn a_pipeline_that_fails_says_where() {
     Pdk::new(["run", "."]).folder(folder.path()).fail(1, &["cannot read the pipeline"]);
     let unknown = Pdk::new(["run"]).arg(pipeline(folder.path(), "local x = 1")).set("speed", 3);
     unknown.fail(1, &["no setting `speed`"]);
+    // A mistake on the command line shows before anything is driven.
+    let drives = pipeline(
+        folder.path(),
+        "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', scenarios = { {} } })",
+    );
+    let run = Pdk::new(["run"]).arg(drives).misbehave().folder(folder.path()).set("speed", 3);
+    run.fail(1, &["no setting `speed`"]);
+    assert!(!folder.path().join("runs").exists());
 }
 
 #[test]
