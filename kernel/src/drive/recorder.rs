@@ -135,47 +135,47 @@ fn write_traces(
     finish: &SyncSender<Result<()>>,
 ) {
     let mut trace: Option<Result<Trace>> = None;
-    let messages = batches.iter().flat_map(|mut batch| {
-        let messages: Vec<Message> = batch.drain(..).collect();
+    for mut batch in batches {
+        for message in batch.drain(..) {
+            // After an error the rest of the scenario is read but not written; the error waits for `Finish`.
+            let result = match (message, &mut trace) {
+                (Message::Start(path), _) => {
+                    trace = Some(Trace::create(&path));
+                    Ok(())
+                }
+                (Message::Finish, _) => {
+                    let result = match trace.take() {
+                        Some(trace) => trace.and_then(Trace::finish),
+                        None => Ok(()),
+                    };
+                    if finish.send(result).is_err() {
+                        return;
+                    }
+                    Ok(())
+                }
+                (Message::Step { sequence, state, control, frame_hash }, Some(Ok(trace))) => {
+                    trace.step(sequence, &state, control, frame_hash)
+                }
+                (Message::Image { topic, sequence, time, frame }, trace) => {
+                    let result = match trace {
+                        Some(Ok(trace)) => trace.image(topic, sequence, time, frame.as_ref()),
+                        _ => Ok(()),
+                    };
+                    // Written or not, it goes back, or the loop would wait for it. Fails only where the loop is gone.
+                    let _ = give_back.send(frame);
+                    result
+                }
+                (Message::Event { time, failure, text }, Some(Ok(trace))) => {
+                    trace.event(time, failure, &text)
+                }
+                _ => Ok(()),
+            };
+            if let Err(error) = result {
+                trace = Some(Err(error));
+            }
+        }
         // The pool is full where the loop was ahead: then this batch is one too many.
         let _ = give_batch_back.try_send(batch);
-        messages
-    });
-    for message in messages {
-        // After an error the rest of the scenario is read but not written; the error waits for `Finish`.
-        let result = match (message, &mut trace) {
-            (Message::Start(path), _) => {
-                trace = Some(Trace::create(&path));
-                Ok(())
-            }
-            (Message::Finish, _) => {
-                let result = match trace.take() {
-                    Some(trace) => trace.and_then(Trace::finish),
-                    None => Ok(()),
-                };
-                if finish.send(result).is_err() {
-                    return;
-                }
-                Ok(())
-            }
-            (Message::Step { sequence, state, control, frame_hash }, Some(Ok(trace))) => {
-                trace.step(sequence, &state, control, frame_hash)
-            }
-            (Message::Image { topic, sequence, time, frame }, trace) => {
-                let result = match trace {
-                    Some(Ok(trace)) => trace.image(topic, sequence, time, frame.as_ref()),
-                    _ => Ok(()),
-                };
-                // Written or not, it goes back, or the loop would wait for it. Fails only where the loop is gone.
-                let _ = give_back.send(frame);
-                result
-            }
-            (Message::Event { time, failure, text }, Some(Ok(trace))) => trace.event(time, failure, &text),
-            _ => Ok(()),
-        };
-        if let Err(error) = result {
-            trace = Some(Err(error));
-        }
     }
 }
 
