@@ -1,6 +1,8 @@
 //! The strength of every perturbation grows with its intensity, on frames of the embedded simulator and, where there are
 //! some, on photographs of real roads. Those whose published levels are out of order say so in their descriptions.
 
+#![allow(clippy::unwrap_used)]
+
 use pdk::chain::{Chain, Spec};
 use pdk::picture;
 use pdk::preview;
