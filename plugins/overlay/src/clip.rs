@@ -91,7 +91,7 @@ impl Clip {
         };
         match content(&head) {
             Content::Mp4 => match H264::open(input, size, few)? {
-                Opened::Frames(frames) => Ok(Box::new(frames)),
+                Opened::Frames(frames) => Ok(frames),
                 Opened::OtherCodec(codec) => self.through_ffmpeg(&codec),
             },
             Content::Picture(format) => Ok(Box::new(Animation::open(input, format)?)),

@@ -24,7 +24,7 @@ impl<T: Read + Seek> Input for T {}
 /// What became of opening a file.
 pub enum Opened {
     /// Its frames can be read.
-    Frames(H264),
+    Frames(Box<H264>),
     /// It is a video of another codec, which the sentence part names.
     OtherCodec(String),
 }
@@ -70,6 +70,9 @@ impl H264 {
                 )));
             }
         };
+        if reader.is_fragmented() {
+            return Ok(Opened::OtherCodec("an MP4 file in fragments".to_owned()));
+        }
         let mut tracks: Vec<_> = reader.tracks().values().collect();
         tracks.sort_by_key(|track| track.track_id());
         let video = tracks.into_iter().find(|track| matches!(track.track_type(), Ok(TrackType::Video)));
@@ -113,7 +116,7 @@ impl H264 {
             (true, _) => [1].into(),
             (false, _) => (1..=count).collect(),
         };
-        Ok(Opened::Frames(Self {
+        Ok(Opened::Frames(Box::new(Self {
             reader,
             decoder: new_decoder()?,
             track: id,
@@ -125,7 +128,7 @@ impl H264 {
             packet: Vec::new(),
             rest: None,
             alone: few,
-        }))
+        })))
     }
 
     /// Puts a sample into `packet`, in the form of a stream. The parameter sets go before every sample that needs them.

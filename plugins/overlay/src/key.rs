@@ -373,9 +373,9 @@ mod tests {
     #[test]
     fn what_has_no_screen_is_refused() {
         let grey = over([90.0; 3], 40, 30, |x, _| ([x as f32 * 6.0, 80.0, 100.0], 0.5));
-        let error = Matte::find(&[grey.clone()], None).unwrap_err().to_string();
+        let error = Matte::find(std::slice::from_ref(&grey), None).unwrap_err().to_string();
         assert!(error.starts_with("it is no green-screen clip") && error.contains("`key`"), "{error}");
-        let error = Matte::find(&[grey.clone()], Some([0, 255, 0])).unwrap_err().to_string();
+        let error = Matte::find(std::slice::from_ref(&grey), Some([0, 255, 0])).unwrap_err().to_string();
         assert!(error.contains("#00ff00 does not occur"), "{error}");
         let error = Matte::find(&[grey], Some([90, 91, 92])).unwrap_err().to_string();
         assert!(error.contains("nearly grey"), "{error}");

@@ -4,7 +4,7 @@
 use divan::Bencher;
 use pdk_ops::{
     Frame, FrameBuf, FrameMut, Key, average, blend, canny, color, elastic, equalise, false_color, gaussian,
-    hsv, jpeg, noise, phase, point, poisson, posterize, resample, resize, saturation, sharpen, unsharp, warp,
+    hsv, jpeg, noise, overlay, phase, point, poisson, posterize, resample, resize, saturation, sharpen, unsharp, warp,
     white_balance,
 };
 
@@ -52,6 +52,13 @@ fn contrast(bencher: Bencher<'_, '_>) {
 fn blend_two(bencher: Bencher<'_, '_>) {
     let other = scene(320, 240);
     time(bencher, |src, dst| blend::blend(src, 0.3, other.as_ref(), dst));
+}
+
+#[divan::bench]
+fn overlay_everywhere(bencher: Bencher<'_, '_>) {
+    let picture = scene(320, 240);
+    let alphas: Vec<u8> = picture.data().chunks_exact(3).map(|pixel| pixel[0].max(pixel[1]).max(pixel[2])).collect();
+    time(bencher, |src, dst| overlay::overlay(src, dst, picture.data(), &alphas, 0.8));
 }
 
 #[divan::bench]

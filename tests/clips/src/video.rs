@@ -141,3 +141,65 @@ fn planes(canvas: &Canvas) -> Vec<u8> {
     }
     planes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::CLIPS;
+    use mp4::Mp4Reader;
+    use openh264::decoder::{Decoder, DecoderConfig, Flush};
+    use openh264::formats::YUVSource;
+
+    /// The luma of the first `count` frames of a file as [`encode`] writes it.
+    fn lumas(file: &[u8], count: u32) -> Vec<Vec<u8>> {
+        let mut reader = Mp4Reader::read_header(Cursor::new(file), file.len() as u64).unwrap();
+        let track = &reader.tracks()[&1];
+        let mut stream = Vec::new();
+        for set in [track.sequence_parameter_set().unwrap(), track.picture_parameter_set().unwrap()] {
+            stream.extend_from_slice(&[0, 0, 0, 1]);
+            stream.extend_from_slice(set);
+        }
+        let config = DecoderConfig::new().flush_after_decode(Flush::NoFlush);
+        let mut decoder = Decoder::with_api_config(OpenH264API::from_source(), config).unwrap();
+        let mut lumas = Vec::new();
+        let mut keep = |y: &[u8], stride: usize| {
+            lumas.push(y.chunks(stride).take(SIZE.1).flat_map(|row| &row[..SIZE.0]).copied().collect());
+        };
+        for number in 1..=count {
+            let sample = reader.read_sample(1, number).unwrap().unwrap().bytes;
+            let mut rest = &sample[..];
+            while rest.len() > 4 {
+                let length = u32::from_be_bytes(rest[..4].try_into().unwrap()) as usize;
+                stream.extend_from_slice(&[0, 0, 0, 1]);
+                stream.extend_from_slice(&rest[4..4 + length]);
+                rest = &rest[4 + length..];
+            }
+            if let Some(frame) = decoder.decode(&stream).unwrap() {
+                keep(frame.y(), frame.strides().0);
+            }
+            stream.clear();
+        }
+        for frame in decoder.flush_remaining().unwrap() {
+            keep(frame.y(), frame.strides().0);
+        }
+        lumas
+    }
+
+    #[test]
+    fn the_clips_in_the_repository_are_what_this_program_draws() {
+        for clip in &CLIPS {
+            let path = format!("{}/../../scripts/overlays/{}.mp4", env!("CARGO_MANIFEST_DIR"), clip.name);
+            let file = std::fs::read(&path).unwrap();
+            let effect = clip.effect();
+            let decoded = lumas(&file, 25);
+            assert_eq!(decoded.len(), 25, "{path}");
+            for number in [0, 7, 21, 24] {
+                let drawn = planes(&clip.frame(effect.as_ref(), number));
+                let differences = decoded[number].iter().zip(&drawn).map(|(a, b)| u64::from(a.abs_diff(*b)));
+                let mean = differences.sum::<u64>() as f64 / (SIZE.0 * SIZE.1) as f64;
+                println!("{} {number}: {mean:.2}", clip.name);
+                assert!(mean < 3.0, "{path}, frame {number}: {mean} off; write the clips again");
+            }
+        }
+    }
+}
