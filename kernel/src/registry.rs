@@ -57,7 +57,7 @@ enum Source {
 pub struct SearchPath {
     /// Folders with plugins and Lua perturbations.
     pub plugins: Vec<PathBuf>,
-    /// Folders with files that become components of their own, each with the name that [`DropIn::folder`] gives such folders.
+    /// Folders with files that become components of their own, each with the name that [`DropIn::folder`](pdk_sdk::describe::DropIn::folder) gives such folders.
     pub drop_ins: Vec<(&'static str, PathBuf)>,
 }
 
