@@ -4,8 +4,8 @@
 use divan::Bencher;
 use pdk_ops::{
     Frame, FrameBuf, FrameMut, Key, average, blend, canny, color, elastic, equalise, false_color, gaussian,
-    hsv, jpeg, noise, overlay, phase, point, poisson, posterize, resample, resize, saturation, sharpen, unsharp, warp,
-    white_balance,
+    hsv, jpeg, noise, overlay, phase, point, poisson, posterize, resample, resize, saturation, sharpen,
+    unsharp, warp, white_balance,
 };
 
 fn main() {
@@ -57,7 +57,8 @@ fn blend_two(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn overlay_everywhere(bencher: Bencher<'_, '_>) {
     let picture = scene(320, 240);
-    let alphas: Vec<u8> = picture.data().chunks_exact(3).map(|pixel| pixel[0].max(pixel[1]).max(pixel[2])).collect();
+    let alphas: Vec<u8> =
+        picture.data().chunks_exact(3).map(|pixel| pixel[0].max(pixel[1]).max(pixel[2])).collect();
     time(bencher, |src, dst| overlay::overlay(src, dst, picture.data(), &alphas, 0.8));
 }
 

@@ -1,0 +1,42 @@
+//! The documents are true: what is generated is up to date, and what they point to is there.
+
+use std::path::Path;
+
+use pdk_tests::{Pdk, repository};
+
+#[test]
+fn the_reference_is_up_to_date() {
+    let folder = repository().join("docs/reference");
+    Pdk::new(["reference", "--check"]).arg(&folder).succeed();
+}
+
+#[test]
+fn every_perturbation_has_its_picture() {
+    let folder = repository().join("docs/reference");
+    for page in std::fs::read_dir(&folder).unwrap() {
+        check_links(&page.unwrap().path());
+    }
+}
+
+#[test]
+fn what_the_documents_point_to_is_there() {
+    for name in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/speed.md"] {
+        check_links(&repository().join(name));
+    }
+}
+
+/// Checks the relative links of a page of Markdown.
+fn check_links(page: &Path) {
+    if page.extension().is_none_or(|ending| ending != "md") {
+        return;
+    }
+    let text = std::fs::read_to_string(page).unwrap_or_else(|e| panic!("{}: {e}", page.display()));
+    for target in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+        let target = target.split('#').next().unwrap_or_default();
+        if target.is_empty() || target.starts_with("http") {
+            continue;
+        }
+        let file = page.parent().unwrap().join(target);
+        assert!(file.exists(), "{} points to {target}, which is not there", page.display());
+    }
+}
