@@ -51,7 +51,7 @@ impl Ffmpeg {
         let header = decoder.line()?;
         match decoder.read_header(&header) {
             Some(()) => Ok(decoder),
-            None => Err(decoder.failure()),
+            None => Err(failure(&decoder.said())),
         }
     }
 
@@ -86,31 +86,35 @@ impl Ffmpeg {
             .then_some(())
     }
 
-    /// What ffmpeg says went wrong.
-    fn failure(&mut self) -> Error {
-        let mut said = String::new();
+    /// What ffmpeg has to say, which is nothing where all goes well.
+    fn said(&mut self) -> String {
+        let mut said = Vec::new();
         if let Some(errors) = self.child.stderr.take() {
-            // What it says is a help, not a need.
-            let _ = errors.take(10_000).read_to_string(&mut said);
+            // It explains an error that there is anyway.
+            let _ = errors.take(10_000).read_to_end(&mut said);
         }
-        let reason = said.lines().find(|line| !line.trim().is_empty()).unwrap_or("it gives no reason").trim();
-        Error::new(format!("ffmpeg cannot decode it whole: {reason}"))
+        String::from_utf8_lossy(&said).into_owned()
     }
+}
+
+fn failure(said: &str) -> Error {
+    let reason = said.lines().find(|line| !line.trim().is_empty()).unwrap_or("it gives no reason").trim();
+    Error::new(format!("ffmpeg cannot decode it whole: {reason}"))
 }
 
 impl Frames for Ffmpeg {
     fn next(&mut self, into: &mut Picture) -> Result<bool> {
         let line = self.line()?;
         if line.is_empty() {
-            return match self.child.wait()?.success() {
-                true => Ok(false),
-                false => Err(self.failure()),
-            };
+            // It ends well where a file was cut off, but says so.
+            let well = self.child.wait()?.success();
+            let said = self.said();
+            return if well && said.is_empty() { Ok(false) } else { Err(failure(&said)) };
         }
         into.reset(self.width, self.height, Layout::Yuv420);
         match line.starts_with("FRAME") && self.output.read_exact(&mut into.data).is_ok() {
             true => Ok(true),
-            false => Err(self.failure()),
+            false => Err(failure(&self.said())),
         }
     }
 

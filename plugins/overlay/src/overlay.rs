@@ -3,10 +3,13 @@
 use std::path::PathBuf;
 
 use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::json;
 
+use crate::cache;
 use crate::clip::Clip;
 use crate::player::{Loop, Motion, Player};
 use crate::prepare::{self, Settings};
+use crate::published;
 use crate::scale::Fit;
 
 /// How visible a clip is at each level, as published.
@@ -38,7 +41,7 @@ impl Component for Overlay {
             .parameter(Parameter::path(
                 "clip",
                 "video, animated or still picture, or folder of pictures; before a screen of one colour, or with an alpha \
-                 channel",
+                 channel; or the name of a clip of pdk's own, such as built-in:birds",
             ))
             .parameter(Parameter::text(
                 "key",
@@ -67,6 +70,7 @@ impl Component for Overlay {
                     .unit("s"),
             )
             .drop_in("overlays", &ENDINGS, "clip")
+            .example(json!({"clip": "built-in:birds"}))
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -87,9 +91,12 @@ impl Component for Overlay {
             },
             rate: Some(config.number("rate")).filter(|&rate| rate > 0.0),
         };
-        let clip = Clip::Path(PathBuf::from(config.text("clip")));
+        let clip = match config.text("clip").strip_prefix(published::PREFIX) {
+            Some(name) => published::clip(name)?,
+            None => Clip::Path(PathBuf::from(config.text("clip"))),
+        };
         // What is wrong with a clip shows here, before the first frame.
-        prepare::matte(&clip, &settings)?;
+        prepare::check(&clip, &settings, &cache::folder())?;
         Ok(Self { player: Player::new(clip, settings, motion)? })
     }
 }

@@ -40,6 +40,20 @@ pub fn matte(clip: &Clip, settings: &Settings) -> Result<Matte> {
     Matte::find(&pictures, settings.key).place(clip)
 }
 
+/// Makes sure that a clip can be decoded and has a screen, once for each clip: what was found good is noted in the cache.
+///
+/// # Errors
+/// Where the clip cannot be decoded or has no screen, or the cache cannot be written.
+pub fn check(clip: &Clip, settings: &Settings, folder: &Path) -> Result<()> {
+    // No frame has this size.
+    let note = cache::file(folder, &identity(&clip.hash().place(clip)?, settings, (0, 0)));
+    if note.exists() {
+        return Ok(());
+    }
+    matte(clip, settings)?;
+    cache::create(&note, |_| Ok(()))
+}
+
 /// Opens the store of a clip at one size, and makes it first where there is none or it is damaged. `hash` is the clip's.
 ///
 /// # Errors

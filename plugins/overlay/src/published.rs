@@ -14,6 +14,24 @@ macro_rules! clip {
     };
 }
 
+/// Goes before the name of one of these clips where the user may give a path.
+pub const PREFIX: &str = "built-in:";
+
+/// A clip by name.
+///
+/// # Errors
+/// Where there is no such clip, with those that there are.
+pub fn clip(name: &str) -> Result<Clip> {
+    let clips =
+        [clip!("rain"), clip!("snow"), clip!("smoke"), clip!("birds"), clip!("sun"), clip!("lightning")];
+    let found = clips.into_iter().find(|clip| matches!(clip, Clip::BuiltIn(own, _) if *own == name));
+    found.ok_or_else(|| {
+        Error::new(format!(
+            "there is no clip `{PREFIX}{name}`; there are rain, snow, smoke, birds, sun and lightning"
+        ))
+    })
+}
+
 /// Defines the two perturbations of a clip.
 macro_rules! overlays {
     ($($clip:literal: $moving:ident $moving_name:literal, $still:ident $still_name:literal, $what:literal $(, $not_default:ident)?;)*) => {

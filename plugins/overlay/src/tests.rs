@@ -171,6 +171,13 @@ fn a_clip_of_the_user_keeps_the_rules_of_perturbations() {
 }
 
 #[test]
+fn the_clips_of_our_own_can_be_named_too() {
+    pdk_sdk::testing::perturbation::<Overlay>();
+    let error = apply::<Overlay>(json!({"clip": "built-in:hail"}), 4.0, 0.0, sample_frame(8, 8).as_ref());
+    assert!(error.unwrap_err().to_string().starts_with("there is no clip `built-in:hail`; there are rain,"));
+}
+
+#[test]
 fn all_but_static_smoke_and_the_users_own_are_in_the_published_set() {
     let left_out = [Overlay::description(), StaticSmoke::description()];
     assert!(left_out.iter().all(|description| !description.default));
