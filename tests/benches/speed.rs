@@ -20,7 +20,8 @@ use pdk_sdk::prelude::{Control, FrameBuf, Scenario};
 use serde_json::{Map, Value};
 
 /// Milliseconds a frame of the published tool (PerturbationDrive 1.0), one thread, 320x240, slowest level, on a machine
-/// with two cores. Another machine than this one: what counts is the order of magnitude.
+/// with two cores. Another machine than this one: what counts is the order of magnitude. Overlays took 1.4 to 2.6 (static)
+/// and 1.3 to 1.7 (dynamic); the smallest is taken for each.
 const PUBLISHED: &[(&str, f64)] = &[
     ("fog_mapping", 296.0),
     ("zoom_blur", 125.0),
@@ -37,18 +38,18 @@ const PUBLISHED: &[(&str, f64)] = &[
     ("elastic", 4.1),
     ("defocus_blur", 3.9),
     ("glass_blur", 3.0),
-    ("static_rain_filter", 2.0),
-    ("static_snow_filter", 2.0),
-    ("static_sun_filter", 2.0),
-    ("static_lightning_filter", 2.0),
-    ("static_object_overlay", 2.0),
-    ("static_smoke_filter", 2.0),
-    ("dynamic_rain_filter", 1.5),
-    ("dynamic_snow_filter", 1.5),
-    ("dynamic_sun_filter", 1.5),
-    ("dynamic_lightning_filter", 1.5),
-    ("dynamic_object_overlay", 1.5),
-    ("dynamic_smoke_filter", 1.5),
+    ("static_rain_filter", 1.4),
+    ("static_snow_filter", 1.4),
+    ("static_sun_filter", 1.4),
+    ("static_lightning_filter", 1.4),
+    ("static_object_overlay", 1.4),
+    ("static_smoke_filter", 1.4),
+    ("dynamic_rain_filter", 1.3),
+    ("dynamic_snow_filter", 1.3),
+    ("dynamic_sun_filter", 1.3),
+    ("dynamic_lightning_filter", 1.3),
+    ("dynamic_object_overlay", 1.3),
+    ("dynamic_smoke_filter", 1.3),
     ("gaussian_blur", 2.3),
     ("motion_blur", 2.1),
     ("low_pass_filter", 1.7),
