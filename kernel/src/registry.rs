@@ -191,7 +191,8 @@ impl Registry {
         for file in self.files_of(folder) {
             let stem = file.file_stem().unwrap_or_default().to_string_lossy();
             let extension = file.extension().unwrap_or_default();
-            if extension == std::env::consts::DLL_EXTENSION && wanted(&stem) || extension == "lua" {
+            let library = extension == std::env::consts::DLL_EXTENSION && wanted(&stem);
+            if library || extension == "lua" && !is_pipeline(&file) {
                 self.add_file(&file);
             }
         }
@@ -325,6 +326,12 @@ create_functions! {
     driver: Driver as Driver;
     /// Opens a dataset.
     dataset: Dataset as Dataset;
+}
+
+/// Whether a script uses what only pipelines have; a folder may hold both kinds.
+fn is_pipeline(script: &Path) -> bool {
+    std::fs::read_to_string(script)
+        .is_ok_and(|text| text.contains("pdk.settings(") || text.contains("pdk.drive("))
 }
 
 /// The folder of the running executable.

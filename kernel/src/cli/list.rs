@@ -49,7 +49,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             }
         }
     }
-    if empty {
+    if let (true, Some(kind)) = (empty, &arguments.kind) {
+        println!("No {kind} is installed.");
+    } else if empty {
         return Err(Error::new(
             "no components were found; plugins lie beside the executable, in a folder named with --plugins or in PDK_PLUGIN_PATH, \
              and `pdk doctor` says more",

@@ -173,8 +173,10 @@ pub fn run(registry: Arc<Registry>, path: &Path, options: Options) -> Result<Fin
     let sandbox = Sandbox::with_api(Limits::from_environment()?, |lua| API.install(lua))?;
     sandbox.lua().set_app_data(host);
     let name = path.to_string_lossy();
-    let result =
-        sandbox.load(&name, source.as_bytes()).and_then(|chunk| sandbox.call(&name, &chunk, ()).map(|_| ()));
+    let result = sandbox
+        .load(&name, source.as_bytes())
+        .and_then(|chunk| sandbox.call(&name, &chunk, ()))
+        .and_then(|returned| refuse_perturbation(&name, &returned));
     let mut host = sandbox
         .lua()
         .remove_app_data::<Host>()
@@ -182,9 +184,30 @@ pub fn run(registry: Arc<Registry>, path: &Path, options: Options) -> Result<Fin
     Ok(host.finish(result))
 }
 
+/// A perturbation returns a table that applies it; run as a pipeline it would do nothing and say nothing.
+fn refuse_perturbation(name: &str, returned: &LuaValue) -> Result<()> {
+    match returned {
+        LuaValue::Table(table) if table.contains_key("apply").unwrap_or(false) => Err(Error::new(format!(
+            "{name} is a perturbation, not a pipeline; name its folder with --plugins and use it with `pdk perturb` or in a \
+             pipeline"
+        ))),
+        _ => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_perturbation_is_no_pipeline() {
+        let lua = Lua::new();
+        let returned: LuaValue = lua.load("return { doc = 'x', apply = function() end }").eval().unwrap();
+        assert!(
+            refuse_perturbation("a.lua", &returned).unwrap_err().to_string().contains("is a perturbation")
+        );
+        assert!(refuse_perturbation("a.lua", &LuaValue::Nil).is_ok());
+    }
 
     #[test]
     fn a_function_of_time_is_sampled_for_each_scenario_and_stays_a_function() {

@@ -73,6 +73,13 @@ fn set(table: &mut Map<String, Value>, key: &str, rest: &str, text: &str) -> Res
     };
     match (deeper, &mut *current) {
         (Some(deeper), Value::Object(table)) => set(table, key, deeper, text),
+        // A component that is given by name gets its first parameter.
+        (Some(deeper), Value::String(component)) if !deeper.contains('.') => {
+            let component = Value::String(std::mem::take(component));
+            let parameter = (deeper.to_owned(), parse_value(text));
+            *current = Value::Object(Map::from_iter([("name".to_owned(), component), parameter]));
+            Ok(())
+        }
         (Some(deeper), _) => {
             Err(Error::new(format!("--set {key}: `{name}` is no table, so it has no `{deeper}`")))
         }
@@ -150,6 +157,8 @@ mod tests {
         assert_eq!(with(r#"extra=["a",2]"#).unwrap()["extra"], json!(["a", 2]));
         assert_eq!(with("extra=a,2").unwrap()["extra"], json!(["a", 2]));
         assert_eq!(with("simulator=donkey").unwrap()["simulator"], "donkey");
+        let both = ["simulator=donkey", "simulator.port=9091"].map(|text| text.parse().unwrap());
+        assert_eq!(apply(defaults(), &both).unwrap()["simulator"], json!({"name": "donkey", "port": 9091}));
     }
 
     #[test]

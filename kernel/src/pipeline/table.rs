@@ -46,8 +46,8 @@ fn outcome_table(outcomes: &[Value]) -> String {
             Cell::new(format!("{mark:<4} {cause}")),
             right(number(&outcome["time"], 1)),
             right(format!("{:.0} %", outcome["progress"].as_f64().unwrap_or_default() * 100.0)),
-            right(number(&outcome["mean_cross_track_error"], 2)),
-            right(number(&outcome["max_cross_track_error"], 2)),
+            right(number(&outcome["mean_cross_track_error"], 3)),
+            right(number(&outcome["max_cross_track_error"], 3)),
         ]);
     }
     table.to_string()

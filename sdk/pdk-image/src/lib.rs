@@ -26,14 +26,21 @@ pub fn read(path: &Path) -> Result<FrameBuf> {
 }
 
 fn decode(bytes: &[u8]) -> Result<FrameBuf> {
-    let format =
-        image::guess_format(bytes).map_err(|_| Error::new("it is no JPEG, PNG, BMP or WebP file"))?;
+    let format = image::guess_format(bytes)
+        .ok()
+        .filter(is_still)
+        .ok_or_else(|| Error::new("it is no JPEG, PNG, BMP or WebP file"))?;
     if format == ImageFormat::Jpeg {
         return jpeg(bytes);
     }
     let rgb = image::load_from_memory_with_format(bytes, format).place("it is damaged")?.into_rgb8();
     let (width, height) = (rgb.width() as usize, rgb.height() as usize);
     Ok(FrameBuf::from_vec(rgb.into_raw(), width, height)?)
+}
+
+/// The formats that are read and written: those of single pictures.
+fn is_still(format: &ImageFormat) -> bool {
+    matches!(format, ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Bmp | ImageFormat::WebP)
 }
 
 /// Decodes a JPEG. Most decoders, `image`'s among them, fill what is missing of a damaged file with grey; a model
@@ -86,9 +93,7 @@ pub fn write(path: &Path, frame: Frame<'_>) -> Result<()> {
     let place = format!("cannot write the image {}", path.display());
     let format = ImageFormat::from_path(path)
         .ok()
-        .filter(|format| {
-            matches!(format, ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Bmp | ImageFormat::WebP)
-        })
+        .filter(is_still)
         .ok_or_else(|| Error::new(format!("{place}: its name has to end in .png, .jpg, .bmp or .webp")))?;
     let (width, height) = (frame.width() as u32, frame.height() as u32);
     let image = image::RgbImage::from_raw(width, height, frame.to_buf().into_vec())
@@ -201,6 +206,7 @@ mod tests {
 
     #[test]
     fn what_is_no_image_is_said_to_be_none() {
+        assert!(decode(b"GIF89a\x01\0\x01\0\0\0\0;").unwrap_err().message().starts_with("it is no JPEG"));
         assert_eq!(decode(b"hello").unwrap_err().message(), "it is no JPEG, PNG, BMP or WebP file");
         let missing = read(Path::new("/no/such.jpg")).unwrap_err();
         assert_eq!(missing.message(), "image `/no/such.jpg` does not exist");

@@ -70,8 +70,9 @@ pub(crate) struct Size {
 
 /// Smooths in both directions, mirrored at the edges without repeating them.
 ///
-/// `read` fills a slice with the numbers of a row from a place on; no number may be further than 2^14 from zero, also
-/// after it has been shifted to the left by `finer`, the number of bits that the vertical pass adds. `write` gets each
+/// `read` fills a slice with the numbers of a row from a place on; every number has to be at least -2^14 and below 2^14,
+/// also after it has been shifted to the left by `finer`, the number of bits that the vertical pass adds: twice such a
+/// number fits into 16 bits. `write` gets each
 /// row's result, which is larger than what was read by 2^`finer` times 2^15.
 pub(crate) fn smooth(
     size: Size,
@@ -225,7 +226,7 @@ mod tests {
             let values = width * channels;
             let mut random = crate::Key(key).sequence();
             let limit = (1 << 14) >> finer;
-            let numbers: Vec<i16> = (0..values * height).map(|_| random.between(-limit, limit) as i16).collect();
+            let numbers: Vec<i16> = (0..values * height).map(|_| random.between(-limit, limit - 1) as i16).collect();
             let mut kernel = Kernel::default();
             kernel.set_gaussian(size, size as f64 / 5.0);
             let radius = size as isize / 2;
