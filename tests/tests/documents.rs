@@ -27,16 +27,16 @@ fn what_the_documents_point_to_is_there() {
 
 /// Checks the relative links of a page of Markdown.
 fn check_links(page: &Path) {
-    if page.extension().is_none_or(|ending| ending != "md") {
+    let (Some(folder), true) = (page.parent(), page.extension().is_some_and(|ending| ending == "md")) else {
         return;
-    }
+    };
     let text = std::fs::read_to_string(page).unwrap_or_else(|e| panic!("{}: {e}", page.display()));
     for target in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
         let target = target.split('#').next().unwrap_or_default();
         if target.is_empty() || target.starts_with("http") {
             continue;
         }
-        let file = page.parent().unwrap().join(target);
+        let file = folder.join(target);
         assert!(file.exists(), "{} points to {target}, which is not there", page.display());
     }
 }
