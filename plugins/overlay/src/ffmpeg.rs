@@ -135,13 +135,14 @@ impl Drop for Ffmpeg {
 #[cfg(unix)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::PermissionsExt;
 
-    /// A program that does what `script` says, in place of ffmpeg.
+    /// A program that does what `script` says, in place of ffmpeg. Another process writes it: a file that this one has open
+    /// for writing is inherited by whatever another test starts meanwhile, and then it cannot be run ("text file busy").
     fn program(folder: &Path, script: &str) -> std::path::PathBuf {
-        let path = folder.join("ffmpeg");
-        std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        let (text, path) = (folder.join("script"), folder.join("ffmpeg"));
+        std::fs::write(&text, format!("#!/bin/sh\n{script}\n")).unwrap();
+        let installed = Command::new("install").args(["-m", "755"]).args([&text, &path]).status().unwrap();
+        assert!(installed.success());
         path
     }
 
