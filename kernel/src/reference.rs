@@ -1,6 +1,7 @@
 //! The reference: a page for each family of perturbations, written from what they say of themselves.
 
 use pdk_sdk::describe::{Description, LEVELS, Parameter, ParameterType, Temporal};
+use serde_json::{Map, Value};
 
 /// A page of the reference in Markdown.
 pub struct Page {
@@ -71,6 +72,10 @@ fn section(description: &Description) -> String {
     line("Drawn for every frame:", &description.drawn_per_frame);
     line("Source:", &description.source);
     line("Differs from the published tool:", &description.divergences.join(" "));
+    if !description.grows_with.is_empty() {
+        let settings = format!("`{}`", settings(&description.grows_with));
+        line("Published levels out of order; strength grows evenly with:", &settings);
+    }
     if !description.parameters.is_empty() {
         let levels: String = (0..LEVELS).map(|level| format!(" level {level} |")).collect();
         text += &format!(
@@ -80,6 +85,18 @@ fn section(description: &Description) -> String {
         text.extend(description.parameters.iter().map(row));
     }
     text
+}
+
+/// Parameter values as they are written on the command line.
+pub fn settings(values: &Map<String, Value>) -> String {
+    let values: Vec<_> = values
+        .iter()
+        .map(|(name, value)| match value {
+            Value::String(text) => format!("{name}={text}"),
+            value => format!("{name}={value}"),
+        })
+        .collect();
+    values.join(",")
 }
 
 fn row(parameter: &Parameter) -> String {

@@ -1,7 +1,7 @@
 //! `pdk show`: a component with its parameters.
 
 use pdk::pipeline::table::table;
-use pdk::reference::allowed;
+use pdk::reference::{allowed, settings};
 use pdk::suggest;
 use pdk_sdk::describe::{Description, Kind, Parameter, Temporal};
 use pdk_sdk::error::{Error, Result};
@@ -66,6 +66,9 @@ fn print(description: &Description) {
     }
     for divergence in &description.divergences {
         println!("differs   {divergence}");
+    }
+    if !description.grows_with.is_empty() {
+        println!("grows     with {}", settings(&description.grows_with));
     }
     if !description.source.is_empty() {
         println!("source    {}", description.source);

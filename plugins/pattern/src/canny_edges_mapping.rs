@@ -18,6 +18,7 @@ impl Component for CannyEdgesMapping {
             "Darkens the frame and marks its edges in red; higher levels mark fewer, as published",
         )
         .family("pattern")
+        .grows_with(pdk_sdk::serde_json::json!({"weight": [0.1, 0.2, 0.3, 0.4, 0.5]}))
         .source("Canny, A computational approach to edge detection (1986)")
         .mathematics("(1 - weight) * v + weight * red where there is an edge, (1 - weight) * v elsewhere")
         .parameter(
@@ -37,7 +38,7 @@ impl Component for CannyEdgesMapping {
             .range(0.0, 2040.0),
         )
         .parameter(
-            Parameter::number("weight", 0.3, "share of the edges, red on black, in the result")
+            Parameter::by_level("weight", [0.3; 5], "share of the edges, red on black, in the result")
                 .range(0.0, 1.0),
         )
     }

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-use crate::describe::{Description, Parameter, ParameterType};
+use crate::describe::{Description, LEVELS, Parameter, ParameterType, between_levels};
 use crate::error::{Error, Result};
 
 /// Checked values of a component's parameters.
@@ -84,6 +84,13 @@ pub fn frame_values(description: &Description, config: &Config, intensity: f64, 
     into.extend(description.parameters.iter().map(|parameter| match config.values.get(&parameter.name) {
         Some(Value::Number(number)) => number.as_f64().unwrap_or_default(),
         Some(Value::Bool(set)) => f64::from(u8::from(*set)),
+        Some(Value::Array(levels)) => {
+            let mut values = [0.0; LEVELS];
+            for (value, level) in values.iter_mut().zip(levels) {
+                *value = level.as_f64().unwrap_or_default();
+            }
+            between_levels(&values, intensity)
+        }
         Some(Value::String(text)) => match &parameter.kind {
             ParameterType::Choice { options } => options.iter().position(|o| o == text).unwrap_or(0) as f64,
             _ => 0.0,
@@ -107,6 +114,23 @@ fn unknown_parameter(description: &Description, name: &str) -> Error {
 }
 
 fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
+    // What follows the intensity may be given a course of its own.
+    if let (Some(_), Value::Array(levels)) = (&parameter.levels, value) {
+        if levels.len() != LEVELS {
+            return Err(Error::new(format!(
+                "parameter `{}` has a list of {} values, but has to have one for each of the {LEVELS} levels",
+                parameter.name,
+                levels.len()
+            )));
+        }
+        return levels.iter().try_for_each(|level| match level {
+            Value::Array(_) => Err(Error::new(format!(
+                "parameter `{}` has lists in its list, but has to have a number for each level",
+                parameter.name
+            ))),
+            level => check_value(parameter, level),
+        });
+    }
     let wrong = |expected: String| {
         Err(Error::new(format!("parameter `{}` is {value}, but has to be {expected}", parameter.name)))
     };
@@ -175,6 +199,24 @@ mod tests {
             error(json!({"strenght": 1})),
             "perturbation `fog` has no parameter `strenght`; it has strength, mode, size"
         );
+    }
+
+    #[test]
+    fn a_parameter_that_follows_the_intensity_may_be_given_a_course_of_its_own() {
+        let description = description();
+        let given = json!({"strength": [0.0, 0.1, 0.3, 0.6, 1.0]});
+        let config = Config::check(&description, given.as_object().unwrap()).unwrap();
+        let mut values = Vec::new();
+        for (intensity, strength) in [(0.0, 0.0), (2.0, 0.3), (2.5, 0.45), (4.0, 1.0)] {
+            frame_values(&description, &config, intensity, &mut values);
+            assert!((values[0] - strength).abs() < 1e-12, "{intensity}: {values:?}");
+        }
+        assert!(error(json!({"strength": [0.1, 0.2]})).ends_with("one for each of the 5 levels"));
+        assert!(
+            error(json!({"strength": [0, 0, 0, 0, 2]})).ends_with("is 2, but has to be a number from 0 to 1")
+        );
+        assert!(error(json!({"strength": [0, 0, 0, 0, [1]]})).contains("lists in its list"));
+        assert!(error(json!({"size": [1, 2, 3, 4, 5]})).ends_with("a whole number from 1 to 9"));
     }
 
     #[test]

@@ -109,6 +109,10 @@ pub struct Description {
     pub drawn_per_frame: String,
     /// The parameters, in the order in which they are listed.
     pub parameters: Vec<Parameter>,
+    /// Parameter values with which its strength grows with the intensity, for those whose published levels are out of
+    /// order; empty for all others.
+    #[serde(default, skip_serializing_if = "Map::is_empty")]
+    pub grows_with: Map<String, Value>,
     /// Files that become components of their own; none for most components.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_in: Option<DropIn>,
@@ -133,6 +137,7 @@ impl Description {
             drawn_per_sequence: String::new(),
             drawn_per_frame: String::new(),
             parameters: Vec::new(),
+            grows_with: Map::new(),
             drop_in: None,
             examples: Vec::new(),
         }
@@ -226,6 +231,15 @@ impl Description {
     /// Says where it differs from the published tool.
     pub fn divergence(mut self, sentence: &str) -> Self {
         self.divergences.push(sentence.to_owned());
+        self
+    }
+
+    /// Gives parameter values with which its strength grows with the intensity, where the published levels are out of order:
+    /// an object.
+    pub fn grows_with(mut self, values: Value) -> Self {
+        if let Value::Object(values) = values {
+            self.grows_with = values;
+        }
         self
     }
 
@@ -388,18 +402,23 @@ impl Parameter {
     /// The value at an intensity, for a parameter that follows the intensity: linear between the levels, and the
     /// nearest level's value outside them.
     pub fn at_intensity(&self, intensity: f64) -> Option<f64> {
-        let levels = self.levels.as_ref()?;
-        let position = intensity.clamp(0.0, (LEVELS - 1) as f64);
-        let lower = (position as usize).min(LEVELS - 2);
-        let fraction = position - lower as f64;
-        // Exact at the levels themselves, so that published values come out as published.
-        Some(if fraction == 0.0 {
-            levels[lower]
-        } else if fraction == 1.0 {
-            levels[lower + 1]
-        } else {
-            levels[lower] + (levels[lower + 1] - levels[lower]) * fraction
-        })
+        self.levels.as_ref().map(|levels| between_levels(levels, intensity))
+    }
+}
+
+/// The value at an intensity of what has these values at the levels: linear between them, and the nearest level's value
+/// outside them.
+pub fn between_levels(levels: &[f64; LEVELS], intensity: f64) -> f64 {
+    let position = intensity.clamp(0.0, (LEVELS - 1) as f64);
+    let lower = (position as usize).min(LEVELS - 2);
+    let fraction = position - lower as f64;
+    // Exact at the levels themselves, so that published values come out as published.
+    if fraction == 0.0 {
+        levels[lower]
+    } else if fraction == 1.0 {
+        levels[lower + 1]
+    } else {
+        levels[lower] + (levels[lower + 1] - levels[lower]) * fraction
     }
 }
 
