@@ -1,0 +1,10 @@
+//! H.264 videos in MP4 files as frames, one at a time: a video is never in memory as a whole.
+//!
+//! [`Writer`] is deterministic: the same frames give the same bytes. Colours are those of ITU-R BT.601 with luma from 16 to
+//! 235.
+
+mod convert;
+mod writer;
+
+pub use convert::Yuv420;
+pub use writer::Writer;
