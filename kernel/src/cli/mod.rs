@@ -71,7 +71,7 @@ impl Global {
 enum Verb {
     /// Run a pipeline
     Run(run::Arguments),
-    /// Perturb one image
+    /// Perturb an image or a video
     Perturb(perturb::Arguments),
     /// Show what perturbations do to an image: a sheet, strips and clips
     Preview(preview::Arguments),

@@ -1,10 +1,15 @@
-//! `pdk perturb`: perturbs one image.
+//! `pdk perturb`: perturbs an image, or a video frame by frame.
 
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
+use indicatif::{ProgressBar, ProgressStyle};
 use pdk::chain::{Chain, Spec};
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::FrameBuf;
+use pdk_video::{Container, Reader, Writer, Yuv420};
 use serde_json::json;
 
 use super::{Global, print_json};
@@ -12,21 +17,21 @@ use super::{Global, print_json};
 /// Arguments of `pdk perturb`
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The image
+    /// The image, or the video: H.264 in MP4
     image: PathBuf,
     /// A perturbation with its intensity from 0 to 4 and parameters; several are applied one after the other
     #[arg(long = "with", value_name = "NAME[@LEVEL][,PARAMETER=VALUE]...", required = true)]
     perturbations: Vec<String>,
-    /// Where to write the result; the ending says the format
+    /// Where to write the result; the ending says the format, and is .mp4 for a video
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// The seed that all random numbers come from
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// The number of the frame that the image stands for
+    /// The number of the frame that the image stands for, or the first frame of the video
     #[arg(long, default_value_t = 0)]
     frame: u64,
-    /// The simulation time that the image stands for, in seconds
+    /// The simulation time that the image stands for, or the first frame of the video, in seconds
     #[arg(long, default_value_t = 0.0)]
     time: f64,
 }
@@ -34,15 +39,47 @@ pub struct Arguments {
 /// The intensity where none is given: the middle of the scale.
 const DEFAULT_LEVEL: f64 = 2.0;
 
-/// Reads, perturbs and writes an image.
+/// Reads, perturbs and writes an image or a video.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     if !arguments.time.is_finite() {
         return Err(Error::new(format!("--time is {}, but has to be a number of seconds", arguments.time)));
     }
     let specs: Vec<Spec> =
         arguments.perturbations.iter().map(|text| Spec::parse(text, DEFAULT_LEVEL)).collect::<Result<_>>()?;
+    let video = is_video(&arguments.image, &arguments.output)?;
     let registry = global.registry()?;
-    let mut chain = Chain::new(&registry, &specs, arguments.seed, 0)?;
+    let chain = Chain::new(&registry, &specs, arguments.seed, 0)?;
+    if video {
+        perturb_video(global, arguments, &specs, chain)
+    } else {
+        perturb_image(global, arguments, &specs, chain)
+    }
+}
+
+/// Whether the input is a video, by its content. The result has to be of the same sort.
+fn is_video(input: &Path, output: &Path) -> Result<bool> {
+    let mut head = Vec::new();
+    // Where it cannot be read, reading the image says so.
+    let read = File::open(input).and_then(|file| file.take(12).read_to_end(&mut head));
+    let container = pdk_video::container(&head);
+    let mp4 = output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4"));
+    let (input, output) = (input.display(), output.display());
+    match container {
+        Some(Container::Other(kind)) => {
+            Err(pdk_video::only_h264(kind)).place(format_args!("video `{input}`"))
+        }
+        Some(Container::Mp4) if !mp4 => Err(Error::new(format!(
+            "`{input}` is a video, so the name of the result, {output}, has to end in .mp4"
+        ))),
+        None if read.is_ok() && head.is_empty() => Err(Error::new(format!("`{input}` is empty"))),
+        None if read.is_ok() && mp4 => Err(Error::new(format!(
+            "`{input}` is no video, so the name of the result, {output}, has to end in .png, .jpg, .bmp or .webp"
+        ))),
+        container => Ok(container.is_some()),
+    }
+}
+
+fn perturb_image(global: &Global, arguments: &Arguments, specs: &[Spec], mut chain: Chain) -> Result<()> {
     let image = pdk_image::read(&arguments.image)?;
     let mut perturbed = FrameBuf::new(image.width(), image.height());
     chain.apply(image.as_ref(), perturbed.as_mut(), arguments.frame, arguments.time)?;
@@ -52,4 +89,76 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         print_json(&json!({ "output": arguments.output, "perturbations": specs, "seed": arguments.seed }))?;
     }
     Ok(())
+}
+
+/// Sends the frames through the chain as one sequence. Only one frame is in memory at a time.
+fn perturb_video(global: &Global, arguments: &Arguments, specs: &[Spec], mut chain: Chain) -> Result<()> {
+    let place = format!("video `{}`", arguments.image.display());
+    let mut reader = Reader::open_file(&arguments.image).place(&place)?;
+    let rate = reader.rate();
+    let mut planes = Yuv420::default();
+    if !reader.next(&mut planes).place(&place)? {
+        return Err(Error::new(format!("{place}: it has no frames")));
+    }
+    let (width, height) = (planes.width, planes.height);
+    let mut writer = Writer::create(&arguments.output, width, height, rate)?;
+    let (mut frame, mut perturbed) = (FrameBuf::new(width, height), FrameBuf::new(width, height));
+    let progress = progress(global, u64::from(reader.count()));
+
+    let begin = Instant::now();
+    let mut perturbing = Duration::ZERO;
+    loop {
+        if (planes.width, planes.height) != (width, height) {
+            return Err(Error::new(format!(
+                "{place}: frame {} is {} x {}, but the first is {width} x {height}; convert it to one size",
+                writer.frames(),
+                planes.width,
+                planes.height
+            )));
+        }
+        planes.to_rgb(frame.as_mut());
+        let number = writer.frames();
+        let before = Instant::now();
+        let time = arguments.time + number as f64 / rate;
+        chain.apply(frame.as_ref(), perturbed.as_mut(), arguments.frame.saturating_add(number), time)?;
+        // Perturbations prepare themselves at their first frame.
+        if number > 0 {
+            perturbing += before.elapsed();
+        }
+        writer.push(perturbed.as_ref())?;
+        progress.inc(1);
+        if !reader.next(&mut planes).place(&place)? {
+            break;
+        }
+    }
+    let frames = writer.frames();
+    writer.finish()?;
+    progress.finish_and_clear();
+
+    let milliseconds = begin.elapsed().as_secs_f64() * 1e3 / frames as f64;
+    let perturbing = perturbing.as_secs_f64() * 1e3 / (frames - 1).max(1) as f64;
+    if global.json {
+        let specs = specs.iter().map(Spec::to_string).collect::<Vec<_>>();
+        return print_json(&json!({
+            "output": arguments.output, "perturbations": specs, "seed": arguments.seed, "frames": frames,
+            "frames_per_second": rate, "width": width, "height": height,
+            "milliseconds_per_frame": milliseconds, "milliseconds_per_perturbed_frame": perturbing,
+        }));
+    }
+    println!(
+        "{}: {frames} frames, {milliseconds:.1} ms a frame, of which {perturbing:.1} ms for the perturbation",
+        arguments.output.display()
+    );
+    Ok(())
+}
+
+/// A bar on a terminal, nothing elsewhere.
+fn progress(global: &Global, frames: u64) -> ProgressBar {
+    let bar = if global.json { ProgressBar::hidden() } else { ProgressBar::new(frames) };
+    if let Ok(style) =
+        ProgressStyle::with_template("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {eta} left")
+    {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
 }

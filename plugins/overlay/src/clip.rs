@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
+use pdk_video::{Container, Input, Opened, Reader, Yuv420};
 
 use crate::ffmpeg::Ffmpeg;
-use crate::h264::{H264, Input, Opened};
-use crate::picture::Picture;
+use crate::picture::{Layout, Picture};
 use crate::pictures::{Animation, Folder};
 
 /// The decoded frames of a clip, one after the other.
@@ -24,6 +24,28 @@ pub trait Frames {
     fn rate(&self) -> f64;
 }
 
+/// The frames of an H.264 video.
+struct Video {
+    reader: Box<Reader>,
+    frame: Yuv420,
+}
+
+impl Frames for Video {
+    fn next(&mut self, into: &mut Picture) -> Result<bool> {
+        if !self.reader.next(&mut self.frame)? {
+            return Ok(false);
+        }
+        // The planes are laid out as the picture has them, so the memory is exchanged.
+        (into.width, into.height, into.layout) = (self.frame.width, self.frame.height, Layout::Yuv420);
+        std::mem::swap(&mut into.data, &mut self.frame.data);
+        Ok(true)
+    }
+
+    fn rate(&self) -> f64 {
+        self.reader.rate()
+    }
+}
+
 /// Where a clip comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Clip {
@@ -36,11 +58,8 @@ pub enum Clip {
 /// What the first bytes of a file say that it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Content {
-    /// MP4 or QuickTime.
-    Mp4,
+    Video(Container),
     Picture(image::ImageFormat),
-    /// A video that only `ffmpeg` reads, by name.
-    Other(&'static str),
     Text,
     Unknown,
 }
@@ -90,12 +109,12 @@ impl Clip {
             }
         };
         match content(&head) {
-            Content::Mp4 => match H264::open(input, size, few)? {
-                Opened::Frames(frames) => Ok(frames),
+            Content::Video(Container::Mp4) => match Reader::open(input, size, few)? {
+                Opened::Frames(reader) => Ok(Box::new(Video { reader, frame: Yuv420::default() })),
                 Opened::OtherCodec(codec) => self.through_ffmpeg(&codec),
             },
             Content::Picture(format) => Ok(Box::new(Animation::open(input, format)?)),
-            Content::Other(name) => self.through_ffmpeg(name),
+            Content::Video(Container::Other(name)) => self.through_ffmpeg(name),
             Content::Unknown if !head.is_empty() => self.through_ffmpeg("of an unknown kind"),
             Content::Unknown => Err(Error::new("the file is empty")),
             Content::Text => Err(Error::new("it is a text file and no video, whatever its name says")),
@@ -126,20 +145,15 @@ fn open(path: &Path) -> Result<File> {
 
 fn content(head: &[u8]) -> Content {
     use image::ImageFormat::{Gif, Png, WebP};
-    match head {
-        [_, _, _, _, b'f', b't', b'y', b'p', ..]
-        | [_, _, _, _, b'm', b'o', b'o', b'v', ..]
-        | [_, _, _, _, b'm', b'd', b'a', b't', ..]
-        | [_, _, _, _, b'w', b'i', b'd', b'e', ..] => Content::Mp4,
-        [0x1a, 0x45, 0xdf, 0xa3, ..] => Content::Other("Matroska or WebM"),
-        [b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', ..] => Content::Other("AVI"),
-        _ => match image::guess_format(head) {
-            Ok(format @ (Gif | Png | WebP | image::ImageFormat::Jpeg | image::ImageFormat::Bmp)) => {
-                Content::Picture(format)
-            }
-            _ if is_text(head) => Content::Text,
-            _ => Content::Unknown,
-        },
+    if let Some(container) = pdk_video::container(head) {
+        return Content::Video(container);
+    }
+    match image::guess_format(head) {
+        Ok(format @ (Gif | Png | WebP | image::ImageFormat::Jpeg | image::ImageFormat::Bmp)) => {
+            Content::Picture(format)
+        }
+        _ if is_text(head) => Content::Text,
+        _ => Content::Unknown,
     }
 }
 

@@ -4,7 +4,6 @@
 mod cache;
 mod clip;
 mod ffmpeg;
-mod h264;
 mod key;
 mod overlay;
 mod picture;

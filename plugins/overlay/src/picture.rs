@@ -37,6 +37,7 @@ impl Picture {
     }
 
     /// Luma, blue chroma and red chroma of a picture in [`Layout::Yuv420`].
+    #[cfg(test)]
     pub fn planes_mut(&mut self) -> [&mut [u8]; 3] {
         let chroma = self.width.div_ceil(2) * self.height.div_ceil(2);
         let (luma, rest) = self.data.split_at_mut(self.width * self.height);

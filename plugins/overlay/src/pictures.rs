@@ -9,9 +9,9 @@ use image::codecs::png::PngDecoder;
 use image::codecs::webp::WebPDecoder;
 use image::{AnimationDecoder, DynamicImage, ImageFormat, ImageReader};
 use pdk_sdk::prelude::*;
+use pdk_video::Input;
 
 use crate::clip::Frames;
-use crate::h264::Input;
 use crate::picture::{Layout, Picture};
 
 /// Pictures a second where nothing says how many: in a folder, or in a clip whose pictures have no duration.

@@ -10,12 +10,11 @@ use pdk_sdk::config::frame_values;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Value, json};
 use pdk_sdk::testing::{check_perturbation, sample_frame};
+use pdk_video::{Opened, Reader, Yuv420};
 
-use crate::clip::{Clip, Frames, some_pictures};
-use crate::h264::{H264, Opened};
+use crate::clip::{Clip, some_pictures};
 use crate::key::Matte;
 use crate::overlay::Overlay;
-use crate::picture::Picture;
 use crate::player::{Loop, Motion, Player};
 use crate::prepare::{self, Settings};
 use crate::published::*;
@@ -323,8 +322,8 @@ fn damage_in_the_index_never_ends_the_process() {
         }
         let input = Box::new(Cursor::new(damaged.clone()));
         // Whether it can be read or not, it comes back.
-        if let Ok(Opened::Frames(mut frames)) = H264::open(input, damaged.len() as u64, true) {
-            let _ = frames.next(&mut Picture::default());
+        if let Ok(Opened::Frames(mut frames)) = Reader::open(input, damaged.len() as u64, true) {
+            let _ = frames.next(&mut Yuv420::default());
         }
     }
 }
@@ -335,7 +334,7 @@ fn other_codecs_are_left_to_ffmpeg() {
         let at = SUN.windows(from.len()).rposition(|w| w == from).unwrap();
         let mut other = SUN.to_vec();
         other[at..at + to.len()].copy_from_slice(to);
-        match H264::open(Box::new(Cursor::new(other)), SUN.len() as u64, true)
+        match Reader::open(Box::new(Cursor::new(other)), SUN.len() as u64, true)
             .unwrap_or_else(|e| panic!("{e}"))
         {
             Opened::OtherCodec(codec) => codec,

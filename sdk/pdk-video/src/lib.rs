@@ -4,7 +4,9 @@
 //! 235.
 
 mod convert;
+mod reader;
 mod writer;
 
 pub use convert::Yuv420;
+pub use reader::{Container, Input, Opened, Reader, container, only_h264};
 pub use writer::Writer;

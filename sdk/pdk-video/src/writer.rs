@@ -66,11 +66,14 @@ impl Writer {
         }
         check_size(width, height)?;
         let rounded = (SECONDS_BETWEEN_KEYS * rate).round().max(1.0) as u32;
+        // Says only which level of the standard the file claims; what noise takes at this quantiser, and no more than the
+        // highest level allows.
+        let bits = (width as f64 * height as f64 * rate * 2.0).clamp(100_000.0, 240_000_000.0) as u32;
         // In this mode the quantiser is chosen by the frame, and here it has no choice. So nothing depends on how long
         // encoding takes.
         let config = EncoderConfig::new()
             .rate_control_mode(RateControlMode::Bufferbased)
-            .bitrate(BitRate::from_bps(100_000_000))
+            .bitrate(BitRate::from_bps(bits))
             .qp(QpRange::new(QUANTISER, QUANTISER))
             .max_frame_rate(FrameRate::from_hz(rate as f32))
             .intra_frame_period(IntraFramePeriod::from_num_frames(rounded))

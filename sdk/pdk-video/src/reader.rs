@@ -1,7 +1,9 @@
 //! Decodes H.264 from MP4 files.
 
 use std::collections::VecDeque;
-use std::io::{Read, Seek, SeekFrom};
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
 
 use mp4::{MediaType, Mp4Reader, TrackType};
 use openh264::OpenH264API;
@@ -9,8 +11,7 @@ use openh264::decoder::{DecodedYUV, Decoder, DecoderConfig, Flush};
 use openh264::formats::YUVSource;
 use pdk_sdk::prelude::*;
 
-use crate::clip::Frames;
-use crate::picture::{Layout, Picture};
+use crate::convert::Yuv420;
 
 /// Profiles that the decoder knows: Baseline, Main, Extended and High. The others have more bits or more chroma.
 const PROFILES: [u8; 4] = [66, 77, 88, 100];
@@ -24,14 +25,14 @@ impl<T: Read + Seek> Input for T {}
 /// What became of opening a file.
 pub enum Opened {
     /// Its frames can be read.
-    Frames(Box<H264>),
+    Frames(Box<Reader>),
     /// It is a video of another codec, which the sentence part names.
     OtherCodec(String),
 }
 
 /// The frames of an MP4 file in the order in which they are shown.
-pub struct H264 {
-    reader: Mp4Reader<Box<dyn Input>>,
+pub struct Reader {
+    mp4: Mp4Reader<Box<dyn Input>>,
     decoder: Decoder,
     track: u32,
     /// Samples still to be decoded, by number from 1.
@@ -44,12 +45,25 @@ pub struct H264 {
     headers: Vec<u8>,
     packet: Vec<u8>,
     /// Frames that the decoder gave back at the end.
-    rest: Option<VecDeque<Picture>>,
+    rest: Option<VecDeque<Yuv420>>,
     /// Only frames that can be decoded on their own are read, each by itself.
     alone: bool,
 }
 
-impl H264 {
+impl Reader {
+    /// Opens a file to read all of its frames.
+    ///
+    /// # Errors
+    /// Where it cannot be read, is no MP4 file, is cut off, or has no video that can be decoded here.
+    pub fn open_file(path: &Path) -> Result<Box<Self>> {
+        let file = File::open(path)?;
+        let size = file.metadata()?.len();
+        match Self::open(Box::new(BufReader::new(file)), size, false)? {
+            Opened::Frames(reader) => Ok(reader),
+            Opened::OtherCodec(codec) => Err(only_h264(&codec)),
+        }
+    }
+
     /// Opens a file of `size` bytes. With `few`, up to three frames are read that can be decoded on their own: from the
     /// beginning, the middle and the end.
     ///
@@ -117,7 +131,7 @@ impl H264 {
             (false, _) => (1..=count).collect(),
         };
         Ok(Opened::Frames(Box::new(Self {
-            reader,
+            mp4: reader,
             decoder: new_decoder()?,
             track: id,
             samples,
@@ -136,7 +150,7 @@ impl H264 {
         let missing = || {
             Error::new(format!("it is cut off: frame {sample} of {} is missing; copy it again", self.count))
         };
-        let sample = self.reader.read_sample(self.track, sample).ok().flatten().ok_or_else(missing)?;
+        let sample = self.mp4.read_sample(self.track, sample).ok().flatten().ok_or_else(missing)?;
         self.packet.clear();
         if sample.is_sync {
             self.packet.extend_from_slice(&self.headers);
@@ -153,19 +167,21 @@ impl H264 {
         Ok(())
     }
 
-    fn take_rest(&mut self) -> Result<VecDeque<Picture>> {
+    fn take_rest(&mut self) -> Result<VecDeque<Yuv420>> {
         let frames = self.decoder.flush_remaining().map_err(|error| damaged(&error))?;
         let copy = |frame: &DecodedYUV<'_>| {
-            let mut picture = Picture::default();
+            let mut picture = Yuv420::default();
             copy_planes(frame, &mut picture);
             picture
         };
         Ok(frames.iter().map(copy).collect())
     }
-}
 
-impl Frames for H264 {
-    fn next(&mut self, into: &mut Picture) -> Result<bool> {
+    /// Reads the next frame in the order in which they are shown; false at the end.
+    ///
+    /// # Errors
+    /// Where the file is damaged or cut off.
+    pub fn next(&mut self, into: &mut Yuv420) -> Result<bool> {
         while let Some(sample) = self.samples.pop_front() {
             self.read_packet(sample)?;
             if self.alone {
@@ -192,9 +208,49 @@ impl Frames for H264 {
         Ok(true)
     }
 
-    fn rate(&self) -> f64 {
+    /// Frames a second: how many there are, by how long they last.
+    pub fn rate(&self) -> f64 {
         self.rate
     }
+
+    /// Frames in the file, as its index says.
+    pub fn count(&self) -> u32 {
+        self.count
+    }
+}
+
+/// What a file is by its first bytes, where that is a video.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Container {
+    /// MP4 or QuickTime, which [`Reader`] opens.
+    Mp4,
+    /// Another one, by name.
+    Other(&'static str),
+}
+
+/// Tells by its first bytes, at least 12 where it has them, whether a file is a video.
+pub fn container(head: &[u8]) -> Option<Container> {
+    match head {
+        // Pictures in a box format.
+        [_, _, _, _, b'f', b't', b'y', b'p', b'a', b'v', b'i', b'f' | b's', ..]
+        | [_, _, _, _, b'f', b't', b'y', b'p', b'h', b'e', b'i', _, ..]
+        | [_, _, _, _, b'f', b't', b'y', b'p', b'm', b'i', b'f', b'1', ..] => None,
+        [_, _, _, _, b'f', b't', b'y', b'p', ..]
+        | [_, _, _, _, b'm', b'o', b'o', b'v', ..]
+        | [_, _, _, _, b'm', b'd', b'a', b't', ..]
+        | [_, _, _, _, b'w', b'i', b'd', b'e', ..] => Some(Container::Mp4),
+        [0x1a, 0x45, 0xdf, 0xa3, ..] => Some(Container::Other("Matroska or WebM")),
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'A', b'V', b'I', ..] => Some(Container::Other("AVI")),
+        _ => None,
+    }
+}
+
+/// The error for a video of another kind, which the sentence part names.
+pub fn only_h264(kind: &str) -> Error {
+    Error::new(format!(
+        "it is {kind}, but only H.264 in MP4 can be read; convert it, such as with `ffmpeg -i VIDEO -c:v libx264 \
+         -pix_fmt yuv420p OUT.mp4`"
+    ))
 }
 
 const UNKNOWN: &str = "MP4 or QuickTime of a kind that the built-in reader does not know";
@@ -272,9 +328,9 @@ fn damaged(error: &openh264::Error) -> Error {
     Error::new(format!("its H.264 is damaged, or uses what the built-in decoder does not know ({error})"))
 }
 
-fn copy_planes(frame: &DecodedYUV<'_>, into: &mut Picture) {
+fn copy_planes(frame: &DecodedYUV<'_>, into: &mut Yuv420) {
     let (width, height) = frame.dimensions();
-    into.reset(width, height, Layout::Yuv420);
+    into.reset(width, height);
     let strides = frame.strides();
     let [luma, blue, red] = into.planes_mut();
     for (plane, from, stride, width) in [
@@ -284,6 +340,109 @@ fn copy_planes(frame: &DecodedYUV<'_>, into: &mut Picture) {
     ] {
         for (row, from) in plane.chunks_exact_mut(width).zip(from.chunks(stride)) {
             row.copy_from_slice(&from[..width]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+    use crate::Writer;
+
+    /// A clip with a light square that goes to the right, four pixels a frame, over a colour that changes with the frame.
+    fn picture(number: usize) -> FrameBuf {
+        let mut frame = FrameBuf::new(96, 64);
+        let mut view = frame.as_mut();
+        for y in 0..64 {
+            for (x, pixel) in view.row_mut(y).chunks_exact_mut(3).enumerate() {
+                let inside = (16..32).contains(&y) && (4 * number..4 * number + 16).contains(&x);
+                pixel.copy_from_slice(&if inside {
+                    [250, 240, 40]
+                } else {
+                    [30, 60 + 4 * number as u8, 160]
+                });
+            }
+        }
+        frame
+    }
+
+    fn clip(folder: &Path, frames: usize, rate: f64) -> std::path::PathBuf {
+        let path = folder.join("clip.mp4");
+        let mut writer = Writer::create(&path, 96, 64, rate).unwrap();
+        for number in 0..frames {
+            writer.push(picture(number).as_ref()).unwrap();
+        }
+        writer.finish().unwrap();
+        path
+    }
+
+    #[test]
+    fn what_was_written_is_read_back_in_order_and_in_colour() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut reader = Reader::open_file(&clip(folder.path(), 20, 10.0)).unwrap();
+        assert_eq!((reader.count(), reader.rate()), (20, 10.0));
+        let (mut planes, mut rgb) = (Yuv420::default(), FrameBuf::new(96, 64));
+        for number in 0..20 {
+            assert!(reader.next(&mut planes).unwrap(), "{number}");
+            planes.to_rgb(rgb.as_mut());
+            let wanted = picture(number);
+            let differences = rgb.data().iter().zip(wanted.data()).map(|(a, b)| u64::from(a.abs_diff(*b)));
+            let mean = differences.sum::<u64>() as f64 / wanted.data().len() as f64;
+            assert!(mean < 3.0, "frame {number}: {mean}");
+            // In the middle of the square, where nothing is mixed.
+            let (read, drawn) =
+                (rgb.as_ref().pixel(4 * number + 8, 24), wanted.as_ref().pixel(4 * number + 8, 24));
+            assert!(read.iter().zip(drawn).all(|(a, b)| a.abs_diff(b) <= 10), "frame {number}: {read:?}");
+        }
+        assert!(!reader.next(&mut planes).unwrap());
+        assert!(!reader.next(&mut planes).unwrap());
+    }
+
+    #[test]
+    fn rates_of_every_kind_come_back() {
+        let folder = tempfile::tempdir().unwrap();
+        for rate in [0.5, 12.5, 24_000.0 / 1001.0, 25.0, 30_000.0 / 1001.0, 60.0, 1000.0] {
+            let reader = Reader::open_file(&clip(folder.path(), 12, rate)).unwrap();
+            assert!((reader.rate() / rate - 1.0).abs() < 1e-4, "{rate}: {}", reader.rate());
+        }
+    }
+
+    #[test]
+    fn every_two_seconds_a_player_can_jump_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let bytes = std::fs::read(clip(folder.path(), 20, 4.0)).unwrap();
+        let mp4 = Mp4Reader::read_header(Cursor::new(&bytes), bytes.len() as u64).unwrap();
+        let alone = &mp4.tracks()[&1].trak.mdia.minf.stbl.stss.as_ref().unwrap().entries;
+        assert_eq!(alone, &[1, 9, 17]);
+    }
+
+    #[test]
+    fn a_file_that_is_cut_off_anywhere_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = clip(folder.path(), 6, 25.0);
+        let whole = std::fs::read(&path).unwrap();
+        for length in (0..whole.len()).step_by(41).chain([whole.len() - 1]) {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            let error = match Reader::open_file(&path) {
+                Err(error) => error.to_string(),
+                Ok(_) => panic!("{length} of {} bytes were opened", whole.len()),
+            };
+            assert!(error.starts_with("it is cut off"), "{length}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_first_bytes_tell_what_a_file_is() {
+        assert_eq!(container(b"\0\0\0\x18ftypisom\0"), Some(Container::Mp4));
+        assert_eq!(container(b"\0\0\0\x18ftypqt  \0"), Some(Container::Mp4));
+        assert_eq!(container(b"\x1a\x45\xdf\xa3\x01\0\0\0"), Some(Container::Other("Matroska or WebM")));
+        assert_eq!(container(b"RIFF\x01\x02\x03\x04AVI LIST"), Some(Container::Other("AVI")));
+        for none in
+            [&b""[..], b"\0\0\0\x18ftypavif", b"\0\0\0\x18ftypheic", b"RIFF\x01\x02\x03\x04WEBP", b"\x89PNG"]
+        {
+            assert_eq!(container(none), None, "{none:?}");
         }
     }
 }
