@@ -132,6 +132,12 @@ fn perturb_video(global: &Global, arguments: &Arguments, specs: &[Spec], mut cha
         }
     }
     let frames = writer.frames();
+    if frames < u64::from(reader.count()) {
+        let count = reader.count();
+        return Err(Error::new(format!(
+            "{place}: it is damaged: {frames} of its {count} frames can be decoded"
+        )));
+    }
     writer.finish()?;
     progress.finish_and_clear();
 
