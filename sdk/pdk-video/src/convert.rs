@@ -105,20 +105,22 @@ impl Yuv420 {
                 // The last column has no neighbour to its right.
                 row[half] = row[half - 1];
             }
-            let out = into.row_mut(y);
-            let luma = &luma[y * width..][..width];
-            for (x, (out, &luma)) in out.chunks_exact_mut(3).zip(luma).enumerate() {
-                let at = |row: &[u16]| i32::from((row[x / 2] + row[x.div_ceil(2)] + 4) >> 3) - 128;
-                let (blue, red) = (at(blue_row), at(red_row));
-                let base = (i32::from(luma) - 16) * FROM_LUMA + (1 << (BITS - 1));
-                let [red_red, blue_green, red_green, blue_blue] = FROM_CHROMA;
-                let sums = [
-                    base + red_red * red,
-                    base + blue_green * blue + red_green * red,
-                    base + blue_blue * blue,
-                ];
-                for (out, sum) in out.iter_mut().zip(sums) {
-                    *out = (sum >> BITS).clamp(0, 255) as u8;
+            // A chroma sample lies on the left of two columns; the right one has the mean of it and the next.
+            let pairs = into.row_mut(y).chunks_mut(6).zip(luma[y * width..][..width].chunks(2));
+            for ((out, luma), (blue, red)) in pairs.zip(blue_row.windows(2).zip(red_row.windows(2))) {
+                let chroma = [[2 * blue[0], 2 * red[0]], [blue[0] + blue[1], red[0] + red[1]]];
+                for ((out, &luma), chroma) in out.chunks_exact_mut(3).zip(luma).zip(chroma) {
+                    let [blue, red] = chroma.map(|eightfold| i32::from((eightfold + 4) >> 3) - 128);
+                    let base = (i32::from(luma) - 16) * FROM_LUMA + (1 << (BITS - 1));
+                    let [red_red, blue_green, red_green, blue_blue] = FROM_CHROMA;
+                    let sums = [
+                        base + red_red * red,
+                        base + blue_green * blue + red_green * red,
+                        base + blue_blue * blue,
+                    ];
+                    for (out, sum) in out.iter_mut().zip(sums) {
+                        *out = (sum >> BITS).clamp(0, 255) as u8;
+                    }
                 }
             }
         }

@@ -77,7 +77,7 @@ impl Writer {
             .qp(QpRange::new(QUANTISER, QUANTISER))
             .max_frame_rate(FrameRate::from_hz(rate as f32))
             .intra_frame_period(IntraFramePeriod::from_num_frames(rounded))
-            .complexity(Complexity::Medium)
+            .complexity(Complexity::Low)
             .profile(Profile::Main)
             .vui(VuiConfig::bt601())
             .skip_frames(false)
