@@ -166,5 +166,7 @@ fn progress(global: &Global, frames: u64) -> ProgressBar {
     {
         bar.set_style(style.progress_chars("=> "));
     }
+    // At the first frame a perturbation may prepare itself for seconds.
+    bar.tick();
     bar
 }
