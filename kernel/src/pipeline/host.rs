@@ -10,7 +10,7 @@ use pdk_sdk::error::{Error, Result};
 use serde_json::{Map, Value, json};
 
 use super::settings::{self, COMMON, Override};
-use super::{speed, table};
+use super::{report, road, speed, table};
 use crate::chain::{Region, Spec};
 use crate::component::ComponentSpec;
 use crate::drive::{self, Cause, Outcome};
@@ -236,6 +236,29 @@ impl Host {
             println!("{text}");
         }
         Ok(())
+    }
+
+    /// `pdk.table`: a table of the pipeline's own making.
+    pub(super) fn table(&self, request: &Value) -> Result<()> {
+        let text = report::render(&request["first"], &request["second"])?;
+        if !self.options.quiet {
+            println!("{text}");
+        }
+        Ok(())
+    }
+
+    /// `pdk.save`: a file in the record.
+    pub(super) fn save(&self, request: &Value) -> Result<()> {
+        let name = report::checked_name(&request["first"])?;
+        let directory = self.directory.as_ref().ok_or_else(|| {
+            Error::new("pdk.save has to come after the first pdk.drive or pdk.evaluate, because the record begins there")
+        })?;
+        directory.write_json(name, &report::sorted(&request["second"]))
+    }
+
+    /// `pdk.road`: a road for scenarios.
+    pub(super) fn road(&self, request: Value) -> Result<Value> {
+        road::make(request, self.common.seed)
     }
 
     /// `pdk.perturbations`: the names of the perturbations, all or those of the default set.

@@ -16,6 +16,8 @@ use crate::registry::Registry;
 pub(crate) mod fields;
 mod host;
 pub mod records;
+mod report;
+mod road;
 pub mod settings;
 mod speed;
 pub mod table;
@@ -57,6 +59,26 @@ pub const API: ApiTable = ApiTable {
             signature: "(result: { Outcome } | Evaluation) -> ()",
             doc: "Prints a table of what `drive` or `evaluate` returned.",
             make: |lua| host_function(lua, |host, result| host.show(&result).map(|()| Value::Null)),
+        },
+        ApiFunction {
+            name: "table",
+            signature: "(header: { string }, rows: { { any } }) -> ()",
+            doc: "Prints a table of texts and numbers, one list a row.",
+            make: |lua| pair_function(lua, |host, pair| host.table(&pair)),
+        },
+        ApiFunction {
+            name: "save",
+            signature: "(name: string, value: any) -> ()",
+            doc: "Writes a value into the run's record as a JSON file, after the first `drive` or `evaluate`. The name ends \
+                  in `.json` and is none of the record's own files.",
+            make: |lua| pair_function(lua, |host, pair| host.save(&pair)),
+        },
+        ApiFunction {
+            name: "road",
+            signature: "(request: RoadRequest) -> Road",
+            doc: "Makes a road from angles, at random, or with a number of turns and a mean curvature. An error says where \
+                  the road would leave the map of 250 x 250 m or cross itself.",
+            make: |lua| host_function(lua, |host, request| host.road(request)),
         },
         ApiFunction {
             name: "perturbations",
@@ -143,8 +165,22 @@ fn duration_of(value: &LuaValue) -> Option<f64> {
     value.as_table().and_then(|table| table.raw_get("duration").ok()?)
 }
 
+/// A function of the host that takes two values, which it gets as `first` and `second`, and returns nothing.
+fn pair_function(lua: &Lua, work: fn(&mut Host, Value) -> Result<()>) -> mlua::Result<Function> {
+    let host = host_function(lua, move |host, pair| work(host, pair).map(|()| Value::Null))?;
+    lua.create_function(move |lua, (first, second): (LuaValue, LuaValue)| {
+        let pair = lua.create_table()?;
+        pair.raw_set("first", first)?;
+        pair.raw_set("second", second)?;
+        host.call::<()>(pair)
+    })
+}
+
 /// A function of the host as a Lua function: values cross as JSON, and the time it takes is not the script's.
-fn host_function(lua: &Lua, work: fn(&mut Host, Value) -> Result<Value>) -> mlua::Result<Function> {
+fn host_function(
+    lua: &Lua,
+    work: impl Fn(&mut Host, Value) -> Result<Value> + Send + 'static,
+) -> mlua::Result<Function> {
     lua.create_function(move |lua, argument: LuaValue| {
         // An empty table is an empty list: no request has an empty table where it matters.
         let options = mlua::serde::DeserializeOptions::new().encode_empty_tables_as_array(true);

@@ -7,7 +7,7 @@ const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -
 }
 
 /// All of them, in the order of the type definition file.
-pub const RECORDS: [&ApiRecord; 10] = [
+pub const RECORDS: [&ApiRecord; 12] = [
     &COMPONENT,
     &SCHEDULE,
     &REGION,
@@ -15,6 +15,8 @@ pub const RECORDS: [&ApiRecord; 10] = [
     &SCENARIO,
     &DRIVE_REQUEST,
     &OUTCOME,
+    &ROAD_REQUEST,
+    &ROAD,
     &EVALUATE_REQUEST,
     &EVALUATION,
     &EVALUATION_ROW,
@@ -151,6 +153,52 @@ const OUTCOME: ApiRecord = ApiRecord {
         field("progress", "number", "The share of the road that was driven, 0 to 1."),
         field("mean_cross_track_error", "number", "Mean absolute cross-track error in metres."),
         field("max_cross_track_error", "number", "Largest absolute cross-track error in metres."),
+    ],
+};
+
+/// What `pdk.road` takes.
+pub const ROAD_REQUEST: ApiRecord = ApiRecord {
+    name: "RoadRequest",
+    doc: "What `pdk.road` takes: `angles` for a given road, `turns` and `mean_curvature` for an informed one, neither for a \
+          random one.",
+    fields: &[
+        field("angles", "{ number }?", "Degrees turned at each node, positive to the right."),
+        field(
+            "segment",
+            "(number | { number })?",
+            "Metres from node to node, 25 where it is left out; one for each angle where they are given.",
+        ),
+        field("seed", "number?", "The seed of the draws; that of the run where it is left out."),
+        field(
+            "limit",
+            "number?",
+            "Largest angle in degrees: 35 for random roads, 60 for informed ones where it is left out.",
+        ),
+        field("turns", "number?", "Nodes at which the road turns by at least 25 degrees, 0 to 8."),
+        field("mean_curvature", "number?", "The mean curvature in 1/m that the road should come near."),
+        field(
+            "width",
+            "number?",
+            "Metres from edge to edge, 8 where it is left out; it may not cross itself.",
+        ),
+        field("attempts", "number?", "How many roads are drawn until one is valid; 1 where it is left out."),
+    ],
+};
+
+const ROAD: ApiRecord = ApiRecord {
+    name: "Road",
+    doc: "What `pdk.road` returns.",
+    fields: &[
+        field("waypoints", "string", "The waypoints as `x,y,z@x,y,z`, y up, in metres."),
+        field(
+            "road",
+            "{ waypoints: { { number } } }",
+            "The same as a simulator takes it: the `road` of a scenario for `lane`.",
+        ),
+        field("angles", "{ number }", "Degrees turned at each node."),
+        field("turns", "number", "Nodes at which it turns by at least 25 degrees."),
+        field("mean_curvature", "number", "Mean curvature over its nodes in 1/m."),
+        field("length", "number", "Its length in metres."),
     ],
 };
 

@@ -1,0 +1,101 @@
+-- The lowest level at which each perturbation makes a driver fail: all climb level by level until they fail.
+--
+--   pdk run scripts/greedy.lua
+--   pdk run scripts/greedy.lua --set perturbations=gaussian_noise,dirty_lens --set roads=3 --seed 7
+--
+-- Roads that the driver does not manage with a clear view are left out. greedy.json in the record holds what the table
+-- shows.
+
+local settings = pdk.settings({
+	simulator = "lane",
+	driver = "lane_keeper",
+	perturbations = {}, -- none: the default set
+	levels = { 0, 1, 2, 3, 4 },
+	roads = 1, -- how many random roads
+	road_seed = 1, -- seed of the first road; each further one has the next
+	limit = 35, -- largest angle of a road in degrees
+	attempts = 1000, -- draws until a road is valid
+	duration = 40, -- seconds of simulation time
+})
+
+local names = settings.perturbations
+if #names == 0 then
+	names = pdk.perturbations()
+end
+
+local function drive(scenarios)
+	return pdk.drive({
+		simulator = settings.simulator,
+		driver = settings.driver,
+		duration = settings.duration,
+		images_every = 0,
+		scenarios = scenarios,
+	})
+end
+
+local nominal = {}
+for number = 1, settings.roads do
+	local seed = settings.road_seed + number - 1
+	local road = pdk.road({ seed = seed, limit = settings.limit, attempts = settings.attempts })
+	table.insert(nominal, { name = "nominal, road " .. number, road = road.road })
+end
+local driven, left_out = {}, {}
+for number, outcome in drive(nominal) do
+	if outcome.success then
+		table.insert(driven, { number = number, road = nominal[number].road, nominal = outcome.mean_cross_track_error })
+	else
+		print(`Road {number} is left out: without perturbation it ended with {outcome.cause}.`)
+		table.insert(left_out, { road = number, cause = outcome.cause })
+	end
+end
+
+-- One climber for each road and perturbation; those still in the race are driven together, so that all cores work.
+local climbers = {}
+for _, place in driven do
+	for _, name in names do
+		table.insert(climbers, { road = place.number, map = place.road, perturbation = name, mean_cross_track_error = {} })
+	end
+end
+local racing = climbers
+for _, level in settings.levels do
+	if #racing == 0 then
+		break
+	end
+	local scenarios = {}
+	for _, climber in racing do
+		table.insert(scenarios, {
+			name = `{climber.perturbation}@{level}, road {climber.road}`,
+			road = climber.map,
+			perturbations = { { name = climber.perturbation, level = level } },
+		})
+	end
+	local still = {}
+	for i, outcome in drive(scenarios) do
+		local climber = racing[i]
+		table.insert(climber.mean_cross_track_error, { level = level, metres = outcome.mean_cross_track_error })
+		if outcome.success then
+			table.insert(still, climber)
+		else
+			climber.first_failing_level = level
+			climber.cause = outcome.cause
+		end
+	end
+	racing = still
+end
+
+local header = { "perturbation", "road", "fails at", "cause" }
+for _, level in settings.levels do
+	table.insert(header, `mean |XTE| m @{level}`)
+end
+local rows = {}
+for _, climber in climbers do
+	local row: { any } = { climber.perturbation, climber.road, climber.first_failing_level or "never", climber.cause or "" }
+	for i in settings.levels do
+		local reached = climber.mean_cross_track_error[i]
+		table.insert(row, if reached then reached.metres else "")
+	end
+	table.insert(rows, row)
+	climber.map = nil
+end
+pdk.table(header, rows)
+pdk.save("greedy.json", { results = climbers, roads = driven, left_out = left_out })

@@ -1,0 +1,119 @@
+-- Which perturbations degrade a driver most: perturbations x levels x random roads, ranked.
+--
+--   pdk run scripts/study.lua
+--   pdk run scripts/study.lua --set perturbations=gaussian_noise,dirty_lens --set levels=0,2,4 --set roads=3
+--
+-- The ranking goes by the share of scenarios that failed, then by how much the mean |XTE| grew over that of the same road
+-- with a clear view. Roads that the driver does not manage with a clear view are left out. ranking.json in the record
+-- holds what the table shows.
+
+local settings = pdk.settings({
+	simulator = "lane",
+	driver = "lane_keeper",
+	perturbations = {}, -- none: the default set
+	levels = { 0, 1, 2, 3, 4 },
+	roads = 10, -- how many random roads
+	road_seed = 1, -- seed of the first road; each further one has the next
+	limit = 35, -- largest angle of a road in degrees
+	attempts = 1000, -- draws until a road is valid
+	duration = 40, -- seconds of simulation time
+	z = 1.96, -- standard deviations of the interval: 1.96 for 95 %
+})
+
+local names = settings.perturbations
+if #names == 0 then
+	names = pdk.perturbations()
+end
+
+local function drive(scenarios)
+	return pdk.drive({
+		simulator = settings.simulator,
+		driver = settings.driver,
+		duration = settings.duration,
+		images_every = 0,
+		scenarios = scenarios,
+	})
+end
+
+local nominal = {}
+for number = 1, settings.roads do
+	local seed = settings.road_seed + number - 1
+	local road = pdk.road({ seed = seed, limit = settings.limit, attempts = settings.attempts })
+	table.insert(nominal, { name = "nominal, road " .. number, road = road.road })
+end
+local driven, left_out = {}, {}
+for number, outcome in drive(nominal) do
+	if outcome.success then
+		table.insert(driven, { number = number, road = nominal[number].road, nominal = outcome.mean_cross_track_error })
+	else
+		print(`Road {number} is left out: without perturbation it ended with {outcome.cause}.`)
+		table.insert(left_out, { road = number, cause = outcome.cause })
+	end
+end
+if #driven == 0 then
+	error("the driver managed no road without perturbation, so there is nothing to compare with")
+end
+
+local scenarios, of = {}, {}
+for _, name in names do
+	for _, level in settings.levels do
+		for _, place in driven do
+			table.insert(scenarios, {
+				name = `{name}@{level}, road {place.number}`,
+				road = place.road,
+				perturbations = { { name = name, level = level } },
+			})
+			table.insert(of, { name = name, nominal = place.nominal })
+		end
+	end
+end
+
+local entries, by_name = {}, {}
+for _, name in names do
+	by_name[name] = { perturbation = name, scenarios = 0, failures = 0, increase = 0 }
+	table.insert(entries, by_name[name])
+end
+for i, outcome in drive(scenarios) do
+	local entry = by_name[of[i].name]
+	entry.scenarios += 1
+	entry.failures += if outcome.success then 0 else 1
+	entry.increase += outcome.mean_cross_track_error - of[i].nominal
+end
+
+-- Wilson's score interval of a share: E. B. Wilson, "Probable inference" (1927).
+local function wilson(failures, n)
+	local share, z2 = failures / n, settings.z * settings.z
+	local middle = (share + z2 / (2 * n)) / (1 + z2 / n)
+	local half = settings.z / (1 + z2 / n) * math.sqrt(share * (1 - share) / n + z2 / (4 * n * n))
+	return math.max(0, middle - half), math.min(1, middle + half)
+end
+for _, entry in entries do
+	entry.failed_share = entry.failures / entry.scenarios
+	entry.failed_share_low, entry.failed_share_high = wilson(entry.failures, entry.scenarios)
+	entry.mean_cross_track_error_increase = entry.increase / entry.scenarios
+	entry.increase = nil
+end
+table.sort(entries, function(a, b)
+	if a.failed_share ~= b.failed_share then
+		return a.failed_share > b.failed_share
+	end
+	if a.mean_cross_track_error_increase ~= b.mean_cross_track_error_increase then
+		return a.mean_cross_track_error_increase > b.mean_cross_track_error_increase
+	end
+	return a.perturbation < b.perturbation
+end)
+
+local rows = {}
+for rank, entry in entries do
+	entry.rank = rank
+	table.insert(rows, {
+		rank,
+		entry.perturbation,
+		`{entry.failures} of {entry.scenarios}`,
+		entry.failed_share,
+		string.format("%.3f to %.3f", entry.failed_share_low, entry.failed_share_high),
+		entry.mean_cross_track_error_increase,
+	})
+end
+pdk.table({ "rank", "perturbation", "failed", "share", "interval", "mean |XTE| increase m" }, rows)
+pdk.save("ranking.json", { ranking = entries, z = settings.z, roads = driven, left_out = left_out })

@@ -1,0 +1,128 @@
+//! The pipelines that come with pdk: what they save agrees with the record, and two runs are equal.
+
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+use std::path::Path;
+
+use pdk_tests::process::{json_file, json_lines, pipeline};
+use pdk_tests::{Pdk, repository, temp};
+use serde_json::{Value, json};
+
+/// Small frames: 80 x 60 pixels, 20 a second.
+const SIMULATOR: &str = r#"{"name":"lane","width":80,"height":60,"rate":20}"#;
+
+fn tiny(script: &str, out: &Path) -> Pdk {
+    Pdk::new(["run", "--out"])
+        .arg(out)
+        .arg(repository().join("scripts").join(script))
+        .set("simulator", SIMULATOR)
+        .set("perturbations", "contrast,translate_image")
+        .set("levels", "0,4")
+        .set("limit", "10")
+}
+
+/// The outcome of a scenario by its name.
+fn outcome<'a>(outcomes: &'a [Value], name: &str) -> &'a Value {
+    outcomes.iter().find(|outcome| outcome["scenario"]["name"] == name).expect(name)
+}
+
+#[test]
+fn greedy_climbs_until_the_first_failure() {
+    let folder = temp();
+    let outs = ["a", "b"].map(|name| folder.path().join(name));
+    let ran = tiny("greedy.lua", &outs[0]).succeed();
+    tiny("greedy.lua", &outs[1]).set("threads", 1).succeed();
+    let read = |out: &Path| fs::read_to_string(out.join("greedy.json")).unwrap();
+    assert_eq!(read(&outs[0]), read(&outs[1]));
+    assert!(ran.stdout.contains("translate_image") && ran.stdout.contains("fails at"), "{}", ran.stdout);
+
+    let outcomes = json_lines(&outs[0].join("scenarios.jsonl"));
+    let greedy = json_file(&outs[0].join("greedy.json"));
+    let results = greedy["results"].as_array().unwrap();
+    assert_eq!(results.len(), 2);
+    let mut driven = 1;
+    for result in results {
+        let name = result["perturbation"].as_str().unwrap();
+        for step in result["mean_cross_track_error"].as_array().unwrap() {
+            driven += 1;
+            let outcome = outcome(&outcomes, &format!("{name}@{}, road 1", step["level"]));
+            assert_eq!(outcome["mean_cross_track_error"], step["metres"]);
+            let failing = result.get("first_failing_level") == Some(&step["level"]);
+            assert_eq!(outcome["success"], json!(!failing), "{outcome}");
+        }
+    }
+    assert_eq!(outcomes.len(), driven, "something was driven that no result speaks of");
+    let translate = results.iter().find(|result| result["perturbation"] == "translate_image").unwrap();
+    assert!(translate["first_failing_level"].is_number(), "{translate}");
+}
+
+#[test]
+fn greedy_leaves_out_roads_that_fail_without_perturbation() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    let ran = tiny("greedy.lua", &out).set("duration", 1).succeed();
+    assert!(ran.stderr.contains("Road 1 is left out"), "{}", ran.stderr);
+    let greedy = json_file(&out.join("greedy.json"));
+    assert_eq!(greedy["left_out"], json!([{"cause": "time_out", "road": 1}]));
+    assert_eq!((&greedy["results"], json_lines(&out.join("scenarios.jsonl")).len()), (&json!([]), 1));
+    let study = folder.path().join("study");
+    tiny("study.lua", &study).set("duration", 1).set("roads", 1).fail(1, &["managed no road"]);
+}
+
+#[test]
+fn the_study_ranks_by_failures() {
+    let folder = temp();
+    let outs = ["a", "b"].map(|name| folder.path().join(name));
+    for (out, threads) in outs.iter().zip([2, 1]) {
+        tiny("study.lua", out).set("roads", 2).set("threads", threads).succeed();
+    }
+    let read = |out: &Path| fs::read_to_string(out.join("ranking.json")).unwrap();
+    assert_eq!(read(&outs[0]), read(&outs[1]));
+
+    let outcomes = json_lines(&outs[0].join("scenarios.jsonl"));
+    let ranking = json_file(&outs[0].join("ranking.json"));
+    let entries = ranking["ranking"].as_array().unwrap();
+    assert_eq!((entries.len(), &entries[0]["perturbation"]), (2, &json!("translate_image")));
+    for entry in entries {
+        let name = entry["perturbation"].as_str().unwrap();
+        let of_entry: Vec<&Value> = outcomes
+            .iter()
+            .filter(|outcome| outcome["scenario"]["name"].as_str().unwrap().starts_with(&format!("{name}@")))
+            .collect();
+        let failed = of_entry.iter().filter(|outcome| outcome["success"] == false).count();
+        assert_eq!((entry["scenarios"].as_u64(), entry["failures"].as_u64()), (Some(4), Some(failed as u64)));
+        assert_eq!(of_entry.len(), 4);
+        let number = |field: &str| entry[field].as_f64().unwrap();
+        let share = failed as f64 / 4.0;
+        assert_eq!(number("failed_share"), share);
+        assert!(number("failed_share_low") <= share && share <= number("failed_share_high"));
+        let increase: f64 = of_entry
+            .iter()
+            .map(|outcome| {
+                let road = outcome["scenario"]["name"].as_str().unwrap().split(", ").nth(1).unwrap();
+                let nominal = self::outcome(&outcomes, &format!("nominal, {road}"));
+                let error = |outcome: &Value| outcome["mean_cross_track_error"].as_f64().unwrap();
+                error(outcome) - error(nominal)
+            })
+            .sum::<f64>()
+            / 4.0;
+        assert!((number("mean_cross_track_error_increase") - increase).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_pipeline_saves_files_of_its_own_only() {
+    let folder = temp();
+    let early = r#"pdk.save("a.json", {})"#;
+    let run = |name: &str, source: &str| {
+        let place = folder.path().join(name);
+        fs::create_dir(&place).unwrap();
+        Pdk::new(["run", "--out"]).arg(place.join("record")).arg(pipeline(&place, source)).misbehave()
+    };
+    run("early", early).fail(1, &["pdk.save has to come after the first pdk.drive"]);
+    let drive = r#"pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {} } })"#;
+    run("own", &format!("{drive}\npdk.save('manifest.json', 1)")).fail(1, &["a file of the record itself"]);
+    run("good", &format!("{drive}\npdk.save('a.json', {{ b = 1, a = {{ 2 }} }})")).succeed();
+    assert_eq!(json_file(&folder.path().join("good/record/a.json")), json!({"a": [2], "b": 1}));
+}
