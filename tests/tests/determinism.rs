@@ -144,7 +144,7 @@ fn a_closed_loop_is_the_same_on_any_number_of_threads() {
     }
     let traces = [0, 1, 2, 3, 4].map(|number| format!("traces/000{number}.mcap"));
     let traces = traces.each_ref().map(String::as_str);
-    assert_eq!(names, [&["manifest.json", "scenarios.jsonl", "summary.json"][..], &traces].concat());
+    assert_eq!(names, [&[".lock", "manifest.json", "scenarios.jsonl", "summary.json"][..], &traces].concat());
 }
 
 #[test]
@@ -166,7 +166,7 @@ fn an_offline_evaluation_is_the_same_on_any_number_of_threads() {
         "#,
         0,
     );
-    assert_eq!(names, ["manifest.json", "results.jsonl", "summary.json"]);
+    assert_eq!(names, [".lock", "manifest.json", "results.jsonl", "summary.json"]);
 }
 
 #[test]

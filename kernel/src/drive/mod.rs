@@ -1,5 +1,6 @@
 //! The closed loop: simulator, perturbations, driver, and back to the simulator, frame by frame.
 
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::thread::ScopedJoinHandle;
@@ -81,8 +82,8 @@ fn watch(plan: &Plan, patience: Duration) -> Watch {
     )
 }
 
-/// Drives all scenarios of a plan and writes a line and a trace for each. The outcomes are the same for any number of
-/// threads.
+/// Drives all scenarios of a plan but those that were `recorded` by an earlier process, and writes a line and a trace for
+/// each. The outcomes, with those recorded, are the same for any number of threads.
 ///
 /// # Errors
 /// Where a component cannot be made, or the record cannot be written. A component that fails within a scenario is that
@@ -92,21 +93,27 @@ pub fn drive(
     plan: &Plan,
     settings: &Settings,
     directory: &RunDirectory,
+    recorded: Vec<Outcome>,
     progress: &ProgressBar,
 ) -> Result<(Vec<Outcome>, Performance)> {
     // A wrong name or parameter shows before the first scenario rather than in the middle of the night.
     let watch = watch(plan, settings.patience);
-    for (position, scenario) in plan.scenarios.iter().enumerate() {
+    let done: BTreeSet<u64> = recorded.iter().map(|outcome| outcome.index).collect();
+    let open: Vec<(usize, &ScenarioSpec)> = (settings.first_index..)
+        .zip(plan.scenarios.iter().enumerate())
+        .filter_map(|(index, scenario)| (!done.contains(&index)).then_some(scenario))
+        .collect();
+    for &(position, scenario) in &open {
         watch.call(PERTURBATIONS + position, || {
             Chain::new(registry, &scenario.perturbations, settings.seed, 0).map(drop)
         })?;
     }
-    let threads = settings.threads.clamp(1, plan.scenarios.len());
+    let threads = settings.threads.clamp(1, open.len().max(1));
     let workers = (0..threads)
         .map(|lane| Worker::new(registry, plan, settings, directory, lane as u32))
         .collect::<Result<Vec<_>>>()?;
     let rate = workers.first().map_or(0.0, |worker| worker.camera.rate);
-    progress.set_length(plan.scenarios.iter().map(|s| expected_frames(s, rate)).sum());
+    progress.set_length(open.iter().map(|(_, scenario)| expected_frames(scenario, rate)).sum());
 
     let started = Instant::now();
     let lines = Mutex::new(directory.lines(SCENARIOS)?);
@@ -118,18 +125,19 @@ pub fn drive(
     };
     let next = AtomicUsize::new(0);
     let stop = AtomicBool::new(false);
-    let mut outcomes = Vec::with_capacity(plan.scenarios.len());
+    let mut outcomes = recorded;
+    let before: u64 = outcomes.iter().map(|outcome| outcome.frames).sum();
     let stopwatches = std::thread::scope(|scope| {
         let (sender, receiver) = mpsc::channel();
         let threads: Vec<_> = workers
             .into_iter()
             .map(|mut worker| {
-                let (sender, next, stop, write) = (sender.clone(), &next, &stop, &write);
+                let (sender, next, stop, write, open) = (sender.clone(), &next, &stop, &write, &open);
                 scope.spawn(move || {
                     while !stop.load(Ordering::Relaxed) {
                         let index = next.fetch_add(1, Ordering::Relaxed);
-                        let Some(scenario) = plan.scenarios.get(index) else { break };
-                        let outcome = worker.scenario(index as u64, scenario, progress);
+                        let Some(&(position, scenario)) = open.get(index) else { break };
+                        let outcome = worker.scenario(position as u64, scenario, progress);
                         let outcome = outcome.and_then(|outcome| write(&outcome).map(|()| outcome));
                         if outcome.is_err() {
                             stop.store(true, Ordering::Relaxed);
@@ -171,7 +179,7 @@ pub fn drive(
         sum.merge(next);
         sum
     });
-    let frames: u64 = outcomes.iter().map(|outcome| outcome.frames).sum();
+    let frames = outcomes.iter().map(|outcome| outcome.frames).sum::<u64>() - before;
     let performance = Performance {
         threads,
         wall_seconds: wall,
@@ -180,6 +188,35 @@ pub fn drive(
         stages: stages.map(|stopwatch| stopwatch.times()).unwrap_or_default(),
     };
     Ok((outcomes, performance))
+}
+
+/// Says what an outcome that was recorded earlier has in common with what the plan asks for under its number: everything.
+///
+/// # Errors
+/// Names what differs.
+pub fn check_recorded(plan: &Plan, scenario: &ScenarioSpec, outcome: &Outcome) -> Result<()> {
+    let asked = Outcome {
+        scenario: scenario.clone(),
+        simulator: Some(plan.simulator.clone()),
+        driver: Some(plan.driver.clone()),
+        images_every: Some(plan.images_every),
+        ..outcome.clone()
+    };
+    // As it comes out of the file.
+    let asked: Outcome = serde_json::from_str(&serde_json::to_string(&asked)?)?;
+    let same = [
+        ("its road, perturbations, duration, name or seed", asked.scenario == outcome.scenario),
+        ("its simulator", asked.simulator == outcome.simulator),
+        ("its driver", asked.driver == outcome.driver),
+        ("images_every", asked.images_every == outcome.images_every),
+    ];
+    match same.into_iter().find(|(_, same)| !same) {
+        None => Ok(()),
+        Some((what, _)) => Err(Error::new(format!(
+            "scenario {} `{}` was recorded as another one ({what} is different); choose another folder with --out",
+            outcome.index, outcome.scenario.name
+        ))),
+    }
 }
 
 /// A simulator may deliver so many times the frames that its rate and the time limit make, and so many more; a scenario
@@ -279,7 +316,7 @@ impl<'a> Worker<'a> {
             let driver = std::mem::replace(&mut self.driver, driver);
             drop_components(simulator, driver, &self.watch);
         }
-        Ok(run.into_outcome(error, waypoints))
+        Ok(run.into_outcome(self.plan, error, waypoints))
     }
 
     /// Ends the loop and returns the times of its steps.
@@ -459,11 +496,14 @@ impl<'a> ScenarioRun<'a> {
         Ok(state)
     }
 
-    fn into_outcome(self, error: Option<String>, waypoints: String) -> Outcome {
+    fn into_outcome(self, plan: &Plan, error: Option<String>, waypoints: String) -> Outcome {
         let (mean_cross_track_error, max_cross_track_error) = self.observer.cross_track_error();
         Outcome {
             index: self.index,
             scenario: self.spec.clone(),
+            simulator: Some(plan.simulator.clone()),
+            driver: Some(plan.driver.clone()),
+            images_every: Some(plan.images_every),
             success: self.cause == Cause::Finished,
             cause: self.cause,
             error,

@@ -4,6 +4,7 @@ use pdk_sdk::prelude::{Control, State};
 use serde::{Deserialize, Serialize};
 
 use super::plan::ScenarioSpec;
+use crate::component::ComponentSpec;
 
 /// Seconds of simulation time between two samples of the telemetry that metrics are computed from.
 pub const TELEMETRY_INTERVAL: f64 = 0.25;
@@ -53,6 +54,15 @@ pub struct Outcome {
     pub index: u64,
     /// What was driven.
     pub scenario: ScenarioSpec,
+    /// The simulator that it was driven in.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub simulator: Option<ComponentSpec>,
+    /// The driver that drove.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub driver: Option<ComponentSpec>,
+    /// Every how many frames there is an image in the trace; 0 for none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub images_every: Option<u64>,
     /// Whether the end of the road was reached.
     pub success: bool,
     /// How it ended.

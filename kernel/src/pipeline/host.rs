@@ -16,7 +16,7 @@ use crate::component::ComponentSpec;
 use crate::drive::{self, Cause, Outcome};
 use crate::evaluate;
 use crate::record::manifest::{InUse, Machine, Manifest, Pipeline};
-use crate::record::{MANIFEST, PERFORMANCE, RunDirectory, SUMMARY};
+use crate::record::{MANIFEST, PERFORMANCE, Recorded, RunDirectory, SUMMARY};
 use crate::registry::Registry;
 use crate::watchdog;
 
@@ -53,6 +53,10 @@ pub struct Host {
     settings: Option<Value>,
     common: Common,
     directory: Option<RunDirectory>,
+    /// What an earlier process left in the folder; its outcomes are taken out as the pipeline comes to them.
+    recorded: Option<Recorded>,
+    /// How many outcomes were taken from there.
+    kept: usize,
     in_use: InUse,
     outcomes: Vec<Value>,
     evaluations: Vec<Value>,
@@ -121,6 +125,8 @@ impl Host {
             settings: None,
             common,
             directory: None,
+            recorded: None,
+            kept: 0,
             in_use: InUse::default(),
             outcomes: Vec::new(),
             evaluations: Vec::new(),
@@ -174,9 +180,12 @@ impl Host {
             first_index: self.next_scenario,
         };
         self.next_scenario += plan.scenarios.len() as u64;
+        let recorded = self.take_recorded(&plan, settings.first_index)?;
+        let driven = plan.scenarios.len() - recorded.len();
         let progress =
             self.progress("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {per_sec}, {eta} left");
-        let (outcomes, performance) = drive::drive(&registry, &plan, &settings, &directory, &progress)?;
+        let (outcomes, performance) =
+            drive::drive(&registry, &plan, &settings, &directory, recorded, &progress)?;
         let overruns = performance.stages.overruns;
         if overruns > 0 {
             self.warnings.push(format!(
@@ -191,9 +200,36 @@ impl Host {
                 .push(format!("scenario {} `{}`: {error}", outcome.index, outcome.scenario.name));
         }
         self.outcomes.extend(rows.iter().cloned());
-        self.say_speed(speed::of_drive(&performance));
-        self.performance.push(json!({ "drive": performance }));
+        if driven > 0 {
+            self.say_speed(speed::of_drive(&performance));
+            self.performance.push(json!({ "drive": performance }));
+        }
         Ok(Value::Array(rows))
+    }
+
+    /// The outcomes of a plan that an earlier process recorded.
+    fn take_recorded(&mut self, plan: &drive::Plan, first_index: u64) -> Result<Vec<Outcome>> {
+        let Some(recorded) = &mut self.recorded else { return Ok(Vec::new()) };
+        let mut taken = Vec::new();
+        for (index, scenario) in (first_index..).zip(&plan.scenarios) {
+            if let Some(outcome) = recorded.outcomes.remove(&index) {
+                drive::check_recorded(plan, scenario, &outcome).inspect_err(|_| self.directory = None)?;
+                taken.push(outcome);
+            }
+        }
+        self.kept += taken.len();
+        if !self.options.quiet && !taken.is_empty() {
+            println!(
+                "{} of {} scenarios are in the record already; {}",
+                taken.len(),
+                plan.scenarios.len(),
+                match plan.scenarios.len() - taken.len() {
+                    0 => "nothing is left to drive".to_owned(),
+                    left => format!("driving the other {left}"),
+                }
+            );
+        }
+        Ok(taken)
     }
 
     /// `pdk.evaluate`: the offline loop.
@@ -289,6 +325,10 @@ impl Host {
         let summary = json!({ "outcomes": self.outcomes, "evaluations": self.evaluations });
         let written = self.directory.as_ref().map_or(Ok(()), |directory| {
             directory.write_json(SUMMARY, &summary)?;
+            // The times of the process that drove are worth more than those of one that did not.
+            if self.kept > 0 && self.performance.is_empty() && directory.path().join(PERFORMANCE).is_file() {
+                return Ok(());
+            }
             let started = self.started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
             let performance = json!({ "started_unix_seconds": started, "steps": self.performance });
             directory.write_json(PERFORMANCE, &performance)
@@ -300,7 +340,12 @@ impl Host {
                 self.outcomes.len()
             ))
         });
-        let failures = [script.err(), written.err(), scenarios, self.check_overrides().err()];
+        let left = self.recorded.as_ref().and_then(|recorded| recorded.outcomes.keys().next()).map(|index| {
+            Error::new(format!(
+                "the record holds scenario {index}, which the pipeline did not drive; choose another folder with --out"
+            ))
+        });
+        let failures = [script.err(), written.err(), left, scenarios, self.check_overrides().err()];
         Finished {
             record: self.directory.as_ref().map(|directory| directory.path().to_owned()),
             summary,
@@ -338,7 +383,19 @@ impl Host {
             files: self.in_use.files(),
             machine: Machine::this(),
         };
-        self.directory()?.write_json(MANIFEST, &manifest)
+        let directory = self.directory()?;
+        let manifest = match &self.recorded {
+            None => manifest,
+            Some(recorded) => manifest.continuing(&recorded.manifest).map_err(|difference| {
+                // What another run recorded stays as it is.
+                self.directory = None;
+                Error::new(format!(
+                    "the output folder {} holds the record of another run: {difference}; choose another with --out",
+                    directory.path().display()
+                ))
+            })?,
+        };
+        directory.write_json(MANIFEST, &manifest)
     }
 
     /// What a driver says of itself once it is made.
@@ -356,7 +413,9 @@ impl Host {
             Some(path) => RunDirectory::create(path),
             None => RunDirectory::create_first(folders(&self.pipeline.path)),
         };
-        Ok(self.directory.insert(directory?).clone())
+        let directory = directory?;
+        self.recorded = directory.recorded()?;
+        Ok(self.directory.insert(directory).clone())
     }
 
     fn progress(&self, template: &str) -> ProgressBar {

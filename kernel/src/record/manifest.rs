@@ -74,6 +74,81 @@ pub struct Machine {
     pub processors: usize,
 }
 
+impl Manifest {
+    /// This manifest with what a recorded one of the same run says besides: its machine, and the components and files that this
+    /// one has not come to yet.
+    ///
+    /// # Errors
+    /// Where the two are not of the same run: says what differs, first the recorded value.
+    pub fn continuing(mut self, recorded: &Manifest) -> Result<Self, String> {
+        let differs = |what: &str, was: &dyn std::fmt::Display, is: &dyn std::fmt::Display| {
+            Err(format!("{what} was {was} and is {is}"))
+        };
+        if self.pdk != recorded.pdk {
+            return differs("the version of pdk", &recorded.pdk, &self.pdk);
+        }
+        if self.seed != recorded.seed {
+            return differs("the seed", &recorded.seed, &self.seed);
+        }
+        let (was, is) = (&recorded.pipeline, &self.pipeline);
+        if was.source != is.source {
+            return Err(format!("the text of the pipeline {} is another", is.path.display()));
+        }
+        if was.path != is.path {
+            return differs("the path of the pipeline", &was.path.display(), &is.path.display());
+        }
+        // As it comes out of the file.
+        let settings = serde_json::to_string(&self.settings).and_then(|text| serde_json::from_str(&text));
+        let settings: Value = settings.map_err(|error| error.to_string())?;
+        if let Some((name, was, is)) = difference("", &recorded.settings, &settings) {
+            return differs(&format!("the setting {name}"), &was, &is);
+        }
+        for component in &self.components {
+            let same = |c: &&ComponentRecord| c.kind == component.kind && c.name == component.name;
+            let mut known = recorded.components.iter().filter(same).peekable();
+            let Some(first) = known.peek().copied() else { continue };
+            let name = format!("the {} `{}`", component.kind, component.name);
+            if first.version != component.version {
+                return differs(&format!("the version of {name}"), &first.version, &component.version);
+            }
+            if first.file.blake3 != component.file.blake3 {
+                return Err(format!("the file of {name}, {}, is another", component.file.path.display()));
+            }
+            if first.file.path != component.file.path {
+                let (was, is) = (first.file.path.display(), component.file.path.display());
+                return differs(&format!("the path of {name}"), &was, &is);
+            }
+        }
+        for file in &self.files {
+            let known = recorded.files.iter().find(|known| known.path == file.path);
+            if known.is_some_and(|known| known.blake3 != file.blake3) {
+                return Err(format!("the file {} is another", file.path.display()));
+            }
+        }
+        self.machine = recorded.machine.clone();
+        self.components.extend(recorded.components.iter().cloned());
+        self.components.sort();
+        self.components.dedup();
+        self.files.extend(recorded.files.iter().cloned());
+        self.files.sort();
+        self.files.dedup();
+        Ok(self)
+    }
+}
+
+/// The first setting that differs, with both values; what is not there is null.
+fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value, Value)> {
+    if let (Value::Object(was), Value::Object(is)) = (was, is) {
+        let names: BTreeSet<&String> = was.keys().chain(is.keys()).collect();
+        return names.into_iter().find_map(|name| {
+            let place = if place.is_empty() { name.clone() } else { format!("{place}.{name}") };
+            let value = |table: &Map<String, Value>| table.get(name).cloned().unwrap_or_default();
+            difference(&place, &value(was), &value(is))
+        });
+    }
+    (was != is).then(|| (format!("`{place}`"), was.clone(), is.clone()))
+}
+
 impl Machine {
     /// This machine.
     pub fn this() -> Self {

@@ -7,11 +7,14 @@
 //! | `results.jsonl` | one line a frame, perturbation and level of an offline evaluation |
 //! | `summary.json` | the table at the end |
 //! | `traces/N.mcap` | frames, control, state and events of scenario N |
+//! | `.lock` | nothing: the process that writes the record holds it |
 //! | `performance.json` | when and how fast it ran; the one file that differs between two equal runs |
 
-use std::fs::{self, File};
+use std::collections::BTreeMap;
+use std::fs::{self, File, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use pdk_sdk::error::{Error, Place, Result};
 use serde::Serialize;
@@ -33,39 +36,84 @@ pub const SUMMARY: &str = "summary.json";
 /// The name of the file with times.
 pub const PERFORMANCE: &str = "performance.json";
 
+/// Held by the process that writes the record; the system gives it back however that process ends.
+const LOCK: &str = ".lock";
+/// The folder of the traces.
+const TRACES: &str = "traces";
+
 /// The folder of one run.
 #[derive(Debug, Clone)]
 pub struct RunDirectory {
     path: PathBuf,
+    /// Keeps other processes from writing here; none where the record is only read.
+    _lock: Option<Arc<File>>,
 }
 
 impl RunDirectory {
-    /// Makes the folder of a new run.
+    /// Makes the folder of a run, or takes one that holds a record or the beginning of one; whether that can be continued is for
+    /// [`RunDirectory::recorded`] to say.
     ///
     /// # Errors
-    /// Where the folder holds something already, or cannot be made.
+    /// Where the folder holds something else, another process writes there, or it cannot be made.
     pub fn create(path: &Path) -> Result<Self> {
         let remedy = "choose another with --out";
-        let make = || match fs::read_dir(path).map(|mut entries| entries.next().is_none()) {
-            Ok(empty) => Ok(empty),
-            Err(_) => {
-                path.parent().map_or(Ok(()), fs::create_dir_all)?;
-                // Of two runs that start at the same time, one makes it.
-                fs::create_dir(path).map(|()| true)
-            }
-        };
-        let empty = make().map_err(|error| {
-            Error::new(format!("cannot make the output folder {} ({error}); {remedy}", path.display()))
-        })?;
-        if !empty {
+        if !path.is_dir() {
+            // Of two runs that start at the same time, one makes it, and the lock decides which of them goes on.
+            fs::create_dir_all(path).map_err(|error| {
+                Error::new(format!("cannot make the output folder {} ({error}); {remedy}", path.display()))
+            })?;
+        }
+        if !is_ours(path)? {
             return Err(Error::new(format!("the output folder {} is not empty; {remedy}", path.display())));
         }
         // Fails now rather than after an hour where the folder is read-only.
-        let probe = path.join(".pdk-write-test");
-        File::create(&probe).and_then(|_| fs::remove_file(&probe)).map_err(|error| {
+        let lock = File::options().create(true).append(true).open(path.join(LOCK)).map_err(|error| {
             Error::new(format!("cannot write to the output folder {} ({error}); {remedy}", path.display()))
         })?;
-        Ok(Self { path: path.to_owned() })
+        match lock.try_lock() {
+            Ok(()) => Ok(Self { path: path.to_owned(), _lock: Some(Arc::new(lock)) }),
+            Err(TryLockError::WouldBlock) => Err(Error::new(format!(
+                "another process is writing to the output folder {}; wait for its end, or {remedy}",
+                path.display()
+            ))),
+            Err(TryLockError::Error(error)) => Err(Error::new(format!(
+                "cannot lock the output folder {} ({error}); {remedy}",
+                path.display()
+            ))),
+        }
+    }
+
+    /// What an earlier process recorded here, for this one to continue; none where it did not come to its manifest.
+    ///
+    /// # Errors
+    /// Where the record holds offline results, which cannot be continued, or is damaged.
+    pub fn recorded(&self) -> Result<Option<Recorded>> {
+        let manifest = self.path.join(MANIFEST);
+        if !manifest.is_file() {
+            return Ok(None);
+        }
+        if self.path.join(RESULTS).exists() {
+            return Err(Error::new(format!(
+                "the output folder {} holds results of pdk.evaluate, which cannot be continued; choose another with --out",
+                self.path.display()
+            )));
+        }
+        let text = fs::read(&manifest).place(manifest.display())?;
+        let manifest = serde_json::from_slice(&text).place(manifest.display())?;
+        let path = self.path.join(SCENARIOS);
+        let mut outcomes = BTreeMap::new();
+        if path.exists() {
+            for outcome in read_outcomes(self)? {
+                let index = outcome.index;
+                if outcomes.insert(index, outcome).is_some() {
+                    return Err(Error::new(format!(
+                        "{} holds scenario {index} twice; choose another folder with --out",
+                        path.display()
+                    )));
+                }
+            }
+        }
+        Ok(Some(Recorded { manifest, outcomes }))
     }
 
     /// Makes the folder of a new run in the first of these places where nothing is. Runs that start at the same time get
@@ -102,7 +150,7 @@ impl RunDirectory {
                 path.display()
             )));
         }
-        Ok(Self { path: path.to_owned() })
+        Ok(Self { path: path.to_owned(), _lock: None })
     }
 
     /// The folder.
@@ -124,7 +172,7 @@ impl RunDirectory {
         written.map_err(|error| write_error(&path, &error))
     }
 
-    /// Opens a file to which lines are added as they come.
+    /// Opens a file to which lines are added as they come. A last line that an earlier process did not complete is removed.
     ///
     /// # Errors
     /// Where it cannot be written.
@@ -132,7 +180,11 @@ impl RunDirectory {
         let path = self.path.join(name);
         let file =
             File::options().create(true).append(true).open(&path).map_err(|e| write_error(&path, &e))?;
-        let complete = file.metadata().map_err(|e| write_error(&path, &e))?.len();
+        let text = fs::read(&path).map_err(|e| write_error(&path, &e))?;
+        let complete = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end as u64 + 1);
+        if complete < text.len() as u64 {
+            file.set_len(complete).map_err(|e| write_error(&path, &e))?;
+        }
         Ok(Lines { path, file, complete })
     }
 
@@ -141,10 +193,39 @@ impl RunDirectory {
     /// # Errors
     /// Where the folder cannot be made.
     pub fn trace(&self, scenario: u64) -> Result<PathBuf> {
-        let folder = self.path.join("traces");
+        let folder = self.path.join(TRACES);
         fs::create_dir_all(&folder).map_err(|error| write_error(&folder, &error))?;
         Ok(folder.join(format!("{scenario:04}.mcap")))
     }
+}
+
+/// What a process that ended early left of its run.
+#[derive(Debug, Clone)]
+pub struct Recorded {
+    /// What was run.
+    pub manifest: manifest::Manifest,
+    /// The scenarios that were over, by their numbers.
+    pub outcomes: BTreeMap<u64, Outcome>,
+}
+
+/// Whether a folder holds nothing but a record or the beginning of one.
+fn is_ours(path: &Path) -> Result<bool> {
+    let begun = path.join(MANIFEST).is_file();
+    let place = |error| Error::new(format!("cannot read the output folder {} ({error})", path.display()));
+    for entry in fs::read_dir(path).map_err(place)? {
+        let name = entry.map_err(place)?.file_name();
+        let name = name.to_string_lossy();
+        // A pipeline may save JSON files of its own beside those of the kernel.
+        let json = name.ends_with(".json") || name.ends_with(".json.part");
+        let lines = [SCENARIOS, "scenarios.part", RESULTS, "results.part"].contains(&&*name);
+        let known = name == LOCK
+            || name == "manifest.json.part"
+            || begun && (json || lines || name == TRACES);
+        if !known {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// A file of JSON lines. Each line is in the file when `write` returns.
@@ -274,6 +355,12 @@ mod tests {
         assert_eq!(text, "{\"index\":0}\n{\"index\":1}\n{\"index\":2}\n");
         let error = RunDirectory::create(&folder).unwrap_err().to_string();
         assert!(error.ends_with("is not empty; choose another with --out"), "{error}");
+        fs::remove_file(folder.join(SCENARIOS)).unwrap();
+        let error = RunDirectory::create(&folder).unwrap_err().to_string();
+        assert!(error.starts_with("another process is writing to"), "{error}");
+        drop(lines);
+        drop(directory);
+        assert!(RunDirectory::create(&folder).unwrap().recorded().unwrap().is_none());
         fs::remove_dir_all(folder).unwrap();
     }
 }
