@@ -58,7 +58,9 @@ impl Road {
                 angles.len()
             ));
         }
-        if let Some((i, angle)) = angles.iter().enumerate().find(|(_, angle)| !(angle.abs() <= 90.0)) {
+        if let Some((i, angle)) =
+            angles.iter().enumerate().find(|(_, angle)| !(-90.0..=90.0).contains(*angle))
+        {
             return Err(format!("angle {} is {angle} degrees, but has to be from -90 to 90", i + 1));
         }
         if let Some((i, length)) = lengths.iter().enumerate().find(|(_, l)| !(1.0..=1000.0).contains(*l)) {
