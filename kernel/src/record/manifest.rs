@@ -118,6 +118,18 @@ impl Manifest {
                 let (was, is) = (first.file.path.display(), component.file.path.display());
                 return differs(&format!("the path of {name}"), &was, &is);
             }
+            // Such as the library that runs a network. Others may come with later drives.
+            let again = self.components.iter().filter(same).any(|c| recorded.components.contains(c));
+            if !again {
+                let text = |info: &[(String, String)]| {
+                    info.iter().map(|(key, value)| format!("{key} {value}")).collect::<Vec<_>>().join(", ")
+                };
+                return differs(
+                    &format!("what {name} says of itself"),
+                    &format!("`{}`", text(&first.info)),
+                    &format!("`{}`", text(&component.info)),
+                );
+            }
         }
         for file in &self.files {
             let known = recorded.files.iter().find(|known| known.path == file.path);
