@@ -218,9 +218,8 @@ fn is_ours(path: &Path) -> Result<bool> {
         // A pipeline may save JSON files of its own beside those of the kernel.
         let json = name.ends_with(".json") || name.ends_with(".json.part");
         let lines = [SCENARIOS, "scenarios.part", RESULTS, "results.part"].contains(&&*name);
-        let known = name == LOCK
-            || name == "manifest.json.part"
-            || begun && (json || lines || name == TRACES);
+        let known =
+            name == LOCK || name == "manifest.json.part" || begun && (json || lines || name == TRACES);
         if !known {
             return Ok(false);
         }
