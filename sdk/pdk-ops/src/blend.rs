@@ -1,7 +1,8 @@
 //! Weighted sums of two frames.
 
 use crate::color::grey;
-use crate::frame::{CHANNELS, Frame, FrameMut, for_each_row};
+use crate::frame::{Frame, FrameMut, for_each_row};
+use crate::planes::{BLOCK_BYTES, put_together, take_apart};
 use crate::simd::{round_inside_byte, vectorised};
 
 /// Two values weighted, rounded half to even. `rest` is what is left of one.
@@ -52,11 +53,16 @@ vectorised! {
     fn blend_with_grey_row / blend_with_grey_row_portable / blend_with_grey_row_avx2 (
         from: &[u8], to: &mut [u8], weight: f32, rest: f32,
     ) {
-        for (to, from) in to.chunks_exact_mut(CHANNELS).zip(from.chunks_exact(CHANNELS)) {
-            let middle = grey(from[0], from[1], from[2]);
-            to[0] = blend_values(middle, from[0], weight, rest);
-            to[1] = blend_values(middle, from[1], weight, rest);
-            to[2] = blend_values(middle, from[2], weight, rest);
+        for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {
+            let mut planes = take_apart(from);
+            let [reds, greens, blues] = &mut planes;
+            for ((r, g), b) in reds.iter_mut().zip(greens).zip(blues) {
+                let middle = grey(*r, *g, *b);
+                *r = blend_values(middle, *r, weight, rest);
+                *g = blend_values(middle, *g, weight, rest);
+                *b = blend_values(middle, *b, weight, rest);
+            }
+            put_together(&planes, to);
         }
     }
 }

@@ -3,11 +3,9 @@
 //! The two conversions are written without branches and with single-precision arithmetic on whole numbers, which is
 //! exact below 2^24, so that the compiler can do several pixels at a time.
 
-use crate::frame::{CHANNELS, Frame, FrameMut, for_each_row};
+use crate::frame::{Frame, FrameMut, for_each_row};
+use crate::planes::{BLOCK_BYTES, put_together, take_apart};
 use crate::simd::vectorised;
-
-/// The number of pixels that are converted at a time.
-const BLOCK: usize = 64;
 
 /// Adding this to a whole number of magnitude below 2^22 puts that number into the lower bits.
 const SHIFT: f32 = 12_582_912.0;
@@ -69,12 +67,9 @@ vectorised! {
     fn scale_hsv_row / scale_hsv_row_portable / scale_hsv_row_avx2 (
         from: &[u8], to: &mut [u8], saturations: &[u8; 256], values: &[u8; 256],
     ) {
-        let mut planes = [[0u8; BLOCK]; CHANNELS];
-        for (from, to) in from.chunks(BLOCK * CHANNELS).zip(to.chunks_mut(BLOCK * CHANNELS)) {
+        for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {
+            let mut planes = take_apart(from);
             let [first, second, third] = &mut planes;
-            for (i, pixel) in from.chunks_exact(CHANNELS).enumerate() {
-                (first[i], second[i], third[i]) = (pixel[0], pixel[1], pixel[2]);
-            }
             for ((a, b), c) in first.iter_mut().zip(second.iter_mut()).zip(third.iter_mut()) {
                 [*a, *b, *c] = rgb_to_hsv([*a, *b, *c]);
             }
@@ -85,9 +80,7 @@ vectorised! {
             for ((a, b), c) in first.iter_mut().zip(second.iter_mut()).zip(third.iter_mut()) {
                 [*a, *b, *c] = hsv_to_rgb([*a, *b, *c]);
             }
-            for (i, pixel) in to.chunks_exact_mut(CHANNELS).enumerate() {
-                (pixel[0], pixel[1], pixel[2]) = (first[i], second[i], third[i]);
-            }
+            put_together(&planes, to);
         }
     }
 }
