@@ -480,7 +480,8 @@ impl<'a> ScenarioRun<'a> {
     /// A state that a scenario can be judged by: numbers throughout, and a time that goes on.
     fn plausible(&self, state: State, rate: f64) -> Result<State> {
         let State { time, position: [x, height, z], heading, speed, cross_track_error, progress, .. } = state;
-        if ![time, x, height, z, heading, speed, cross_track_error, progress].iter().all(|v| v.is_finite()) {
+        let numbers = [time, x, height, z, heading, speed, cross_track_error, progress];
+        if !numbers.iter().all(|v| v.is_finite()) || state.vehicle_ahead.is_nan() {
             return Err(Error::new(format!(
                 "its state in frame {} holds numbers that are not finite",
                 self.frames
@@ -545,6 +546,7 @@ fn state_message(state: &State) -> StateMessage {
         speed: state.speed,
         cross_track_error: state.cross_track_error,
         progress: state.progress,
+        vehicle_ahead: state.vehicle_ahead,
         flags: flag(state.lane_departure, StateMessage::LANE_DEPARTURE)
             | flag(state.collision, StateMessage::COLLISION)
             | flag(state.finished, StateMessage::FINISHED),

@@ -51,6 +51,8 @@ struct StateMessage {
     speed: f64,
     cross_track_error: f64,
     progress: f64,
+    /// Infinite where there is none.
+    vehicle_ahead: f64,
     lane_departure: bool,
     collision: bool,
     finished: bool,
@@ -103,6 +105,7 @@ impl Trace {
             speed: state.speed,
             cross_track_error: state.cross_track_error,
             progress: state.progress,
+            vehicle_ahead: state.vehicle_ahead,
             lane_departure: state.lane_departure,
             collision: state.collision,
             finished: state.finished,

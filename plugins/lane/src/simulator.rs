@@ -181,6 +181,7 @@ impl Drive {
             speed: self.vehicle.speed,
             cross_track_error: xte,
             progress: (self.farthest / length).min(1.0),
+            vehicle_ahead: f64::INFINITY,
             lane_departure: xte.abs() > section::LANE_WIDTH / 2.0,
             collision: false,
             finished: self.farthest >= length - 1e-6,

@@ -120,6 +120,8 @@ pub struct StateMessage {
     pub cross_track_error: f64,
     /// Part of the road that is driven, 0 to 1.
     pub progress: f64,
+    /// Free distance to the vehicle ahead in metres; infinite where there is none.
+    pub vehicle_ahead: f64,
     /// Sum of [`Self::LANE_DEPARTURE`], [`Self::COLLISION`] and [`Self::FINISHED`] where they hold.
     pub flags: u32,
     /// Fills the struct to a multiple of 8 bytes; 0.
@@ -160,8 +162,8 @@ mod tests {
         assert_eq!(std::mem::offset_of!(FrameHeader, sent_at), 40);
         assert_eq!(std::mem::offset_of!(FrameHeader, format), 60);
         assert_eq!(size_of::<ControlMessage>(), 16);
-        assert_eq!(size_of::<StateMessage>(), 64);
-        assert_eq!(std::mem::offset_of!(StateMessage, flags), 56);
+        assert_eq!(size_of::<StateMessage>(), 72);
+        assert_eq!(std::mem::offset_of!(StateMessage, flags), 64);
     }
 
     #[test]

@@ -68,7 +68,7 @@ pub struct Scenario {
 
 /// The state of the ego vehicle at one moment.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Default, StableAbi, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, StableAbi, Serialize, Deserialize)]
 pub struct State {
     /// Simulation time in seconds since the start of the scenario.
     pub time: f64,
@@ -82,10 +82,67 @@ pub struct State {
     pub cross_track_error: f64,
     /// The share of the road that has been driven, 0 to 1.
     pub progress: f64,
+    /// Free distance to the vehicle ahead in metres, bumper to bumper; infinite (in JSON: null) where there is none.
+    #[serde(default = "free_road", with = "null_where_infinite")]
+    pub vehicle_ahead: f64,
     /// The vehicle has left its lane.
     pub lane_departure: bool,
     /// The vehicle has hit something.
     pub collision: bool,
     /// The vehicle has reached the end of the road.
     pub finished: bool,
+}
+
+impl Default for State {
+    /// At the start, at rest, on a free road.
+    fn default() -> Self {
+        Self {
+            time: 0.0,
+            position: [0.0; 3],
+            heading: 0.0,
+            speed: 0.0,
+            cross_track_error: 0.0,
+            progress: 0.0,
+            vehicle_ahead: free_road(),
+            lane_departure: false,
+            collision: false,
+            finished: false,
+        }
+    }
+}
+
+fn free_road() -> f64 {
+    f64::INFINITY
+}
+
+/// JSON has no infinity.
+mod null_where_infinite {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        Some(*value).filter(|value| value.is_finite()).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_free_road_survives_json() {
+        for vehicle_ahead in [f64::INFINITY, 12.5] {
+            let state = State { vehicle_ahead, ..State::default() };
+            let text = serde_json::to_string(&state).unwrap();
+            assert_eq!(serde_json::from_str::<State>(&text).unwrap(), state);
+            assert_eq!(text.contains("\"vehicle_ahead\":null"), vehicle_ahead.is_infinite());
+        }
+        let old = serde_json::to_value(State::default()).unwrap();
+        let Value::Object(mut fields) = old else { panic!("a state is an object") };
+        fields.remove("vehicle_ahead");
+        assert_eq!(serde_json::from_value::<State>(fields.into()).unwrap(), State::default());
+    }
 }
