@@ -22,8 +22,10 @@ use serde::Serialize;
 use crate::drive::Outcome;
 
 pub mod manifest;
+mod protobuf;
 pub mod published;
 pub mod trace;
+pub mod trace_reader;
 
 /// The name of the manifest in a run directory.
 pub const MANIFEST: &str = "manifest.json";
