@@ -15,6 +15,9 @@ pub const EXIT_CODE: i32 = 75;
 /// How long a component may take for one call, unless the user says otherwise.
 pub const DEFAULT_PATIENCE: Duration = Duration::from_secs(60);
 
+/// What the user can do where a call within a run takes longer.
+pub const REMEDY_OF_A_RUN: &str = "the limit of a run is raised with --set patience=SECONDS";
+
 /// Watches the calls that one thread makes.
 pub struct Watch {
     slot: Arc<Slot>,
@@ -35,7 +38,7 @@ struct Slot {
 impl Watch {
     /// A watch over calls of a run with these labels. None may take longer than `patience`.
     pub fn new(labels: Vec<String>, patience: Duration) -> Self {
-        Self::with_remedy(labels, patience, "the limit of a run is raised with --set patience=SECONDS")
+        Self::with_remedy(labels, patience, REMEDY_OF_A_RUN)
     }
 
     /// A watch over calls with these labels, that says what can be done where one takes longer than `patience`.

@@ -6,9 +6,9 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{Control, Frame, FrameBuf, State};
+use pdk_sdk::prelude::{Frame, FrameBuf};
 
-use crate::record::trace::{ImageTopic, Trace};
+use crate::record::trace::{ImageTopic, Step, Trace};
 
 /// Messages that go to the writer together: waking its thread costs the loop more than everything else here.
 const BATCH: usize = 32;
@@ -32,7 +32,7 @@ pub struct Recorder {
 
 enum Message {
     Start(PathBuf),
-    Step { sequence: u64, state: State, control: Control, frame_hash: u64 },
+    Step(Step),
     Image { topic: ImageTopic, sequence: u64, time: f64, frame: FrameBuf },
     Event { time: f64, failure: bool, text: String },
     Finish,
@@ -66,8 +66,8 @@ impl Recorder {
     }
 
     /// Adds what one step of the loop did.
-    pub fn step(&self, sequence: u64, state: State, control: Control, frame_hash: u64) {
-        self.send(Message::Step { sequence, state, control, frame_hash });
+    pub fn step(&self, step: Step) {
+        self.send(Message::Step(step));
     }
 
     /// Adds a copy of a frame, once a buffer is free for it.
@@ -153,9 +153,7 @@ fn write_traces(
                     }
                     Ok(())
                 }
-                (Message::Step { sequence, state, control, frame_hash }, Some(Ok(trace))) => {
-                    trace.step(sequence, &state, control, frame_hash)
-                }
+                (Message::Step(step), Some(Ok(trace))) => trace.step(&step),
                 (Message::Image { topic, sequence, time, frame }, trace) => {
                     let result = match trace {
                         Some(Ok(trace)) => trace.image(topic, sequence, time, frame.as_ref()),

@@ -176,16 +176,17 @@ impl Host {
             seed: self.common.seed,
             threads: self.common.threads,
             patience: self.common.patience,
-            run_id: run_id(directory.path()),
-            first_index: self.next_scenario,
+            remedy: watchdog::REMEDY_OF_A_RUN,
+            run_id: drive::run_id(directory.path()),
         };
+        let first_index = self.next_scenario;
         self.next_scenario += plan.scenarios.len() as u64;
-        let recorded = self.take_recorded(&plan, settings.first_index)?;
+        let recorded = self.take_recorded(&plan, first_index)?;
         let driven = plan.scenarios.len() - recorded.len();
         let progress =
             self.progress("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {per_sec}, {eta} left");
         let (outcomes, performance) =
-            drive::drive(&registry, &plan, &settings, &directory, recorded, &progress)?;
+            drive::drive(&registry, &plan, &settings, first_index, &directory, recorded, &progress)?;
         let overruns = performance.stages.overruns;
         if overruns > 0 {
             self.warnings.push(format!(
@@ -454,12 +455,4 @@ fn outcome_row(outcome: &Outcome) -> Value {
 fn folders(pipeline: &Path) -> impl Iterator<Item = PathBuf> {
     let name = pipeline.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     (1..).map(move |number: u64| Path::new(RUNS).join(format!("{name}-{number}")))
-}
-
-/// The name of the run on its topics: letters, digits, dashes and underscores, unique on this machine.
-fn run_id(folder: &Path) -> String {
-    let name = folder.file_name().unwrap_or_default().to_string_lossy();
-    let fits = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-    let name: String = name.chars().map(fits).take(40).collect();
-    format!("{name}-{}", std::process::id())
 }

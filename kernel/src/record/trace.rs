@@ -60,6 +60,19 @@ struct StateMessage {
     frame_hash: u64,
 }
 
+/// What one step of the loop did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// The number of the frame in its scenario, from 0.
+    pub sequence: u64,
+    /// The state that belongs to the frame.
+    pub state: State,
+    /// What the driver decided.
+    pub control: Control,
+    /// Hash of the frame that the driver saw: XXH3 with 64 bits over its bytes.
+    pub frame_hash: u64,
+}
+
 /// Which of the two image topics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImageTopic {
@@ -93,7 +106,8 @@ impl Trace {
     ///
     /// # Errors
     /// Where it cannot be written.
-    pub fn step(&mut self, sequence: u64, state: &State, control: Control, frame_hash: u64) -> Result<()> {
+    pub fn step(&mut self, step: &Step) -> Result<()> {
+        let Step { sequence, state, control, frame_hash } = *step;
         self.sequence = sequence as u32;
         let [x, height, z] = state.position;
         let message = StateMessage {

@@ -13,20 +13,7 @@ use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::{Control, FrameBuf, State};
 
 use super::protobuf::{Wire, fields};
-use super::trace::ImageTopic;
-
-/// What one step of the loop did.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step {
-    /// The number of the frame in its scenario, from 0.
-    pub sequence: u64,
-    /// The state that belongs to the frame.
-    pub state: State,
-    /// What the driver decided.
-    pub control: Control,
-    /// Hash of the frame that the driver saw: XXH3 with 64 bits over its bytes.
-    pub frame_hash: u64,
-}
+pub use super::trace::{ImageTopic, Step};
 
 /// A frame as it lies in a trace. It is for people: what the driver saw had not been through JPEG.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -427,8 +414,9 @@ mod tests {
         let mut frame = FrameBuf::new(16, 8);
         frame.as_mut().rows_mut().for_each(|row| row.fill(90));
         trace.event(0.0, false, "fog@2").unwrap();
-        for Step { sequence, state, control, frame_hash } in steps() {
-            trace.step(sequence, &state, control, frame_hash).unwrap();
+        for step in steps() {
+            let Step { sequence, state, .. } = step;
+            trace.step(&step).unwrap();
             if sequence == 2 {
                 trace.image(ImageTopic::Raw, sequence, state.time, frame.as_ref()).unwrap();
                 trace.image(ImageTopic::Perturbed, sequence, state.time, frame.as_ref()).unwrap();
