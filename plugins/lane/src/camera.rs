@@ -86,6 +86,17 @@ impl Projection {
         Some([self.centre_x + right * scale, self.centre_y + down * scale, scale])
     }
 
+    /// Distance along the optical axis, in metres, and row of a point `ahead` of the camera and `below` it.
+    pub fn depth_and_row(&self, ahead: f64, below: f64) -> (f64, f64) {
+        let depth = ahead * self.cosine + below * self.sine;
+        (depth, self.centre_y + self.focal * (below * self.cosine - ahead * self.sine) / depth)
+    }
+
+    /// The row of the horizon for a vehicle on a slope (rise over run).
+    pub fn horizon_on(&self, slope: f64) -> f64 {
+        self.depth_and_row(1.0, slope).1
+    }
+
     /// The row on which ground `ahead` metres in front of the camera appears.
     pub fn row_of(&self, ahead: f64) -> f64 {
         let depth = ahead * self.cosine + HEIGHT * self.sine;

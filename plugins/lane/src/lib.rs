@@ -1,24 +1,31 @@
 //! The embedded simulator `lane` and the classical driver `lane_keeper`: a closed loop with nothing to install.
 //!
-//! The world is a flat two-lane road through grassland. It is described in the same terms everywhere: `x` to the right,
+//! The world is a two-lane road through grassland, with hills where the road has heights. It is described in the same terms everywhere: `x` to the right,
 //! `z` ahead, headings clockwise from `+z`, metres, seconds and radians. [`road`] turns what a scenario says into the
 //! centre line of the driven lane, [`vehicle`] moves the car, [`render`] draws what its camera sees, and [`simulator`]
 //! ties them together. The driver sees the image only; what it shares with the simulator is the [`camera`], which any
 //! driver of a real car would know too.
 
+mod artwork;
 mod camera;
 mod driver;
 mod field;
+mod ground;
+mod light;
 mod lines;
 mod path;
 mod places;
+mod profile;
 mod render;
 mod road;
 mod scene;
 mod section;
 mod simulator;
+mod sky;
 mod sprite;
+mod terrain;
 mod texture;
+mod traffic;
 mod vehicle;
 
 #[cfg(test)]

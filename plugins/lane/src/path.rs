@@ -106,6 +106,11 @@ impl Path {
         &self.points
     }
 
+    /// Distance of a point from the start in metres.
+    pub fn along(&self, point: usize) -> f64 {
+        self.along[point.min(self.along.len() - 1)]
+    }
+
     /// Number of segments.
     pub fn segments(&self) -> usize {
         self.points.len() - 1

@@ -4,32 +4,40 @@
 use std::time::Instant;
 
 use pdk_sdk::prelude::*;
-use pdk_sdk::serde_json::Value;
+use pdk_sdk::serde_json::{Value, json};
 
-use crate::tests::{guide, lane, scenario};
+use crate::tests::{guide, lane, lane_with, scenario};
 
 #[test]
 #[ignore = "writes pictures to LANE_FRAMES for a person to look at"]
 fn frames_to_look_at() {
     let folder = std::env::var("LANE_FRAMES").expect("LANE_FRAMES names the folder for the pictures");
     std::fs::create_dir_all(&folder).unwrap();
-    for (width, height) in [(320, 240), (640, 480), (320, 160)] {
-        for seed in 1..=3 {
-            let mut simulator = lane(width, height);
-            let mut state = simulator.reset(&scenario(Value::Null, seed)).unwrap();
+    let hills = json!({"angles": [0, 12, -10, 8, -20, 15, -10, 0], "heights": [0, 3, 4, 1, -2, 0, 3, 3]});
+    let traffic = json!({"vehicle_ahead": 14, "oncoming": 40});
+    for (name, parameters, road) in [
+        ("day", json!({}), Value::Null),
+        ("dusk", json!({"light": "dusk"}), Value::Null),
+        ("overcast", json!({"light": "overcast"}), Value::Null),
+        ("worn", json!({"markings": "worn"}), Value::Null),
+        ("solid", json!({"markings": "solid"}), Value::Null),
+        ("traffic", traffic.clone(), Value::Null),
+        ("traffic_dusk", json!({"light": "dusk", "vehicle_ahead": 14, "oncoming": 40}), Value::Null),
+        ("hills", json!({}), hills.clone()),
+        ("hills_traffic", traffic, hills),
+    ] {
+        for seed in 1..=2 {
+            let mut simulator = lane_with(parameters.clone()).unwrap();
+            let (width, height) = (simulator.camera().width as usize, simulator.camera().height as usize);
+            let mut state = simulator.reset(&scenario(road.clone(), seed)).unwrap();
             let mut frame = FrameBuf::new(width, height);
-            for step in 0..420 {
-                if step % 140 == 0 {
+            for step in 0..280 {
+                if step % 70 == 0 {
                     state = simulator.frame(frame.as_mut()).unwrap();
-                    let name = format!("{folder}/{width}x{height}-{seed}-{step:03}.png");
-                    image::save_buffer(
-                        name,
-                        frame.data(),
-                        width as u32,
-                        height as u32,
-                        image::ExtendedColorType::Rgb8,
-                    )
-                    .unwrap();
+                    let name = format!("{folder}/{name}-{seed}-{step:03}.png");
+                    let (width, height) = (width as u32, height as u32);
+                    image::save_buffer(name, frame.data(), width, height, image::ExtendedColorType::Rgb8)
+                        .unwrap();
                 }
                 simulator.act(guide(&simulator, &state)).unwrap();
                 state = simulator.state().unwrap();

@@ -1,51 +1,41 @@
 //! Draws what the camera sees, on the CPU, straight into a frame.
 //!
-//! Each row of pixels below the horizon shows a strip of ground at one distance. For each pixel the [`field`](crate::field)
-//! says where it lies on the road, and the [`section`](crate::section) gives the colour as the mean over the
-//! ground that the pixel covers. All texture belongs to places in the world, so that motion shows. Colours are computed
-//! in single precision with additions, multiplications and divisions alone, which are the same on every CPU.
+//! Each row of pixels below the horizon shows a strip of [ground](crate::ground) at one distance, which the
+//! [terrain](crate::terrain) knows. For each pixel the [`field`](crate::field) says where it lies on the road, and the
+//! [`section`](crate::section) gives the colour as the mean over the ground that the pixel covers. Above lies the
+//! [sky](crate::sky); trees, houses and vehicles are [pictures](crate::sprite) that come last, far ones first. All texture
+//! belongs to places in the world, so that motion shows. Colours are computed in single precision with additions,
+//! multiplications and divisions alone, which are the same on every CPU.
 
 use pdk_sdk::prelude::{Frame, FrameMut, Random};
 
+use crate::artwork;
 use crate::camera::Projection;
-use crate::places::Places;
+use crate::ground::{Ground, GroundRow};
+use crate::path::Path;
+use crate::profile::Profile;
 use crate::scene::{Object, ObjectKind, Scene};
-use crate::section::{self, Section};
+use crate::section::{Markings, Section};
+use crate::sky::{Sky, SkyRow};
 use crate::sprite::{Placement, Sprite};
-use crate::texture::{Scale, Texture};
+use crate::terrain::Terrain;
+use crate::texture::Texture;
+use crate::traffic::{self, Seen};
 
-/// Colour of the sky overhead and of the air at the horizon.
-const ZENITH: [f32; 3] = [72.0, 128.0, 200.0];
-const HAZE: [f32; 3] = [204.0, 219.0, 228.0];
-const CLOUD: [f32; 3] = [244.0, 246.0, 248.0];
-/// Colour of the far and the near hills.
-const HILLS: [[f32; 3]; 2] = [[138.0, 163.0, 184.0], [108.0, 140.0, 124.0]];
-/// Distance over which the air takes 63 % of a colour, in metres.
-const VISIBILITY: f64 = 700.0;
 /// Objects farther away than this are not drawn, in metres.
 const FARTHEST_OBJECT: f64 = 260.0;
-/// Texels a metre of the two layers of texture: grain everywhere, and patches in the grass.
-const GRAIN: f32 = 30.0;
-const PATCHES: f32 = 0.45;
-/// What patches add to the colour of grass; the fourth number goes unused, as in all colours that are computed by fours.
-const PATCH: [f32; 4] = [24.0, 13.0, -2.0, 0.0];
+/// A vehicle is drawn as slices from its far end to its near one: so many for each pixel that a metre takes there, and
+/// at most so many.
+const SLICES_PER_SCALE: f64 = 0.8;
+const MOST_SLICES: f64 = 26.0;
+/// Where the axles are, as shares of a vehicle's length.
+const AXLES: [f64; 2] = [0.18, 0.8];
 
 /// What a row of pixels shows.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 enum Row {
-    Sky { colour: [f32; 3], clouds: f32, right: f32, ahead: f32, scale: Scale },
+    Sky(SkyRow),
     Ground(GroundRow),
-}
-
-/// A row of ground, prepared for all frames.
-#[derive(Debug)]
-struct GroundRow {
-    ahead: f32,
-    pixel_width: f32,
-    pixel_depth: f32,
-    haze: f32,
-    grain: Scale,
-    patches: Scale,
 }
 
 /// Where the camera is.
@@ -55,6 +45,34 @@ pub struct Pose {
     pub at: [f64; 2],
     /// Heading in radians, clockwise from +z.
     pub heading: f64,
+    /// Distance along the road in metres.
+    pub along: f64,
+}
+
+/// A road with everything on and around it, at one moment.
+pub struct World<'a, V> {
+    /// What stands still.
+    pub scene: &'a Scene,
+    /// The centre line of the driven lane.
+    pub path: &'a Path,
+    /// Its heights.
+    pub profile: &'a Profile,
+    /// The vehicles, in any order.
+    pub vehicles: V,
+}
+
+/// The camera's place and directions on the ground, relative to the corner of the field.
+pub struct View {
+    pub at: [f32; 2],
+    pub ahead: [f32; 2],
+    pub right: [f32; 2],
+}
+
+/// Something to draw over the ground.
+#[derive(Debug, Clone, Copy)]
+enum Thing {
+    Object(usize),
+    Vehicle(Seen),
 }
 
 /// The renderer for one frame size.
@@ -62,58 +80,74 @@ pub struct Pose {
 pub struct Renderer {
     projection: Projection,
     width: usize,
+    height: usize,
+    terrain: Terrain,
+    sky: Sky,
+    /// Of the frame at hand.
     rows: Vec<Row>,
-    /// Angle of each column to the right of the optical axis in radians, with its cosine.
-    columns: Vec<(f64, f32)>,
-    /// The rows on which the far and the near hills begin, by column; of the frame at hand.
-    hill_tops: Vec<[f32; 2]>,
-    /// Distance and number of each object that may be in view, far ones first; of the frame at hand.
-    visible: Vec<(f64, usize)>,
+    /// Distance and order of what may be in view, far ones first; of the frame at hand.
+    visible: Vec<(f64, usize, Thing)>,
     texture: Texture,
     section: Section,
+    pictures: Pictures,
+}
+
+#[derive(Debug)]
+struct Pictures {
     post: Sprite,
     conifer: Sprite,
     broadleaf: Sprite,
+    house: Sprite,
     shadow: Sprite,
+    body: Sprite,
+    axle: Sprite,
+    rear: Sprite,
+    front: Sprite,
+    tail_lamps: Sprite,
+    head_lamps: Sprite,
 }
 
 impl Renderer {
     /// Prepares everything that is the same for all frames.
-    pub fn new(width: usize, height: usize, random: &mut Random) -> Self {
+    pub fn new(width: usize, height: usize, markings: Markings, random: &mut Random) -> Self {
         let projection = Projection::new(width, height);
         let texture = Texture::new(random);
-        let rows = (0..height).map(|y| row(&projection, &texture, y as f64 + 0.5)).collect();
-        let columns = (0..width)
-            .map(|x| {
-                let angle = libm::atan((x as f64 + 0.5 - projection.centre_x) / projection.focal);
-                (angle, libm::cos(angle) as f32)
-            })
-            .collect();
         Self {
             projection,
             width,
-            rows,
-            columns,
-            hill_tops: vec![[0.0; 2]; width],
+            height,
+            terrain: Terrain::new(height),
+            sky: Sky::new(&projection, width),
+            rows: Vec::with_capacity(height),
             visible: Vec::new(),
             texture,
-            section: Section::new(),
-            post: Sprite::post(),
-            conifer: Sprite::conifer(random),
-            broadleaf: Sprite::broadleaf(random),
-            shadow: Sprite::shadow(),
+            section: Section::new(markings),
+            pictures: Pictures {
+                post: artwork::post(),
+                conifer: artwork::conifer(random),
+                broadleaf: artwork::broadleaf(random),
+                house: artwork::house(),
+                shadow: artwork::shadow(),
+                body: artwork::body(false),
+                axle: artwork::body(true),
+                rear: artwork::rear(),
+                front: artwork::front(),
+                tail_lamps: artwork::lamps([255.0, 42.0, 30.0]),
+                head_lamps: artwork::lamps([255.0, 248.0, 226.0]),
+            },
         }
     }
 
-    /// Makes room for the objects of a scene, so that drawing it allocates nothing.
-    pub fn prepare(&mut self, scene: &Scene) {
+    /// Makes room for the objects and vehicles of a scene, so that drawing it allocates nothing.
+    pub fn prepare(&mut self, scene: &Scene, vehicles: usize) {
         self.visible.clear();
-        self.visible.reserve(scene.objects.len());
+        self.visible.reserve(scene.objects.len() + vehicles);
     }
 
     /// Draws a scene. The frame has the size that the renderer was made for.
-    pub fn draw(&mut self, scene: &Scene, pose: Pose, mut into: FrameMut<'_>) {
+    pub fn draw(&mut self, world: World<'_, impl Iterator<Item = Seen>>, pose: Pose, mut into: FrameMut<'_>) {
         let (sine, cosine) = (libm::sin(pose.heading), libm::cos(pose.heading));
+        let scene = world.scene;
         let view = View {
             at: [
                 (pose.at[0] - scene.field.origin()[0]) as f32,
@@ -122,231 +156,216 @@ impl Renderer {
             ahead: [sine as f32, cosine as f32],
             right: [cosine as f32, -sine as f32],
         };
-        self.raise_hills(scene, pose.heading);
+        self.terrain.look(&self.projection, (world.path, world.profile), (pose.at, pose.heading, pose.along));
+        let slope = self.terrain.slope();
+        self.sky.look(&self.projection, scene, pose.heading, slope);
+        self.rows.clear();
+        for y in 0..self.height {
+            self.rows.push(match self.terrain.strip(y) {
+                Some(strip) => Row::Ground(GroundRow::new(strip, &self.texture, &scene.light)),
+                None => {
+                    let y = y as f64 + 0.5;
+                    Row::Sky(SkyRow::new(&self.projection, &self.texture, &scene.light, y, slope))
+                }
+            });
+        }
+        self.draw_background(scene, &view, &mut into);
+        self.draw_things(world, pose, [sine, cosine], &mut into);
+    }
+
+    /// Draws ground and sky.
+    fn draw_background(&self, scene: &Scene, view: &View, into: &mut FrameMut<'_>) {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has AVX2, which is all that this version asks for.
+            return unsafe { self.draw_background_avx2(scene, view, into) };
+        }
+        self.draw_background_portable(scene, view, into);
+    }
+
+    /// The same operations in the same order, compiled for AVX2: the same bytes, faster.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn draw_background_avx2(&self, scene: &Scene, view: &View, into: &mut FrameMut<'_>) {
+        self.draw_background_portable(scene, view, into);
+    }
+
+    #[inline(always)]
+    fn draw_background_portable(&self, scene: &Scene, view: &View, into: &mut FrameMut<'_>) {
+        let (texture, section, projection) = (&self.texture, &self.section, &self.projection);
+        let ground = Ground { scene, texture, section, projection };
         for (y, row) in into.rows_mut().enumerate() {
             match &self.rows[y] {
-                Row::Ground(ground) => self.draw_ground(scene, &view, ground, row),
-                Row::Sky { colour, clouds, right, ahead, scale } => {
-                    self.draw_sky(&view, y as f32 + 0.5, (*colour, *clouds, *right, *ahead, *scale), row);
+                Row::Ground(strip) => ground.draw(view, strip, row),
+                Row::Sky(sky) => {
+                    self.sky.draw((view, projection), (scene, texture), (sky, y as f32 + 0.5), row);
                 }
             }
         }
-        self.draw_objects(scene, pose, [sine, cosine], &mut into);
     }
 
-    fn draw_ground(&self, scene: &Scene, view: &View, ground: &GroundRow, row: &mut [u8]) {
-        let across = view.right.map(|r| r * ground.pixel_width);
-        let along = view.ahead.map(|a| a * ground.pixel_depth);
-        let left = 0.5 - self.projection.centre_x as f32;
-        let start = [0, 1].map(|k| view.at[k] + view.ahead[k] * ground.ahead + across[k] * left);
-        let clear = 1.0 - ground.haze;
-        let [r, g, b] = HAZE.map(|c| c * ground.haze);
-        let haze = [r, g, b, 0.0];
-        let mut places = Places::new(&scene.field, start, across, ground.pixel_width);
-        for (i, pixel) in row.chunks_exact_mut(3).enumerate() {
-            let (x, z) = (start[0] + across[0] * i as f32, start[1] + across[1] * i as f32);
-            let grain = self.texture.at(x, z, ground.grain);
-            let mut surface = section::grass();
-            let mut meadow = 1.0;
-            if let Some(place) = places.at(i, x, z) {
-                let offset = place.lateral - section::ROAD_CENTRE as f32;
-                if offset.abs() < section::HALF_WIDTH + 1.0 {
-                    let [gx, gz] = place.gradient;
-                    // How far the pixel extends across the road, and along it.
-                    let extent = |x: f32, z: f32| {
-                        (x * across[0] + z * across[1]).abs() + (x * along[0] + z * along[1]).abs()
-                    };
-                    let wide = extent(gx, gz);
-                    surface = self.section.mean(offset, wide);
-                    let half_line = section::LINE_WIDTH as f32 / 2.0;
-                    if offset.abs() < half_line + wide {
-                        let line = section::cover(offset, wide.max(0.01), -half_line, half_line);
-                        let share = line * section::dash_cover(place.along, extent(gz, -gx));
-                        for (c, yellow) in surface.iter_mut().zip(section::YELLOW) {
-                            *c += (yellow - *c) * share;
-                        }
-                    }
-                    meadow = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
-                }
-            }
-            let mut patch = 0.0;
-            if meadow > 0.0 {
-                patch = self.texture.at(x, z, ground.patches) * meadow * clear;
-            }
-            let detail = (1.0 + surface[3] * grain * 1.6) * clear;
-            for channel in 0..4 {
-                surface[channel] = surface[channel] * detail + patch * PATCH[channel] + haze[channel];
-            }
-            write(pixel, surface);
-        }
-    }
-
-    fn draw_sky(
-        &self,
-        view: &View,
-        y: f32,
-        (colour, clouds, right, ahead, scale): ([f32; 3], f32, f32, f32, Scale),
-        row: &mut [u8],
+    fn draw_things(
+        &mut self,
+        world: World<'_, impl Iterator<Item = Seen>>,
+        pose: Pose,
+        [sine, cosine]: [f64; 2],
+        into: &mut FrameMut<'_>,
     ) {
-        let left = 0.5 - self.projection.centre_x as f32;
-        for (i, pixel) in row.chunks_exact_mut(3).enumerate() {
-            let mut rgb = colour;
-            let tops = self.hill_tops[i];
-            // Not where the near hills hide it anyway.
-            if clouds > 0.0 && y < tops[1] + 1.0 {
-                let to_right = right * (i as f32 + left);
-                let x = view.ahead[0] * ahead + view.right[0] * to_right;
-                let z = view.ahead[1] * ahead + view.right[1] * to_right;
-                let density = self.texture.at(x, z, scale) + 0.05;
-                let cover = (density * 1.6).clamp(0.0, 1.0) * clouds;
-                for (c, cloud) in rgb.iter_mut().zip(CLOUD) {
-                    *c += (cloud - *c) * cover;
-                }
-            }
-            for (top, hill) in tops.into_iter().zip(HILLS) {
-                let cover = (y + 0.5 - top).clamp(0.0, 1.0);
-                if cover > 0.0 {
-                    // Haze gathers at the foot of the hills.
-                    let foot = self.projection.horizon() as f32;
-                    let share = ((y - top) / (foot - top + 1.0)).clamp(0.0, 1.0) * 0.45;
-                    for channel in 0..3 {
-                        let seen = hill[channel] + (HAZE[channel] - hill[channel]) * share;
-                        rgb[channel] += (seen - rgb[channel]) * cover;
-                    }
-                }
-            }
-            write(pixel, [rgb[0], rgb[1], rgb[2], 0.0]);
-        }
-    }
-
-    /// Finds the rows on which the hills begin.
-    fn raise_hills(&mut self, scene: &Scene, heading: f64) {
-        let horizon = self.projection.horizon() as f32;
-        let focal = self.projection.focal as f32;
-        for (top, (angle, cosine)) in self.hill_tops.iter_mut().zip(&self.columns) {
-            // Exact on the optical axis; the camera's small pitch is neglected beside it.
-            *top = scene.hills_towards(heading + angle).map(|tangent| horizon - tangent / cosine * focal);
-        }
-    }
-
-    fn draw_objects(&mut self, scene: &Scene, pose: Pose, [sine, cosine]: [f64; 2], into: &mut FrameMut<'_>) {
-        let relative = |object: &Object| {
-            let (dx, dz) = (object.at[0] - pose.at[0], object.at[1] - pose.at[1]);
+        let World { scene, path, vehicles, .. } = world;
+        let relative = |at: [f64; 2]| {
+            let (dx, dz) = (at[0] - pose.at[0], at[1] - pose.at[1]);
             (dx * cosine - dz * sine, dx * sine + dz * cosine)
         };
         let half_view = self.projection.centre_x / self.projection.focal;
+        let objects = &scene.objects;
         self.visible.clear();
-        for (i, object) in scene.objects.iter().enumerate() {
-            let (right, ahead) = relative(object);
-            let in_view = right.abs() - object.size[0] < half_view * ahead + 1.0;
+        let mut consider = |at: [f64; 2], width: f64, order: usize, thing: Thing| {
+            let (right, ahead) = relative(at);
+            let in_view = right.abs() - width < half_view * ahead + 1.0;
             if ahead > 0.5 && ahead < FARTHEST_OBJECT && in_view {
-                self.visible.push((ahead, i));
+                self.visible.push((ahead, order, thing));
             }
+        };
+        for (i, object) in objects.iter().enumerate() {
+            consider(object.at, object.size[0], i, Thing::Object(i));
+        }
+        for (i, seen) in vehicles.enumerate() {
+            let at = path.beside(seen.along, seen.lateral);
+            consider(at, traffic::SIZE[0], objects.len() + i, Thing::Vehicle(seen));
         }
         self.visible.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        for &(ahead, i) in &self.visible {
-            let object = &scene.objects[i];
-            let (right, _) = relative(object);
-            let Some([x, foot, scale]) = self.projection.project(right, ahead, 0.0) else { continue };
-            let [width, height] = object.size.map(|s| s * scale);
-            let air = 1.0 - libm::exp(-ahead / VISIBILITY);
-            // They come into sight gradually.
-            let opacity = ((FARTHEST_OBJECT - ahead) / 40.0).min(1.0) as f32;
-            if object.kind != ObjectKind::Post {
-                let near_edge = self.projection.row_of((ahead - object.size[0] * 0.35).max(0.5));
-                let half = near_edge - foot;
-                self.shadow.draw(
-                    into,
-                    Placement {
-                        left: (x - width * 0.4) as f32,
-                        top: (foot - half) as f32,
-                        size: [(width * 1.0) as f32, (half * 2.0) as f32],
-                        opacity: opacity * 0.55,
-                        brightness: 1.0,
-                        haze: (HAZE, air as f32),
-                    },
-                );
+        for &(_, _, thing) in &self.visible {
+            match thing {
+                Thing::Object(i) => {
+                    let object = &objects[i];
+                    self.draw_object(scene, object, relative(object.at), into);
+                }
+                Thing::Vehicle(seen) => self.draw_vehicle((scene, path), seen, &relative, into),
             }
-            let picture = match object.kind {
-                ObjectKind::Post => &self.post,
-                ObjectKind::Conifer => &self.conifer,
-                ObjectKind::Broadleaf => &self.broadleaf,
+        }
+    }
+
+    /// Where something of `size` metres appears whose foot is at a place, with the light and air there; and its scale in
+    /// pixels a metre. `None` where it is too close to the lens.
+    fn placement(
+        &self,
+        scene: &Scene,
+        (right, ahead): (f64, f64),
+        size: [f64; 2],
+        tint: [f32; 3],
+    ) -> Option<(Placement, f64)> {
+        let (height, bottom) = self.terrain.at(ahead);
+        let [x, foot, scale] = self.projection.project(right, ahead, height)?;
+        let [width, tall] = size.map(|s| s * scale);
+        let air = 1.0 - libm::exp(-ahead / scene.light.visibility);
+        let ambient = scene.light.ambient;
+        let placement = Placement {
+            left: (x - width / 2.0) as f32,
+            top: (foot - tall) as f32,
+            size: [width as f32, tall as f32],
+            // Things come into sight gradually.
+            opacity: ((FARTHEST_OBJECT - ahead) / 40.0).min(1.0) as f32,
+            tint: [0, 1, 2].map(|c| tint[c] * ambient[c]),
+            haze: (scene.light.haze, air as f32),
+            // The ground that a thing stands on hides nothing of it.
+            bottom: if bottom + 1.0 < foot { bottom as f32 } else { f32::INFINITY },
+        };
+        Some((placement, scale))
+    }
+
+    fn draw_object(&self, scene: &Scene, object: &Object, at: (f64, f64), into: &mut FrameMut<'_>) {
+        let Some((placement, _)) = self.placement(scene, at, object.size, object.tint) else { return };
+        if object.kind != ObjectKind::Post {
+            self.draw_shadow(scene, &placement, (at.1, object.size[0] * 0.35), into);
+        }
+        let picture = match object.kind {
+            ObjectKind::Post => &self.pictures.post,
+            ObjectKind::Conifer => &self.pictures.conifer,
+            ObjectKind::Broadleaf => &self.pictures.broadleaf,
+            ObjectKind::House => &self.pictures.house,
+        };
+        picture.draw(into, placement);
+    }
+
+    /// Draws the shadow of a thing whose picture goes there, so many metres ahead and with that extent towards the camera.
+    fn draw_shadow(
+        &self,
+        scene: &Scene,
+        thing: &Placement,
+        (ahead, extent): (f64, f64),
+        into: &mut FrameMut<'_>,
+    ) {
+        if scene.light.shadow <= 0.0 {
+            return;
+        }
+        let (foot, width) = (thing.top + thing.size[1], thing.size[0]);
+        let near = (ahead - extent).max(0.5);
+        let (height, _) = self.terrain.at(near);
+        let Some([_, near_edge, _]) = self.projection.project(0.0, near, height) else { return };
+        let half = (near_edge as f32 - foot).max(0.0);
+        self.pictures.shadow.draw(
+            into,
+            Placement {
+                left: thing.left + width * 0.1,
+                top: foot - half,
+                size: [width, half * 2.0],
+                opacity: thing.opacity * scene.light.shadow,
+                tint: [1.0; 3],
+                ..*thing
+            },
+        );
+    }
+
+    fn draw_vehicle(
+        &self,
+        (scene, path): (&Scene, &Path),
+        seen: Seen,
+        relative: &impl Fn([f64; 2]) -> (f64, f64),
+        into: &mut FrameMut<'_>,
+    ) {
+        let [width, height, length] = traffic::SIZE;
+        let near = relative(path.beside(seen.along, seen.lateral));
+        let Some((_, scale)) = self.placement(scene, near, [width, height], seen.tint) else { return };
+        let slices = (scale * SLICES_PER_SCALE).clamp(2.0, MOST_SLICES) as usize;
+        for share in [0.85, 0.5, 0.15] {
+            let at = relative(path.beside(seen.along + length * share, seen.lateral));
+            if let Some((placement, _)) = self.placement(scene, at, [width, height], seen.tint) {
+                self.draw_shadow(scene, &placement, (at.1, length * 0.22), into);
+            }
+        }
+        for slice in (0..=slices).rev() {
+            // From the far end to the near one; the same picture behind itself looks solid in bends.
+            let place = |slice: usize| slice as f64 / slices as f64;
+            let along = seen.along + length * place(slice);
+            let at = relative(path.beside(along, seen.lateral));
+            let Some((placement, scale)) = self.placement(scene, at, [width, height], seen.tint) else {
+                return;
             };
-            picture.draw(
-                into,
-                Placement {
-                    left: (x - width / 2.0) as f32,
-                    top: (foot - height) as f32,
-                    size: [width as f32, height as f32],
-                    opacity,
-                    brightness: object.brightness,
-                    haze: (HAZE, air as f32),
-                },
-            );
+            let on_axle = AXLES.iter().any(|axle| (place(slice)..place(slice + 1)).contains(axle));
+            let picture = match (slice == 0, slice == slices) {
+                (false, false) if on_axle => &self.pictures.axle,
+                (false, false) => &self.pictures.body,
+                (nearest, _) if nearest == seen.oncoming => &self.pictures.front,
+                _ => &self.pictures.rear,
+            };
+            picture.draw(into, placement);
+            if slice == 0 && scene.light.lamps {
+                let lamps = match seen.oncoming {
+                    true => &self.pictures.head_lamps,
+                    false => &self.pictures.tail_lamps,
+                };
+                // Never fainter than a point of light.
+                let wide = (2.4 * scale).max(2.0) as f32 / placement.size[0].max(0.1);
+                let grown = placement.size.map(|s| s * wide.min(3.0));
+                let left = placement.left - (grown[0] - placement.size[0]) / 2.0;
+                let top = placement.top - (grown[1] - placement.size[1]) / 2.0;
+                lamps.draw(into, Placement { left, top, size: grown, tint: [1.0; 3], ..placement });
+            }
         }
     }
 
     /// Whether a frame has the size that the renderer was made for.
     pub fn fits(&self, frame: &Frame<'_>) -> bool {
-        frame.width() == self.width && frame.height() == self.rows.len()
-    }
-}
-
-/// Rounds a colour to bytes. The fourth number is left out.
-#[inline]
-fn write(pixel: &mut [u8], colour: [f32; 4]) {
-    // In a number just above 2^23 the lowest bits are those of the whole number added: faster than a conversion.
-    let rounded = colour.map(|c| (c.clamp(0.0, 255.0) + 8_388_608.0).to_bits());
-    for channel in 0..3 {
-        pixel[channel] = rounded[channel] as u8;
-    }
-}
-
-/// The camera's place and directions on the ground, relative to the corner of the field.
-struct View {
-    at: [f32; 2],
-    ahead: [f32; 2],
-    right: [f32; 2],
-}
-
-fn row(projection: &Projection, texture: &Texture, y: f64) -> Row {
-    if y < projection.horizon() {
-        return sky(projection, texture, y);
-    }
-    // What is left between the horizon and the first row of ground is so far away that it is all haze.
-    let ground = projection.ground(y).unwrap_or(crate::camera::GroundRow {
-        ahead: 5_000.0,
-        pixel_width: 20.0,
-        pixel_depth: 2_000.0,
-    });
-    // Between the two extents of a pixel: with the larger one texture would vanish early, with the smaller one it flickers.
-    let footprint = (ground.pixel_width * ground.pixel_depth).sqrt() as f32;
-    Row::Ground(GroundRow {
-        ahead: ground.ahead as f32,
-        pixel_width: ground.pixel_width as f32,
-        pixel_depth: ground.pixel_depth as f32,
-        haze: (0.9 * (1.0 - libm::exp(-ground.ahead.abs() / VISIBILITY))) as f32,
-        grain: texture.scale(GRAIN, footprint),
-        patches: texture.scale(PATCHES, footprint),
-    })
-}
-
-fn sky(projection: &Projection, texture: &Texture, y: f64) -> Row {
-    let elevation = projection.elevation(y).max(0.0);
-    // Blue grows quickly above the horizon and slowly further up.
-    let share = (1.0 - libm::exp(-elevation * 4.5)) as f32;
-    let colour = [0, 1, 2].map(|c| HAZE[c] + (ZENITH[c] - HAZE[c]) * share);
-    // Clouds lie on a plane one unit up; a unit is as far as the plane is high.
-    let ahead = 1.0 / elevation.max(0.01);
-    let slant = (1.0 + elevation * elevation).sqrt() / elevation.max(0.01);
-    let pixel_width = slant / projection.focal;
-    let footprint = pixel_width * slant.sqrt();
-    let clouds = ((elevation - 0.04) / 0.25).clamp(0.0, 1.0) * 0.8;
-    Row::Sky {
-        colour,
-        clouds: clouds as f32,
-        right: pixel_width as f32,
-        ahead: ahead as f32,
-        scale: texture.scale(7.0, footprint as f32),
+        frame.width() == self.width && frame.height() == self.height
     }
 }

@@ -7,6 +7,7 @@ use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Map, Value};
 
 use crate::path::{Path, Point, distance, spline};
+use crate::profile::Profile;
 use crate::section;
 
 /// Points on the spline from one node to the next, both included.
@@ -36,8 +37,10 @@ const CROSSING_SEPARATION: f64 = 30.0;
 pub struct Road {
     /// The centre line of the driven lane as `[x, height, z]` in metres. A road made from these is the same road.
     pub waypoints: Vec<[f64; 3]>,
-    /// The same line, finely divided.
+    /// The same line on the ground, finely divided.
     pub path: Path,
+    /// Its heights.
+    pub profile: Profile,
 }
 
 impl Road {
@@ -57,16 +60,24 @@ impl Road {
                 )));
             }
         };
-        if let Some(name) = fields.keys().find(|k| !["angles", "segment", "waypoints"].contains(&k.as_str()))
+        if let Some(name) =
+            fields.keys().find(|k| !["angles", "segment", "heights", "waypoints"].contains(&k.as_str()))
         {
             return Err(Error::new(format!(
-                "the road has an unknown key `{name}`; it takes `angles` and `segment`, or `waypoints`"
+                "the road has an unknown key `{name}`; it takes `angles`, `segment` and `heights`, or `waypoints`"
             )));
         }
         match (fields.get("angles"), fields.get("waypoints")) {
-            (Some(angles), None) => Self::from_angles(&read_angles(angles)?, read_segment(fields)?),
+            (Some(angles), None) => {
+                let angles = read_angles(angles)?;
+                let heights = read_heights(fields, angles.len())?;
+                Self::from_angles(&angles, read_segment(fields)?, &heights)
+            }
             (None, Some(_)) if fields.contains_key("segment") => Err(Error::new(
                 "the road has `segment` beside `waypoints`; it belongs to `angles`: remove it",
+            )),
+            (None, Some(_)) if fields.contains_key("heights") => Err(Error::new(
+                "the road has `heights` beside `waypoints`; the second number of each waypoint is its height: remove `heights`",
             )),
             (None, Some(waypoints)) => Self::from_waypoints(read_waypoints(waypoints)?),
             (Some(_), Some(_)) => {
@@ -85,7 +96,7 @@ impl Road {
         for _ in 0..1000 {
             let angles: Vec<f64> =
                 (0..RANDOM_ANGLES).map(|_| f64::from(random.between(-RANDOM_ANGLE, RANDOM_ANGLE))).collect();
-            match Self::from_angles(&angles, DEFAULT_SEGMENT) {
+            match Self::from_angles(&angles, DEFAULT_SEGMENT, &[]) {
                 Ok(road) => return Ok(road),
                 Err(error) => refused = error,
             }
@@ -93,11 +104,12 @@ impl Road {
         Err(refused.at(format!("seed {seed} gives no road that can be driven")))
     }
 
-    /// The road whose node `i + 1` lies `segment` metres from the one before, turned by angle `i` in degrees, clockwise.
+    /// The road whose node `i + 1` lies `segment` metres from the one before, turned by angle `i` in degrees, clockwise. The
+    /// first node is 0 m high, the others have `heights` in metres; where there are none, the road is flat.
     ///
     /// # Errors
     /// As [`Road::new`].
-    pub fn from_angles(angles: &[f64], segment: f64) -> Result<Self> {
+    pub fn from_angles(angles: &[f64], segment: f64, heights: &[f64]) -> Result<Self> {
         // The first node lies behind the start, so that the road leaves towards +z.
         let mut nodes: Vec<Point> = vec![[0.0, -segment], [0.0, 0.0]];
         let (mut at, mut heading) = ([0.0, 0.0], 0.0f64);
@@ -107,7 +119,16 @@ impl Road {
             nodes.push(at);
         }
         let points = spline(&nodes, POINTS_PER_SEGMENT);
-        Self::from_waypoints(points.into_iter().map(|[x, z]| [x, 0.0, z]).collect())
+        let height = |i: usize| {
+            let node = i / (POINTS_PER_SEGMENT - 1);
+            let share = (i % (POINTS_PER_SEGMENT - 1)) as f64 / (POINTS_PER_SEGMENT - 1) as f64;
+            let of = |node: usize| match node {
+                0 => 0.0,
+                _ => heights.get(node - 1).copied().unwrap_or_default(),
+            };
+            of(node) + (of(node + 1) - of(node)) * share
+        };
+        Self::from_waypoints(points.into_iter().enumerate().map(|(i, [x, z])| [x, height(i), z]).collect())
     }
 
     fn from_waypoints(waypoints: Vec<[f64; 3]>) -> Result<Self> {
@@ -115,14 +136,6 @@ impl Road {
             return Err(Error::new(format!(
                 "the road has {} waypoints, but needs at least 2",
                 waypoints.len()
-            )));
-        }
-        let height = waypoints[0][1];
-        if let Some(i) = waypoints.iter().position(|p| (p[1] - height).abs() > 0.01) {
-            return Err(Error::new(format!(
-                "waypoint {i} of the road is {} m high and waypoint 0 is {height} m high, but roads of this simulator are \
-                 flat: give all the same height",
-                waypoints[i][1]
             )));
         }
         let points: Vec<Point> = waypoints.iter().map(|p| [p[0], p[2]]).collect();
@@ -143,8 +156,24 @@ impl Road {
         let path = Path::through(&points, STEP);
         check_bends(&path)?;
         check_crossings(&path)?;
-        Ok(Self { waypoints, path })
+        let profile = Profile::through(&along_path(&waypoints, &path))?;
+        Ok(Self { waypoints, path, profile })
     }
+}
+
+/// Distance along the path and height of each waypoint.
+fn along_path(waypoints: &[[f64; 3]], path: &Path) -> Vec<(f64, f64)> {
+    // A waypoint is a point of the path, so that it is found by going on from the one before.
+    let mut segment = 0;
+    waypoints
+        .iter()
+        .map(|&[x, height, z]| {
+            while segment < path.segments() && distance(path.points()[segment], [x, z]) > 1e-9 {
+                segment += 1;
+            }
+            (path.along(segment), height)
+        })
+        .collect()
 }
 
 /// Refuses bends that the far edge of the road could not follow.
@@ -233,6 +262,19 @@ fn read_segment(fields: &Map<String, Value>) -> Result<f64> {
     }
 }
 
+fn read_heights(fields: &Map<String, Value>, nodes: usize) -> Result<Vec<f64>> {
+    let Some(value) = fields.get("heights") else { return Ok(Vec::new()) };
+    let heights: Option<Vec<f64>> =
+        value.as_array().and_then(|heights| heights.iter().map(Value::as_f64).collect());
+    match heights {
+        Some(heights) if heights.len() == nodes && heights.iter().all(|h| h.abs() <= 1000.0) => Ok(heights),
+        _ => Err(Error::new(format!(
+            "`heights` of the road is {}, but has to be a list of {nodes} heights in metres from -1000 to 1000, one for each angle",
+            shortened(value)
+        ))),
+    }
+}
+
 fn read_waypoints(value: &Value) -> Result<Vec<[f64; 3]>> {
     let expected = "`waypoints` of the road has to be a list of points [x, height, z] in metres";
     let Value::Array(items) = value else {
@@ -294,6 +336,19 @@ mod tests {
     }
 
     #[test]
+    fn heights_make_hills() {
+        let angles = json!([0, 10, -10, 0, 0]);
+        let road = Road::new(&json!({"angles": angles, "heights": [0, 2, 2, 0, 0]}), 0).unwrap();
+        assert!(!road.profile.is_flat() && (road.profile.height(60.0) - 2.0).abs() < 0.3);
+        // Given as waypoints it is the same road.
+        let again = Road::new(&json!({"waypoints": road.waypoints}), 3).unwrap();
+        for along in 0..100 {
+            assert_eq!(road.profile.height(f64::from(along)), again.profile.height(f64::from(along)));
+        }
+        assert!(Road::new(&json!({"angles": angles}), 0).unwrap().profile.is_flat());
+    }
+
+    #[test]
     fn positive_angles_turn_right() {
         let road = Road::new(&json!({"angles": [0, 20, 20, 0]}), 0).unwrap();
         assert!(road.waypoints.last().unwrap()[0] > 5.0);
@@ -323,7 +378,7 @@ mod tests {
             (json!(3), "the road is 3, but has to be null or an object with `angles` or `waypoints`"),
             (
                 json!({"angle": []}),
-                "the road has an unknown key `angle`; it takes `angles` and `segment`, or `waypoints`",
+                "the road has an unknown key `angle`; it takes `angles`, `segment` and `heights`, or `waypoints`",
             ),
             (json!({}), "the road has neither `angles` nor `waypoints`; give one of them"),
             (
@@ -364,8 +419,11 @@ mod tests {
         ] {
             assert_eq!(error(road), expected);
         }
+        assert!(error(json!({"waypoints": [[0, 0, 0], [0, 13, 50]]})).contains("a slope of 26 %"));
+        let error_in_heights = error(json!({"angles": [0, 0, 0], "heights": [1, 2]}));
         assert!(
-            error(json!({"waypoints": [[0, 0, 0], [0, 3, 50]]})).contains("roads of this simulator are flat")
+            error_in_heights.contains("is [1,2], but has to be a list of 3 heights"),
+            "{error_in_heights}"
         );
         assert!(error(json!(long)).ends_with("`waypoints`") && error(json!(long)).contains("..."));
     }

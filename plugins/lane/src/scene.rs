@@ -5,7 +5,8 @@ use std::f64::consts::PI;
 use pdk_sdk::prelude::Random;
 
 use crate::field::Field;
-use crate::path::Path;
+use crate::light::{Light, Sun};
+use crate::path::{Path, distance};
 use crate::section;
 
 /// Distance between posts along the road in metres.
@@ -18,6 +19,9 @@ const TREE_OFFSETS: (f64, f64) = (10.0, 45.0);
 const TREE_DENSITY: f64 = 0.55;
 /// Trees stand this far before and beyond the road too, in metres.
 const TREES_BEYOND: f64 = 60.0;
+/// A house every so many metres, where there is room, and its distance from the middle of the road in metres.
+const HOUSE_SPACING: f64 = 45.0;
+const HOUSE_OFFSETS: (f64, f64) = (17.0, 34.0);
 /// Number of directions for which the height of the hills is stored.
 const DIRECTIONS: usize = 2048;
 
@@ -30,8 +34,8 @@ pub struct Object {
     pub size: [f64; 2],
     /// What it is.
     pub kind: ObjectKind,
-    /// Brightness relative to its picture.
-    pub brightness: f32,
+    /// What the colours of its picture are multiplied with.
+    pub tint: [f32; 3],
 }
 
 /// Kinds of object, each with its own picture.
@@ -43,6 +47,8 @@ pub enum ObjectKind {
     Conifer,
     /// A broad-leaved tree.
     Broadleaf,
+    /// A house.
+    House,
 }
 
 /// Everything around one road.
@@ -52,20 +58,24 @@ pub struct Scene {
     pub field: Field,
     /// What stands beside it.
     pub objects: Vec<Object>,
+    /// The light.
+    pub light: Light,
+    /// Where the sun stands, where it shows.
+    pub sun: Option<Sun>,
     /// Tangent of the elevation of the far and the near hills in each direction.
     hills: Vec<[f32; 2]>,
 }
 
 impl Scene {
     /// Furnishes a road; the same random numbers give the same scene.
-    pub fn new(path: &Path, random: &mut Random) -> Self {
+    pub fn new(path: &Path, light: &Light, random: &mut Random) -> Self {
         let field = Field::new(path);
         let mut objects = Vec::new();
         let mut along = POST_SPACING / 2.0;
         while along < path.length() {
             for side in [-1.0, 1.0] {
                 let at = path.beside(along, section::ROAD_CENTRE + side * POST_OFFSET);
-                objects.push(Object { at, size: [0.13, 1.0], kind: ObjectKind::Post, brightness: 1.0 });
+                objects.push(Object { at, size: [0.13, 1.0], kind: ObjectKind::Post, tint: [1.0; 3] });
             }
             along += POST_SPACING;
         }
@@ -81,16 +91,30 @@ impl Scene {
             let height = random.uniform(4.5, 9.0);
             let width = height * if kind == ObjectKind::Conifer { 0.45 } else { 0.8 };
             let brightness = random.uniform(0.85, 1.12) as f32;
-            // A bend may have brought the place onto another part of the road.
-            let place = field.at((at[0] - field.origin()[0]) as f32, (at[1] - field.origin()[1]) as f32);
-            let from_road =
-                place.map_or(f64::INFINITY, |p| (f64::from(p.lateral) - section::ROAD_CENTRE).abs());
-            if from_road > section::PAVED_HALF_WIDTH + 1.0 + width / 2.0 {
-                objects.push(Object { at, size: [width, height], kind, brightness });
+            if clear(&field, at, width) {
+                objects.push(Object { at, size: [width, height], kind, tint: [brightness; 3] });
             }
         }
         let hills = hills(random);
-        Self { field, objects, hills }
+        let houses = (path.length() / HOUSE_SPACING) as usize;
+        for i in 0..houses {
+            let along = (i as f64 + random.unit()) * HOUSE_SPACING;
+            let offset = random.uniform(HOUSE_OFFSETS.0, HOUSE_OFFSETS.1);
+            let side = if random.below(2) == 0 { -1.0 } else { 1.0 };
+            let at = path.beside(along, section::ROAD_CENTRE + side * offset);
+            let width = random.uniform(7.0, 11.0);
+            let warmth = random.uniform(0.8, 1.05) as f32;
+            if clear(&field, at, width) {
+                // Nothing grows in houses or right before them.
+                objects.retain(|other| {
+                    other.kind == ObjectKind::Post
+                        || distance(other.at, at) > width * 0.5 + other.size[0] * 0.5 + 1.0
+                });
+                let tint = [1.0, 0.5 + 0.5 * warmth, warmth];
+                objects.push(Object { at, size: [width, width * 0.82], kind: ObjectKind::House, tint });
+            }
+        }
+        Self { field, objects, hills, sun: light.place_sun(random), light: *light }
     }
 
     /// Tangent of the elevation of the far and the near hills in a direction, in radians clockwise from +z.
@@ -102,6 +126,13 @@ impl Scene {
         let (a, b) = (self.hills[index % DIRECTIONS], self.hills[(index + 1) % DIRECTIONS]);
         [a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share]
     }
+}
+
+/// Whether something of that width leaves the road free: a bend may have brought its place onto another part of it.
+fn clear(field: &Field, at: [f64; 2], width: f64) -> bool {
+    let place = field.at((at[0] - field.origin()[0]) as f32, (at[1] - field.origin()[1]) as f32);
+    let from_road = place.map_or(f64::INFINITY, |p| (f64::from(p.lateral) - section::ROAD_CENTRE).abs());
+    from_road > section::PAVED_HALF_WIDTH + 1.0 + width / 2.0
 }
 
 fn hills(random: &mut Random) -> Vec<[f32; 2]> {

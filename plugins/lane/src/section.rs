@@ -13,9 +13,11 @@ pub const PAVED_HALF_WIDTH: f64 = LANE_WIDTH + 0.45;
 pub const EDGE_LINE: f64 = LANE_WIDTH - 0.1;
 /// Width of the lane markings in metres.
 pub const LINE_WIDTH: f64 = 0.16;
+/// What is left of worn paint.
+const WORN: f32 = 0.4;
 /// Length of a dash of the middle line in metres, and of a dash with the gap behind it.
-pub const DASH: f32 = 3.0;
-pub const DASH_PERIOD: f32 = 7.5;
+const DASH: f32 = 3.0;
+const DASH_PERIOD: f32 = 7.5;
 
 /// The section is known from the middle to this distance, in metres; beyond there is only grass.
 pub const HALF_WIDTH: f32 = 7.0;
@@ -37,24 +39,50 @@ const ASPHALT: Ground = Ground { rgb: [88.0, 89.0, 92.0], texture: 0.075 };
 const WHITE: Ground = Ground { rgb: [232.0, 233.0, 228.0], texture: 0.035 };
 const GRAVEL: Ground = Ground { rgb: [146.0, 134.0, 110.0], texture: 0.16 };
 /// Colour of the line in the middle.
-pub const YELLOW: [f32; 3] = [236.0, 184.0, 48.0];
+const YELLOW: [f32; 3] = [236.0, 184.0, 48.0];
 
-/// The section without the yellow line, in a form that gives means quickly.
+/// How the road is marked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Markings {
+    /// White edge lines and a dashed yellow line in the middle.
+    Dashed,
+    /// White edge lines and a solid yellow line in the middle.
+    Solid,
+    /// As dashed, with most of the paint gone.
+    Worn,
+}
+
+impl Markings {
+    /// The names, as the parameter `markings` has them.
+    pub const NAMES: [&str; 3] = ["dashed", "solid", "worn"];
+
+    /// The markings of a name; dashed for any other.
+    pub fn named(name: &str) -> Self {
+        match name {
+            "solid" => Self::Solid,
+            "worn" => Self::Worn,
+            _ => Self::Dashed,
+        }
+    }
+}
+
+/// The section, in a form that gives means quickly.
 #[derive(Debug)]
 pub struct Section {
-    /// Sums of all samples before each: red, green, blue, texture.
+    markings: Markings,
+    /// Without the yellow line: sums of all samples before each: red, green, blue, texture.
     sums: Vec<[f32; 4]>,
 }
 
 impl Section {
     /// Builds the sums.
-    pub fn new() -> Self {
+    pub fn new(markings: Markings) -> Self {
         let mut sums = Vec::with_capacity(SAMPLES + 1);
         // Summed in double precision: the mean is a small difference of large sums.
         let mut total = [0.0f64; 4];
         sums.push([0.0; 4]);
         for i in 0..SAMPLES {
-            let ground = at((i as f32 + 0.5) / SAMPLES_PER_METRE - HALF_WIDTH);
+            let ground = at((i as f32 + 0.5) / SAMPLES_PER_METRE - HALF_WIDTH, markings);
             let values = [ground.rgb[0], ground.rgb[1], ground.rgb[2], ground.texture];
             for channel in 0..4 {
                 // Less the grass, which keeps the sums small.
@@ -62,7 +90,7 @@ impl Section {
             }
             sums.push(total.map(|t| t as f32));
         }
-        Self { sums }
+        Self { markings, sums }
     }
 
     /// The mean over `width` metres around the place `offset` metres to the right of the middle of the road: red, green,
@@ -78,6 +106,25 @@ impl Section {
             mean[channel] += (high[channel] - low[channel]) * scale;
         }
         mean
+    }
+
+    /// As [`Section::mean`], with the yellow line as it is `along` the road, where a pixel extends `deep` metres that way.
+    #[inline]
+    pub fn ground(&self, offset: f32, wide: f32, along: f32, deep: f32) -> [f32; 4] {
+        let mut ground = self.mean(offset, wide);
+        let half_line = LINE_WIDTH as f32 / 2.0;
+        if offset.abs() < half_line + wide {
+            let line = cover(offset, wide.max(0.01), -half_line, half_line);
+            let share = match self.markings {
+                Markings::Solid => line,
+                Markings::Dashed => line * dash_cover(along, deep),
+                Markings::Worn => line * dash_cover(along, deep) * WORN,
+            };
+            for (c, yellow) in ground.iter_mut().zip(YELLOW) {
+                *c += (yellow - *c) * share;
+            }
+        }
+        ground
     }
 
     #[inline]
@@ -100,11 +147,16 @@ pub const fn grass() -> [f32; 4] {
 }
 
 /// The section at one place, `offset` metres to the right of the middle of the road.
-fn at(offset: f32) -> Ground {
+fn at(offset: f32, markings: Markings) -> Ground {
     let from_middle = offset.abs();
     let from_line = (from_middle - EDGE_LINE as f32).abs();
     if from_line <= LINE_WIDTH as f32 / 2.0 {
-        return WHITE;
+        let paint = if markings == Markings::Worn { WORN } else { 1.0 };
+        let mixed = |white: f32, asphalt: f32| asphalt + (white - asphalt) * paint;
+        return Ground {
+            rgb: [0, 1, 2].map(|c| mixed(WHITE.rgb[c], ASPHALT.rgb[c])),
+            texture: mixed(WHITE.texture, ASPHALT.texture),
+        };
     }
     let paved = PAVED_HALF_WIDTH as f32;
     if from_middle <= paved {
@@ -126,13 +178,13 @@ fn at(offset: f32) -> Ground {
 }
 
 /// The share of the stretch of `width` metres around `position` that lies between `from` and `to`.
-pub fn cover(position: f32, width: f32, from: f32, to: f32) -> f32 {
+fn cover(position: f32, width: f32, from: f32, to: f32) -> f32 {
     let half = width * 0.5;
     (((position + half).min(to) - (position - half).max(from)) / width).clamp(0.0, 1.0)
 }
 
 /// The share of the stretch of `width` metres around `along` that dashes of the middle line cover.
-pub fn dash_cover(along: f32, width: f32) -> f32 {
+fn dash_cover(along: f32, width: f32) -> f32 {
     let painted = |position: f32| {
         let periods = (position / DASH_PERIOD).floor();
         periods * DASH + (position - periods * DASH_PERIOD).min(DASH)
@@ -147,11 +199,13 @@ mod tests {
 
     #[test]
     fn a_mean_is_the_mean_of_the_samples() {
-        let section = Section::new();
+        let section = Section::new(Markings::Dashed);
         for (offset, width) in [(3.9, 0.3), (0.0, 0.02), (-4.3, 2.0), (6.9, 0.5), (1.0, 13.0)] {
             let count = 4000;
             let direct = (0..count)
-                .map(|i| at(offset + width * ((i as f32 + 0.5) / count as f32 - 0.5)).rgb[0])
+                .map(|i| {
+                    at(offset + width * ((i as f32 + 0.5) / count as f32 - 0.5), Markings::Dashed).rgb[0]
+                })
                 .sum::<f32>()
                 / count as f32;
             let mean = section.mean(offset, width)[0];
@@ -162,7 +216,7 @@ mod tests {
 
     #[test]
     fn the_edge_line_is_white_and_lies_inside_the_lane_edge() {
-        let section = Section::new();
+        let section = Section::new(Markings::Dashed);
         for side in [-1.0, 1.0] {
             assert_eq!(section.mean(side * EDGE_LINE as f32, 0.05)[0].round(), WHITE.rgb[0]);
         }
@@ -177,5 +231,18 @@ mod tests {
         assert!((dash_cover(40.0, 10.0 * DASH_PERIOD) - DASH / DASH_PERIOD).abs() < 1e-5);
         assert_eq!(dash_cover(-6.0, 0.5), 1.0);
         assert_eq!(cover(0.0, 1.0, -0.25, 0.25), 0.5);
+    }
+
+    #[test]
+    fn markings_differ_where_there_is_paint() {
+        let [dashed, solid, worn] =
+            [Markings::Dashed, Markings::Solid, Markings::Worn].map(|markings| Section::new(markings));
+        // Five metres on there is a gap between dashes.
+        let yellow = |section: &Section, along| section.ground(0.0, 0.02, along, 0.02)[0];
+        assert!((yellow(&dashed, 1.0) - yellow(&solid, 5.0)).abs() < 0.01);
+        assert!(yellow(&dashed, 5.0) < 100.0 && yellow(&worn, 1.0) < 0.7 * yellow(&dashed, 1.0));
+        let white = |section: &Section| section.mean(EDGE_LINE as f32, 0.05)[0];
+        assert!(white(&worn) < 0.7 * white(&dashed) && white(&worn) > 1.3 * ASPHALT.rgb[0]);
+        assert_eq!(dashed.ground(2.0, 0.1, 1.0, 0.1), dashed.mean(2.0, 0.1));
     }
 }

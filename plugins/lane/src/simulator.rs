@@ -3,22 +3,29 @@
 use pdk_sdk::prelude::*;
 
 use crate::camera;
+use crate::light::{self, Light};
 use crate::path::Located;
-use crate::render::{Pose, Renderer};
+use crate::render::{Pose, Renderer, World};
 use crate::road::Road;
 use crate::scene::Scene;
-use crate::section;
+use crate::section::{self, Markings};
+use crate::traffic::{self, Traffic, Wanted};
 use crate::vehicle::Vehicle;
 
 /// How far from its last place along the road the vehicle is looked for, in metres: so a road that comes close to
 /// itself is never mistaken for another part of it.
 const SEARCH: f64 = 10.0;
 
+/// From the vehicle's centre to its front in metres.
+const FRONT: f64 = traffic::SIZE[2] / 2.0;
+
 /// The embedded simulator.
 pub struct Lane {
     camera: Camera,
     initial_speed: f64,
     speed_limit: f64,
+    light: Light,
+    traffic: Wanted,
     renderer: Renderer,
     drive: Option<Drive>,
 }
@@ -27,6 +34,7 @@ pub struct Lane {
 struct Drive {
     road: Road,
     scene: Scene,
+    traffic: Traffic,
     vehicle: Vehicle,
     located: Located,
     /// Frames since the start.
@@ -44,12 +52,12 @@ impl Component for Lane {
                     .unit("px"),
             )
             .parameter(
-                Parameter::integer("height", 240, "height of the camera's frames")
+                Parameter::integer("height", 160, "height of the camera's frames")
                     .range(1.0, 4096.0)
                     .unit("px"),
             )
             .parameter(
-                Parameter::number("rate", 30.0, "frames per second of simulation time")
+                Parameter::number("rate", 20.0, "frames per second of simulation time")
                     .range(1.0, 1000.0)
                     .unit("Hz"),
             )
@@ -62,6 +70,39 @@ impl Component for Lane {
                 Parameter::number("speed_limit", 20.0, "speed that the vehicle never exceeds")
                     .range(0.1, 50.0)
                     .unit("m/s"),
+            )
+            .parameter(Parameter::choice(
+                "light",
+                &light::NAMES,
+                "the light: a clear day, dusk with headlights, or an overcast sky",
+            ))
+            .parameter(Parameter::choice(
+                "markings",
+                &Markings::NAMES,
+                "the middle line is dashed or solid, or it is dashed and all paint is worn",
+            ))
+            .parameter(
+                Parameter::number(
+                    "vehicle_ahead",
+                    0.0,
+                    "free distance to a vehicle ahead in the same lane at the start; 0 for none",
+                )
+                .range(0.0, 140.0)
+                .unit("m"),
+            )
+            .parameter(
+                Parameter::number(
+                    "vehicle_ahead_speed",
+                    6.5,
+                    "mean speed of the vehicle ahead; it swings by 30 % around it every 14 s",
+                )
+                .range(0.5, 40.0)
+                .unit("m/s"),
+            )
+            .parameter(
+                Parameter::number("oncoming", 6.0, "oncoming vehicles a kilometre")
+                    .range(0.0, 60.0)
+                    .unit("1/km"),
             )
     }
 
@@ -80,8 +121,15 @@ impl Component for Lane {
         }
         // The texture is the same in all scenarios; what differs between them comes from the scenario's seed.
         let mut random = pdk_sdk::seed::key(0, "lane texture", 0, 0).sequence();
-        let renderer = Renderer::new(camera.width as usize, camera.height as usize, &mut random);
-        Ok(Self { camera, initial_speed, speed_limit, renderer, drive: None })
+        let markings = Markings::named(config.text("markings"));
+        let renderer = Renderer::new(camera.width as usize, camera.height as usize, markings, &mut random);
+        let light = Light::named(config.text("light"));
+        let traffic = Wanted {
+            gap: config.number("vehicle_ahead"),
+            speed: config.number("vehicle_ahead_speed"),
+            oncoming: config.number("oncoming"),
+        };
+        Ok(Self { camera, initial_speed, speed_limit, light, traffic, renderer, drive: None })
     }
 }
 
@@ -106,13 +154,15 @@ impl Simulator for Lane {
     fn reset(&mut self, scenario: &Scenario) -> Result<State> {
         let road = Road::new(&scenario.road, scenario.seed)?;
         let mut random = pdk_sdk::seed::key(scenario.seed, "lane scene", 0, 0).sequence();
-        let scene = Scene::new(&road.path, &mut random);
-        self.renderer.prepare(&scene);
+        let scene = Scene::new(&road.path, &self.light, &mut random);
+        let mut random = pdk_sdk::seed::key(scenario.seed, "lane traffic", 0, 0).sequence();
+        let traffic = Traffic::new(self.traffic, road.path.length(), FRONT, &mut random);
+        self.renderer.prepare(&scene, traffic.count());
         let [dx, dz] = road.path.direction(0);
         let start = road.path.points()[0];
         let vehicle = Vehicle::at(start, libm::atan2(dx, dz), self.initial_speed);
         let located = road.path.locate(vehicle.centre(), 0, 1);
-        let drive = Drive { road, scene, vehicle, located, frames: 0, farthest: 0.0 };
+        let drive = Drive { road, scene, traffic, vehicle, located, frames: 0, farthest: 0.0 };
         let state = drive.state(self.camera.rate);
         self.drive = Some(drive);
         Ok(state)
@@ -129,8 +179,15 @@ impl Simulator for Lane {
                 self.camera.height
             )));
         }
-        let pose = Pose { at: drive.vehicle.ahead(camera::AHEAD_OF_CENTRE), heading: drive.vehicle.heading };
-        self.renderer.draw(&drive.scene, pose, into);
+        let (path, length) = (&drive.road.path, drive.road.path.length());
+        let pose = Pose {
+            at: drive.vehicle.ahead(camera::AHEAD_OF_CENTRE),
+            heading: drive.vehicle.heading,
+            along: drive.located.along + camera::AHEAD_OF_CENTRE,
+        };
+        let vehicles = drive.traffic.seen(drive.time(self.camera.rate), length);
+        let world = World { scene: &drive.scene, path, profile: &drive.road.profile, vehicles };
+        self.renderer.draw(world, pose, into);
         Ok(drive.state(self.camera.rate))
     }
 
@@ -144,7 +201,8 @@ impl Simulator for Lane {
                 )));
             }
         }
-        drive.vehicle.advance(control, 1.0 / self.camera.rate, self.speed_limit);
+        let slope = drive.road.profile.slope(drive.located.along);
+        drive.vehicle.advance(control, 1.0 / self.camera.rate, slope, self.speed_limit);
         drive.frames += 1;
         drive.locate();
         Ok(())
@@ -169,22 +227,29 @@ impl Drive {
         self.farthest = self.farthest.max(self.located.along);
     }
 
+    /// Simulation time in seconds; from the count, not from a sum: it never drifts.
+    fn time(&self, rate: f64) -> f64 {
+        self.frames as f64 / rate
+    }
+
     fn state(&self, rate: f64) -> State {
+        let time = self.time(rate);
+        let along = self.located.along;
         let [x, z] = self.vehicle.centre();
         let length = self.road.path.length();
         let xte = self.located.lateral;
+        let finished = self.farthest >= length - 1e-6;
         State {
-            // From the count, not from a sum: it never drifts.
-            time: self.frames as f64 / rate,
-            position: [x, self.road.waypoints[0][1], z],
+            time,
+            position: [x, self.road.profile.height(along), z],
             heading: self.vehicle.heading,
             speed: self.vehicle.speed,
             cross_track_error: xte,
-            progress: (self.farthest / length).min(1.0),
-            vehicle_ahead: f64::INFINITY,
+            progress: if finished { 1.0 } else { self.farthest / length },
+            vehicle_ahead: self.traffic.free_distance(time, along + FRONT),
             lane_departure: xte.abs() > section::LANE_WIDTH / 2.0,
-            collision: false,
-            finished: self.farthest >= length - 1e-6,
+            collision: self.traffic.collides(time, along, xte),
+            finished,
         }
     }
 }

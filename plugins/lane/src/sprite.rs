@@ -1,6 +1,6 @@
-//! Pictures of what stands beside the road: trees and posts. They are drawn once, when a simulator is made.
+//! Pictures with transparency, drawn into frames at any size.
 
-use pdk_sdk::prelude::{FrameMut, Random};
+use pdk_sdk::prelude::FrameMut;
 
 /// Texels along a side of a picture; a power of two.
 const SIZE: usize = 128;
@@ -27,15 +27,39 @@ pub struct Placement {
     pub size: [f32; 2],
     /// Opacity, 0 to 1.
     pub opacity: f32,
-    /// Brightness; 1 for the picture's own.
-    pub brightness: f32,
+    /// What the picture's colours are multiplied with.
+    pub tint: [f32; 3],
     /// Colour of the air in front of it, and its share.
     pub haze: ([f32; 3], f32),
+    /// Rows from this one on hide it.
+    pub bottom: f32,
 }
 
 impl Sprite {
+    /// The picture with its opacity, row by row in the largest copy and the smaller ones, changed by a function of the
+    /// place: x and y from 0 (left, top) to 1.
+    pub fn with_opacity(mut self, opacity: impl Fn(f32, f32) -> f32) -> Self {
+        for level in &mut self.levels {
+            let size = (level.len() as f32).sqrt();
+            for (i, texel) in level.iter_mut().enumerate() {
+                let (x, y) = ((i as f32 % size + 0.5) / size, ((i as f32 / size).floor() + 0.5) / size);
+                texel[3] = opacity(x, y);
+            }
+        }
+        self
+    }
+
+    /// The picture with its colours multiplied by its opacity, as they have to be where [`Sprite::with_opacity`] lowered it.
+    pub fn multiplied(mut self) -> Self {
+        for texel in self.levels.iter_mut().flatten() {
+            let opacity = texel[3];
+            texel[..3].iter_mut().for_each(|channel| *channel *= opacity);
+        }
+        self
+    }
+
     /// A picture from a function of the place: x from -1 (left) to 1, y from 0 (top) to 1.
-    fn drawn(mut colour: impl FnMut(f32, f32) -> Option<[f32; 3]>) -> Self {
+    pub fn drawn(mut colour: impl FnMut(f32, f32) -> Option<[f32; 3]>) -> Self {
         let fine = SIZE * FINENESS;
         let mut largest = vec![[0.0f32; 4]; SIZE * SIZE];
         let share = 1.0 / (FINENESS * FINENESS) as f32;
@@ -67,94 +91,6 @@ impl Sprite {
         Self { levels }
     }
 
-    /// A conifer.
-    pub fn conifer(random: &mut Random) -> Self {
-        const TIERS: usize = 9;
-        let ragged: Vec<f32> = (0..64).map(|_| random.uniform(0.72, 1.0) as f32).collect();
-        let lean: Vec<f32> = (0..TIERS).map(|_| random.uniform(-0.05, 0.05) as f32).collect();
-        Self::drawn(|x, y| {
-            if y > 0.9 {
-                return (x.abs() < 0.05).then(|| [84.0, 62.0, 44.0].map(|c| c * (0.9 - 0.5 * x / 0.05)));
-            }
-            // Each tier widens downwards and starts narrower than the one above ends.
-            let tier = (y / 0.9 * TIERS as f32) as usize;
-            let within = y / 0.9 * TIERS as f32 - tier as f32;
-            let widest = 0.12 + 0.8 * (tier as f32 + 1.0) / TIERS as f32;
-            // The topmost comes to a point.
-            let narrowest = if tier == 0 { 0.05 } else { 0.55 };
-            let half = widest * (narrowest + (1.0 - narrowest) * within);
-            let centre = lean[tier.min(TIERS - 1)];
-            let tooth = ragged[(((x + 1.0) * 16.0) as usize + tier * 5) & 63];
-            let side = (x - centre) / half;
-            if side.abs() > tooth {
-                return None;
-            }
-            let light = 0.86 - 0.34 * side - 0.3 * (1.0 - within) * (1.0 - side * side);
-            Some([52.0, 84.0, 48.0].map(|c| c * light))
-        })
-    }
-
-    /// A broad-leaved tree.
-    pub fn broadleaf(random: &mut Random) -> Self {
-        // Clumps of leaves, the later ones in front.
-        let clumps: Vec<[f32; 4]> = (0..70)
-            .map(|i| {
-                let depth = i as f64 / 70.0;
-                let angle = random.uniform(0.0, 2.0 * std::f64::consts::PI);
-                let reach = random.unit().sqrt() * (0.78 - 0.2 * depth);
-                let (x, y) = (reach * libm::cos(angle), 0.38 + reach * 0.38 * libm::sin(angle));
-                let radius = random.uniform(0.1, 0.22);
-                [x, y, radius, random.uniform(-0.1, 0.1)].map(|v| v as f32)
-            })
-            .collect();
-        Self::drawn(|x, y| {
-            for &[cx, cy, radius, tint] in clumps.iter().rev() {
-                // Heights run from 0 to 1 where widths run from -1 to 1.
-                let (dx, dy) = ((x - cx) / radius, (y - cy) * 2.0 / radius);
-                if dx * dx + dy * dy < 1.0 {
-                    let light = 0.8 - 0.2 * dx - 0.22 * dy - 0.38 * (y - 0.3) + tint;
-                    return Some([88.0, 114.0, 52.0].map(|c| c * light));
-                }
-            }
-            let half = 0.05 + 0.05 * (y - 0.9).max(0.0) * 10.0;
-            (y > 0.5 && x.abs() < half).then(|| [92.0, 72.0, 54.0].map(|c| c * (0.85 - 0.4 * x / half)))
-        })
-    }
-
-    /// A delineator post: white with a black band and a reflector.
-    pub fn post() -> Self {
-        Self::drawn(|x, y| {
-            let light = 0.95 - 0.2 * x;
-            // The top slants.
-            if y < 0.03 + 0.03 * x {
-                return None;
-            }
-            let band = (0.14..0.36).contains(&(y - 0.06 * x));
-            let reflector = band && x.abs() < 0.5 && (0.19..0.31).contains(&y);
-            Some(if reflector {
-                [250.0, 150.0, 40.0]
-            } else if band {
-                [38.0, 38.0, 42.0].map(|c| c * light)
-            } else {
-                [238.0, 238.0, 234.0].map(|c| c * light)
-            })
-        })
-    }
-
-    /// The shadow of something round, black and fading outwards.
-    pub fn shadow() -> Self {
-        let mut sprite = Self::drawn(|_, _| Some([0.0; 3]));
-        for level in &mut sprite.levels {
-            let size = (level.len() as f32).sqrt();
-            for (i, texel) in level.iter_mut().enumerate() {
-                let (x, y) = ((i as f32 % size + 0.5) / size, ((i as f32 / size).floor() + 0.5) / size);
-                let from_middle = (2.0 * x - 1.0) * (2.0 * x - 1.0) + (2.0 * y - 1.0) * (2.0 * y - 1.0);
-                texel[3] = (1.0 - from_middle).max(0.0);
-            }
-        }
-        sprite
-    }
-
     /// Draws the picture into a frame.
     pub fn draw(&self, frame: &mut FrameMut<'_>, at: Placement) {
         // What is narrower than a pixel becomes a pixel wide and the fainter for it.
@@ -167,6 +103,7 @@ impl Sprite {
             first.min(last)..last
         };
         let (columns, rows) = (pixels(left, width, frame.width()), pixels(top, height, frame.height()));
+        let rows = rows.start..rows.end.min((at.bottom + 0.5).clamp(0.0, frame.height() as f32) as usize);
         // A level for each direction would be better; the finer one would flicker, so the coarser one decides.
         let texels = SIZE as f32 / width.max(height);
         let mut level = 0;
@@ -189,7 +126,7 @@ impl Sprite {
                     continue;
                 }
                 for channel in 0..3 {
-                    let own = texel[channel] * opacity * at.brightness;
+                    let own = texel[channel] * opacity * at.tint[channel];
                     let seen = own + (haze[channel] * cover - own) * share;
                     let behind = f32::from(pixel[channel]);
                     pixel[channel] = (behind + seen - behind * cover + 0.5) as u8;

@@ -11,7 +11,7 @@ pub fn lane(width: usize, height: usize) -> Lane {
     lane_with(json!({"width": width, "height": height})).unwrap()
 }
 
-fn lane_with(parameters: Value) -> Result<Lane> {
+pub fn lane_with(parameters: Value) -> Result<Lane> {
     let given: Map<String, Value> = parameters.as_object().unwrap().clone();
     Lane::new(&Config::check(&Lane::description(), &given)?)
 }
@@ -348,4 +348,65 @@ fn without_a_lane_the_steering_decays_and_the_vehicle_rolls() {
     let unknown = DriveContext { speed: f64::NAN, ..cx };
     let control = driver.drive(frame.as_ref(), &unknown).unwrap();
     assert!(control.steering > 0.05 && control.throttle > 0.0);
+}
+
+#[test]
+fn every_light_and_marking_can_be_driven_by_its_lines() {
+    for parameters in [
+        json!({"light": "dusk"}),
+        json!({"light": "overcast"}),
+        json!({"markings": "solid"}),
+        json!({"markings": "worn"}),
+        json!({"oncoming": 60}),
+    ] {
+        for seed in 1..4 {
+            let outcome = drive(&mut lane_with(parameters.clone()).unwrap(), Value::Null, seed, |_, _| {});
+            assert!(outcome.finished && outcome.mean < 0.4, "{parameters} {seed}: {outcome:?}");
+        }
+    }
+}
+
+#[test]
+fn hills_can_be_driven_and_show_in_the_state() {
+    let road = json!({"angles": [0, 12, -10, 8, -20, 15, -10, 0], "heights": [0, 2, 3, 1, -1, 0, 2, 2]});
+    let mut simulator = lane_with(json!({"initial_speed": 8})).unwrap();
+    let outcome = drive(&mut simulator, road, 1, |_, _| {});
+    assert!(outcome.finished && outcome.mean < 0.5, "{outcome:?}");
+    let height = simulator.state().unwrap().position[1];
+    assert!((height - 2.0).abs() < 0.2, "{height}");
+}
+
+#[test]
+fn a_vehicle_that_is_not_heeded_is_hit() {
+    let parameters = json!({"vehicle_ahead": 12, "vehicle_ahead_speed": 4, "width": 16, "height": 8});
+    let mut simulator = lane_with(parameters).unwrap();
+    let mut state = simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0, 0, 0]}), 1)).unwrap();
+    assert!((state.vehicle_ahead - 12.0).abs() < 1e-9 && !state.collision);
+    let mut before = f64::INFINITY;
+    while !state.collision {
+        simulator.act(Control { steering: 0.0, throttle: 0.3 }).unwrap();
+        before = state.vehicle_ahead;
+        state = simulator.state().unwrap();
+        assert!(state.time < 20.0 && !state.finished, "{state:?}");
+    }
+    assert!(before < 1.0 && state.vehicle_ahead == 0.0, "{before} {state:?}");
+}
+
+#[test]
+fn a_vehicle_ahead_shows() {
+    let with = |parameters: Value| {
+        let mut simulator = lane_with(parameters).unwrap();
+        simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0]}), 1)).unwrap();
+        let mut frame = FrameBuf::new(320, 160);
+        simulator.frame(frame.as_mut()).unwrap();
+        frame
+    };
+    let (free, followed) = (with(json!({"oncoming": 0})), with(json!({"oncoming": 0, "vehicle_ahead": 10})));
+    let changed: Vec<(usize, usize)> = (0..160)
+        .flat_map(|y| (0..320).map(move |x| (x, y)))
+        .filter(|&(x, y)| free.as_ref().pixel(x, y) != followed.as_ref().pixel(x, y))
+        .collect();
+    // 1.8 m at about 11.7 m are 32 pixels, in the middle of the frame.
+    let (left, right) = changed.iter().fold((320, 0), |(l, r), &(x, _)| (l.min(x), r.max(x)));
+    assert!((28..50).contains(&(right - left)) && left > 120 && right < 200, "{left} {right}");
 }

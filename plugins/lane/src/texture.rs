@@ -3,14 +3,19 @@
 use pdk_sdk::prelude::Random;
 
 /// Texels along a side of the largest copy; a power of two, so that coordinates wrap by masking.
-const SIZE: usize = 256;
+const SIZE: usize = 1 << SHIFT;
+const SHIFT: usize = 8;
 /// Number of copies, each half as large as the one before.
 const LEVELS: usize = 9;
+
+/// 1.5 * 2^23: see [`Texture::at`].
+const ROUNDING: f32 = 12_582_912.0;
 
 /// Random brightness from about -1 to 1, mean 0, that repeats every 256 texels.
 #[derive(Debug)]
 pub struct Texture {
-    levels: Vec<Vec<f32>>,
+    /// For each texel of each copy: its own brightness, that of its right and lower neighbour, and of the one between these.
+    levels: Vec<Vec<[f32; 4]>>,
     /// Root mean square of each copy.
     spreads: [f32; LEVELS],
 }
@@ -59,6 +64,7 @@ impl Texture {
         for (spread, level) in spreads.iter_mut().zip(&levels) {
             *spread = (level.iter().map(|v| v * v).sum::<f32>() / level.len() as f32).sqrt();
         }
+        let levels = levels.iter().map(|level| with_neighbours(level)).collect();
         Self { levels, spreads }
     }
 
@@ -75,31 +81,53 @@ impl Texture {
         Scale { frequency: frequency / (1u32 << level) as f32, level, strength: 1.0 + (next - 1.0) * share }
     }
 
-    /// The brightness at a place on the ground.
-    #[inline]
-    pub fn at(&self, x: f32, z: f32, scale: Scale) -> f32 {
-        let (x, y) = (x * scale.frequency, z * scale.frequency);
-        scale.strength * bilinear(&self.levels[scale.level], SIZE >> scale.level, x, y)
+    /// The brightness at some places on the ground, x and z in metres.
+    #[inline(always)]
+    pub fn at<const N: usize>(&self, x: [f32; N], z: [f32; N], scale: Scale) -> [f32; N] {
+        let texels = &self.levels[scale.level][..];
+        let shift = SHIFT - scale.level;
+        let mask = (1usize << shift) - 1;
+        let (mut fx, mut fy, mut index) = ([0.0f32; N], [0.0f32; N], [0usize; N]);
+        for i in 0..N {
+            // A number just above 1.5 * 2^23 has no fraction: adding and subtracting rounds, faster than any conversion,
+            // and the lowest bits are those of the whole number.
+            let (u, v) = (x[i] * scale.frequency, z[i] * scale.frequency);
+            let (left, top) = (u - 0.5 + ROUNDING, v - 0.5 + ROUNDING);
+            fx[i] = u - (left - ROUNDING);
+            fy[i] = v - (top - ROUNDING);
+            index[i] = ((top.to_bits() as usize & mask) << shift) | (left.to_bits() as usize & mask);
+        }
+        let mut values = [0.0; N];
+        for i in 0..N {
+            let [a, b, c, d] = texels[index[i]];
+            let upper = a + (b - a) * fx[i];
+            let lower = c + (d - c) * fx[i];
+            values[i] = (upper + (lower - upper) * fy[i]) * scale.strength;
+        }
+        values
     }
 }
 
-#[inline]
-fn bilinear(texels: &[f32], size: usize, x: f32, y: f32) -> f32 {
-    let (left, top) = (floor(x), floor(y));
-    let (fx, fy) = (x - left as f32, y - top as f32);
-    let mask = size - 1;
-    let (x0, y0) = (left as usize & mask, (top as usize & mask) * size);
-    let (x1, y1) = ((x0 + 1) & mask, (y0 + size) & (size * size - 1));
-    let upper = texels[y0 + x0] + (texels[y0 + x1] - texels[y0 + x0]) * fx;
-    let lower = texels[y1 + x0] + (texels[y1 + x1] - texels[y1 + x0]) * fx;
-    upper + (lower - upper) * fy
+/// Each texel with its neighbours.
+fn with_neighbours(level: &[f32]) -> Vec<[f32; 4]> {
+    let size = level.len().isqrt();
+    let texel = |x: usize, y: usize| level[y % size * size + x % size];
+    (0..size * size)
+        .map(|i| {
+            let (x, y) = (i % size, i / size);
+            [texel(x, y), texel(x + 1, y), texel(x, y + 1), texel(x + 1, y + 1)]
+        })
+        .collect()
 }
 
-/// The largest whole number that is not larger. Without SSE 4.1, `f32::floor` is a call of a function.
-#[inline]
-fn floor(value: f32) -> i32 {
-    let cut = value as i32;
-    cut - i32::from((cut as f32) > value)
+/// The lattice interpolated at a place; it repeats.
+fn bilinear(texels: &[f32], size: usize, x: f32, y: f32) -> f32 {
+    let (fx, fy) = (x - x.floor(), y - y.floor());
+    let (x0, y0) = (x as usize % size, y as usize % size);
+    let (x1, y1) = ((x0 + 1) % size, (y0 + 1) % size);
+    let upper = texels[y0 * size + x0] + (texels[y0 * size + x1] - texels[y0 * size + x0]) * fx;
+    let lower = texels[y1 * size + x0] + (texels[y1 * size + x1] - texels[y1 * size + x0]) * fx;
+    upper + (lower - upper) * fy
 }
 
 #[cfg(test)]
@@ -111,18 +139,12 @@ mod tests {
     fn the_texture_repeats_and_fades_with_distance() {
         let texture = Texture::new(&mut Key([1; 32]).sequence());
         let near = texture.scale(8.0, 0.01);
-        assert_eq!(texture.at(3.25, -7.5, near), texture.at(3.25 + 32.0, -7.5 - 64.0, near));
+        let at = |x: f32, z: f32, scale| texture.at([x], [z], scale)[0];
+        assert_eq!(at(3.25, -7.5, near), at(3.25 + 32.0, -7.5 - 64.0, near));
         let spread = |scale| {
-            (0..1000).map(|i| texture.at(i as f32 * 0.37, i as f32 * 0.11, scale).abs()).sum::<f32>() / 1000.0
+            (0..1000).map(|i| at(i as f32 * 0.37, i as f32 * 0.11, scale).abs()).sum::<f32>() / 1000.0
         };
         assert!(spread(near) > 0.2, "{}", spread(near));
         assert!(spread(texture.scale(8.0, 20.0)) < 0.05);
-    }
-
-    #[test]
-    fn floor_is_the_floor() {
-        for value in [-2.0, -1.5, -0.1, 0.0, 0.9, 7.0, 1e6 + 0.5] {
-            assert_eq!(floor(value) as f32, value.floor());
-        }
     }
 }

@@ -15,6 +15,8 @@ const BRAKING: f64 = 7.0;
 /// Deceleration by rolling resistance in metres per second squared, and by air in the same over the square of the speed.
 const ROLLING: f64 = 0.12;
 const AIR: f64 = 0.0008;
+/// Acceleration of gravity in metres per second squared.
+const GRAVITY: f64 = 9.81;
 /// Longest step of the integration in seconds.
 const STEP: f64 = 0.005;
 
@@ -50,19 +52,20 @@ impl Vehicle {
         [self.rear[0] + reach * libm::sin(self.heading), self.rear[1] + reach * libm::cos(self.heading)]
     }
 
-    /// Moves on by `duration` seconds under a control, whose values are clamped to -1..1. The vehicle never gets faster
-    /// than `speed_limit`.
-    pub fn advance(&mut self, control: Control, duration: f64, speed_limit: f64) {
+    /// Moves on by `duration` seconds under a control, whose values are clamped to -1..1, on a road of that `slope` (rise
+    /// over run). The vehicle never gets faster than `speed_limit`, and does not roll backwards.
+    pub fn advance(&mut self, control: Control, duration: f64, slope: f64, speed_limit: f64) {
         let steps = (duration / STEP).ceil().max(1.0);
         let dt = duration / steps;
         let target = control.steering.clamp(-1.0, 1.0) * LARGEST_STEERING_ANGLE;
         let throttle = control.throttle.clamp(-1.0, 1.0);
+        let pull = GRAVITY * slope / (1.0 + slope * slope).sqrt();
         for _ in 0..steps as usize {
             let turn = (target - self.steering_angle).clamp(-STEERING_RATE * dt, STEERING_RATE * dt);
             let mean_angle = self.steering_angle + turn / 2.0;
             self.steering_angle += turn;
             let push = if throttle >= 0.0 { throttle * ACCELERATION } else { throttle * BRAKING };
-            let drag = ROLLING + AIR * self.speed * self.speed;
+            let drag = ROLLING + AIR * self.speed * self.speed + pull;
             let before = self.speed;
             self.speed = (before + (push - drag) * dt).clamp(0.0, speed_limit);
             // Half the turn before the step and half after it keeps circles round.
@@ -90,7 +93,7 @@ mod tests {
     #[test]
     fn straight_stays_straight() {
         let mut car = Vehicle::at([3.0, 4.0], 0.0, 8.0);
-        (0..300).for_each(|_| car.advance(control(0.0, 0.3), 1.0 / 30.0, 20.0));
+        (0..300).for_each(|_| car.advance(control(0.0, 0.3), 1.0 / 30.0, 0.0, 20.0));
         assert_eq!((car.centre()[0], car.heading), (3.0, 0.0));
         assert!(car.centre()[1] > 80.0);
     }
@@ -99,13 +102,13 @@ mod tests {
     fn the_rear_axle_turns_on_a_circle_of_wheelbase_over_tangent() {
         let mut car = Vehicle::at([0.0, 0.0], 0.0, 5.0);
         // Until the wheels have reached their angle.
-        (0..30).for_each(|_| car.advance(control(0.5, 0.1), 1.0 / 30.0, 5.0));
+        (0..30).for_each(|_| car.advance(control(0.5, 0.1), 1.0 / 30.0, 0.0, 5.0));
         assert!((car.steering_angle - 0.5 * LARGEST_STEERING_ANGLE).abs() < 1e-12);
         let radius = WHEELBASE / libm::tan(0.5 * LARGEST_STEERING_ANGLE);
         let middle =
             [car.rear[0] + radius * libm::cos(car.heading), car.rear[1] - radius * libm::sin(car.heading)];
         for _ in 0..200 {
-            car.advance(control(0.5, 0.1), 1.0 / 30.0, 5.0);
+            car.advance(control(0.5, 0.1), 1.0 / 30.0, 0.0, 5.0);
             let (dx, dz) = (car.rear[0] - middle[0], car.rear[1] - middle[1]);
             assert!(((dx * dx + dz * dz).sqrt() - radius).abs() < 1e-3);
         }
@@ -114,22 +117,22 @@ mod tests {
     #[test]
     fn positive_steering_turns_right_and_the_wheels_need_time() {
         let mut car = Vehicle::at([0.0, 0.0], 0.0, 5.0);
-        car.advance(control(1.0, 0.0), 0.1, 20.0);
+        car.advance(control(1.0, 0.0), 0.1, 0.0, 20.0);
         assert!((car.steering_angle - 0.1 * STEERING_RATE).abs() < 1e-12);
-        (0..10).for_each(|_| car.advance(control(1.0, 0.0), 0.1, 20.0));
+        (0..10).for_each(|_| car.advance(control(1.0, 0.0), 0.1, 0.0, 20.0));
         assert!(car.heading > 0.0 && car.centre()[0] > 0.0);
     }
 
     #[test]
     fn speed_stays_between_zero_and_the_limit() {
         let mut car = Vehicle::at([0.0, 0.0], 0.0, 0.0);
-        car.advance(control(0.0, -1.0), 1.0, 20.0);
+        car.advance(control(0.0, -1.0), 1.0, 0.0, 20.0);
         assert_eq!((car.speed, car.centre()), (0.0, [0.0, 0.0]));
-        car.advance(control(0.0, 1.0), 1.0, 20.0);
+        car.advance(control(0.0, 1.0), 1.0, 0.0, 20.0);
         assert!((car.speed - (ACCELERATION - ROLLING)).abs() < 0.01);
-        car.advance(control(0.0, 9.0), 30.0, 12.0);
+        car.advance(control(0.0, 9.0), 30.0, 0.0, 12.0);
         assert_eq!(car.speed, 12.0);
-        car.advance(control(0.0, -1.0), 1.0, 12.0);
+        car.advance(control(0.0, -1.0), 1.0, 0.0, 12.0);
         assert!((12.0 - car.speed - BRAKING - ROLLING).abs() < 0.15);
     }
 
@@ -138,10 +141,20 @@ mod tests {
         let mut coarse = Vehicle::at([0.0, 0.0], 0.3, 8.0);
         let mut fine = coarse;
         for _ in 0..30 {
-            coarse.advance(control(0.4, 0.5), 0.1, 20.0);
-            (0..50).for_each(|_| fine.advance(control(0.4, 0.5), 0.002, 20.0));
+            coarse.advance(control(0.4, 0.5), 0.1, 0.0, 20.0);
+            (0..50).for_each(|_| fine.advance(control(0.4, 0.5), 0.002, 0.0, 20.0));
         }
         let (a, b) = (coarse.centre(), fine.centre());
         assert!((a[0] - b[0]).abs() < 1e-3 && (a[1] - b[1]).abs() < 1e-3, "{a:?} {b:?}");
+    }
+
+    #[test]
+    fn slopes_pull() {
+        let speed = |slope| {
+            let mut car = Vehicle::at([0.0, 0.0], 0.0, 8.0);
+            car.advance(control(0.0, 0.0), 1.0, slope, 20.0);
+            car.speed
+        };
+        assert!((speed(0.0) - speed(0.1) - 0.98).abs() < 0.02 && speed(-0.1) > 8.5);
     }
 }

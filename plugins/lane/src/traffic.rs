@@ -1,0 +1,192 @@
+//! Other vehicles: one ahead to follow, and some that come the other way.
+//!
+//! Where a vehicle is follows from the time alone, so that frames can be computed in any order and no step of the
+//! simulation adds to another's rounding.
+
+use std::f64::consts::PI;
+
+use pdk_sdk::prelude::Random;
+
+use crate::section;
+
+/// Width, height and length of a vehicle in metres; the ego vehicle has the same.
+pub const SIZE: [f64; 3] = [1.8, 1.45, 4.4];
+/// The vehicle ahead goes faster and slower by this share of its speed, once in so many seconds.
+const SWING: f64 = 0.3;
+const PERIOD: f64 = 14.0;
+/// Speed of oncoming vehicles in metres per second.
+const ONCOMING_SPEED: f64 = 9.0;
+/// Oncoming vehicles are seen this far beyond both ends of the road, in metres.
+const BEYOND: f64 = 80.0;
+/// A vehicle farther ahead than this counts as none, in metres.
+const SENSED: f64 = 150.0;
+
+/// Where the vehicles of a scenario are, and when.
+#[derive(Debug, Default)]
+pub struct Traffic {
+    ahead: Option<Ahead>,
+    oncoming: Vec<Oncoming>,
+}
+
+#[derive(Debug)]
+struct Ahead {
+    /// Place of its rear along the road at the start, in metres.
+    start: f64,
+    speed: f64,
+    phase: f64,
+    tint: [f32; 3],
+}
+
+#[derive(Debug)]
+struct Oncoming {
+    /// Place of its front along the road at the start, in metres.
+    start: f64,
+    tint: [f32; 3],
+}
+
+/// A vehicle at one moment, as the ego vehicle's camera sees it.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    /// Place of its nearer end along the road in metres.
+    pub along: f64,
+    /// Distance to the right of the driven lane's centre in metres.
+    pub lateral: f64,
+    /// What its paint is multiplied with.
+    pub tint: [f32; 3],
+    /// Whether it comes towards the camera.
+    pub oncoming: bool,
+}
+
+/// What a scenario wants.
+#[derive(Debug, Clone, Copy)]
+pub struct Wanted {
+    /// Free distance to the vehicle ahead at the start in metres; 0 for none.
+    pub gap: f64,
+    /// Its mean speed in metres per second.
+    pub speed: f64,
+    /// Oncoming vehicles a kilometre.
+    pub oncoming: f64,
+}
+
+impl Traffic {
+    /// The vehicles on a road of so many metres; the ego vehicle's front is `front` metres along it.
+    pub fn new(wanted: Wanted, length: f64, front: f64, random: &mut Random) -> Self {
+        const PAINTS: [[f32; 3]; 6] = [
+            [0.95, 0.95, 0.97],
+            [0.28, 0.29, 0.32],
+            [0.72, 0.13, 0.12],
+            [0.16, 0.27, 0.55],
+            [0.6, 0.62, 0.64],
+            [0.2, 0.4, 0.28],
+        ];
+        let paint = |random: &mut Random| PAINTS[random.below(PAINTS.len() as u32) as usize];
+        let tint = paint(random);
+        let phase = random.uniform(0.0, 2.0 * PI);
+        let (start, speed) = (front + wanted.gap, wanted.speed);
+        let ahead = (wanted.gap > 0.0).then_some(Ahead { start, speed, phase, tint });
+        let mut traffic = Self { ahead, oncoming: Vec::new() };
+        if wanted.oncoming > 0.0 {
+            let spacing = 1000.0 / wanted.oncoming;
+            // As many as can meet the ego vehicle in two minutes.
+            let mut along = random.unit() * spacing;
+            while along < length + BEYOND + 120.0 * ONCOMING_SPEED {
+                traffic.oncoming.push(Oncoming { start: along, tint: paint(random) });
+                // Never on top of each other.
+                along += (spacing * random.uniform(0.4, 1.6)).max(3.0 * SIZE[2]);
+            }
+        }
+        traffic
+    }
+
+    /// All vehicles between the ends of a road of so many metres.
+    pub fn seen(&self, time: f64, length: f64) -> impl Iterator<Item = Seen> + '_ {
+        let ahead = self.ahead.iter().map(move |ahead| Seen {
+            along: ahead.rear(time),
+            lateral: 0.0,
+            tint: ahead.tint,
+            oncoming: false,
+        });
+        let oncoming = self.oncoming.iter().map(move |vehicle| Seen {
+            along: vehicle.start - ONCOMING_SPEED * time,
+            lateral: -section::LANE_WIDTH,
+            tint: vehicle.tint,
+            oncoming: true,
+        });
+        ahead.chain(oncoming).filter(move |seen| (-BEYOND..length + BEYOND).contains(&seen.along))
+    }
+
+    /// The number of vehicles.
+    pub fn count(&self) -> usize {
+        self.oncoming.len() + usize::from(self.ahead.is_some())
+    }
+
+    /// Free distance from the ego vehicle's front to the vehicle ahead in metres; infinite where none is in reach.
+    pub fn free_distance(&self, time: f64, front: f64) -> f64 {
+        self.ahead
+            .as_ref()
+            .map(|ahead| ahead.rear(time) - front)
+            .filter(|gap| *gap < SENSED)
+            .map_or(f64::INFINITY, |gap| gap.max(0.0))
+    }
+
+    /// Whether the ego vehicle, with its centre at that place, touches another one. Vehicles count as boxes along the road.
+    pub fn collides(&self, time: f64, along: f64, lateral: f64) -> bool {
+        self.seen(time, f64::INFINITY).any(|seen| {
+            // The nearer end is the rear of one and the front of the other: both reach from there to greater distances.
+            let middle = seen.along + SIZE[2] / 2.0;
+            (middle - along).abs() < SIZE[2] && (seen.lateral - lateral).abs() < SIZE[0]
+        })
+    }
+}
+
+impl Ahead {
+    /// Place of its rear along the road: the integral of a speed that swings.
+    fn rear(&self, time: f64) -> f64 {
+        let turns = 2.0 * PI / PERIOD;
+        let swing = SWING / turns * (libm::cos(self.phase) - libm::cos(turns * time + self.phase));
+        self.start + self.speed * (time + swing)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_sdk::prelude::Key;
+
+    fn traffic(gap: f64, oncoming: f64) -> Traffic {
+        let wanted = Wanted { gap, speed: 6.0, oncoming };
+        Traffic::new(wanted, 175.0, 2.2, &mut Key([3; 32]).sequence())
+    }
+
+    #[test]
+    fn the_vehicle_ahead_keeps_going_at_a_swinging_speed() {
+        let traffic = traffic(20.0, 0.0);
+        assert!((traffic.free_distance(0.0, 2.2) - 20.0).abs() < 1e-9);
+        let ahead = traffic.ahead.as_ref().unwrap();
+        let speeds: Vec<f64> = (0..300)
+            .map(|i| (ahead.rear((i + 1) as f64 * 0.1) - ahead.rear(i as f64 * 0.1)) * 10.0)
+            .collect();
+        let (slowest, fastest) = speeds.iter().fold((9e9f64, 0.0f64), |(s, f), &v| (s.min(v), f.max(v)));
+        assert!((slowest - 4.2).abs() < 0.05 && (fastest - 7.8).abs() < 0.05, "{slowest} {fastest}");
+        assert_eq!(traffic.free_distance(0.0, -200.0), f64::INFINITY);
+    }
+
+    #[test]
+    fn vehicles_collide_where_they_touch() {
+        let traffic = traffic(20.0, 20.0);
+        // The vehicle ahead reaches from 22.2 m on; the ego vehicle from its centre 2.2 m to the front.
+        assert!(!traffic.collides(0.0, 19.9, 0.0) && traffic.collides(0.0, 20.1, 0.0));
+        assert!(!traffic.collides(0.0, 20.1, 1.9));
+        let oncoming = traffic.seen(0.0, 175.0).find(|seen| seen.oncoming && seen.along > 60.0).unwrap();
+        assert!(traffic.collides(0.0, oncoming.along, -3.0) && !traffic.collides(0.0, oncoming.along, -1.9));
+        let later = traffic.seen(1.0, 175.0).any(|seen| (seen.along - oncoming.along + 9.0).abs() < 1e-9);
+        assert!(later && traffic.count() > 10);
+    }
+
+    #[test]
+    fn without_vehicles_the_road_is_free() {
+        let traffic = Traffic::default();
+        assert_eq!(traffic.free_distance(3.0, 0.0), f64::INFINITY);
+        assert!(!traffic.collides(3.0, 0.0, 0.0) && traffic.seen(3.0, 175.0).next().is_none());
+    }
+}
