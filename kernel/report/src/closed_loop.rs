@@ -1,0 +1,556 @@
+//! What was driven: which perturbations make the driver fail, how soon, and where.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::Error;
+use crate::color::{LINES, NOMINAL, ORDERED, Rgb};
+use crate::curve::{Axes, Chart, Curve, chart};
+use crate::heat::{self, Cell, Grid};
+use crate::road::{self, Picture};
+use crate::text::{self, count, number, percent};
+use crate::view::{Drive, Scenario, Verdict};
+
+/// Perturbations that have a curve of their own.
+const CURVES: usize = 7;
+/// Roads that have a picture.
+const PICTURES: usize = 24;
+/// The name of what is not perturbed.
+const NO_PERTURBATION: &str = "no perturbation";
+
+/// What the page says about scenarios with one simulator and one driver.
+#[derive(Debug, Serialize)]
+pub struct Section {
+    simulator: String,
+    driver: String,
+    failed: Grid,
+    error: Grid,
+    curves: Vec<Chart>,
+    roads: Vec<Picture>,
+    /// What is said about roads without a picture.
+    road_note: String,
+    classes: Vec<Class>,
+    failures: Vec<Failure>,
+    failure_note: String,
+    scenarios: Vec<ScenarioRow>,
+    /// Whether there are roads, errors and clips to tell in the table.
+    with_roads: bool,
+    with_clips: bool,
+}
+
+/// A colour of the driven lines.
+#[derive(Debug, Serialize)]
+struct Class {
+    color: Rgb,
+    text: String,
+}
+
+/// A failure with its last frames.
+#[derive(Debug, Serialize)]
+struct Failure {
+    title: String,
+    text: String,
+    shots: Vec<Shot>,
+    replay: String,
+    clip: String,
+}
+
+#[derive(Debug, Serialize)]
+struct Shot {
+    time: String,
+    raw: String,
+    perturbed: String,
+}
+
+#[derive(Debug, Serialize)]
+struct ScenarioRow {
+    index: u64,
+    name: String,
+    road: String,
+    mark: &'static str,
+    cause: String,
+    error: String,
+    failed: bool,
+    time: String,
+    progress: String,
+    mean_error: String,
+    max_error: String,
+    replay: String,
+    clip: String,
+}
+
+/// How the scenarios of a group went.
+#[derive(Debug, Clone, Copy, Default)]
+struct Tally {
+    failed: usize,
+    judged: usize,
+    /// The sum of the mean cross-track errors of those judged.
+    error: f64,
+}
+
+impl Tally {
+    fn add(&mut self, scenario: &Scenario) {
+        if scenario.verdict != Verdict::Void {
+            self.failed += usize::from(scenario.verdict == Verdict::Failed);
+            self.judged += 1;
+            self.error += scenario.mean_error;
+        }
+    }
+
+    fn of<'a>(scenarios: impl IntoIterator<Item = &'a Scenario>) -> Self {
+        let mut tally = Self::default();
+        scenarios.into_iter().for_each(|scenario| tally.add(scenario));
+        tally
+    }
+
+    fn share(&self) -> f64 {
+        self.failed as f64 / self.judged.max(1) as f64
+    }
+
+    fn mean_error(&self) -> f64 {
+        self.error / self.judged.max(1) as f64
+    }
+}
+
+/// The perturbations, the worst first: by the share of failed scenarios, then by the mean cross-track error.
+fn by_severity<'a>(scenarios: impl IntoIterator<Item = &'a Scenario>) -> Vec<(String, Tally)> {
+    let mut tallies: BTreeMap<&str, Tally> = BTreeMap::new();
+    for scenario in scenarios {
+        if let Some(perturbation) = &scenario.perturbation {
+            tallies.entry(perturbation).or_default().add(scenario);
+        }
+    }
+    let mut order: Vec<_> = tallies.into_iter().map(|(name, tally)| (name.to_owned(), tally)).collect();
+    order.sort_by(|(_, a), (_, b)| {
+        b.share().total_cmp(&a.share()).then(b.mean_error().total_cmp(&a.mean_error()))
+    });
+    order
+}
+
+/// The positions of the failures that tell most: those that came soonest on their road, of each perturbation one before
+/// a second of any.
+pub fn worst_failures(drive: &Drive, most: usize) -> Vec<usize> {
+    let scenarios = &drive.scenarios;
+    let mut failed: Vec<usize> =
+        (0..scenarios.len()).filter(|&i| scenarios[i].verdict == Verdict::Failed).collect();
+    failed.sort_by(|&a, &b| scenarios[a].progress.total_cmp(&scenarios[b].progress).then(a.cmp(&b)));
+    let mut seen: BTreeMap<&Option<String>, usize> = BTreeMap::new();
+    let mut rounds: Vec<(usize, usize)> = Vec::new();
+    for position in failed {
+        let before = seen.entry(&scenarios[position].perturbation).or_default();
+        rounds.push((*before, position));
+        *before += 1;
+    }
+    // Keeps the order within a round.
+    rounds.sort_by_key(|(round, _)| *round);
+    rounds.into_iter().take(most).map(|(_, position)| position).collect()
+}
+
+/// The two sentences on top of the page.
+pub fn verdict(drives: &[Drive]) -> Vec<String> {
+    let all = || drives.iter().flat_map(|drive| &drive.scenarios);
+    let (tally, total) = (Tally::of(all()), all().count());
+    let void = total - tally.judged;
+    let mut first = match (tally.judged, tally.failed) {
+        (0, _) => format!("{} driven, but none to its end", was(total, "scenario")),
+        (_, 0) => format!("{} driven, and none failed", was(total, "scenario")),
+        (_, failed) => {
+            format!("{} driven, and {failed} failed ({})", was(total, "scenario"), percent(tally.share()))
+        }
+    };
+    let nominal = Tally::of(all().filter(|scenario| scenario.perturbation.is_none()));
+    if nominal.judged > 0 && nominal.judged < tally.judged && tally.failed > 0 {
+        first += &match nominal.failed {
+            0 => format!(", none of the {} without perturbation", nominal.judged),
+            failed => format!(", {failed} of the {} without perturbation", nominal.judged),
+        };
+    }
+    if void > 0 {
+        first += &format!("; in {void} a component failed, which says nothing about the driver");
+    }
+    let mut sentences = vec![first + "."];
+    if let Some((name, worst)) = by_severity(all()).first() {
+        let failing = all().filter(|s| s.verdict == Verdict::Failed && s.perturbation.as_ref() == Some(name));
+        let lowest = failing.filter_map(|s| s.level).min_by(f64::total_cmp);
+        let from =
+            lowest.map(|level| format!(", at levels from {} up", text::level(level))).unwrap_or_default();
+        sentences.push(match (worst.judged, worst.failed) {
+            (0, _) => format!("Nothing can be said about {name}."),
+            (_, 0) => format!(
+                "The largest deviation comes with {name}: {} m from the middle of the lane on average.",
+                number(worst.mean_error())
+            ),
+            (judged, failed) => {
+                format!("The worst perturbation is {name}: {failed} of {judged} failed{from}.")
+            }
+        });
+    }
+    sentences
+}
+
+/// `1 scenario was`, `2 scenarios were`.
+pub fn was(number: usize, noun: &str) -> String {
+    format!("{} {}", count(number, noun), if number == 1 { "was" } else { "were" })
+}
+
+/// All that the page says about a drive. `classes` are the edges of the colours of cross-track errors.
+///
+/// # Errors
+/// Where a picture cannot be drawn.
+pub fn section(drive: &Drive, classes: &[f64]) -> Result<Section, Error> {
+    let order: Vec<String> = by_severity(&drive.scenarios).into_iter().map(|(name, _)| name).collect();
+    let (failed, error) = grids(drive, &order);
+    let mut roads = road::pictures(drive, classes);
+    let road_note = match (roads.len(), drive.scenarios.iter().filter(|s| s.road.is_none()).count()) {
+        (0, _) => "The simulator does not tell its roads.".to_owned(),
+        (all, _) if all > PICTURES => {
+            format!(
+                "These are the {PICTURES} roads with the most failures; {} more are in the table.",
+                all - PICTURES
+            )
+        }
+        (_, 0) => String::new(),
+        (_, unknown) => format!("Of {} the simulator did not tell the road.", count(unknown, "scenario")),
+    };
+    roads.truncate(PICTURES);
+    let shown: Vec<&Scenario> = drive.scenarios.iter().filter(|s| !s.shots.is_empty()).collect();
+    let all_failed = drive.scenarios.iter().filter(|s| s.verdict == Verdict::Failed).count();
+    let failure_note = match (all_failed, shown.len()) {
+        (0, _) => "No scenario failed.".to_owned(),
+        (_, 0) => "No frames of the failures were recorded (images_every is 0, or the traces are gone); `pdk replay` \
+                   computes them again."
+            .to_owned(),
+        (all, shown) if shown < all => format!(
+            "These are {shown} of {all} failures: those that came soonest on their road, one of each perturbation first. \
+             The others are in the table of scenarios."
+        ),
+        _ => String::new(),
+    };
+    let mut failures: Vec<(usize, Failure)> = Vec::new();
+    let rank = worst_failures(drive, usize::MAX);
+    for (position, scenario) in drive.scenarios.iter().enumerate().filter(|(_, s)| !s.shots.is_empty()) {
+        let place = rank.iter().position(|&ranked| ranked == position).unwrap_or(usize::MAX);
+        failures.push((place, failure(scenario)));
+    }
+    failures.sort_by_key(|(place, _)| *place);
+    Ok(Section {
+        simulator: drive.simulator.clone(),
+        driver: drive.driver.clone(),
+        failed,
+        error,
+        curves: if all_failed > 0 { curves(drive, &order)? } else { Vec::new() },
+        roads,
+        road_note,
+        classes: legend(classes),
+        failures: failures.into_iter().map(|(_, failure)| failure).collect(),
+        failure_note,
+        scenarios: drive.scenarios.iter().map(scenario_row).collect(),
+        with_roads: drive.roads.len() > 1,
+        with_clips: drive.scenarios.iter().any(|s| !s.clip.is_empty()),
+    })
+}
+
+/// The heat maps: the share that failed, and the mean cross-track error.
+fn grids(drive: &Drive, order: &[String]) -> (Grid, Grid) {
+    // Levels are no keys of a map; a level without a number comes last.
+    let mut cells: Vec<(Option<&String>, Option<f64>, Tally, usize)> = Vec::new();
+    for scenario in &drive.scenarios {
+        let perturbation = scenario.perturbation.as_ref();
+        let level = perturbation.and(scenario.level);
+        let known = cells.iter_mut().find(|(name, at, ..)| *name == perturbation && *at == level);
+        match known {
+            Some((.., tally, total)) => {
+                tally.add(scenario);
+                *total += 1;
+            }
+            None => {
+                let mut tally = Tally::default();
+                tally.add(scenario);
+                cells.push((perturbation, level, tally, 1));
+            }
+        }
+    }
+    let largest = cells.iter().map(|(.., tally, _)| tally.mean_error()).fold(0.0, f64::max);
+    let (mut failed, mut error) = (Vec::new(), Vec::new());
+    for (name, level, tally, total) in cells {
+        let what = match (name, level) {
+            (None, _) => NO_PERTURBATION.to_owned(),
+            (Some(name), None) => name.clone(),
+            (Some(name), Some(level)) => format!("{name} at level {}", text::level(level)),
+        };
+        let void = match total - tally.judged {
+            0 => String::new(),
+            void => format!("; in {void} a component failed"),
+        };
+        let title = format!(
+            "{what}: {} of {} failed, mean cross-track error {} m{void}",
+            tally.failed,
+            tally.judged,
+            number(tally.mean_error())
+        );
+        let (share, metres) = match tally.judged {
+            0 => ("–".to_owned(), "–".to_owned()),
+            1 => (if tally.failed > 0 { "failed" } else { "ok" }.to_owned(), number(tally.mean_error())),
+            judged => (format!("{}/{judged}", tally.failed), number(tally.mean_error())),
+        };
+        let push = |entries: &mut Vec<heat::Entry>, text: String, share: f64| {
+            entries.push(heat::Entry {
+                row: name.cloned(),
+                level,
+                cell: Cell::new(text, title.clone(), share),
+            });
+        };
+        push(&mut failed, share, tally.share());
+        push(&mut error, metres, if largest > 0.0 { tally.mean_error() / largest } else { 0.0 });
+    }
+    (
+        heat::grid(&failed, order, ("none failed".to_owned(), "all failed".to_owned())),
+        heat::grid(&error, order, ("0 m".to_owned(), format!("{} m", number(largest)))),
+    )
+}
+
+/// Shares that are still driving, over time: by level, and for the worst perturbations.
+fn curves(drive: &Drive, order: &[String]) -> Result<Vec<Chart>, Error> {
+    let end = drive.scenarios.iter().map(|scenario| scenario.time).fold(0.0, f64::max);
+    if end <= 0.0 {
+        return Ok(Vec::new());
+    }
+    let curve = |key: String, name: String, color: Rgb, in_group: &dyn Fn(&Scenario) -> bool| {
+        let group: Vec<&Scenario> =
+            drive.scenarios.iter().filter(|s| s.verdict != Verdict::Void && in_group(s)).collect();
+        let points = survival(&group, end);
+        let name = format!("{name} ({})", group.len());
+        (!group.is_empty()).then_some(Curve { key, name, points, color })
+    };
+    let nominal =
+        || curve("–".to_owned(), NO_PERTURBATION.to_owned(), NOMINAL, &|s| s.perturbation.is_none());
+    let axes = |label| Axes {
+        x: "simulation time in s",
+        x_range: (0.0, end),
+        y: "still driving",
+        top: 1.0,
+        share: true,
+        label,
+    };
+
+    let mut by_level: Vec<Curve> = nominal().into_iter().collect();
+    let whole = drive.scenarios.iter().filter_map(|s| s.level).all(|level| level.fract() == 0.0);
+    for (step, color) in ORDERED.iter().enumerate() {
+        let name = match (whole, step + 1 == ORDERED.len()) {
+            (true, _) | (_, true) => format!("level {step}"),
+            (false, false) => format!("level {step} to below {}", step + 1),
+        };
+        by_level.extend(curve(step.to_string(), name, *color, &|s| {
+            s.perturbation.is_some() && s.level.is_some_and(|level| level.floor() as usize == step)
+        }));
+    }
+    by_level.extend(curve("~".to_owned(), "as scheduled".to_owned(), LINES[3], &|s| {
+        s.perturbation.is_some() && s.level.is_none()
+    }));
+
+    let mut worst: Vec<Curve> = nominal().into_iter().collect();
+    for ((name, color), key) in order.iter().take(CURVES).zip(LINES).zip('A'..) {
+        worst.extend(curve(key.to_string(), name.clone(), color, &|s| s.perturbation.as_ref() == Some(name)));
+    }
+    let label = match order.len() > CURVES {
+        true => "Share of scenarios still driving over simulation time, for the worst perturbations",
+        false => "Share of scenarios still driving over simulation time, by perturbation",
+    };
+    Ok(vec![
+        chart(&by_level, &axes("Share of scenarios still driving over simulation time, by level"))?,
+        chart(&worst, &axes(label))?,
+    ])
+}
+
+/// The share that has not failed, over time, as corners of a line of steps. Who reached the end of the road counts as still
+/// driving.
+fn survival(group: &[&Scenario], end: f64) -> Vec<(f64, f64)> {
+    let mut times: Vec<f64> = group.iter().filter(|s| s.verdict == Verdict::Failed).map(|s| s.time).collect();
+    times.sort_by(f64::total_cmp);
+    let mut points = vec![(0.0, 1.0)];
+    let share = |failed: usize| 1.0 - failed as f64 / group.len().max(1) as f64;
+    for (failed, time) in times.into_iter().enumerate() {
+        points.extend([(time, share(failed)), (time, share(failed + 1))]);
+    }
+    let last = points[points.len() - 1].1;
+    points.push((end, last));
+    points
+}
+
+fn legend(edges: &[f64]) -> Vec<Class> {
+    let below = |i: usize| number(edges[i]);
+    let last = edges.len();
+    (0..=last)
+        .zip(ORDERED)
+        .map(|(i, color)| Class {
+            color,
+            text: match i {
+                0 if last > 0 => format!("up to {} m", below(0)),
+                i if i == last && last > 0 => format!("over {} m", below(last - 1)),
+                i => format!("to {} m", below(i.min(last.saturating_sub(1)))),
+            },
+        })
+        .collect()
+}
+
+fn failure(scenario: &Scenario) -> Failure {
+    Failure {
+        title: format!("Scenario {}: {}", scenario.index, scenario.name),
+        text: format!(
+            "{} after {} s, {} of the road; largest cross-track error {} m",
+            scenario.cause,
+            number(scenario.time),
+            percent(scenario.progress),
+            number(scenario.max_error)
+        ),
+        shots: scenario
+            .shots
+            .iter()
+            .map(|shot| Shot {
+                time: format!("{:.2}", shot.time),
+                raw: picture(&shot.raw),
+                perturbed: picture(&shot.perturbed),
+            })
+            .collect(),
+        replay: scenario.replay.clone(),
+        clip: scenario.clip.clone(),
+    }
+}
+
+/// A picture as an address; none is empty.
+fn picture(jpeg: &[u8]) -> String {
+    if jpeg.is_empty() { String::new() } else { text::jpeg(jpeg) }
+}
+
+fn scenario_row(scenario: &Scenario) -> ScenarioRow {
+    let failed = scenario.verdict == Verdict::Failed;
+    ScenarioRow {
+        index: scenario.index,
+        name: scenario.name.clone(),
+        road: scenario.road.map(|road| (road + 1).to_string()).unwrap_or_default(),
+        mark: match scenario.verdict {
+            Verdict::Passed => "✓",
+            Verdict::Failed => "✗",
+            Verdict::Void => "–",
+        },
+        cause: scenario.cause.clone(),
+        error: scenario.error.clone(),
+        failed,
+        time: format!("{:.1}", scenario.time),
+        progress: percent(scenario.progress),
+        mean_error: number(scenario.mean_error),
+        max_error: number(scenario.max_error),
+        replay: if failed { scenario.replay.clone() } else { String::new() },
+        clip: scenario.clip.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scenario(name: Option<&str>, level: f64, verdict: Verdict, time: f64) -> Scenario {
+        Scenario {
+            name: name.unwrap_or("nominal").to_owned(),
+            perturbation: name.map(str::to_owned),
+            level: name.map(|_| level),
+            verdict,
+            cause: "lane departure".into(),
+            time,
+            progress: time / 10.0,
+            mean_error: 1.0 / time,
+            ..Scenario::default()
+        }
+    }
+
+    fn drive() -> Drive {
+        use Verdict::{Failed, Passed, Void};
+        let scenarios = vec![
+            scenario(None, 0.0, Passed, 10.0),
+            scenario(Some("fog"), 1.0, Passed, 10.0),
+            scenario(Some("fog"), 2.0, Failed, 5.0),
+            scenario(Some("rain"), 1.0, Failed, 4.0),
+            scenario(Some("rain"), 1.0, Failed, 2.0),
+            scenario(Some("rain"), 2.0, Void, 1.0),
+        ];
+        Drive { scenarios, ..Drive::default() }
+    }
+
+    #[test]
+    fn two_sentences_say_what_happened() {
+        let drive = drive();
+        assert_eq!(
+            verdict(std::slice::from_ref(&drive)),
+            [
+                "6 scenarios were driven, and 3 failed (60 %), none of the 1 without perturbation; in 1 a component \
+                 failed, which says nothing about the driver.",
+                "The worst perturbation is rain: 2 of 2 failed, at levels from 1 up.",
+            ]
+        );
+        let good = Drive { scenarios: drive.scenarios[..2].to_vec(), ..Drive::default() };
+        assert_eq!(
+            verdict(&[good]),
+            [
+                "2 scenarios were driven, and none failed.",
+                "The largest deviation comes with fog: 0.100 m from the middle of the lane on average.",
+            ]
+        );
+        let alone = Drive { scenarios: drive.scenarios[..1].to_vec(), ..Drive::default() };
+        assert_eq!(verdict(&[alone]), ["1 scenario was driven, and none failed."]);
+    }
+
+    #[test]
+    fn the_heat_map_counts_what_says_something_about_the_driver() {
+        let section = section(&drive(), &[0.1]).unwrap();
+        assert_eq!(section.failed.columns, ["level 1", "level 2"]);
+        let rows = |grid: &Grid| {
+            let text = |cell: &Option<Cell>| cell.as_ref().map_or(String::new(), |cell| cell.text.clone());
+            let row = |row: &heat::Row| (row.label.clone(), row.cells.iter().map(text).collect::<Vec<_>>());
+            grid.rows.iter().map(row).collect::<Vec<_>>()
+        };
+        let expected = |name: &str, cells: [&str; 2]| (name.to_owned(), cells.map(str::to_owned).to_vec());
+        assert_eq!(
+            rows(&section.failed),
+            [expected("rain", ["2/2", "–"]), expected("fog", ["ok", "failed"])]
+        );
+        assert_eq!(
+            rows(&section.error),
+            [expected("rain", ["0.375", "–"]), expected("fog", ["0.100", "0.200"])]
+        );
+        assert_eq!(section.failed.nominal.unwrap().text, "ok");
+        assert_eq!(section.error.legend.1, "0.375 m");
+        assert_eq!(section.curves.len(), 2);
+        assert_eq!(section.scenarios.len(), 6);
+    }
+
+    #[test]
+    fn survival_falls_with_every_failure() {
+        let drive = drive();
+        let group: Vec<&Scenario> = drive.scenarios[1..5].iter().collect();
+        let points = survival(&group, 10.0);
+        let expected = [
+            (0.0, 1.0),
+            (2.0, 1.0),
+            (2.0, 0.75),
+            (4.0, 0.75),
+            (4.0, 0.5),
+            (5.0, 0.5),
+            (5.0, 0.25),
+            (10.0, 0.25),
+        ];
+        assert_eq!(points, expected);
+    }
+
+    #[test]
+    fn every_perturbation_shows_a_failure_before_any_shows_two() {
+        assert_eq!(worst_failures(&drive(), 6), [4, 2, 3]);
+        assert_eq!(worst_failures(&drive(), 2), [4, 2]);
+    }
+
+    #[test]
+    fn classes_are_named_by_their_edges() {
+        let texts: Vec<_> = legend(&[0.5, 1.0, 1.5, 2.0]).into_iter().map(|class| class.text).collect();
+        assert_eq!(texts, ["up to 0.500 m", "to 1.00 m", "to 1.50 m", "to 2.00 m", "over 2.00 m"]);
+    }
+}

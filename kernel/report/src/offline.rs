@@ -1,0 +1,233 @@
+//! What perturbations do to predictions on a recording.
+
+use serde::Serialize;
+
+use crate::Error;
+use crate::color::{LINES, NOMINAL};
+use crate::curve::{Axes, Chart, Curve, chart};
+use crate::heat::{Cell, Entry, Grid, grid};
+use crate::text::{self, count, number};
+use crate::view::{Evaluation, EvaluationCell};
+
+/// Perturbations that have a curve of their own.
+const CURVES: usize = 7;
+
+/// What the page says about an evaluation.
+#[derive(Debug, Serialize)]
+pub struct Section {
+    number: u64,
+    frames: usize,
+    original_error: String,
+    bad_frames: Vec<(String, String)>,
+    error: Grid,
+    drift: Grid,
+    curves: Vec<Chart>,
+    worst: Vec<WorstRow>,
+}
+
+#[derive(Debug, Serialize)]
+struct WorstRow {
+    frame: String,
+    perturbation: String,
+    level: String,
+    truth: String,
+    original: String,
+    perturbed: String,
+    worse: String,
+}
+
+/// The perturbations, the one with the largest mean error over its levels first.
+fn by_severity(evaluation: &Evaluation) -> Vec<String> {
+    let mut order: Vec<(String, f64, usize)> = Vec::new();
+    for cell in &evaluation.cells {
+        match order.iter_mut().find(|(name, ..)| *name == cell.perturbation) {
+            Some((_, sum, count)) => {
+                *sum += cell.error;
+                *count += 1;
+            }
+            None => order.push((cell.perturbation.clone(), cell.error, 1)),
+        }
+    }
+    order.sort_by(|a, b| (b.1 / b.2 as f64).total_cmp(&(a.1 / a.2 as f64)));
+    order.into_iter().map(|(name, ..)| name).collect()
+}
+
+/// The sentences on top of the page.
+pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
+    let bad = match evaluation.bad_frames.len() {
+        0 => String::new(),
+        bad => format!(" ({} left out)", crate::closed_loop::was(bad, "frame")),
+    };
+    let perturbations = by_severity(evaluation).len();
+    let first = format!(
+        "{} evaluated under {}{bad}; without perturbation the steering is off by {} on average.",
+        crate::closed_loop::was(evaluation.frames, "frame"),
+        count(perturbations, "perturbation"),
+        number(evaluation.original_error)
+    );
+    let worst = evaluation.cells.iter().max_by(|a, b| a.error.total_cmp(&b.error));
+    let second = worst.map(|worst| {
+        let times = worst.error / evaluation.original_error;
+        let times = match times.is_finite() && times >= 1.0 {
+            true => format!(", {times:.1} times as much"),
+            false => String::new(),
+        };
+        format!(
+            "The worst is {} at level {}, where it is off by {}{times}.",
+            worst.perturbation,
+            text::level(worst.level),
+            number(worst.error)
+        )
+    });
+    [first].into_iter().chain(second).collect()
+}
+
+/// All that the page says about an evaluation.
+///
+/// # Errors
+/// Where a picture cannot be drawn.
+pub fn section(evaluation: &Evaluation) -> Result<Section, Error> {
+    let order = by_severity(evaluation);
+    Ok(Section {
+        number: evaluation.number,
+        frames: evaluation.frames,
+        original_error: number(evaluation.original_error),
+        bad_frames: evaluation.bad_frames.clone(),
+        error: heat_map(evaluation, &order, Some(evaluation.original_error), |cell| cell.error),
+        drift: heat_map(evaluation, &order, None, |cell| cell.drift),
+        curves: curves(evaluation, &order)?,
+        worst: evaluation
+            .worst
+            .iter()
+            .map(|worst| WorstRow {
+                frame: worst.frame.clone(),
+                perturbation: worst.perturbation.clone(),
+                level: text::level(worst.level),
+                truth: number(worst.truth),
+                original: number(worst.original),
+                perturbed: number(worst.perturbed),
+                worse: number((worst.perturbed - worst.truth).abs() - (worst.original - worst.truth).abs()),
+            })
+            .collect(),
+    })
+}
+
+fn heat_map(
+    evaluation: &Evaluation,
+    order: &[String],
+    nominal: Option<f64>,
+    value: impl Fn(&EvaluationCell) -> f64,
+) -> Grid {
+    let values = evaluation.cells.iter().map(&value);
+    let largest = values.chain(nominal).fold(0.0, f64::max);
+    let cell = |value: f64, what: String| {
+        let share = if largest > 0.0 { value / largest } else { 0.0 };
+        Cell::new(number(value), format!("{what}: {}", number(value)), share)
+    };
+    let mut entries: Vec<Entry> = evaluation
+        .cells
+        .iter()
+        .map(|entry| Entry {
+            row: Some(entry.perturbation.clone()),
+            level: Some(entry.level),
+            cell: cell(value(entry), format!("{} at level {}", entry.perturbation, text::level(entry.level))),
+        })
+        .collect();
+    entries.extend(nominal.map(|value| Entry {
+        row: None,
+        level: None,
+        cell: cell(value, "without perturbation".to_owned()),
+    }));
+    grid(&entries, order, ("0".to_owned(), number(largest)))
+}
+
+/// The error over the level for the worst perturbations, with that of the original frames.
+fn curves(evaluation: &Evaluation, order: &[String]) -> Result<Vec<Chart>, Error> {
+    let levels = || evaluation.cells.iter().map(|cell| cell.level);
+    let (low, high) = (levels().fold(f64::INFINITY, f64::min), levels().fold(f64::NEG_INFINITY, f64::max));
+    let top = evaluation.cells.iter().map(|cell| cell.error).fold(evaluation.original_error, f64::max);
+    // Over a single level there is no course.
+    if !(low < high && top > 0.0) {
+        return Ok(Vec::new());
+    }
+    let original = evaluation.original_error;
+    let mut curves = vec![Curve {
+        key: "–".to_owned(),
+        name: "no perturbation".to_owned(),
+        points: vec![(low, original), (high, original)],
+        color: NOMINAL,
+    }];
+    for ((name, color), key) in order.iter().take(CURVES).zip(LINES).zip('A'..) {
+        let own = evaluation.cells.iter().filter(|cell| cell.perturbation == *name);
+        let mut points: Vec<_> = own.map(|cell| (cell.level, cell.error)).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        curves.push(Curve { key: key.to_string(), name: name.clone(), points, color });
+    }
+    let axes = Axes {
+        x: "level",
+        x_range: (low, high),
+        y: "steering error",
+        top,
+        share: false,
+        label: "Mean absolute steering error over the level",
+    };
+    Ok(vec![chart(&curves, &axes)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn evaluation() -> Evaluation {
+        let cell = |name: &str, level: f64, error: f64| EvaluationCell {
+            perturbation: name.to_owned(),
+            level,
+            error,
+            drift: error / 2.0,
+        };
+        Evaluation {
+            frames: 3,
+            bad_frames: vec![("a.jpg".into(), "it is empty".into())],
+            original_error: 0.1,
+            cells: vec![
+                cell("fog", 0.0, 0.1),
+                cell("fog", 4.0, 0.2),
+                cell("rain", 0.0, 0.3),
+                cell("rain", 4.0, 0.4),
+            ],
+            ..Evaluation::default()
+        }
+    }
+
+    #[test]
+    fn two_sentences_say_what_came_out() {
+        assert_eq!(
+            verdict(&evaluation()),
+            [
+                "3 frames were evaluated under 2 perturbations (1 frame was left out); without perturbation the steering \
+                 is off by 0.100 on average.",
+                "The worst is rain at level 4, where it is off by 0.400, 4.0 times as much.",
+            ]
+        );
+    }
+
+    #[test]
+    fn the_worst_perturbation_comes_first_in_both_tables() {
+        let section = section(&evaluation()).unwrap();
+        for (grid, first) in [(&section.error, "0.300"), (&section.drift, "0.150")] {
+            assert_eq!(grid.columns, ["level 0", "level 4"]);
+            assert_eq!(grid.rows[0].label, "rain");
+            assert_eq!(grid.rows[0].cells[0].as_ref().unwrap().text, first);
+        }
+        assert_eq!(section.error.nominal.unwrap().text, "0.100");
+        assert!(section.drift.nominal.is_none());
+        assert_eq!(section.curves[0].legend.len(), 3);
+    }
+
+    #[test]
+    fn a_single_level_has_no_course() {
+        let mut evaluation = evaluation();
+        evaluation.cells.retain(|cell| cell.level == 0.0);
+        assert!(section(&evaluation).unwrap().curves.is_empty());
+    }
+}

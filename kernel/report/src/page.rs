@@ -1,0 +1,266 @@
+//! Puts the page together.
+
+use minijinja::{AutoEscape, Environment, UndefinedBehavior, context};
+use serde::Serialize;
+
+use crate::Error;
+use crate::text::{count, date, number, percent};
+use crate::view::{Run, Times};
+use crate::{closed_loop, color, offline, road};
+
+/// Row of the table of times.
+#[derive(Debug, Serialize)]
+struct DriveRow {
+    steps: u64,
+    threads: u64,
+    frames_per_second: String,
+    real_time_factor: String,
+    stages: Vec<(String, String)>,
+    overruns: String,
+}
+
+#[derive(Debug, Serialize)]
+struct EvaluateRow {
+    frames: u64,
+    threads: u64,
+    frames_per_second: String,
+    perturbation: String,
+    driver: String,
+}
+
+/// The templates by their names; the ending says what is escaped.
+const TEMPLATES: [(&str, &str); 5] = [
+    ("page.html", include_str!("template/page.html")),
+    ("closed_loop.html", include_str!("template/closed_loop.html")),
+    ("parts.html", include_str!("template/parts.html")),
+    ("style.css", include_str!("template/style.css")),
+    ("sort.js", include_str!("template/sort.js")),
+];
+
+/// Makes the page.
+///
+/// # Errors
+/// Where a picture cannot be drawn.
+pub fn render(run: &Run) -> Result<String, Error> {
+    let classes = road::classes(&run.drives);
+    let drives = run
+        .drives
+        .iter()
+        .map(|drive| closed_loop::section(drive, &classes))
+        .collect::<Result<Vec<_>, _>>()?;
+    let evaluations = run.evaluations.iter().map(offline::section).collect::<Result<Vec<_>, _>>()?;
+    let mut verdict = if run.drives.is_empty() { Vec::new() } else { closed_loop::verdict(&run.drives) };
+    verdict.extend(run.evaluations.iter().flat_map(offline::verdict));
+    if verdict.is_empty() {
+        verdict.push("Nothing has been driven or evaluated yet.".to_owned());
+    }
+    let (mut drive_times, mut evaluate_times) = (Vec::new(), Vec::new());
+    for times in &run.times {
+        match times {
+            Times::Drive(times) => drive_times.push(DriveRow {
+                steps: times.steps,
+                threads: times.threads,
+                frames_per_second: format!("{:.0}", times.frames_per_second),
+                real_time_factor: format!("{:.1}", times.real_time_factor),
+                stages: times.stages.iter().map(|(median, p99)| (number(*median), number(*p99))).collect(),
+                overruns: match (times.overruns, times.steps) {
+                    (0, _) => "none".to_owned(),
+                    (overruns, steps) => {
+                        format!("{overruns} ({})", percent(overruns as f64 / steps.max(1) as f64))
+                    }
+                },
+            }),
+            Times::Evaluate(times) => evaluate_times.push(EvaluateRow {
+                frames: times.frames,
+                threads: times.threads,
+                frames_per_second: format!("{:.0}", times.frames_per_second),
+                perturbation: number(times.perturbation),
+                driver: number(times.driver),
+            }),
+        }
+    }
+    let setup = &run.setup;
+    let scenarios = run.drives.iter().map(|drive| drive.scenarios.len()).sum();
+    let page = context! {
+        title => run.title,
+        folder => run.folder,
+        started => run.started.map(date),
+        unfinished => run.unfinished,
+        verdict,
+        scenarios => count(scenarios, "scenario"),
+        drives,
+        evaluations,
+        setup,
+        drive_times,
+        evaluate_times,
+        gradient => color::gradient(),
+    };
+    let place = |error: minijinja::Error| Error(format!("cannot make the page ({error:#})"));
+    let mut environment = Environment::new();
+    environment.set_undefined_behavior(UndefinedBehavior::Strict);
+    environment.set_auto_escape_callback(|name| match name.ends_with(".html") {
+        true => AutoEscape::Html,
+        false => AutoEscape::None,
+    });
+    environment.set_trim_blocks(true);
+    environment.set_lstrip_blocks(true);
+    for (name, source) in TEMPLATES {
+        environment.add_template(name, source).map_err(place)?;
+    }
+    environment.get_template("page.html").and_then(|template| template.render(page)).map_err(place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::*;
+
+    const NASTY: &str = "<script>alert(\"x\")</script>&'";
+
+    /// A run in which every text is dangerous.
+    fn run() -> Run {
+        let nasty = || NASTY.to_owned();
+        let scenario = |index: u64, perturbation: Option<String>, verdict: Verdict| Scenario {
+            index,
+            name: nasty(),
+            level: perturbation.as_ref().map(|_| 2.0),
+            perturbation,
+            road: Some(0),
+            verdict,
+            cause: nasty(),
+            error: nasty(),
+            time: 3.0,
+            progress: 0.5,
+            mean_error: 0.25,
+            max_error: 1.5,
+            path: vec![Place::default(), Place { x: 1.0, z: 20.0, error: 1.0 }],
+            replay: nasty(),
+            clip: crate::address(NASTY),
+            shots: match verdict {
+                Verdict::Failed => vec![Shot { time: 1.0, raw: vec![1, 2, 3], perturbed: vec![] }],
+                _ => vec![],
+            },
+        };
+        Run {
+            title: nasty(),
+            folder: nasty(),
+            started: Some(0),
+            unfinished: Some(nasty()),
+            setup: Setup {
+                version: nasty(),
+                seed: 7,
+                pipeline: nasty(),
+                source: nasty(),
+                command: nasty(),
+                settings: vec![(nasty(), nasty())],
+                components: vec![Component {
+                    kind: nasty(),
+                    name: nasty(),
+                    version: 1,
+                    info: nasty(),
+                    file: nasty(),
+                    hash: nasty(),
+                }],
+                files: vec![(nasty(), nasty())],
+                machine: nasty(),
+            },
+            drives: vec![Drive {
+                simulator: nasty(),
+                driver: nasty(),
+                roads: vec![vec![[0.0, 0.0], [0.0, 30.0]]],
+                scenarios: vec![
+                    scenario(0, None, Verdict::Passed),
+                    scenario(1, Some(nasty()), Verdict::Failed),
+                    scenario(2, Some(nasty()), Verdict::Void),
+                ],
+            }],
+            evaluations: vec![Evaluation {
+                number: 0,
+                frames: 1,
+                bad_frames: vec![(nasty(), nasty())],
+                original_error: 0.5,
+                cells: [0.0, 1.0]
+                    .map(|level| EvaluationCell { perturbation: nasty(), level, error: 0.75, drift: 0.25 })
+                    .to_vec(),
+                worst: vec![WorstFrame { frame: nasty(), perturbation: nasty(), ..WorstFrame::default() }],
+            }],
+            times: vec![
+                Times::Drive(DriveTimes {
+                    steps: 10,
+                    overruns: 5,
+                    stages: [(1.5, 2.5); 4],
+                    ..Default::default()
+                }),
+                Times::Evaluate(EvaluateTimes { frames: 3, ..Default::default() }),
+            ],
+        }
+    }
+
+    /// Follows the tags and reports those that are not closed.
+    fn check_tags(page: &str) {
+        let void = ["meta", "img", "br", "!doctype"];
+        let mut open: Vec<&str> = Vec::new();
+        let mut rest = page;
+        while let Some((_, after)) = rest.split_once('<') {
+            let (tag, after) = after.split_once('>').expect("a tag that does not end");
+            let name = tag.split(|c: char| c.is_whitespace() || c == '/').next().unwrap_or_default();
+            if let Some(closed) = tag.strip_prefix('/') {
+                assert_eq!(open.pop(), Some(closed.trim()), "after {open:?}");
+            } else if !tag.ends_with('/') && !void.contains(&name) {
+                open.push(name);
+            }
+            // What stands in them is no HTML.
+            rest = match name {
+                "script" | "style" => {
+                    after.split_once("</").map_or("", |(skipped, _)| &after[skipped.len()..])
+                }
+                _ => after,
+            };
+        }
+        assert!(open.is_empty(), "{open:?}");
+    }
+
+    #[test]
+    fn whatever_stands_in_a_text_is_text() {
+        let page = render(&run()).unwrap();
+        assert!(!page.contains("<script>alert") && !page.contains("x\")"), "a text got through");
+        assert!(page.matches("&lt;script&gt;alert").count() > 25);
+        assert_eq!(page.matches("<script>").count(), 1);
+        check_tags(&page);
+    }
+
+    #[test]
+    fn a_page_needs_nothing_besides_itself() {
+        let page = render(&run()).unwrap();
+        for outside in ["http", "url(", "@import", "<link", "src=\"/", "<iframe"] {
+            assert!(!page.contains(outside), "{outside}");
+        }
+        assert!(page.contains("data:image/jpeg;base64,AQID"));
+        assert_eq!(page, render(&run()).unwrap());
+    }
+
+    #[test]
+    fn every_section_is_there() {
+        let page = render(&run()).unwrap();
+        for part in [
+            "driven, and 1 failed (50 %)",
+            ">failed</td>",
+            "0.250",
+            "50 %",
+            "1970-01-01 00:00 UTC",
+            "2.50",
+            "level 2",
+            "0.750",
+            "5 (50 %)",
+        ] {
+            assert!(page.contains(part), "{part}");
+        }
+    }
+
+    #[test]
+    fn an_empty_run_has_a_page() {
+        let page = render(&Run { title: "x".into(), ..Run::default() }).unwrap();
+        assert!(page.contains("Nothing has been driven or evaluated yet."));
+        check_tags(&page);
+    }
+}

@@ -1,0 +1,115 @@
+//! Numbers, dates, addresses and pictures as text.
+
+/// A level, as short as it can be.
+pub fn level(level: f64) -> String {
+    format!("{level}")
+}
+
+/// A number that is read in a table: three digits behind the point, fewer where it is large.
+pub fn number(value: f64) -> String {
+    match value.abs() {
+        size if !size.is_finite() => "–".to_owned(),
+        size if size >= 100.0 => format!("{value:.0}"),
+        size if size >= 10.0 => format!("{value:.1}"),
+        size if size >= 1.0 => format!("{value:.2}"),
+        _ => format!("{value:.3}"),
+    }
+}
+
+/// A share as a percentage.
+pub fn percent(share: f64) -> String {
+    format!("{:.0} %", share * 100.0)
+}
+
+/// `1 scenario`, `2 scenarios`.
+pub fn count(number: usize, noun: &str) -> String {
+    format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
+}
+
+/// A point in time in universal time, to the minute. The calendar is counted in years that begin in March, because then
+/// the day that comes and goes is the last one.
+pub fn date(unix_seconds: u64) -> String {
+    let (days, minutes) = (unix_seconds / 86_400, unix_seconds % 86_400 / 60);
+    // Days since 1 March of the year 0, of which 146097 make four centuries.
+    let days = days + 719_468;
+    let (era, day) = (days / 146_097, days % 146_097);
+    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+    let day = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * day + 2) / 153;
+    let day = day - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    let year = era * 400 + year + u64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02} {:02}:{:02} UTC", minutes / 60, minutes % 60)
+}
+
+/// A relative path as an address in a page.
+pub fn address(path: &str) -> String {
+    let mut address = String::with_capacity(path.len());
+    for byte in path.bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => {
+                address.push(char::from(byte));
+            }
+            _ => address += &format!("%{byte:02X}"),
+        }
+    }
+    address
+}
+
+/// A JPEG picture as an address that holds it: base64 as in RFC 4648.
+pub fn jpeg(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = "data:image/jpeg;base64,".to_owned();
+    text.reserve(bytes.len().div_ceil(3) * 4);
+    for group in bytes.chunks(3) {
+        let byte = |i: usize| u32::from(group.get(i).copied().unwrap_or(0));
+        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for digit in 0..4 {
+            match digit <= group.len() {
+                true => text.push(char::from(DIGITS[(bits >> (18 - 6 * digit) & 63) as usize])),
+                false => text.push('='),
+            }
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        for (seconds, expected) in [
+            (0, "1970-01-01 00:00 UTC"),
+            (951_782_399, "2000-02-28 23:59 UTC"),
+            (951_782_400, "2000-02-29 00:00 UTC"),
+            (1_795_225_303, "2026-11-21 01:41 UTC"),
+            (4_107_542_400, "2100-03-01 00:00 UTC"),
+        ] {
+            assert_eq!(date(seconds), expected);
+        }
+    }
+
+    #[test]
+    fn pictures_are_base64() {
+        let digits = |text: &str| jpeg(text.as_bytes()).split_once(',').unwrap().1.to_owned();
+        for (text, expected) in
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")]
+        {
+            assert_eq!(digits(text), expected);
+        }
+    }
+
+    #[test]
+    fn addresses_and_numbers() {
+        assert_eq!(address("a b/ä%\"<.mp4"), "a%20b/%C3%A4%25%22%3C.mp4");
+        assert_eq!([level(2.0), level(2.5)], ["2", "2.5"]);
+        assert_eq!(
+            [number(0.0516), number(2.023), number(-31.26), number(314.6)],
+            ["0.052", "2.02", "-31.3", "315"]
+        );
+        assert_eq!(number(f64::NAN), "–");
+        assert_eq!([count(1, "road"), count(0, "road")], ["1 road", "0 roads"]);
+    }
+}

@@ -1,0 +1,236 @@
+//! What a page is about, as plain data. Texts may hold anything: they are escaped when the page is made.
+
+use serde::Serialize;
+
+/// A run.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Run {
+    /// What the run is called.
+    pub title: String,
+    /// The folder of its record, as the reader of the page would write it.
+    pub folder: String,
+    /// When it began, in seconds since 1970 in universal time.
+    pub started: Option<u64>,
+    /// How the record shows that the run did not come to its end, as a sentence.
+    pub unfinished: Option<String>,
+    /// What was run.
+    pub setup: Setup,
+    /// What was driven: an entry for each pair of simulator and driver.
+    pub drives: Vec<Drive>,
+    /// What was evaluated on recordings.
+    pub evaluations: Vec<Evaluation>,
+    /// How long it took, step by step of the pipeline.
+    pub times: Vec<Times>,
+}
+
+/// What has to be equal for two runs to be equal.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Setup {
+    /// The version of pdk.
+    pub version: String,
+    /// The seed.
+    pub seed: u64,
+    /// The file of the pipeline.
+    pub pipeline: String,
+    /// Its text.
+    pub source: String,
+    /// The command that repeats the run.
+    pub command: String,
+    /// Names and values of the settings.
+    pub settings: Vec<(String, String)>,
+    /// The components.
+    pub components: Vec<Component>,
+    /// Names and hashes of other files, such as models.
+    pub files: Vec<(String, String)>,
+    /// The machine.
+    pub machine: String,
+}
+
+/// A component in use.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Component {
+    /// Such as "driver".
+    pub kind: String,
+    /// Its name.
+    pub name: String,
+    /// The version of its algorithm.
+    pub version: u32,
+    /// What it says of itself.
+    pub info: String,
+    /// The file that it comes from.
+    pub file: String,
+    /// The hash of that file.
+    pub hash: String,
+}
+
+/// What was driven with one simulator and one driver.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Drive {
+    /// The simulator with its parameters.
+    pub simulator: String,
+    /// The driver with its parameters.
+    pub driver: String,
+    /// The centre lines of the roads: points of x to the right and z ahead, in metres.
+    pub roads: Vec<Vec<[f64; 2]>>,
+    /// The scenarios, in order.
+    pub scenarios: Vec<Scenario>,
+}
+
+/// What a scenario says about the driver.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub enum Verdict {
+    /// The end of the road was reached.
+    #[default]
+    Passed,
+    /// It was not.
+    Failed,
+    /// Nothing: a component failed.
+    Void,
+}
+
+/// A scenario that was driven.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Scenario {
+    /// Its number in the run.
+    pub index: u64,
+    /// Its name.
+    pub name: String,
+    /// The perturbation without its level; none where there is none.
+    pub perturbation: Option<String>,
+    /// The level of the perturbation; none where it has none, or no single one.
+    pub level: Option<f64>,
+    /// The number of its road in [`Drive::roads`]; none where the simulator did not tell.
+    pub road: Option<usize>,
+    /// What it says about the driver.
+    pub verdict: Verdict,
+    /// How it ended, such as "lane departure".
+    pub cause: String,
+    /// The error of a component; empty where there was none.
+    pub error: String,
+    /// Simulation time at the end in seconds.
+    pub time: f64,
+    /// The share of the road that was driven, 0 to 1.
+    pub progress: f64,
+    /// Mean absolute cross-track error in metres.
+    pub mean_error: f64,
+    /// Largest absolute cross-track error in metres.
+    pub max_error: f64,
+    /// Where the vehicle was.
+    pub path: Vec<Place>,
+    /// The command that replays it.
+    pub replay: String,
+    /// The address of a clip of it, relative to the page; empty where there is none.
+    pub clip: String,
+    /// The last recorded frames, in order; for a few failures only.
+    pub shots: Vec<Shot>,
+}
+
+/// A sample of where the vehicle was.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct Place {
+    /// Metres to the right.
+    pub x: f64,
+    /// Metres ahead.
+    pub z: f64,
+    /// Cross-track error in metres; the sign says the side.
+    pub error: f64,
+}
+
+/// A recorded frame as JPEG, as the camera and as the driver saw it.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Shot {
+    /// Simulation time in seconds.
+    pub time: f64,
+    /// As the camera saw it.
+    pub raw: Vec<u8>,
+    /// As the driver saw it.
+    pub perturbed: Vec<u8>,
+}
+
+/// What perturbations do to predictions on a recording. Errors are means of absolute differences.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Evaluation {
+    /// Its number in the run.
+    pub number: u64,
+    /// Frames that were evaluated.
+    pub frames: usize,
+    /// Names of frames that could not be evaluated, with the reason.
+    pub bad_frames: Vec<(String, String)>,
+    /// Steering without perturbation against the recorded truth.
+    pub original_error: f64,
+    /// One for each perturbation and level.
+    pub cells: Vec<EvaluationCell>,
+    /// The frames on which perturbations do most harm, the worst first.
+    pub worst: Vec<WorstFrame>,
+}
+
+/// A perturbation at a level on all frames of a recording.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct EvaluationCell {
+    /// The perturbation without its level.
+    pub perturbation: String,
+    /// The level.
+    pub level: f64,
+    /// Steering against the recorded truth.
+    pub error: f64,
+    /// Steering against that without perturbation.
+    pub drift: f64,
+}
+
+/// The steering on one frame.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct WorstFrame {
+    /// The name of the frame.
+    pub frame: String,
+    /// The perturbation without its level.
+    pub perturbation: String,
+    /// The level.
+    pub level: f64,
+    /// As recorded.
+    pub truth: f64,
+    /// Without perturbation.
+    pub original: f64,
+    /// With it.
+    pub perturbed: f64,
+}
+
+/// How long a step of the pipeline took.
+#[derive(Debug, Clone, Serialize)]
+pub enum Times {
+    /// Driving.
+    Drive(DriveTimes),
+    /// Evaluating.
+    Evaluate(EvaluateTimes),
+}
+
+/// How long driving took.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct DriveTimes {
+    /// Scenarios at the same time.
+    pub threads: u64,
+    /// Frames per second of wall time.
+    pub frames_per_second: f64,
+    /// Simulated seconds per second of wall time.
+    pub real_time_factor: f64,
+    /// Frames.
+    pub steps: u64,
+    /// Frames that took longer than they last.
+    pub overruns: u64,
+    /// Median and 99th percentile in milliseconds of simulator, perturbation, driver and kernel.
+    pub stages: [(f64, f64); 4],
+}
+
+/// How long evaluating took.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct EvaluateTimes {
+    /// Frames at the same time.
+    pub threads: u64,
+    /// Perturbed frames.
+    pub frames: u64,
+    /// Perturbed frames per second of wall time.
+    pub frames_per_second: f64,
+    /// Mean time of a perturbation in milliseconds.
+    pub perturbation: f64,
+    /// Mean time of a prediction in milliseconds.
+    pub driver: f64,
+}
