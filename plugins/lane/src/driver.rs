@@ -31,6 +31,7 @@ pub struct LaneKeeper {
     target_speed: f64,
     gain: f64,
     lateral_acceleration: f64,
+    wander: f64,
     finder: LaneFinder,
     expected: LaneShape,
     steering: f64,
@@ -60,6 +61,15 @@ impl Component for LaneKeeper {
             .range(0.1, 20.0)
             .unit("m/s^2"),
         )
+        .parameter(
+            Parameter::number(
+                "wander",
+                0.0,
+                "how far it swings about the middle of the lane, to record what a network has to learn to correct",
+            )
+            .range(0.0, 1.8)
+            .unit("m"),
+        )
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -67,11 +77,24 @@ impl Component for LaneKeeper {
             target_speed: config.number("target_speed"),
             gain: config.number("gain"),
             lateral_acceleration: config.number("lateral_acceleration"),
+            wander: config.number("wander"),
             finder: LaneFinder::new(1, 1),
             expected: LaneShape::default(),
             steering: 0.0,
             frames_without_lane: 0,
         })
+    }
+}
+
+impl LaneKeeper {
+    /// Where it wants to be, in metres to the right of the lane's centre: two swings whose periods have no common
+    /// multiple soon, so that places and directions mix.
+    fn swing(&self, time: f64) -> f64 {
+        if self.wander == 0.0 || !time.is_finite() {
+            return 0.0;
+        }
+        let swing = |period: f64| libm::sin(2.0 * std::f64::consts::PI * time / period);
+        self.wander * (0.7 * swing(7.3) + 0.3 * swing(2.9))
     }
 }
 
@@ -108,7 +131,7 @@ impl Driver for LaneKeeper {
         let speed = if cx.speed.is_finite() { cx.speed } else { self.target_speed };
         let reach = (LOOK_AHEAD + LOOK_AHEAD_TIME * speed).clamp(LOOK_AHEAD_RANGE.0, LOOK_AHEAD_RANGE.1);
         let ahead = (reach - CAMERA_TO_REAR_AXLE).min(lane.farthest);
-        let (right, from_axle) = (lane.shape.at(ahead), ahead + CAMERA_TO_REAR_AXLE);
+        let (right, from_axle) = (lane.shape.at(ahead) + self.swing(cx.time), ahead + CAMERA_TO_REAR_AXLE);
         let curvature = 2.0 * right / (right * right + from_axle * from_axle);
         let angle = libm::atan(WHEELBASE * curvature) * self.gain;
         self.steering = (angle / LARGEST_STEERING_ANGLE).clamp(-1.0, 1.0);

@@ -410,3 +410,22 @@ fn a_vehicle_ahead_shows() {
     let (left, right) = changed.iter().fold((320, 0), |(l, r), &(x, _)| (l.min(x), r.max(x)));
     assert!((28..50).contains(&(right - left)) && left > 120 && right < 200, "{left} {right}");
 }
+
+#[test]
+fn a_wandering_driver_visits_both_sides_of_its_lane() {
+    let mut simulator = lane(160, 80);
+    let mut driver = keeper(json!({"wander": 1.2}));
+    let mut frame = FrameBuf::new(160, 80);
+    let mut state = simulator.reset(&scenario(Value::Null, 4)).unwrap();
+    let (mut left, mut right) = (0.0f64, 0.0f64);
+    while !state.finished {
+        simulator.frame(frame.as_mut()).unwrap();
+        let cx = DriveContext { time: state.time, speed: state.speed, ..DriveContext::default() };
+        simulator.act(driver.drive(frame.as_ref(), &cx).unwrap()).unwrap();
+        state = simulator.state().unwrap();
+        assert!(!state.lane_departure && state.time < 40.0, "{state:?}");
+        left = left.min(state.cross_track_error);
+        right = right.max(state.cross_track_error);
+    }
+    assert!(left < -0.5 && right > 0.5, "{left} {right}");
+}

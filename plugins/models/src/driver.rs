@@ -22,6 +22,8 @@ pub struct Onnx {
     input: ImageInput,
     pixels: Pixels,
     selection: Selection,
+    /// Whether it takes the speed.
+    takes_speed: bool,
     throttle: f64,
     values: Vec<f32>,
     outputs: Vec<Vec<f32>>,
@@ -30,7 +32,7 @@ pub struct Onnx {
 
 impl Component for Onnx {
     fn description() -> Description {
-        Description::driver("onnx", "Drives with a network in an ONNX file; frames are resized to the network's input size")
+        Description::driver("onnx", "Drives with a network in an ONNX file; frames are resized to its input's size; an input `speed` gets the speed in m/s")
             .family("network")
             .parameter(Parameter::path("model", "the ONNX file"))
             .parameter(Parameter::choice(
@@ -81,7 +83,7 @@ impl Onnx {
         // A first run shows how many values each output has, which files need not declare.
         let mut outputs = vec![Vec::new(); model.outputs.len()];
         let values = vec![0.0; model.input.len()];
-        session.run(&values, &mut outputs)?;
+        session.run(&values, 0.0, &mut outputs)?;
         let sizes: Vec<_> = outputs.iter().map(Vec::len).collect();
         let (steering, throttle) = (config.text("steering_output"), config.text("throttle_output"));
         let selection = Selection::new(&model.outputs, &sizes, steering, throttle)?;
@@ -90,6 +92,7 @@ impl Onnx {
             session,
             pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
             selection,
+            takes_speed: model.speed.is_some(),
             throttle: config.number("throttle"),
             values,
             outputs,
@@ -108,13 +111,18 @@ impl Onnx {
     }
 
     fn infer(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
+        if self.takes_speed && !cx.speed.is_finite() {
+            return Err(Error::new(
+                "it takes the vehicle's speed, which is not known here: datasets do not tell it to a driver",
+            ));
+        }
         let same_size = (frame.width(), frame.height()) == (self.input.width, self.input.height);
         if !same_size {
             resize_linear(frame, self.resized.as_mut());
         }
         let frame = if same_size { frame } else { self.resized.as_ref() };
         self.pixels.write(frame, &mut self.values);
-        self.session.run(&self.values, &mut self.outputs)?;
+        self.session.run(&self.values, cx.speed as f32, &mut self.outputs)?;
         let steering = self.output(self.selection.steering, "steering", cx)?;
         let throttle = match self.selection.throttle {
             Some(slot) => self.output(slot, "throttle", cx)?,

@@ -62,6 +62,24 @@ fn steering_and_throttle_are_what_the_model_computes() {
 }
 
 #[test]
+fn a_speed_input_gets_the_speed() {
+    let frame = frame(6, 4);
+    let plain = Pilot { gain: 0.1, ..Pilot::new(&["1", "3", "4", "6"]) };
+    let with = Pilot { second_input: Some("speed"), gain: 0.1, ..Pilot::new(&["1", "3", "4", "6"]) };
+    for backend in backends() {
+        let (plain, with) = (plain.file(), with.file());
+        let without = drive(&mut open(json!({"model": plain.path(), "backend": backend})).unwrap(), &frame);
+        let mut driver = open(json!({"model": with.path(), "backend": backend})).unwrap();
+        let cx = DriveContext { speed: 0.25, ..DriveContext::default() };
+        let control = driver.drive(frame.as_ref(), &cx).unwrap();
+        assert!((control.steering - without.steering - 0.25).abs() < 1e-5, "{control:?} {without:?}");
+        let cx = DriveContext { speed: f64::NAN, ..cx };
+        let error = driver.drive(frame.as_ref(), &cx).unwrap_err().to_string();
+        assert!(error.contains("it takes the vehicle's speed"), "{error}");
+    }
+}
+
+#[test]
 fn scale_and_colours_reach_the_model() {
     let frame = frame(6, 4);
     let pilot = Pilot { gain: 100.0, ..Pilot::new(&["1", "4", "6", "3"]) };

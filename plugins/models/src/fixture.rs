@@ -16,8 +16,8 @@ pub struct Pilot {
     pub element: DataType,
     /// Name and number of values of each output.
     pub outputs: Vec<(&'static str, usize)>,
-    /// Whether it takes a speed as well.
-    pub second_input: bool,
+    /// The name of a second input of one number, which is added to each output.
+    pub second_input: Option<&'static str>,
     /// The operator that flattens the image; another one makes a model that no one can run.
     pub operator: &'static str,
     /// Factor on all weights.
@@ -31,7 +31,7 @@ impl Pilot {
             dims: dims.iter().map(|&dim| dim.to_owned()).collect(),
             element: DataType::Float,
             outputs: vec![("control", 2)],
-            second_input: false,
+            second_input: None,
             operator: "Flatten",
             gain: 1.0,
         }
@@ -66,8 +66,8 @@ impl Pilot {
         let values = self.values();
         let mut graph = pb::GraphProto { name: "pilot".into(), ..Default::default() };
         graph.input.push(value_info("image", self.element, &self.dims));
-        if self.second_input {
-            graph.input.push(value_info("speed", DataType::Float, &["1".into(), "1".into()]));
+        if let Some(name) = self.second_input {
+            graph.input.push(value_info(name, DataType::Float, &["1".into(), "1".into()]));
         }
         graph.node.push(node(self.operator, &["image"], "flat"));
         for (output, (name, columns)) in self.outputs.iter().enumerate() {
@@ -79,7 +79,15 @@ impl Pilot {
                 raw_data: weights.flat_map(f32::to_le_bytes).collect::<Vec<u8>>(),
                 ..Default::default()
             });
-            graph.node.push(node("MatMul", &["flat", &format!("weights_{output}")], name));
+            let weights = format!("weights_{output}");
+            match self.second_input {
+                None => graph.node.push(node("MatMul", &["flat", &weights], name)),
+                Some(second) => {
+                    let sum = format!("sum_{output}");
+                    graph.node.push(node("MatMul", &["flat", &weights], &sum));
+                    graph.node.push(node("Add", &[&sum, second], name));
+                }
+            }
             graph.output.push(value_info(
                 name,
                 DataType::Float,

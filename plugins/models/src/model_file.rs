@@ -1,4 +1,4 @@
-//! What an ONNX file declares: its image input and its outputs.
+//! What an ONNX file declares: its inputs, an image and maybe the speed, and its outputs.
 
 use std::path::{Path, PathBuf};
 
@@ -46,14 +46,28 @@ impl ImageInput {
     }
 }
 
-/// An ONNX file whose input is an image.
+/// The input that takes the vehicle's speed in metres per second.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SpeedInput {
+    /// Whether it comes before the image among the inputs.
+    pub first: bool,
+    /// Its shape: ones.
+    pub shape: Vec<usize>,
+}
+
+/// The name of the input for the speed.
+const SPEED: &str = "speed";
+
+/// An ONNX file that takes an image, and maybe the speed.
 pub struct ModelFile {
     /// Where it lies.
     pub path: PathBuf,
     /// What it contains.
     pub proto: pb::ModelProto,
-    /// Its input.
+    /// Its image input.
     pub input: ImageInput,
+    /// Its other input, where it has one.
+    pub speed: Option<SpeedInput>,
     /// The names of its outputs.
     pub outputs: Vec<String>,
 }
@@ -62,7 +76,8 @@ impl ModelFile {
     /// Reads a model. `layout` is `nchw`, `nhwc` or `auto`.
     ///
     /// # Errors
-    /// Where the file cannot be read, is no ONNX model, or takes anything but one float image of a fixed size.
+    /// Where the file cannot be read, is no ONNX model, or takes anything but one float image of a fixed size and
+    /// maybe `speed`, one float.
     pub fn read(path: &Path, layout: &str) -> Result<Self> {
         let bytes = std::fs::read(path).place("cannot read the file")?;
         let proto = tract_onnx::onnx()
@@ -76,33 +91,57 @@ impl ModelFile {
         // Old files list their weights among the inputs.
         let is_weight = |name: &str| graph.initializer.iter().any(|weight| weight.name == name);
         let inputs: Vec<_> = graph.input.iter().filter(|input| !is_weight(&input.name)).collect();
-        let input = match inputs.as_slice() {
-            [input] => image_input(input, layout)?,
+        let (image, speed) = match inputs.as_slice() {
+            [image] => (image, None),
+            [speed, image] if speed.name == SPEED => (image, Some(speed_input(speed, true)?)),
+            [image, speed] if speed.name == SPEED => (image, Some(speed_input(speed, false)?)),
             _ => {
                 let names: Vec<_> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();
                 return Err(Error::new(format!(
-                    "it has {} inputs ({}), but has to have one: the image",
+                    "it has {} inputs ({}), but has to have one, the image, and may have a second one called `{SPEED}`",
                     names.len(),
                     names.join(", ")
                 )));
             }
         };
+        let input = image_input(image, layout)?;
         let outputs = graph.output.iter().map(|output| output.name.clone()).collect();
-        Ok(Self { path: path.to_path_buf(), input, outputs, proto })
+        Ok(Self { path: path.to_path_buf(), input, speed, outputs, proto })
     }
 }
 
-fn image_input(input: &pb::ValueInfoProto, layout: &str) -> Result<ImageInput> {
+/// The type and shape of an input of 32-bit floats.
+fn float_tensor<'a>(input: &'a pb::ValueInfoProto, expected: &str) -> Result<&'a pb::type_proto::Tensor> {
     let name = &input.name;
     let Some(pb::type_proto::Value::TensorType(tensor)) =
         input.r#type.as_ref().and_then(|t| t.value.as_ref())
     else {
-        return Err(Error::new(format!("its input `{name}` is no tensor, but has to be an image")));
+        return Err(Error::new(format!("its input `{name}` is no tensor, but has to be {expected}")));
     };
     if tensor.elem_type != DataType::Float as i32 {
         let found = DataType::try_from(tensor.elem_type).map_or("of an unknown type", |t| t.as_str_name());
         return Err(Error::new(format!("its input `{name}` is {found}, but has to be FLOAT (32 bit)")));
     }
+    Ok(tensor)
+}
+
+fn speed_input(input: &pb::ValueInfoProto, first: bool) -> Result<SpeedInput> {
+    let tensor = float_tensor(input, "a number")?;
+    let dims: Vec<Option<i64>> =
+        tensor.shape.iter().flat_map(|shape| &shape.dim).map(|dim| fixed(dim.value.as_ref())).collect();
+    if dims.len() > 2 || dims.iter().any(|dim| dim.is_some_and(|dim| dim != 1)) {
+        return Err(Error::new(format!(
+            "its input `{}` has the shape {}, but has to be one number: (1) or (1, 1)",
+            input.name,
+            shape_text(tensor.shape.as_ref())
+        )));
+    }
+    Ok(SpeedInput { first, shape: vec![1; dims.len()] })
+}
+
+fn image_input(input: &pb::ValueInfoProto, layout: &str) -> Result<ImageInput> {
+    let name = &input.name;
+    let tensor = float_tensor(input, "an image")?;
     let dims: Vec<Option<i64>> =
         tensor.shape.iter().flat_map(|shape| &shape.dim).map(|dim| fixed(dim.value.as_ref())).collect();
     let shape = shape_text(tensor.shape.as_ref());
@@ -190,6 +229,14 @@ mod tests {
     }
 
     #[test]
+    fn a_speed_is_taken_beside_the_image() {
+        let with = Pilot { second_input: Some(SPEED), ..Pilot::new(&["1", "3", "4", "6"]) };
+        let model = |pilot: &Pilot| ModelFile::read(pilot.file().path(), "auto").unwrap().speed;
+        assert_eq!(model(&with), Some(SpeedInput { first: false, shape: vec![1, 1] }));
+        assert_eq!(model(&Pilot::new(&["1", "3", "4", "6"])), None);
+    }
+
+    #[test]
     fn what_is_no_image_is_refused_with_what_was_found() {
         let error = |dims: &[&str], layout| read(&Pilot::new(dims), layout).unwrap_err().to_string();
         assert_eq!(
@@ -208,8 +255,9 @@ mod tests {
         assert!(error(&["1", "3", "99999999", "6"], "auto").contains("larger than"));
         let bytes = Pilot { element: DataType::Uint8, ..Pilot::new(&["1", "3", "4", "6"]) };
         assert!(read(&bytes, "auto").unwrap_err().message().contains("is UINT8, but has to be FLOAT"));
-        let two = Pilot { second_input: true, ..Pilot::new(&["1", "3", "4", "6"]) };
-        assert!(read(&two, "auto").unwrap_err().message().starts_with("it has 2 inputs (`image`, `speed`)"));
+        let two = Pilot { second_input: Some("mirror"), ..Pilot::new(&["1", "3", "4", "6"]) };
+        let message = read(&two, "auto").unwrap_err().message().to_owned();
+        assert!(message.starts_with("it has 2 inputs (`image`, `mirror`), but"), "{message}");
     }
 
     #[test]

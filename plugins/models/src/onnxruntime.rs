@@ -13,7 +13,7 @@ use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
 use crate::backend::Session;
-use crate::model_file::ModelFile;
+use crate::model_file::{ModelFile, SpeedInput};
 
 /// The library in use. It stays loaded until the process ends.
 pub struct Runtime {
@@ -83,6 +83,7 @@ fn start(path: &Path) -> Result<Runtime> {
 pub struct OnnxRuntime {
     session: OrtSession,
     shape: [usize; 4],
+    speed: Option<SpeedInput>,
     runtime: Arc<Runtime>,
 }
 
@@ -103,16 +104,28 @@ impl OnnxRuntime {
             .place(place)?
             .commit_from_file(&model.path)
             .place(place)?;
-        Ok(Self { session, shape: model.input.shape(), runtime })
+        Ok(Self { session, shape: model.input.shape(), speed: model.speed.clone(), runtime })
     }
 }
 
 impl Session for OnnxRuntime {
-    fn run(&mut self, input: &[f32], outputs: &mut [Vec<f32>]) -> Result<()> {
+    fn run(&mut self, image: &[f32], speed: f32, outputs: &mut [Vec<f32>]) -> Result<()> {
         let runtime = &self.runtime;
         let failed = |error: ort::Error| Error::new(error.to_string()).at(runtime.name());
-        let input = TensorRef::from_array_view((self.shape, input)).map_err(failed)?;
-        let results = self.session.run(ort::inputs![input]).map_err(failed)?;
+        let image = TensorRef::from_array_view((self.shape, image)).map_err(failed)?;
+        let results = match &self.speed {
+            None => self.session.run(ort::inputs![image]),
+            Some(input) => {
+                let speed = [speed];
+                let speed =
+                    TensorRef::from_array_view((input.shape.as_slice(), &speed[..])).map_err(failed)?;
+                match input.first {
+                    true => self.session.run(ort::inputs![speed, image]),
+                    false => self.session.run(ort::inputs![image, speed]),
+                }
+            }
+        }
+        .map_err(failed)?;
         for (values, result) in outputs.iter_mut().zip(results.values()) {
             values.clear();
             values.extend_from_slice(result.try_extract_tensor::<f32>().map_err(failed)?.1);

@@ -15,7 +15,9 @@ use crate::model_file::ModelFile;
 /// A network that tract runs.
 pub struct Tract {
     state: TypedSimpleState,
-    input: Arc<Tensor>,
+    image: Arc<Tensor>,
+    /// The tensor for the speed, and whether it comes before the image; where the model takes one.
+    speed: Option<(Arc<Tensor>, bool)>,
 }
 
 /// The name with the version, which is pinned in the workspace.
@@ -41,17 +43,21 @@ impl Tract {
             let unknown = unknown.join(", ");
             return Err(Error::new(format!("it cannot run the model's operators {unknown}; {}", remedy())));
         }
-        let shape = model.input.shape();
         // tract panics on some models that contradict themselves.
-        let state = catch_unwind(AssertUnwindSafe(|| prepare(model, &shape)))
+        let state = catch_unwind(AssertUnwindSafe(|| prepare(model)))
             .map_err(|_| Error::new(format!("it cannot make sense of the model; {}", remedy())))?
             .map_err(|error| Error::new(format!("it cannot prepare the model ({error:#}); {}", remedy())))?;
-        let input = Tensor::zero::<f32>(&shape).map_err(|e| Error::new(e.to_string()))?;
-        Ok(Self { state, input: Arc::new(input) })
+        let zero =
+            |shape: &[usize]| Tensor::zero::<f32>(shape).map(Arc::new).map_err(|e| Error::new(e.to_string()));
+        let speed = match &model.speed {
+            Some(speed) => Some((zero(&speed.shape)?, speed.first)),
+            None => None,
+        };
+        Ok(Self { state, image: zero(&model.input.shape())?, speed })
     }
 }
 
-fn prepare(model: &ModelFile, shape: &[usize]) -> TractResult<TypedSimpleState> {
+fn prepare(model: &ModelFile) -> TractResult<TypedSimpleState> {
     // What the file says about intermediate shapes names the batch, which is 1 here.
     let onnx = tract_onnx::onnx().with_ignore_value_info(true);
     let folder = model.path.parent().and_then(|folder| folder.to_str());
@@ -60,16 +66,35 @@ fn prepare(model: &ModelFile, shape: &[usize]) -> TractResult<TypedSimpleState> 
         return Err(TractError::msg(format!("nothing computes {}", parsed.unresolved_inputs.join(", "))));
     }
     let mut graph = parsed.model;
-    graph.set_input_fact(0, InferenceFact::dt_shape(f32::datum_type(), shape))?;
+    let fact = |shape: &[usize]| InferenceFact::dt_shape(f32::datum_type(), shape);
+    let image = usize::from(model.speed.as_ref().is_some_and(|speed| speed.first));
+    graph.set_input_fact(image, fact(&model.input.shape()))?;
+    if let Some(speed) = &model.speed {
+        graph.set_input_fact(1 - image, fact(&speed.shape))?;
+    }
     graph.into_optimized()?.into_runnable()?.spawn()
 }
 
+fn write(tensor: &mut Arc<Tensor>, values: &[f32]) -> Result<()> {
+    // After a run no one else holds the tensor, so that it is written where it lies.
+    let mut view = Arc::make_mut(tensor).try_as_plain_ram_mut().place(name())?;
+    view.as_slice_mut::<f32>().place(name())?.copy_from_slice(values);
+    Ok(())
+}
+
 impl Session for Tract {
-    fn run(&mut self, input: &[f32], outputs: &mut [Vec<f32>]) -> Result<()> {
-        // After a run no one else holds the tensor, so that it is written where it lies.
-        let mut view = Arc::make_mut(&mut self.input).try_as_plain_ram_mut().place(name())?;
-        view.as_slice_mut::<f32>().place(name())?.copy_from_slice(input);
-        let results = self.state.run(tvec!(self.input.clone().into_tvalue())).place(name())?;
+    fn run(&mut self, image: &[f32], speed: f32, outputs: &mut [Vec<f32>]) -> Result<()> {
+        write(&mut self.image, image)?;
+        let image = self.image.clone().into_tvalue();
+        let inputs = match &mut self.speed {
+            None => tvec!(image),
+            Some((tensor, first)) => {
+                write(tensor, &[speed])?;
+                let speed = tensor.clone().into_tvalue();
+                if *first { tvec!(speed, image) } else { tvec!(image, speed) }
+            }
+        };
+        let results = self.state.run(inputs).place(name())?;
         for (values, result) in outputs.iter_mut().zip(results) {
             values.clear();
             values.extend_from_slice(
