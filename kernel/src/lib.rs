@@ -21,5 +21,6 @@ pub mod preview;
 pub mod record;
 pub mod reference;
 pub mod registry;
+pub mod replay;
 pub mod suggest;
 pub mod watchdog;

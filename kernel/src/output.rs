@@ -5,6 +5,7 @@ use std::fmt;
 use std::io::{self, ErrorKind, Write};
 use std::sync::{Mutex, PoisonError};
 
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pdk_sdk::error::{Error, Result};
 
 /// The first error on standard output.
@@ -46,6 +47,21 @@ pub fn finish() -> Result<()> {
         Some(error) => Err(Error::new(format!("cannot write to standard output ({error})"))),
         None => Ok(()),
     }
+}
+
+/// A progress bar on standard error with these numbers behind it; nothing where nobody reads along or it is no terminal.
+pub fn progress(quiet: bool, numbers: &str) -> ProgressBar {
+    let target = match quiet {
+        true => ProgressDrawTarget::hidden(),
+        // Draws nothing where standard error is no terminal.
+        false => ProgressDrawTarget::stderr(),
+    };
+    let bar = ProgressBar::with_draw_target(None, target);
+    if let Ok(style) = ProgressStyle::with_template(&format!("{{elapsed_precise}} [{{wide_bar}}] {numbers}"))
+    {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
 }
 
 fn note(written: io::Result<()>) {

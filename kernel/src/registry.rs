@@ -261,10 +261,15 @@ impl Registry {
         }
     }
 
-    fn add_drop_in(&mut self, base: &Description, parameter: &str, file: PathBuf) {
+    /// The name of the component that a file of the user's becomes.
+    pub fn drop_in_name(file: &Path) -> String {
         let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
         let fits = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
-        let name: String = stem.chars().map(fits).collect();
+        stem.chars().map(fits).collect()
+    }
+
+    fn add_drop_in(&mut self, base: &Description, parameter: &str, file: PathBuf) {
+        let name = Self::drop_in_name(&file);
         let shown = file.file_name().unwrap_or_default().to_string_lossy();
         let mut description =
             Description { name, doc: format!("{}: {shown}", base.doc), drop_in: None, ..base.clone() };

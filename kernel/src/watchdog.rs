@@ -15,8 +15,21 @@ pub const EXIT_CODE: i32 = 75;
 /// How long a component may take for one call, unless the user says otherwise.
 pub const DEFAULT_PATIENCE: Duration = Duration::from_secs(60);
 
-/// What the user can do where a call within a run takes longer.
-pub const REMEDY_OF_A_RUN: &str = "the limit of a run is raised with --set patience=SECONDS";
+/// How long one call of a component may take, and what the user can do where that is too short.
+#[derive(Debug, Clone, Copy)]
+pub struct Patience {
+    /// The longest time.
+    pub limit: Duration,
+    /// What the user can do.
+    pub remedy: &'static str,
+}
+
+impl Patience {
+    /// That of a run.
+    pub fn of_run(limit: Duration) -> Self {
+        Self { limit, remedy: "the limit of a run is raised with --set patience=SECONDS" }
+    }
+}
 
 /// Watches the calls that one thread makes.
 pub struct Watch {
@@ -38,7 +51,12 @@ struct Slot {
 impl Watch {
     /// A watch over calls of a run with these labels. None may take longer than `patience`.
     pub fn new(labels: Vec<String>, patience: Duration) -> Self {
-        Self::with_remedy(labels, patience, REMEDY_OF_A_RUN)
+        Self::with_patience(labels, Patience::of_run(patience))
+    }
+
+    /// A watch over calls with these labels.
+    pub fn with_patience(labels: Vec<String>, patience: Patience) -> Self {
+        Self::with_remedy(labels, patience.limit, patience.remedy)
     }
 
     /// A watch over calls with these labels, that says what can be done where one takes longer than `patience`.

@@ -17,6 +17,7 @@ mod new;
 mod perturb;
 mod preview;
 mod reference;
+mod replay;
 mod run;
 mod show;
 
@@ -87,6 +88,8 @@ enum Verb {
     Check(check::Arguments),
     /// Say what is installed, what is missing and what to do
     Doctor(doctor::Arguments),
+    /// Drive recorded scenarios again and compare them with their record, bit for bit
+    Replay(replay::Arguments),
     /// Export the record of a run for other tools
     Export(export::Arguments),
     /// Write the completions for a shell to standard output
@@ -112,6 +115,7 @@ pub fn main() -> ExitCode {
         Verb::New(arguments) => new::run(global, arguments),
         Verb::Check(arguments) => check::run(global, arguments),
         Verb::Doctor(arguments) => doctor::run(global, arguments),
+        Verb::Replay(arguments) => replay::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Completions { shell } => {
             use clap::CommandFactory;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, mpsc};
 use std::thread::ScopedJoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use indicatif::ProgressBar;
 use pdk_sdk::error::{Error, Result};
@@ -15,6 +15,7 @@ use serde::Serialize;
 use crate::chain::Chain;
 use crate::record::{self, RunDirectory, SCENARIOS};
 use crate::registry::Registry;
+use crate::watchdog::Patience;
 
 pub mod outcome;
 pub mod plan;
@@ -38,9 +39,7 @@ pub struct Settings {
     /// The number of scenarios that are driven at the same time.
     pub threads: usize,
     /// How long one call of a component may take.
-    pub patience: Duration,
-    /// What the user can do where that is too short.
-    pub remedy: &'static str,
+    pub patience: Patience,
     /// The name of the run on the topics.
     pub run_id: String,
 }

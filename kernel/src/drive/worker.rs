@@ -36,7 +36,7 @@ pub fn watch(plan: &Plan, scenarios: &[Numbered<'_>], settings: &Settings) -> Wa
         [format!("simulator `{}`", plan.simulator.name), format!("driver `{}`", plan.driver.name)];
     let perturbations = scenarios.iter().map(|(_, scenario)| perturbations_label(scenario));
     let labels = components.into_iter().chain(perturbations).collect();
-    Watch::with_remedy(labels, settings.patience, settings.remedy)
+    Watch::with_patience(labels, settings.patience)
 }
 
 /// A simulator may deliver so many times the frames that its rate and the time limit make, and so many more; a scenario

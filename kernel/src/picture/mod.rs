@@ -8,7 +8,7 @@ use pdk_sdk::prelude::FrameBuf;
 
 mod text;
 
-pub use text::{LINE_HEIGHT, draw as draw_text};
+pub use text::{LINE_HEIGHT, draw as draw_text, draw_in as draw_text_in};
 
 /// White paper.
 pub const PAPER: Rgb<u8> = Rgb([255, 255, 255]);

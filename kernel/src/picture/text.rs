@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont};
-use image::RgbImage;
+use image::{Rgb, RgbImage};
 
 /// Height of a line of text in pixels.
 pub const LINE_HEIGHT: u32 = 20;
@@ -13,6 +13,11 @@ const SIZE: f32 = 15.0;
 
 /// Draws a line of black text whose box starts at (x, y). What reaches over the edge is left out.
 pub fn draw(image: &mut RgbImage, x: u32, y: u32, text: &str) {
+    draw_in(image, x, y, text, Rgb([0; 3]));
+}
+
+/// Draws a line of text in a color.
+pub fn draw_in(image: &mut RgbImage, x: u32, y: u32, text: &str, ink: Rgb<u8>) {
     static FONT: OnceLock<Option<FontRef<'static>>> = OnceLock::new();
     // The font is part of the program, so it is one.
     let Some(font) = FONT.get_or_init(|| FontRef::try_from_slice(epaint_default_fonts::UBUNTU_LIGHT).ok())
@@ -35,7 +40,10 @@ pub fn draw(image: &mut RgbImage, x: u32, y: u32, text: &str) {
                     && py >= 0.0
                     && let Some(pixel) = image.get_pixel_mut_checked(px as u32, py as u32)
                 {
-                    pixel.0 = pixel.0.map(|value| (f32::from(value) * (1.0 - coverage)) as u8);
+                    for (value, ink) in pixel.0.iter_mut().zip(ink.0) {
+                        let (paper, ink) = (f32::from(*value), f32::from(ink));
+                        *value = (paper * (1.0 - coverage) + ink * coverage) as u8;
+                    }
                 }
             });
         }
@@ -47,7 +55,6 @@ pub fn draw(image: &mut RgbImage, x: u32, y: u32, text: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::Rgb;
 
     #[test]
     fn text_darkens_its_line_only() {

@@ -4,21 +4,21 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use serde_json::{Map, Value, json};
 
 use super::settings::{self, COMMON, Override};
 use super::{report, road, speed, table};
-use crate::chain::{Region, Spec};
+use crate::chain::Spec;
 use crate::component::ComponentSpec;
 use crate::drive::{self, Cause, Outcome};
 use crate::evaluate;
+use crate::output;
 use crate::record::manifest::{InUse, Machine, Manifest, Pipeline};
 use crate::record::{MANIFEST, PERFORMANCE, Recorded, RunDirectory, SUMMARY};
 use crate::registry::Registry;
-use crate::watchdog;
+use crate::watchdog::{self, Patience};
 
 /// The folder for records where the user names none.
 const RUNS: &str = "runs";
@@ -175,16 +175,14 @@ impl Host {
         let settings = drive::Settings {
             seed: self.common.seed,
             threads: self.common.threads,
-            patience: self.common.patience,
-            remedy: watchdog::REMEDY_OF_A_RUN,
+            patience: Patience::of_run(self.common.patience),
             run_id: drive::run_id(directory.path()),
         };
         let first_index = self.next_scenario;
         self.next_scenario += plan.scenarios.len() as u64;
         let recorded = self.take_recorded(&plan, first_index)?;
         let driven = plan.scenarios.len() - recorded.len();
-        let progress =
-            self.progress("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {per_sec}, {eta} left");
+        let progress = output::progress(self.options.quiet, "{pos}/{len} frames, {per_sec}, {eta} left");
         let (outcomes, performance) =
             drive::drive(&registry, &plan, &settings, first_index, &directory, recorded, &progress)?;
         let overruns = performance.stages.overruns;
@@ -247,7 +245,7 @@ impl Host {
             number: self.next_evaluation,
         };
         self.next_evaluation += 1;
-        let progress = self.progress("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {eta} left");
+        let progress = output::progress(self.options.quiet, "{pos}/{len} frames, {eta} left");
         let (summary, performance) = evaluate::evaluate(&registry, &plan, &settings, &directory, &progress)?;
         for bad in &summary.bad_frames {
             self.warnings.push(format!("{} was left out: {}", bad.frame, bad.error));
@@ -362,19 +360,8 @@ impl Host {
         perturbations: impl IntoIterator<Item = &'a Spec>,
     ) -> Result<()> {
         self.check_overrides()?;
-        for (kind, spec) in components {
-            let info = match kind {
-                Kind::Driver => self.driver_info(spec)?,
-                _ => Vec::new(),
-            };
-            self.in_use.add(&self.registry, kind, &spec.name, &spec.parameters, info)?;
-        }
-        for spec in perturbations {
-            if let Some(Region::Mask(path)) = &spec.region {
-                self.in_use.add_file(Path::new(path))?;
-            }
-            self.in_use.add(&self.registry, Kind::Perturbation, &spec.name, &spec.parameters, Vec::new())?;
-        }
+        let patience = Patience::of_run(self.common.patience);
+        self.in_use.add_all(&self.registry, components, perturbations, patience)?;
         let manifest = Manifest {
             pdk: env!("CARGO_PKG_VERSION").to_owned(),
             seed: self.common.seed,
@@ -399,12 +386,6 @@ impl Host {
         directory.write_json(MANIFEST, &manifest)
     }
 
-    /// What a driver says of itself once it is made.
-    fn driver_info(&self, spec: &ComponentSpec) -> Result<Vec<(String, String)>> {
-        let watch = watchdog::Watch::new(vec![format!("driver `{}`", spec.name)], self.common.patience);
-        watch.call(0, || Ok(self.registry.driver(&spec.name, &spec.parameters)?.0.info()))
-    }
-
     /// The folder of the record, which is made when it is first needed.
     fn directory(&mut self) -> Result<RunDirectory> {
         if let Some(directory) = &self.directory {
@@ -417,21 +398,6 @@ impl Host {
         let directory = directory?;
         self.recorded = directory.recorded()?;
         Ok(self.directory.insert(directory).clone())
-    }
-
-    fn progress(&self, template: &str) -> ProgressBar {
-        let progress = ProgressBar::with_draw_target(
-            None,
-            match self.options.quiet {
-                true => ProgressDrawTarget::hidden(),
-                // Draws nothing where standard error is no terminal.
-                false => ProgressDrawTarget::stderr(),
-            },
-        );
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            progress.set_style(style.progress_chars("=> "));
-        }
-        progress
     }
 }
 

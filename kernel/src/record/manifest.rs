@@ -1,6 +1,7 @@
 //! What was run: everything that has to be equal for two runs to be equal.
 
 use std::collections::BTreeSet;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use pdk_sdk::describe::Kind;
@@ -8,7 +9,10 @@ use pdk_sdk::error::{Place, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::chain::{Region, Spec};
+use crate::component::ComponentSpec;
 use crate::registry::Registry;
+use crate::watchdog::{Patience, Watch};
 
 /// The manifest of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -81,9 +85,7 @@ impl Manifest {
     /// # Errors
     /// Where the two are not of the same run: says what differs, first the recorded value.
     pub fn continuing(mut self, recorded: &Manifest) -> Result<Self, String> {
-        let differs = |what: &str, was: &dyn std::fmt::Display, is: &dyn std::fmt::Display| {
-            Err(format!("{what} was {was} and is {is}"))
-        };
+        let differs = |what: &str, was: &dyn Display, is: &dyn Display| Err(differs(what, was, is));
         if self.pdk != recorded.pdk {
             return differs("the version of pdk", &recorded.pdk, &self.pdk);
         }
@@ -103,39 +105,8 @@ impl Manifest {
         if let Some((name, was, is)) = difference("", &recorded.settings, &settings) {
             return differs(&format!("the setting {name}"), &was, &is);
         }
-        for component in &self.components {
-            let same = |c: &&ComponentRecord| c.kind == component.kind && c.name == component.name;
-            let mut known = recorded.components.iter().filter(same).peekable();
-            let Some(first) = known.peek().copied() else { continue };
-            let name = format!("the {} `{}`", component.kind, component.name);
-            if first.version != component.version {
-                return differs(&format!("the version of {name}"), &first.version, &component.version);
-            }
-            if first.file.blake3 != component.file.blake3 {
-                return Err(format!("the file of {name}, {}, is another", component.file.path.display()));
-            }
-            if first.file.path != component.file.path {
-                let (was, is) = (first.file.path.display(), component.file.path.display());
-                return differs(&format!("the path of {name}"), &was, &is);
-            }
-            // Such as the library that runs a network. Others may come with later drives.
-            let again = self.components.iter().filter(same).any(|c| recorded.components.contains(c));
-            if !again {
-                let text = |info: &[(String, String)]| {
-                    info.iter().map(|(key, value)| format!("{key} {value}")).collect::<Vec<_>>().join(", ")
-                };
-                return differs(
-                    &format!("what {name} says of itself"),
-                    &format!("`{}`", text(&first.info)),
-                    &format!("`{}`", text(&component.info)),
-                );
-            }
-        }
-        for file in &self.files {
-            let known = recorded.files.iter().find(|known| known.path == file.path);
-            if known.is_some_and(|known| known.blake3 != file.blake3) {
-                return Err(format!("the file {} is another", file.path.display()));
-            }
+        if let Some(difference) = self.changed_parts(recorded, true).into_iter().next() {
+            return Err(difference);
         }
         self.machine = recorded.machine.clone();
         self.components.extend(recorded.components.iter().cloned());
@@ -146,10 +117,57 @@ impl Manifest {
         self.files.dedup();
         Ok(self)
     }
+
+    /// What is different of the components and files that both manifests have, one clause each: versions, contents, what
+    /// components say of themselves, and, where they count, the places where components lie.
+    pub fn changed_parts(&self, recorded: &Manifest, places_count: bool) -> Vec<String> {
+        let mut changed = Vec::new();
+        for component in &self.components {
+            let same = |c: &&ComponentRecord| c.kind == component.kind && c.name == component.name;
+            let Some(first) = recorded.components.iter().find(same) else { continue };
+            let name = format!("the {} `{}`", component.kind, component.name);
+            if first.version != component.version {
+                changed.push(differs(&format!("the version of {name}"), &first.version, &component.version));
+            }
+            if first.file.blake3 != component.file.blake3 {
+                changed.push(format!("the file of {name}, {}, is another", component.file.path.display()));
+            }
+            if places_count && first.file.path != component.file.path {
+                let (was, is) = (first.file.path.display(), component.file.path.display());
+                changed.push(differs(&format!("the path of {name}"), &was, &is));
+            }
+            // Such as the library that runs a network. Others may come with later drives.
+            let said_again = |c: &ComponentRecord| {
+                recorded.components.iter().filter(same).any(|known| known.info == c.info)
+            };
+            if !self.components.iter().filter(same).any(said_again) {
+                let text = |info: &[(String, String)]| {
+                    info.iter().map(|(key, value)| format!("{key} {value}")).collect::<Vec<_>>().join(", ")
+                };
+                changed.push(differs(
+                    &format!("what {name} says of itself"),
+                    &format!("`{}`", text(&first.info)),
+                    &format!("`{}`", text(&component.info)),
+                ));
+            }
+        }
+        for file in &self.files {
+            let known = recorded.files.iter().find(|known| known.path == file.path);
+            if known.is_some_and(|known| known.blake3 != file.blake3) {
+                changed.push(format!("the file {} is another", file.path.display()));
+            }
+        }
+        changed.dedup();
+        changed
+    }
 }
 
-/// The first setting that differs, with both values; what is not there is null.
-fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value, Value)> {
+fn differs(what: &str, was: &dyn Display, is: &dyn Display) -> String {
+    format!("{what} was {was} and is {is}")
+}
+
+/// The first value within another that differs, with its place and both values; what is not there is null.
+pub fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value, Value)> {
     if let (Value::Object(was), Value::Object(is)) = (was, is) {
         let names: BTreeSet<&String> = was.keys().chain(is.keys()).collect();
         return names.into_iter().find_map(|name| {
@@ -157,6 +175,12 @@ fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value, Va
             let value = |table: &Map<String, Value>| table.get(name).cloned().unwrap_or_default();
             difference(&place, &value(was), &value(is))
         });
+    }
+    if let (Value::Array(was), Value::Array(is)) = (was, is)
+        && was.len() == is.len()
+    {
+        let mut pairs = was.iter().zip(is).enumerate();
+        return pairs.find_map(|(position, (was, is))| difference(&format!("{place}[{position}]"), was, is));
     }
     (was != is).then(|| (format!("`{place}`"), was.clone(), is.clone()))
 }
@@ -225,6 +249,37 @@ impl InUse {
             if path.is_file() {
                 self.add_file(path)?;
             }
+        }
+        Ok(())
+    }
+
+    /// Notes what scenarios or an evaluation use: two components that stand for themselves, and perturbations. A driver is
+    /// made to hear what it says of itself.
+    ///
+    /// # Errors
+    /// As for [`InUse::add`], and where a driver cannot be made.
+    pub fn add_all<'a>(
+        &mut self,
+        registry: &Registry,
+        components: [(Kind, &ComponentSpec); 2],
+        perturbations: impl IntoIterator<Item = &'a Spec>,
+        patience: Patience,
+    ) -> Result<()> {
+        for (kind, spec) in components {
+            let info = match kind {
+                Kind::Driver => {
+                    let watch = Watch::with_patience(vec![format!("driver `{}`", spec.name)], patience);
+                    watch.call(0, || registry.driver(&spec.name, &spec.parameters).map(|d| d.0.info()))?
+                }
+                _ => Vec::new(),
+            };
+            self.add(registry, kind, &spec.name, &spec.parameters, info)?;
+        }
+        for spec in perturbations {
+            if let Some(Region::Mask(path)) = &spec.region {
+                self.add_file(Path::new(path))?;
+            }
+            self.add(registry, Kind::Perturbation, &spec.name, &spec.parameters, Vec::new())?;
         }
         Ok(())
     }

@@ -100,6 +100,15 @@ impl RunDirectory {
                 self.path.display()
             )));
         }
+        self.read().map(Some)
+    }
+
+    /// The manifest, and the scenarios that are complete; none where the run drove none.
+    ///
+    /// # Errors
+    /// Where the record is damaged.
+    pub fn read(&self) -> Result<Recorded> {
+        let manifest = self.path.join(MANIFEST);
         let text = fs::read(&manifest).place(manifest.display())?;
         let manifest = serde_json::from_slice(&text).place(manifest.display())?;
         let path = self.path.join(SCENARIOS);
@@ -109,13 +118,13 @@ impl RunDirectory {
                 let index = outcome.index;
                 if outcomes.insert(index, outcome).is_some() {
                     return Err(Error::new(format!(
-                        "{} holds scenario {index} twice; choose another folder with --out",
+                        "{} holds scenario {index} twice, so it is no record that pdk wrote",
                         path.display()
                     )));
                 }
             }
         }
-        Ok(Some(Recorded { manifest, outcomes }))
+        Ok(Recorded { manifest, outcomes })
     }
 
     /// Makes the folder of a new run in the first of these places where nothing is. Runs that start at the same time get
@@ -197,11 +206,16 @@ impl RunDirectory {
     pub fn trace(&self, scenario: u64) -> Result<PathBuf> {
         let folder = self.path.join(TRACES);
         fs::create_dir_all(&folder).map_err(|error| write_error(&folder, &error))?;
-        Ok(folder.join(format!("{scenario:04}.mcap")))
+        Ok(self.trace_path(scenario))
+    }
+
+    /// The path of a scenario's trace, whether there is one or not.
+    pub fn trace_path(&self, scenario: u64) -> PathBuf {
+        self.path.join(TRACES).join(format!("{scenario:04}.mcap"))
     }
 }
 
-/// What a process that ended early left of its run.
+/// What is recorded of a run, such as a process that ended early left it.
 #[derive(Debug, Clone)]
 pub struct Recorded {
     /// What was run.

@@ -64,15 +64,22 @@ fn field<'a>(rest: &mut &'a [u8]) -> Option<(u64, Wire<'a>)> {
     let tag = varint(rest)?;
     let value = match tag & 7 {
         0 => Wire::Varint(varint(rest)?),
-        1 => Wire::Fixed64(u64::from_le_bytes(*rest.split_off(..8)?.as_array()?)),
+        1 => Wire::Fixed64(u64::from_le_bytes(chunk(rest)?)),
         2 => {
             let length = usize::try_from(varint(rest)?).ok()?;
             Wire::Bytes(rest.split_off(..length)?)
         }
-        5 => Wire::Fixed32(u32::from_le_bytes(*rest.split_off(..4)?.as_array()?)),
+        5 => Wire::Fixed32(u32::from_le_bytes(chunk(rest)?)),
         _ => return None,
     };
     Some((tag >> 3, value))
+}
+
+/// The next so many bytes.
+fn chunk<const N: usize>(rest: &mut &[u8]) -> Option<[u8; N]> {
+    let (chunk, tail) = rest.split_first_chunk()?;
+    *rest = tail;
+    Some(*chunk)
 }
 
 /// Seven bits a byte, the lowest first; the eighth says that more follow.

@@ -1,0 +1,169 @@
+//! `pdk replay`: drives recorded scenarios again and compares them with their record.
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use pdk::output;
+use pdk::registry::Registry;
+use pdk::replay::{Compared, Finding, Replay, Replayed, Settings};
+use pdk::watchdog::{DEFAULT_PATIENCE, Patience};
+use pdk_sdk::error::{Error, Result};
+use serde_json::{Value, json};
+
+use super::{Global, print_json};
+
+/// Arguments of `pdk replay`
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The folder of the record
+    #[arg(value_name = "RUN")]
+    record: PathBuf,
+    /// Only the scenario of this number; may be given several times [default: all scenarios]
+    #[arg(long = "scenario", value_name = "N")]
+    scenarios: Vec<u64>,
+    /// How many scenarios are driven at the same time [default: all processors]
+    #[arg(long)]
+    threads: Option<NonZeroUsize>,
+    /// How long one call of a component may take, in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_PATIENCE.as_secs_f64())]
+    patience: f64,
+    /// Write a video of the scenario, of which there has to be one: original and perturbed frames and what the driver did
+    #[arg(long, value_name = "FILE.mp4")]
+    clip: Option<PathBuf>,
+}
+
+/// Replays and says for each scenario whether it is equal, or where it first differs.
+pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    let replay = Replay::open(&arguments.record, &arguments.scenarios)?;
+    if let Some(clip) = &arguments.clip {
+        check_clip(clip, replay.count())?;
+    }
+    let settings = Settings {
+        threads: arguments
+            .threads
+            .or_else(|| std::thread::available_parallelism().ok())
+            .map_or(1, NonZeroUsize::get),
+        patience: patience(arguments.patience)?,
+        clip: arguments.clip.clone(),
+    };
+    let registry = registry(global, &replay)?;
+    let changes = replay.changes(&registry, settings.patience)?;
+    for change in &changes {
+        eprintln!("pdk: warning: since the run was recorded, {}", changed(change));
+    }
+    let progress = output::progress(global.json, "{pos}/{len} frames, {per_sec}, {eta} left");
+    let replayed = replay.drive(&registry, &settings, &progress)?;
+    match global.json {
+        true => print_json(&as_json(arguments, &replayed, &changes))?,
+        false => print(arguments, &replayed),
+    }
+    failure(&replayed).map_or(Ok(()), Err)
+}
+
+fn check_clip(clip: &Path, scenarios: usize) -> Result<()> {
+    if scenarios != 1 {
+        return Err(Error::new(format!(
+            "--clip shows one scenario, and these are {scenarios}; choose one with --scenario N"
+        )));
+    }
+    match clip.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4")) {
+        true => Ok(()),
+        false => Err(Error::new(format!("the name of the clip, {}, has to end in .mp4", clip.display()))),
+    }
+}
+
+fn patience(seconds: f64) -> Result<Patience> {
+    let limit = Duration::try_from_secs_f64(seconds).ok().filter(|limit| !limit.is_zero());
+    let limit =
+        limit.ok_or_else(|| Error::new(format!("--patience: {seconds} is no positive number of seconds")))?;
+    Ok(Patience { limit, remedy: "the limit of a replay is raised with --patience SECONDS" })
+}
+
+/// All components, also those that are only where the record has them from.
+fn registry(global: &Global, replay: &Replay) -> Result<Registry> {
+    let registry = global.registry()?;
+    let Some(further) = replay.further_places(&registry) else { return Ok(registry) };
+    let mut search = global.search_path();
+    search.plugins.extend(further.plugins);
+    search.drop_ins.extend(further.drop_ins);
+    // What can be said of the places looked into so far has been said.
+    Registry::discover(&search)
+}
+
+/// A clause as it follows an introduction.
+fn changed(clause: &str) -> String {
+    format!("{clause}, so the replay may come out otherwise")
+}
+
+fn print(arguments: &Arguments, replayed: &Replayed) {
+    for compared in &replayed.scenarios {
+        println!("{compared}");
+    }
+    let equal = replayed.scenarios.iter().filter(|compared| matches!(compared.finding, Finding::Equal));
+    let (equal, all) = (equal.count(), replayed.scenarios.len());
+    let Replayed { frames, wall_seconds, .. } = replayed;
+    let rate = *frames as f64 / wall_seconds.max(f64::MIN_POSITIVE);
+    println!("{equal} of {all} equal: {frames} frames in {wall_seconds:.1} s, {rate:.0} a second");
+    if let Some(clip) = &arguments.clip {
+        println!("Clip: {}", clip.display());
+    }
+}
+
+fn as_json(arguments: &Arguments, replayed: &Replayed, changes: &[String]) -> Value {
+    let row = |compared: &Compared| {
+        let (difference, error) = match &compared.finding {
+            Finding::Equal => (Value::Null, Value::Null),
+            Finding::Different(difference) => (json!(difference), Value::Null),
+            Finding::Unreadable(error) => (Value::Null, json!(error.to_string())),
+        };
+        json!({
+            "index": compared.index,
+            "name": compared.name,
+            "frames": compared.frames,
+            "equal": matches!(compared.finding, Finding::Equal),
+            "difference": difference,
+            "error": error,
+        })
+    };
+    json!({
+        "record": arguments.record,
+        "scenarios": replayed.scenarios.iter().map(row).collect::<Vec<_>>(),
+        "frames": replayed.frames,
+        "wall_seconds": replayed.wall_seconds,
+        "changes": changes,
+        "clip": arguments.clip,
+    })
+}
+
+/// Why the replay counts as failed: scenarios that could not be compared, or ones that differ.
+fn failure(replayed: &Replayed) -> Option<Error> {
+    let all = replayed.scenarios.len();
+    let unreadable = |compared: &Compared| match &compared.finding {
+        Finding::Unreadable(error) => Some(error.to_string()),
+        _ => None,
+    };
+    let different =
+        |compared: &Compared| matches!(compared.finding, Finding::Different(_)).then(|| compared.to_string());
+    let found = |what: fn(&Compared) -> Option<String>| -> Vec<String> {
+        replayed.scenarios.iter().filter_map(what).collect()
+    };
+    let (unreadable, different) = (found(unreadable), found(different));
+    let sentence = match (unreadable.as_slice(), different.as_slice()) {
+        ([], []) => return None,
+        ([], [one]) if all == 1 => format!("it differs from the record: {one}"),
+        ([], [first, ..]) => {
+            format!("{} of {all} scenarios differ from the record; the first: {first}", different.len())
+        }
+        ([one], []) if all == 1 => one.clone(),
+        ([first, ..], []) => {
+            format!("{} of {all} scenarios could not be compared; the first: {first}", unreadable.len())
+        }
+        ([first, ..], [other, ..]) => format!(
+            "{} of {all} scenarios differ from the record and {} could not be compared; the first of these: {other}; {first}",
+            different.len(),
+            unreadable.len()
+        ),
+    };
+    Some(Error::new(sentence))
+}
