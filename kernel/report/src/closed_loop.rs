@@ -161,9 +161,11 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
     };
     let nominal = Tally::of(all().filter(|scenario| scenario.perturbation.is_none()));
     if nominal.judged > 0 && nominal.judged < tally.judged && tally.failed > 0 {
-        first += &match nominal.failed {
-            0 => format!(", none of the {} without perturbation", nominal.judged),
-            failed => format!(", {failed} of the {} without perturbation", nominal.judged),
+        first += &match (nominal.judged, nominal.failed) {
+            (1, 0) => ", not the one without perturbation".to_owned(),
+            (1, _) => ", the one without perturbation among them".to_owned(),
+            (judged, 0) => format!(", none of the {judged} without perturbation"),
+            (judged, failed) => format!(", {failed} of the {judged} without perturbation"),
         };
     }
     if void > 0 {
@@ -173,8 +175,11 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
     if let Some((name, worst)) = by_severity(all()).first() {
         let failing = all().filter(|s| s.verdict == Verdict::Failed && s.perturbation.as_ref() == Some(name));
         let lowest = failing.filter_map(|s| s.level).min_by(f64::total_cmp);
-        let from =
-            lowest.map(|level| format!(", at levels from {} up", text::level(level))).unwrap_or_default();
+        let from = match lowest {
+            None => String::new(),
+            Some(level) if worst.failed == 1 => format!(", at level {}", text::short(level)),
+            Some(level) => format!(", the first at level {}", text::short(level)),
+        };
         sentences.push(match (worst.judged, worst.failed) {
             (0, _) => format!("Nothing can be said about {name}."),
             (_, 0) => format!(
@@ -218,8 +223,8 @@ pub fn section(drive: &Drive, classes: &[f64]) -> Result<Section, Error> {
     let all_failed = drive.scenarios.iter().filter(|s| s.verdict == Verdict::Failed).count();
     let failure_note = match (all_failed, shown.len()) {
         (0, _) => "No scenario failed.".to_owned(),
-        (_, 0) => "No frames of the failures were recorded (images_every is 0, or the traces are gone); `pdk replay` \
-                   computes them again."
+        (_, 0) => "No frames of the failures were recorded (images_every is 0, or the traces are gone); pdk replay computes them \
+                   again."
             .to_owned(),
         (all, shown) if shown < all => format!(
             "These are {shown} of {all} failures: those that came soonest on their road, one of each perturbation first. \
@@ -277,7 +282,7 @@ fn grids(drive: &Drive, order: &[String]) -> (Grid, Grid) {
         let what = match (name, level) {
             (None, _) => NO_PERTURBATION.to_owned(),
             (Some(name), None) => name.clone(),
-            (Some(name), Some(level)) => format!("{name} at level {}", text::level(level)),
+            (Some(name), Some(level)) => format!("{name} at level {}", text::short(level)),
         };
         let void = match total - tally.judged {
             0 => String::new(),
@@ -354,11 +359,11 @@ fn curves(drive: &Drive, order: &[String]) -> Result<Vec<Chart>, Error> {
         worst.extend(curve(key.to_string(), name.clone(), color, &|s| s.perturbation.as_ref() == Some(name)));
     }
     let label = match order.len() > CURVES {
-        true => "Share of scenarios still driving over simulation time, for the worst perturbations",
-        false => "Share of scenarios still driving over simulation time, by perturbation",
+        true => "Share of scenarios still driving, for the worst perturbations",
+        false => "Share of scenarios still driving, by perturbation",
     };
     Ok(vec![
-        chart(&by_level, &axes("Share of scenarios still driving over simulation time, by level"))?,
+        chart(&by_level, &axes("Share of scenarios still driving, by level"))?,
         chart(&worst, &axes(label))?,
     ])
 }
@@ -379,7 +384,7 @@ fn survival(group: &[&Scenario], end: f64) -> Vec<(f64, f64)> {
 }
 
 fn legend(edges: &[f64]) -> Vec<Class> {
-    let below = |i: usize| number(edges[i]);
+    let below = |i: usize| text::short(edges[i]);
     let last = edges.len();
     (0..=last)
         .zip(ORDERED)
@@ -483,9 +488,9 @@ mod tests {
         assert_eq!(
             verdict(std::slice::from_ref(&drive)),
             [
-                "6 scenarios were driven, and 3 failed (60 %), none of the 1 without perturbation; in 1 a component \
+                "6 scenarios were driven, and 3 failed (60 %), not the one without perturbation; in 1 a component \
                  failed, which says nothing about the driver.",
-                "The worst perturbation is rain: 2 of 2 failed, at levels from 1 up.",
+                "The worst perturbation is rain: 2 of 2 failed, the first at level 1.",
             ]
         );
         let good = Drive { scenarios: drive.scenarios[..2].to_vec(), ..Drive::default() };
@@ -551,6 +556,6 @@ mod tests {
     #[test]
     fn classes_are_named_by_their_edges() {
         let texts: Vec<_> = legend(&[0.5, 1.0, 1.5, 2.0]).into_iter().map(|class| class.text).collect();
-        assert_eq!(texts, ["up to 0.500 m", "to 1.00 m", "to 1.50 m", "to 2.00 m", "over 2.00 m"]);
+        assert_eq!(texts, ["up to 0.5 m", "to 1 m", "to 1.5 m", "to 2 m", "over 2 m"]);
     }
 }

@@ -83,7 +83,7 @@ pub fn grid(entries: &[Entry], order: &[String], legend: (String, String)) -> Gr
         columns: columns
             .iter()
             .map(|level| {
-                level.map_or("as scheduled".to_owned(), |level| format!("level {}", text::level(level)))
+                level.map_or("as scheduled".to_owned(), |level| format!("level {}", text::short(level)))
             })
             .collect(),
         legend,

@@ -75,7 +75,7 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
         format!(
             "The worst is {} at level {}, where it is off by {}{times}.",
             worst.perturbation,
-            text::level(worst.level),
+            text::short(worst.level),
             number(worst.error)
         )
     });
@@ -102,7 +102,7 @@ pub fn section(evaluation: &Evaluation) -> Result<Section, Error> {
             .map(|worst| WorstRow {
                 frame: worst.frame.clone(),
                 perturbation: worst.perturbation.clone(),
-                level: text::level(worst.level),
+                level: text::short(worst.level),
                 truth: number(worst.truth),
                 original: number(worst.original),
                 perturbed: number(worst.perturbed),
@@ -130,7 +130,7 @@ fn heat_map(
         .map(|entry| Entry {
             row: Some(entry.perturbation.clone()),
             level: Some(entry.level),
-            cell: cell(value(entry), format!("{} at level {}", entry.perturbation, text::level(entry.level))),
+            cell: cell(value(entry), format!("{} at level {}", entry.perturbation, text::short(entry.level))),
         })
         .collect();
     entries.extend(nominal.map(|value| Entry {

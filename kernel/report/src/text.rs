@@ -1,8 +1,8 @@
 //! Numbers, dates, addresses and pictures as text.
 
-/// A level, as short as it can be.
-pub fn level(level: f64) -> String {
-    format!("{level}")
+/// A number that somebody chose, such as a level: as short as it can be.
+pub fn short(value: f64) -> String {
+    format!("{}", (value * 1e6).round() / 1e6)
 }
 
 /// A number that is read in a table: three digits behind the point, fewer where it is large.
@@ -104,7 +104,7 @@ mod tests {
     #[test]
     fn addresses_and_numbers() {
         assert_eq!(address("a b/ä%\"<.mp4"), "a%20b/%C3%A4%25%22%3C.mp4");
-        assert_eq!([level(2.0), level(2.5)], ["2", "2.5"]);
+        assert_eq!([short(2.0), short(2.5), short(0.1 * 3.0)], ["2", "2.5", "0.3"]);
         assert_eq!(
             [number(0.0516), number(2.023), number(-31.26), number(314.6)],
             ["0.052", "2.02", "-31.3", "315"]
