@@ -4,7 +4,9 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use image::ImageFormat;
+use image::codecs::jpeg::JpegEncoder;
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 use zune_jpeg::JpegDecoder;
@@ -12,30 +14,65 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-/// Reads a JPEG, PNG, BMP or WebP file as RGB; what it contains decides, not its name. An alpha channel is dropped.
+/// The quality of a JPEG that is written, of 100: high, so that what a perturbation does is not mixed with what JPEG does.
+const JPEG_QUALITY: u8 = 95;
+
+/// Reads a JPEG, PNG, BMP or WebP file as RGB; what it contains decides, not its name. An alpha channel is dropped. A
+/// picture that its camera held otherwise (the orientation of the file's EXIF data) is turned upright.
 ///
 /// # Errors
 /// Where the file cannot be read, is no such image, or is damaged or cut off: there is no partial image.
 pub fn read(path: &Path) -> Result<FrameBuf> {
+    read_as(path, |image| frame(image.into_rgb8()))
+}
+
+/// Reads an image as [`read`] does, and its alpha channel with it: a byte a pixel row by row, 255 where it is opaque.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_with_alpha(path: &Path) -> Result<(FrameBuf, Vec<u8>)> {
+    read_as(path, |image| {
+        let alpha = image.to_rgba8().pixels().map(|pixel| pixel.0[3]).collect();
+        Ok((frame(image.into_rgb8())?, alpha))
+    })
+}
+
+fn read_as<T>(path: &Path, convert: impl FnOnce(DynamicImage) -> Result<T>) -> Result<T> {
     let place = format!("image `{}`", path.display());
     let bytes = std::fs::read(path).map_err(|error| match error.kind() {
         std::io::ErrorKind::NotFound => Error::new(format!("{place} does not exist")),
         _ => Error::from(error).at(&place),
     })?;
-    decode(&bytes).map_err(|e| e.at(&place))
+    decode(&bytes).and_then(convert).map_err(|e| e.at(&place))
 }
 
-fn decode(bytes: &[u8]) -> Result<FrameBuf> {
+fn frame(image: RgbImage) -> Result<FrameBuf> {
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    Ok(FrameBuf::from_vec(image.into_raw(), width, height)?)
+}
+
+fn decode(bytes: &[u8]) -> Result<DynamicImage> {
     let format = image::guess_format(bytes)
         .ok()
         .filter(is_still)
         .ok_or_else(|| Error::new("it is no JPEG, PNG, BMP or WebP file"))?;
-    if format == ImageFormat::Jpeg {
-        return jpeg(bytes);
-    }
-    let rgb = image::load_from_memory_with_format(bytes, format).place("it is damaged")?.into_rgb8();
-    let (width, height) = (rgb.width() as usize, rgb.height() as usize);
-    Ok(FrameBuf::from_vec(rgb.into_raw(), width, height)?)
+    let (mut image, orientation) = match format {
+        ImageFormat::Jpeg => jpeg(bytes)?,
+        _ => other(bytes, format).place("it is damaged")?,
+    };
+    image.apply_orientation(orientation);
+    Ok(image)
+}
+
+/// Decodes what is no JPEG.
+fn other(bytes: &[u8], format: ImageFormat) -> image::ImageResult<(DynamicImage, Orientation)> {
+    let mut decoder = ImageReader::with_format(Cursor::new(bytes), format).into_decoder()?;
+    // A file that says it is as large as the world is not believed.
+    let mut limits = Limits::default();
+    limits.reserve(decoder.total_bytes())?;
+    decoder.set_limits(limits)?;
+    let orientation = decoder.orientation()?;
+    Ok((DynamicImage::from_decoder(decoder)?, orientation))
 }
 
 /// The formats that are read and written: those of single pictures.
@@ -46,7 +83,7 @@ fn is_still(format: &ImageFormat) -> bool {
 /// Decodes a JPEG. Most decoders, `image`'s among them, fill what is missing of a damaged file with grey; a model
 /// would be judged on that. What cannot be told from a whole file is one in which bytes were exchanged for others that
 /// still decode, for JPEG has no checksum.
-fn jpeg(bytes: &[u8]) -> Result<FrameBuf> {
+fn jpeg(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
     if !reaches_end(bytes) {
         return Err(Error::new("it is cut off: the JPEG's end is missing"));
     }
@@ -54,7 +91,10 @@ fn jpeg(bytes: &[u8]) -> Result<FrameBuf> {
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     let pixels = decoder.decode().place("it is damaged")?;
     let (width, height) = decoder.dimensions().ok_or_else(|| Error::new("it is damaged: it has no size"))?;
-    Ok(FrameBuf::from_vec(pixels, width, height)?)
+    let orientation = decoder.exif().and_then(|exif| Orientation::from_exif_chunk(exif));
+    let image = RgbImage::from_raw(width as u32, height as u32, pixels)
+        .ok_or_else(|| Error::new("it is damaged: it has fewer pixels than its size says"))?;
+    Ok((image.into(), orientation.unwrap_or(Orientation::NoTransforms)))
 }
 
 /// Whether a JPEG has the marker that ends it (ITU-T T.81, annex B). Looks at the segments one after the other, because
@@ -85,7 +125,7 @@ fn reaches_end(bytes: &[u8]) -> bool {
     }
 }
 
-/// Writes a frame as PNG, JPEG, BMP or WebP; the ending of the name says which. Folders on the way are made.
+/// Writes a frame as PNG, JPEG (of quality 95), BMP or WebP; the ending of the name says which. Folders on the way are made.
 ///
 /// # Errors
 /// Where the ending is another one, or the file cannot be written.
@@ -96,10 +136,15 @@ pub fn write(path: &Path, frame: Frame<'_>) -> Result<()> {
         .filter(is_still)
         .ok_or_else(|| Error::new(format!("{place}: its name has to end in .png, .jpg, .bmp or .webp")))?;
     let (width, height) = (frame.width() as u32, frame.height() as u32);
-    let image = image::RgbImage::from_raw(width, height, frame.to_buf().into_vec())
+    let image = RgbImage::from_raw(width, height, frame.to_buf().into_vec())
         .ok_or_else(|| Error::new(format!("{place}: it is too large")))?;
     let mut encoded = Cursor::new(Vec::new());
-    image.write_to(&mut encoded, format).place(&place)?;
+    match format {
+        ImageFormat::Jpeg => {
+            JpegEncoder::new_with_quality(&mut encoded, JPEG_QUALITY).encode_image(&image).place(&place)?;
+        }
+        _ => image.write_to(&mut encoded, format).place(&place)?,
+    }
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).place(&place)?;
     }
@@ -109,12 +154,15 @@ pub fn write(path: &Path, frame: Frame<'_>) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::codecs::jpeg::JpegEncoder;
-    use image::{DynamicImage, ExtendedColorType, ImageEncoder};
+    use image::{ExtendedColorType, ImageEncoder};
+
+    fn decode(bytes: &[u8]) -> Result<FrameBuf> {
+        super::decode(bytes).and_then(|image| frame(image.into_rgb8()))
+    }
 
     /// A picture with some structure.
-    fn picture(width: u32, height: u32) -> image::RgbImage {
-        image::RgbImage::from_fn(width, height, |x, y| {
+    fn picture(width: u32, height: u32) -> RgbImage {
+        RgbImage::from_fn(width, height, |x, y| {
             image::Rgb([(x * 4) as u8, (y * 5) as u8, ((x * 7 + y * 3) % 251) as u8])
         })
     }
@@ -202,6 +250,108 @@ mod tests {
         let error = write(&folder.join("a.xyz"), frame.as_ref()).unwrap_err().to_string();
         assert!(error.ends_with("its name has to end in .png, .jpg, .bmp or .webp"), "{error}");
         std::fs::remove_dir_all(folder).unwrap();
+    }
+
+    /// EXIF data that says how the camera was held, in either byte order.
+    fn exif(orientation: u8, big: bool) -> Vec<u8> {
+        match big {
+            true => {
+                [&b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0"[..], &[orientation, 0, 0, 0, 0, 0, 0]]
+                    .concat()
+            }
+            false => {
+                [&b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0"[..], &[orientation, 0, 0, 0, 0, 0, 0, 0]]
+                    .concat()
+            }
+        }
+    }
+
+    /// Where the pixel of the upright picture lies in the stored one (TIFF 6.0, tag Orientation): row 0 and column 0 of
+    /// the stored picture are the sides that the value names.
+    fn stored_at(orientation: u8, x: u32, y: u32, width: u32, height: u32) -> (u32, u32) {
+        let (right, bottom) = (width - 1 - x, height - 1 - y);
+        match orientation {
+            1 => (x, y),
+            2 => (right, y),
+            3 => (right, bottom),
+            4 => (x, bottom),
+            5 => (y, x),
+            6 => (y, right),
+            7 => (bottom, right),
+            _ => (bottom, x),
+        }
+    }
+
+    #[test]
+    fn pictures_are_turned_upright() {
+        for orientation in 1..=8 {
+            let turned = orientation >= 5;
+            // A gradient that JPEG keeps nearly as it is.
+            let stored =
+                RgbImage::from_fn(64, 48, |x, y| image::Rgb([(x * 3) as u8, (y * 4) as u8, (x + y) as u8]));
+            let mut files = vec![Vec::new(), Vec::new(), Vec::new()];
+            let mut png = image::codecs::png::PngEncoder::new(&mut files[0]);
+            png.set_exif_metadata(exif(orientation, true)).unwrap();
+            png.write_image(&stored, 64, 48, ExtendedColorType::Rgb8).unwrap();
+            for (file, big) in [(1, true), (2, false)] {
+                let mut jpeg = JpegEncoder::new_with_quality(&mut files[file], 100);
+                jpeg.set_exif_metadata(exif(orientation, big)).unwrap();
+                jpeg.write_image(&stored, 64, 48, ExtendedColorType::Rgb8).unwrap();
+            }
+            for bytes in files {
+                let frame = decode(&bytes).unwrap();
+                let (width, height) = if turned { (48, 64) } else { (64, 48) };
+                assert_eq!((frame.width(), frame.height()), (width, height), "orientation {orientation}");
+                for (x, y) in [(0, 0), (5, 9), (47, 0), (0, 47), (30, 40)] {
+                    let (u, v) = stored_at(orientation, x, y, width as u32, height as u32);
+                    let (found, expected) =
+                        (frame.as_ref().pixel(x as usize, y as usize), stored.get_pixel(u, v).0);
+                    let near = found.iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= 3);
+                    assert!(near, "orientation {orientation}, ({x}, {y}): {found:?} for {expected:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn exif_data_that_makes_no_sense_is_passed_over() {
+        for nonsense in [&b""[..], b"MM", b"II*\0\xff\xff\xff\xff", &exif(9, true), &exif(0, false)] {
+            let mut bytes = Vec::new();
+            let mut jpeg = JpegEncoder::new(&mut bytes);
+            jpeg.set_exif_metadata(nonsense.to_vec()).unwrap();
+            jpeg.write_image(&picture(9, 7), 9, 7, ExtendedColorType::Rgb8).unwrap();
+            assert_eq!(decode(&bytes).unwrap().width(), 9, "{nonsense:?}");
+        }
+    }
+
+    #[test]
+    fn alpha_is_read_where_it_is_asked_for() {
+        let path = std::env::temp_dir().join(format!("pdk-image-alpha-{}.png", std::process::id()));
+        image::RgbaImage::from_fn(3, 1, |x, _| image::Rgba([10, 20, 30, (x * 100) as u8]))
+            .save(&path)
+            .unwrap();
+        let (frame, alpha) = read_with_alpha(&path).unwrap();
+        assert_eq!((frame.data()[..3].to_vec(), alpha), (vec![10, 20, 30], vec![0, 100, 200]));
+        write(&path, frame.as_ref()).unwrap();
+        assert_eq!(read_with_alpha(&path).unwrap().1, [255; 3]);
+        std::fs::remove_file(path).unwrap();
+    }
+
+    #[test]
+    fn a_jpeg_that_is_written_stays_near_the_frame() {
+        let path = std::env::temp_dir().join(format!("pdk-image-quality-{}.jpg", std::process::id()));
+        let frame = FrameBuf::from_vec(picture(64, 48).into_raw(), 64, 48).unwrap();
+        write(&path, frame.as_ref()).unwrap();
+        let table = std::fs::read(&path).unwrap();
+        // The first quantisation table (T.81, B.2.4.1) begins with the step of the mean: 16 at quality 50, 2 at 95.
+        let start = table.windows(2).position(|marker| marker == [0xff, 0xdb]).unwrap();
+        assert_eq!(table[start + 5], 2);
+        let back = read(&path).unwrap();
+        let difference =
+            frame.data().iter().zip(back.data()).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>();
+        let mean = difference / frame.data().len() as f64;
+        assert!(mean < 2.5, "the mean difference is {mean}");
+        std::fs::remove_file(path).unwrap();
     }
 
     #[test]
