@@ -22,5 +22,6 @@ pub mod record;
 pub mod reference;
 pub mod registry;
 pub mod replay;
+pub mod report;
 pub mod suggest;
 pub mod watchdog;

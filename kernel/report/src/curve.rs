@@ -55,6 +55,8 @@ pub struct Axes<'a> {
 const SIZE: (u32, u32) = (1120, 620);
 /// Large enough to be read where the picture is as narrow as a phone.
 const TEXT: i32 = 34;
+/// Between two keys, which are larger on a phone.
+const GAP: i32 = 37;
 /// Room for the keys on the right.
 const KEYS: i32 = 84;
 
@@ -129,7 +131,7 @@ fn end_labels(curves: &[Curve], ends: &[(i32, i32)]) -> String {
     let mut order: Vec<usize> = (0..curves.len()).collect();
     order.sort_by_key(|&i| (ends[i].1, i));
     let heights =
-        spread(&order.iter().map(|&i| ends[i].1).collect::<Vec<_>>(), TEXT, SIZE.1 as i32 - TEXT / 2);
+        spread(&order.iter().map(|&i| ends[i].1).collect::<Vec<_>>(), GAP, SIZE.1 as i32 - TEXT / 2);
     let mut text = String::new();
     let left = SIZE.0 as i32 - KEYS + 30;
     for (&i, height) in order.iter().zip(heights) {

@@ -31,8 +31,8 @@ pub struct Cell {
 /// A table.
 #[derive(Debug, Clone, Serialize)]
 pub struct Grid {
-    /// Headings of the columns.
-    pub columns: Vec<String>,
+    /// The levels of the columns; none for the column of those that have no single one.
+    pub columns: Vec<Option<String>>,
     /// The row of what is not perturbed, over all columns.
     pub nominal: Option<Cell>,
     /// The other rows.
@@ -80,12 +80,7 @@ pub fn grid(entries: &[Entry], order: &[String], legend: (String, String)) -> Gr
                 cells: columns.iter().map(|level| find(row, level)).collect(),
             })
             .collect(),
-        columns: columns
-            .iter()
-            .map(|level| {
-                level.map_or("as scheduled".to_owned(), |level| format!("level {}", text::short(level)))
-            })
-            .collect(),
+        columns: columns.iter().map(|level| level.map(text::short)).collect(),
         legend,
     }
 }
@@ -109,7 +104,7 @@ mod tests {
         ];
         let order = ["rain".to_owned(), "fog".to_owned()];
         let grid = grid(&entries, &order, Default::default());
-        assert_eq!(grid.columns, ["level 0.5", "level 4", "as scheduled"]);
+        assert_eq!(grid.columns, [Some("0.5".to_owned()), Some("4".to_owned()), None]);
         assert_eq!(grid.nominal.map(|cell| cell.text).as_deref(), Some("n"));
         let texts: Vec<Vec<String>> = grid
             .rows
@@ -126,6 +121,6 @@ mod tests {
             Entry { row: None, level: None, cell: cell.clone() },
             Entry { row: Some("a".into()), level: Some(1.0), cell },
         ];
-        assert_eq!(grid(&entries, &["a".into()], Default::default()).columns, ["level 1"]);
+        assert_eq!(grid(&entries, &["a".into()], Default::default()).columns, [Some("1".to_owned())]);
     }
 }

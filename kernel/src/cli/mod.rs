@@ -18,6 +18,7 @@ mod perturb;
 mod preview;
 mod reference;
 mod replay;
+mod report;
 mod run;
 mod show;
 
@@ -88,6 +89,8 @@ enum Verb {
     Check(check::Arguments),
     /// Say what is installed, what is missing and what to do
     Doctor(doctor::Arguments),
+    /// Write a page about a run: what failed, when, where and how often
+    Report(report::Arguments),
     /// Drive recorded scenarios again and compare them with their record, bit for bit
     Replay(replay::Arguments),
     /// Export the record of a run for other tools
@@ -115,6 +118,7 @@ pub fn main() -> ExitCode {
         Verb::New(arguments) => new::run(global, arguments),
         Verb::Check(arguments) => check::run(global, arguments),
         Verb::Doctor(arguments) => doctor::run(global, arguments),
+        Verb::Report(arguments) => report::run(global, arguments),
         Verb::Replay(arguments) => replay::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Completions { shell } => {

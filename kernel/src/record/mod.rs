@@ -20,6 +20,7 @@ use pdk_sdk::error::{Error, Place, Result};
 use serde::Serialize;
 
 use crate::drive::Outcome;
+use crate::report::{CLIPS, REPORT};
 
 pub mod manifest;
 mod protobuf;
@@ -234,8 +235,8 @@ fn is_ours(path: &Path) -> Result<bool> {
         // A pipeline may save JSON files of its own beside those of the kernel.
         let json = name.ends_with(".json") || name.ends_with(".json.part");
         let lines = [SCENARIOS, "scenarios.part", RESULTS, "results.part"].contains(&&*name);
-        let known =
-            name == LOCK || name == "manifest.json.part" || begun && (json || lines || name == TRACES);
+        let made_of_it = [TRACES, REPORT, CLIPS].contains(&&*name);
+        let known = name == LOCK || name == "manifest.json.part" || begun && (json || lines || made_of_it);
         if !known {
             return Ok(false);
         }

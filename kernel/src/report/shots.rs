@@ -1,0 +1,77 @@
+//! The last recorded frames of the failures that a page shows.
+
+use std::collections::VecDeque;
+use std::path::Path;
+
+use pdk_report::{Drive, Shot, worst_failures};
+use pdk_sdk::error::Result;
+
+use crate::record::RunDirectory;
+use crate::record::trace::ImageTopic;
+use crate::record::trace_reader::{Entry, TraceReader};
+
+/// How long before the last frame the others are, in seconds.
+const BEFORE: [f64; 2] = [2.0, 1.0];
+
+/// Pictures of so many bytes make a page that is still handy: in a page a third more.
+const BUDGET: usize = 6 << 20;
+
+/// Adds frames to the worst failures of each drive. A trace that cannot be read is warned of: the rest of the page does not
+/// need it.
+pub fn add(directory: &RunDirectory, drives: &mut [Drive], most: usize) {
+    let mut budget = BUDGET;
+    let each = (most / drives.len().max(1)).max(1);
+    for drive in drives {
+        for position in worst_failures(drive, each) {
+            let scenario = &mut drive.scenarios[position];
+            match last_frames(&directory.trace_path(scenario.index)) {
+                Ok(mut shots) => {
+                    // The last one tells most.
+                    while bytes(&shots) > budget {
+                        shots.remove(0);
+                    }
+                    budget -= bytes(&shots);
+                    scenario.shots = shots;
+                }
+                Err(error) => {
+                    eprintln!(
+                        "pdk: warning: scenario {} is shown without its frames: {error}",
+                        scenario.index
+                    );
+                }
+            }
+        }
+    }
+}
+
+fn bytes(shots: &[Shot]) -> usize {
+    shots.iter().map(|shot| shot.raw.len() + shot.perturbed.len()).sum()
+}
+
+/// The last recorded frame and, as far as there are, those some time before.
+fn last_frames(trace: &Path) -> Result<Vec<Shot>> {
+    let mut recent: VecDeque<(u64, Shot)> = VecDeque::new();
+    for entry in TraceReader::open(trace)? {
+        let Entry::Image(image) = entry? else { continue };
+        if recent.back().is_none_or(|(sequence, _)| *sequence != image.sequence) {
+            recent.push_back((image.sequence, Shot { time: image.time(), ..Shot::default() }));
+            let oldest = image.time() - BEFORE[0];
+            while recent.get(1).is_some_and(|(_, shot)| shot.time <= oldest) {
+                recent.pop_front();
+            }
+        }
+        if let Some((_, shot)) = recent.back_mut() {
+            match image.topic {
+                ImageTopic::Raw => shot.raw = image.jpeg,
+                ImageTopic::Perturbed => shot.perturbed = image.jpeg,
+            }
+        }
+    }
+    let recent: Vec<Shot> = recent.into_iter().map(|(_, shot)| shot).collect();
+    let Some(last) = recent.last() else { return Ok(Vec::new()) };
+    // Half a millisecond allows for times that are sums of rounded frame times.
+    let at = |before: &f64| recent.iter().rposition(|shot| shot.time <= last.time - before + 0.0005);
+    let mut wanted: Vec<usize> = BEFORE.iter().filter_map(at).chain([recent.len() - 1]).collect();
+    wanted.dedup();
+    Ok(wanted.into_iter().map(|position| recent[position].clone()).collect())
+}
