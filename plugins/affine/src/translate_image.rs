@@ -21,17 +21,19 @@ impl Component for TranslateImage {
                 Parameter::by_level(
                     "shift",
                     [-0.1, 25.0, 40.0, 65.0, 90.0],
-                    "shift to the right, and as far up; negative goes left and down; variant published only",
+                    "shift to the right, and as far up; negative goes left and down",
                 )
                 .range(-10_000.0, 10_000.0)
-                .unit("px"),
+                .unit("px")
+                .only_for("variant", "published"),
             )
             .parameter(
                 Parameter::by_level(
                     "share",
                     [0.04, 0.08, 0.125, 0.2, 0.28],
-                    "shift to the right as a share of the width, and up as a share of the height; variant corrected only",
+                    "shift to the right as a share of the width, and up as a share of the height",
                 )
+                .only_for("variant", "corrected")
                 .range(-1.0, 1.0),
             )
             .parameter(Parameter::choice(
@@ -91,6 +93,19 @@ mod tests {
             &golden::quarters(0.0, 4.0),
             false,
         );
+    }
+
+    #[test]
+    fn what_the_variant_does_not_use_is_refused() {
+        let check = |given: Value| {
+            Config::check(&TranslateImage::description(), given.as_object().unwrap())
+                .map_err(|e| e.to_string())
+        };
+        assert!(
+            check(json!({"variant": "corrected", "shift": 300})).unwrap_err().contains("variant=published")
+        );
+        assert!(check(json!({"share": 0.5})).unwrap_err().contains("variant=corrected"));
+        assert!(check(json!({"shift": 300})).is_ok());
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use pdk_sdk::prelude::*;
 
 use crate::births::Cell;
-use crate::lens::smooth;
+use crate::lens::{haste, smooth};
 use crate::snow_cover::STAMPS;
 
 /// Longest time that a flake takes to melt, in seconds.
@@ -36,7 +36,7 @@ pub struct Flake {
     /// Seconds until it comes loose, and until it has melted.
     sticks: f32,
     life: f32,
-    /// Speed relative to the one that the intensity asks for.
+    /// Speed relative to the typical one.
     speed: f32,
     /// Width and wave number of its curves, and where in a curve it starts.
     sway: f32,
@@ -71,15 +71,16 @@ impl Flake {
         let mut draw = |low: f64, high: f64| random.uniform(low, high) as f32;
         let large = draw(0.0, 1.0);
         let turn = draw(0.0, TAU);
+        let rank = draw(0.0, 1.0);
         Self {
             born,
-            rank: draw(0.0, 1.0),
+            rank,
             x,
             y: draw(-0.05, 1.0),
             radius: 0.22 + 0.2 * large + 0.6 * large * large * large,
             sticks: draw(0.4, 5.0),
             life: draw(2.0 * MEAN_LIFE - LONGEST_LIFE, LONGEST_LIFE),
-            speed: draw(0.3, 1.7),
+            speed: draw(0.3, 1.7) * haste(rank),
             sway: draw(0.02, f64::from(DRIFT) * 0.5),
             wave: draw(9.0, 22.0),
             phase: draw(0.0, TAU),
@@ -89,7 +90,7 @@ impl Flake {
         }
     }
 
-    /// Its state at a time, where the intensity asks for this speed; `None` before its birth and after its end.
+    /// Its state at a time, where `speed` is the typical one; `None` before its birth and after its end.
     pub fn at_time(&self, time: f64, speed: f32) -> Option<Moment> {
         let age = (time - self.born) as f32;
         if !(0.0..LIFETIME as f32).contains(&age) {
@@ -134,10 +135,10 @@ mod tests {
         let (mut lay, mut count) = (0, 0);
         for (_, flake) in births.iter() {
             let moments: Vec<Moment> =
-                (0..1000).filter_map(|i| flake.at_time(flake.born + f64::from(i) * 0.04, 0.06)).collect();
+                (0..1000).filter_map(|i| flake.at_time(flake.born + f64::from(i) * 0.04, 0.04)).collect();
             for pair in moments.windows(2) {
                 let down = pair[1].y - pair[0].y;
-                assert!((0.0..0.06 * 1.7 * 0.0401).contains(&down), "{down}");
+                assert!((0.0..0.04 * 1.7 * haste(flake.rank) * 0.0401).contains(&down), "{down}");
                 assert!((pair[1].x - pair[0].x).abs() < 0.01);
                 assert!((pair[1].lying - pair[0].lying).abs() < 0.05);
                 assert!(pair[0].lying == 0.0 || pair[0].y > GROUND - 0.001);

@@ -40,6 +40,46 @@ pub fn smooth(t: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
+/// The share of all particles that exists at level 2.
+const TYPICAL: f32 = 0.23;
+
+/// How fast a particle of a rank moves, relative to the typical speed. Those that only a high intensity brings are fast: so
+/// heavy rain runs faster, and yet no particle changes its speed when the intensity does, which would move all of its path.
+/// The mean over the particles of level 2 is 1; over others it goes about with the square root of their share.
+pub fn haste(rank: f32) -> f32 {
+    (1.5 * (rank / TYPICAL).sqrt()).clamp(0.3, 2.0)
+}
+
+/// Adds the parameters that tell how fast particles move, how long they have come, and where.
+///
+/// `things` is what they are, `typical` their speed and `coming` what they do.
+pub fn with_common(description: Description, things: &str, typical: f64, coming: &str) -> Description {
+    description
+        .parameter(
+            Parameter::number(
+                "speed",
+                typical,
+                &format!(
+                    "typical speed of {things} at level 2, the same one at all levels: what a higher level adds is faster, and \
+                     what is there keeps its speed"
+                ),
+            )
+            .range(0.001, 2.0)
+            .unit("frame heights per second"),
+        )
+        .parameter(
+            Parameter::number("since", 60.0, &format!("how long it has been {coming} when the sequence starts"))
+                .range(0.0, 60.0)
+                .unit("s"),
+        )
+        .parameter(Parameter::boolean(
+            "attention",
+            false,
+            "more where the saliency map of the frame at hand is high, fewer elsewhere; needs a saliency method, and pdk has \
+             none yet",
+        ))
+}
+
 /// The time of the frame, checked.
 pub fn time_of(cx: &Context<'_>) -> Result<f64> {
     if cx.time.is_finite() && cx.time.abs() < 1e9 {
@@ -65,7 +105,9 @@ const ATTENTION_GAIN: f32 = 2.0;
 
 impl<'a> Density<'a> {
     /// `share` of all particles exist: those with a rank below it. With the parameter `attention` the saliency map of
-    /// this frame thins them where it is low and adds some where it is high.
+    /// this frame thins them where it is low and adds some where it is high. The maps of earlier frames are not known here,
+    /// because a frame depends on its key and input alone; so also what has been on the lens for long comes and goes with
+    /// the map.
     ///
     /// # Errors
     /// Where attention is asked for and the frame comes with no map.
@@ -74,7 +116,7 @@ impl<'a> Density<'a> {
             return Ok(Self { everywhere: share, attention: None });
         }
         let map = cx.saliency.filter(|map| map.len() == lens.width * lens.height).ok_or_else(|| {
-            Error::new("`attention` needs a saliency map of the frame and there is none: choose a saliency method, or leave `attention` off")
+            Error::new("`attention` needs a saliency map of the frame, but pdk has no saliency method yet that makes one: leave `attention` off")
         })?;
         let mean = (map.iter().map(|&v| f64::from(v)).sum::<f64>() / map.len() as f64) as f32;
         Ok(Self { everywhere: share, attention: Some(Attention { map, mean, lens }) })
@@ -213,6 +255,15 @@ mod tests {
         assert_eq!(backdrop.at(1e6, 1e6), [160.0, 119.0, 200.0]);
         let mean = 0.299 * 80.0 + 0.587 * 59.5 + 0.114 * 200.0;
         assert!((backdrop.brightness() - mean).abs() < 1.0);
+    }
+
+    #[test]
+    fn the_mean_speed_grows_with_the_share_that_exists() {
+        for (share, mean) in [(0.05, 0.47), (0.23, 1.0), (0.635, 1.57)] {
+            let speeds = (0..1000).map(|i| haste(share * (i as f32 + 0.5) / 1000.0));
+            assert!((speeds.sum::<f32>() / 1000.0 - mean).abs() < 0.02, "{share}");
+        }
+        assert!(haste(0.0) > 0.0);
     }
 
     #[test]

@@ -7,8 +7,10 @@
 //!
 //! All lengths are in heights of the frame ([`lens`]), so that the effect looks the same at any resolution. Each
 //! particle has a rank; it exists while its rank is below the density that the intensity asks for. A higher intensity
-//! therefore adds particles and enlarges them without moving the others, and an intensity that changes over time makes
-//! nothing jump.
+//! therefore adds particles and enlarges them without moving the others: paths and speeds are drawn at birth and do not
+//! depend on the intensity. So an intensity that changes over time makes nothing jump or run back. What it adds has been
+//! there for as long as it would have been under that intensity all along, and with a drop that runs the track behind it
+//! appears and vanishes.
 
 mod births;
 mod flakes;

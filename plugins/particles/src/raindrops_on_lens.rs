@@ -3,7 +3,7 @@
 use pdk_sdk::prelude::*;
 
 use crate::births::{Births, COLUMN, sequence_key};
-use crate::lens::{Backdrop, Density, Lens, smooth, time_of};
+use crate::lens::{Backdrop, Density, Lens, smooth, time_of, with_common};
 use crate::rain::{LIFETIME, MEAN_LIFE, Sitting};
 use crate::sliders::{self, AFTERMATH, DRIFT, Slider};
 use crate::sweep::{Sweeper, Sweepers};
@@ -29,17 +29,18 @@ pub struct RaindropsOnLens {
 
 impl Component for RaindropsOnLens {
     fn description() -> Description {
-        Description::perturbation(
+        let description = Description::perturbation(
             "raindrops_on_lens",
             "Drops of water sit on the lens, refract the scene, join and run down",
         )
         .family("lens")
+        .version(2)
         .dynamic()
         .source("Particles with bounded lives; caps joined by a smooth maximum, refracted by their slope")
         .mathematics(
             "h = max of R / 2 (1 - |p - c|² / R²); out(p) = blurred(p + 0.26 H grad h (1 + 0.55 |grad h|²))",
         )
-        .drawn_per_sequence("where and when drops hit the lens, their shapes and their paths")
+        .drawn_per_sequence("where and when drops hit the lens, their shapes, paths and speeds")
         .parameter(
             Parameter::by_level(
                 "number",
@@ -52,26 +53,8 @@ impl Component for RaindropsOnLens {
             Parameter::by_level("size", [0.026, 0.033, 0.041, 0.05, 0.06], "radius of the largest drops")
                 .range(0.0, 0.2)
                 .unit("frame heights"),
-        )
-        .parameter(
-            Parameter::by_level(
-                "speed",
-                [0.1, 0.16, 0.23, 0.31, 0.4],
-                "typical speed of drops that run down",
-            )
-            .range(0.01, 2.0)
-            .unit("frame heights per second"),
-        )
-        .parameter(
-            Parameter::number("since", 60.0, "how long it has been raining when the sequence starts")
-                .range(0.0, 60.0)
-                .unit("s"),
-        )
-        .parameter(Parameter::boolean(
-            "attention",
-            false,
-            "more drops where the saliency map of the frame is high, fewer elsewhere",
-        ))
+        );
+        with_common(description, "drops that run down", 0.23, "raining")
     }
 
     fn new(_config: &Config) -> Result<Self> {

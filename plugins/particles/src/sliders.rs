@@ -4,7 +4,7 @@
 use pdk_sdk::prelude::*;
 
 use crate::births::Cell;
-use crate::lens::smooth;
+use crate::lens::{haste, smooth};
 
 /// Steps of the path that a slider's table holds, each [`STEP`] heights down.
 const STEPS: usize = 145;
@@ -50,7 +50,7 @@ pub struct Slider {
     pub wobble: [f32; 4],
     /// Seconds until it slides.
     grows: f32,
-    /// Speed relative to the one that the intensity asks for.
+    /// Speed relative to the typical one.
     speed: f32,
     /// From which side the last drop joins.
     side: f32,
@@ -105,7 +105,7 @@ impl Slider {
             radius,
             wobble,
             grows,
-            speed,
+            speed: speed * haste(rank),
             side,
             x,
             y,
@@ -134,7 +134,7 @@ impl Slider {
         slider
     }
 
-    /// For how many seconds it slides, where the intensity asks for this speed.
+    /// For how many seconds it slides, where `speed` is the typical one.
     pub fn slides(&self, speed: f32) -> f32 {
         SLIDING.min(self.progress[STEPS - 1] / (speed * self.speed))
     }
@@ -149,7 +149,7 @@ impl Slider {
         Some((self.x + across, progress))
     }
 
-    /// Its state at a time, where the intensity asks for this speed; `None` before its birth.
+    /// Its state at a time, where `speed` is the typical one; `None` before its birth.
     pub fn at_time(&self, time: f64, speed: f32) -> Option<Sliding> {
         let age = (time - self.born) as f32;
         if age < 0.0 {

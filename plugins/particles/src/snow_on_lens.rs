@@ -4,7 +4,7 @@ use pdk_sdk::prelude::*;
 
 use crate::births::{Births, COLUMN, sequence_key};
 use crate::flakes::{DRIFT, Flake, LIFETIME, MEAN_LIFE};
-use crate::lens::{Backdrop, Density, Lens, smooth, time_of};
+use crate::lens::{Backdrop, Density, Lens, smooth, time_of, with_common};
 use crate::snow_cover::{Bank, SnowCover};
 use crate::water::{Drop, Water};
 
@@ -24,15 +24,16 @@ pub struct SnowOnLens {
 
 impl Component for SnowOnLens {
     fn description() -> Description {
-        Description::perturbation(
+        let description = Description::perturbation(
             "snow_on_lens",
             "Flakes of snow land on the lens, creep down, pile up at the lower edge and melt",
         )
         .family("lens")
+        .version(2)
         .dynamic()
         .source("Particles with bounded lives; stamps of clumps over water refracted by its slope")
         .mathematics("opacity = 0.96 (1 - 1 / (1 + t + t²)), t = 1.35 times the sum of the flakes' densities")
-        .drawn_per_sequence("where and when flakes land, their shapes and their paths")
+        .drawn_per_sequence("where and when flakes land, their shapes, paths and speeds")
         .parameter(
             Parameter::by_level(
                 "number",
@@ -45,26 +46,8 @@ impl Component for SnowOnLens {
             Parameter::by_level("size", [0.03, 0.036, 0.043, 0.051, 0.06], "radius of the largest flakes")
                 .range(0.0, 0.2)
                 .unit("frame heights"),
-        )
-        .parameter(
-            Parameter::by_level(
-                "speed",
-                [0.025, 0.032, 0.04, 0.05, 0.06],
-                "typical speed of flakes that came loose",
-            )
-            .range(0.001, 1.0)
-            .unit("frame heights per second"),
-        )
-        .parameter(
-            Parameter::number("since", 60.0, "how long it has been snowing when the sequence starts")
-                .range(0.0, 60.0)
-                .unit("s"),
-        )
-        .parameter(Parameter::boolean(
-            "attention",
-            false,
-            "more flakes where the saliency map of the frame is high, fewer elsewhere",
-        ))
+        );
+        with_common(description, "flakes that came loose", 0.04, "snowing")
     }
 
     fn new(_config: &Config) -> Result<Self> {

@@ -73,6 +73,7 @@ both!(
     moves_without_flicker,
     grows_with_the_intensity,
     an_intensity_that_rises_makes_nothing_jump,
+    places_do_not_depend_on_the_intensity,
     keys_differ,
     resolutions_agree,
     starts_clear_where_it_is_told_to,
@@ -192,6 +193,22 @@ fn an_intensity_that_rises_makes_nothing_jump<P: Component + Perturbation>() {
     assert!(highest < 0.03 * whole, "{highest} of {whole}");
 }
 
+/// The same number and size at all intensities leave nothing that the intensity changes: not where anything is. So nothing
+/// runs uphill, and nothing jumps, when the intensity follows a schedule.
+fn places_do_not_depend_on_the_intensity<P: Component + Perturbation>() {
+    let source = scene(160, 120);
+    let mut film = Film::<P>::new(r#"{"number": 120, "size": 0.055}"#, 4.0);
+    for time in [3.0, 20.0, 41.7] {
+        film.level = 4.0;
+        let high = film.at(&source, time);
+        assert_ne!(high, source);
+        for level in [0.0, 1.3, 2.0] {
+            film.level = level;
+            assert_eq!(film.at(&source, time), high, "at {time} s and level {level}");
+        }
+    }
+}
+
 fn keys_differ<P: Component + Perturbation>() {
     let source = scene(160, 120);
     let mut film = Film::<P>::new("{}", 2.0);
@@ -271,7 +288,7 @@ fn refuses_attention_without_a_map_and_impossible_times<P: Component + Perturbat
     let mut dst = FrameBuf::new(16, 12);
     let mut film = Film::<P>::new(r#"{"attention": true}"#, 2.0);
     let refused = film.render(source.as_ref(), dst.as_mut(), 0.0, None).unwrap_err();
-    assert!(refused.message().contains("saliency"), "{refused}");
+    assert!(refused.message().contains("no saliency method yet"), "{refused}");
     let refused = film.render(source.as_ref(), dst.as_mut(), 0.0, Some(&[0.5; 5])).unwrap_err();
     assert!(refused.message().contains("saliency"), "{refused}");
     let mut film = Film::<P>::new("{}", 2.0);

@@ -14,8 +14,10 @@ pub struct Config {
 impl Config {
     /// Checks what the user set against the description and fills in the defaults.
     ///
+    /// A parameter that has no effect with the choices made, see [`Parameter::only_for`], gets no value.
+    ///
     /// # Errors
-    /// Names the parameter that is unknown, missing, of the wrong type or out of range, and what is allowed.
+    /// Names the parameter that is unknown, missing, of the wrong type, out of range or without effect, and what is allowed.
     pub fn check(description: &Description, given: &Map<String, Value>) -> Result<Self> {
         for name in given.keys() {
             if !description.parameters.iter().any(|p| &p.name == name) {
@@ -24,13 +26,15 @@ impl Config {
         }
         let mut values = Map::new();
         for parameter in &description.parameters {
+            let effective = has_effect(description, parameter, given);
             match given.get(&parameter.name) {
+                Some(_) if !effective => return Err(without_effect(description, parameter)),
                 Some(value) => {
                     check_value(parameter, value)
                         .map_err(|e| e.at(format!("{} `{}`", description.kind, description.name)))?;
                     values.insert(parameter.name.clone(), value.clone());
                 }
-                None if parameter.levels.is_some() => {}
+                None if parameter.levels.is_some() || !effective => {}
                 None if parameter.default.is_null() && !matches!(parameter.kind, ParameterType::Json) => {
                     return Err(Error::new(format!(
                         "{} `{}` needs the parameter `{}` ({})",
@@ -97,6 +101,24 @@ pub fn frame_values(description: &Description, config: &Config, intensity: f64, 
         },
         _ => parameter.at_intensity(intensity).unwrap_or_default(),
     }));
+}
+
+/// Whether a parameter has an effect with the choices that are given, or made by default.
+fn has_effect(description: &Description, parameter: &Parameter, given: &Map<String, Value>) -> bool {
+    parameter.only_for.as_ref().is_none_or(|condition| {
+        let default =
+            || description.parameters.iter().find(|p| p.name == condition.parameter).map(|p| &p.default);
+        let chosen = given.get(&condition.parameter).or_else(default).and_then(Value::as_str);
+        chosen == Some(&condition.option)
+    })
+}
+
+fn without_effect(description: &Description, parameter: &Parameter) -> Error {
+    let condition = parameter.only_for.as_ref().map(ToString::to_string).unwrap_or_default();
+    Error::new(format!(
+        "{} `{}`: parameter `{}` has an effect only with {condition}; set that too, or leave it out",
+        description.kind, description.name, parameter.name
+    ))
 }
 
 fn unknown_parameter(description: &Description, name: &str) -> Error {
@@ -199,6 +221,40 @@ mod tests {
             error(json!({"strenght": 1})),
             "perturbation `fog` has no parameter `strenght`; it has strength, mode, size"
         );
+    }
+
+    #[test]
+    fn a_parameter_that_has_no_effect_with_the_choice_made_is_refused() {
+        let description = description()
+            .parameter(
+                Parameter::by_level("softness", [1.0, 2.0, 3.0, 4.0, 5.0], "how soft")
+                    .only_for("mode", "soft"),
+            )
+            .parameter(Parameter::number("teeth", 7.0, "how many").only_for("mode", "hard"));
+        let check = |given: Value| Config::check(&description, given.as_object().unwrap());
+        assert_eq!(
+            check(json!({"mode": "hard", "softness": 2})).unwrap_err().to_string(),
+            "perturbation `fog`: parameter `softness` has an effect only with mode=soft; set that too, or leave it out"
+        );
+        // The default choice counts as well.
+        assert!(check(json!({"teeth": 3})).unwrap_err().to_string().contains("only with mode=hard"));
+        assert!(
+            check(json!({"softness": 2})).is_ok() && check(json!({"mode": "soft", "softness": 2})).is_ok()
+        );
+        assert!(check(json!({"mode": "hard", "teeth": 3})).is_ok());
+        // What is wrong with the choice itself is said first.
+        assert!(
+            check(json!({"mode": "odd", "softness": 2}))
+                .unwrap_err()
+                .to_string()
+                .contains("one of soft, hard")
+        );
+        // What was checked once passes again, as it does on its way into a plugin, and what has no effect has no value.
+        for given in [json!({}), json!({"mode": "hard"})] {
+            let config = check(given).unwrap();
+            assert_eq!(check(Value::Object(config.values().clone())).unwrap().values(), config.values());
+            assert_eq!(config.value("teeth").is_null(), config.text("mode") == "soft");
+        }
     }
 
     #[test]

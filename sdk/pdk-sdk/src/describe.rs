@@ -326,11 +326,30 @@ pub struct Parameter {
     /// the intensity unless the user sets it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub levels: Option<[f64; LEVELS]>,
+    /// The choice with which it has an effect; none where it always has one. With any other choice it may not be set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub only_for: Option<Condition>,
+}
+
+/// A choice that has to be made for something to have an effect, such as `variant=corrected`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Condition {
+    /// The parameter with the choice.
+    pub parameter: String,
+    /// The option that has to be chosen.
+    pub option: String,
+}
+
+impl std::fmt::Display for Condition {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}={}", self.parameter, self.option)
+    }
 }
 
 impl Parameter {
     fn of(name: &str, doc: &str, kind: ParameterType, default: Value) -> Self {
-        Self { name: name.to_owned(), doc: doc.to_owned(), unit: String::new(), kind, default, levels: None }
+        let (name, doc, unit) = (name.to_owned(), doc.to_owned(), String::new());
+        Self { name, doc, unit, kind, default, levels: None, only_for: None }
     }
 
     /// A real number that follows the intensity, with its value at each of the five levels.
@@ -391,6 +410,15 @@ impl Parameter {
         self
     }
 
+    /// Makes it a parameter that has an effect only where the choice `parameter` is `option`. With another option the user
+    /// may not set it, and it has no value. Its documentation says so too.
+    pub fn only_for(mut self, parameter: &str, option: &str) -> Self {
+        let condition = Condition { parameter: parameter.to_owned(), option: option.to_owned() };
+        self.doc = format!("{}; only with `{condition}`", self.doc);
+        self.only_for = Some(condition);
+        self
+    }
+
     /// Makes it a parameter that may be left out, whatever its type.
     pub fn optional(mut self) -> Self {
         if self.default.is_null() {
@@ -445,7 +473,9 @@ mod tests {
                 Parameter::by_level("s", [1.0, 2.0, 3.0, 4.0, 5.0], "strength").range(0.0, 9.0).unit("m"),
             )
             .parameter(Parameter::choice("mode", &["soft", "hard"], "edge"))
+            .parameter(Parameter::number("width", 1.0, "width of the edge").only_for("mode", "soft"))
             .parameter(Parameter::path("clip", "the clip"));
+        assert_eq!(before.parameters[2].doc, "width of the edge; only with `mode=soft`");
         let text = serde_json::to_string(&before).unwrap();
         let after: Description = serde_json::from_str(&text).unwrap();
         assert_eq!(before, after);
