@@ -21,6 +21,8 @@ pub struct Workspace {
     partial: Vec<u16>,
     /// Sums of all pixels.
     sum: Vec<u32>,
+    /// The places of a line.
+    line: Vec<(isize, isize)>,
 }
 
 /// Half the width of each row of a disc: the largest `x` with `x^2 + y^2 <= radius^2` for `y = 0, 1, ...`
@@ -46,7 +48,7 @@ pub fn disc_blur(src: Frame<'_>, mut dst: FrameMut<'_>, radius: f64, workspace: 
         (0.0..=MAX_RADIUS).contains(&radius),
         "disc_blur takes a radius of 0 to 128 pixels, not {radius}"
     );
-    let Workspace { half_widths: halves, prefix, partial, sum } = workspace;
+    let Workspace { half_widths: halves, prefix, partial, sum, line: _ } = workspace;
     half_widths(radius, halves);
     let (width, height, reach) = (src.width(), src.height(), halves.len() - 1);
     let (values, rows) = (width * CHANNELS, 2 * reach + 1);
@@ -148,6 +150,28 @@ pub fn pixel_average(
         }
         normalise(partial, dst.row_mut(y), scale);
     }
+}
+
+/// The longest line [`line_blur`] takes, in pixels to the right or down.
+pub const MAX_LINE: f64 = (MAX_NEIGHBOURS - 1) as f64;
+
+/// Replaces each pixel by the mean along the line that a point draws while it moves `right` and `down` by so many pixels,
+/// with its middle on the pixel: one pixel in each column, or in each row where the line is steeper than a diagonal.
+///
+/// # Panics
+/// Where the sizes differ or `right` or `down` is not within -[`MAX_LINE`]..=[`MAX_LINE`].
+pub fn line_blur(src: Frame<'_>, dst: FrameMut<'_>, right: f64, down: f64, workspace: &mut Workspace) {
+    let longest = right.abs().max(down.abs());
+    assert!(longest <= MAX_LINE, "line_blur takes lines of up to 256 pixels, not {right} and {down}");
+    let steps = longest.round_ties_even();
+    let mut line = std::mem::take(&mut workspace.line);
+    line.clear();
+    line.extend((0..=steps as usize).map(|step| {
+        let share = if steps > 0.0 { step as f64 / steps - 0.5 } else { 0.0 };
+        ((right * share).round_ties_even() as isize, (down * share).round_ties_even() as isize)
+    }));
+    pixel_average(src, dst, &line, workspace);
+    workspace.line = line;
 }
 
 /// Adds to each pixel of `sum` the pixel of `row` that is `right` of it.
@@ -278,6 +302,28 @@ mod tests {
             let result = run_on(&sample, |src, dst| pixel_average(src, dst, &places, &mut workspace));
             prop_assert_eq!(result, expected);
         }
+    }
+
+    #[test]
+    fn a_line_is_as_long_as_it_is_said_to_be() {
+        let mut src = FrameBuf::new(21, 21);
+        src.as_mut().set_pixel(10, 10, [252; 3]);
+        for (right, down, expected) in [
+            (0.0, 0.0, vec![(10, 10)]),
+            (2.0, 0.0, vec![(9, 10), (10, 10), (11, 10)]),
+            (0.0, -2.0, vec![(10, 9), (10, 10), (10, 11)]),
+            (6.0, 2.0, vec![(7, 9), (8, 9), (9, 10), (10, 10), (11, 10), (12, 11), (13, 11)]),
+        ] {
+            let mut dst = FrameBuf::new(21, 21);
+            line_blur(src.as_ref(), dst.as_mut(), right, down, &mut Workspace::default());
+            let all = (0..21).flat_map(|x| (0..21).map(move |y| (x, y)));
+            let lit: Vec<_> = all.filter(|&(x, y)| dst.as_ref().pixel(x, y)[0] > 0).collect();
+            assert_eq!(lit, expected);
+            let mean = dst.as_ref().pixel(10, 10)[0];
+            assert_eq!(usize::from(mean) * expected.len(), 252);
+        }
+        let mut dst = FrameBuf::new(21, 21);
+        line_blur(src.as_ref(), dst.as_mut(), MAX_LINE, -MAX_LINE, &mut Workspace::default());
     }
 
     #[test]

@@ -85,6 +85,33 @@ vectorised! {
     }
 }
 
+/// Turns the hue by an angle in degrees, rounded to the steps of two degrees that 8-bit HSV has; saturation and value stay.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn turn_hue(src: Frame<'_>, dst: FrameMut<'_>, degrees: f64) {
+    // What is left of whole turns is exact; a number that is none turns nothing.
+    let steps = ((degrees % 360.0) / 2.0).round_ties_even() as i32;
+    let steps = steps.rem_euclid(180) as u8;
+    for_each_row(src, dst, |from, to| turn_hue_row(from, to, steps));
+}
+
+vectorised! {
+    fn turn_hue_row / turn_hue_row_portable / turn_hue_row_avx2 (from: &[u8], to: &mut [u8], steps: u8) {
+        for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {
+            let mut planes = take_apart(from);
+            let [first, second, third] = &mut planes;
+            for ((a, b), c) in first.iter_mut().zip(second.iter_mut()).zip(third.iter_mut()) {
+                let [hue, saturation, value] = rgb_to_hsv([*a, *b, *c]);
+                let turned = u16::from(hue) + u16::from(steps);
+                let turned = if turned >= 180 { turned - 180 } else { turned };
+                [*a, *b, *c] = hsv_to_rgb([turned as u8, saturation, value]);
+            }
+            put_together(&planes, to);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -146,6 +173,19 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn turn_hue_matches_the_plain_version(sample in samples(), degrees in -800.0..800.0) {
+            let src = sample.frame();
+            let steps = (f64::round_ties_even(degrees % 360.0 / 2.0) as i32).rem_euclid(180);
+            let expected = plain(src, |x, y| {
+                let [hue, saturation, value] = rgb_to_hsv(src.pixel(x, y));
+                hsv_to_rgb([((i32::from(hue) + steps) % 180) as u8, saturation, value])
+            });
+            prop_assert_eq!(run_on(&sample, |src, dst| turn_hue(src, dst, degrees)), expected);
         }
     }
 
