@@ -5,6 +5,9 @@ return {
     doc = "Dark bands of flickering lamps under a rolling shutter",
     family = "camera",
     temporal = "dynamic",
+    mathematics = "v (1 - depth (1 - cos(2 pi (flicker (t + readout y / H) + start))) / 2)",
+    source = "Light of lamps on the mains as a raised cosine, sampled row by row by a rolling shutter",
+    draws_per_sequence = "the phase of the mains at its start",
 
     parameters = {
         { name = "depth", levels = { 0.15, 0.3, 0.45, 0.6, 0.75 }, min = 0, max = 1,

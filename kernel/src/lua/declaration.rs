@@ -2,14 +2,19 @@
 //!
 //! Everything is read without calling into the script, so that a table with a hostile metatable is only a table.
 
+mod fields;
+mod parameters;
+
 use mlua::{Function, Table, Value};
-use pdk_sdk::describe::{Description, LEVELS, Parameter, ParameterType, Temporal};
+use pdk_sdk::config::Config;
+use pdk_sdk::describe::{Description, Temporal};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::serde_json;
 
 use super::api::{ApiField, ApiRecord};
-use super::failure::type_of;
 use crate::{description, suggest};
+use fields::{Fields, describe, finite, one_line, unreadable};
+use parameters::{MOST_ENTRIES, levels, parameters};
 
 /// The table that a script returns.
 pub const PERTURBATION: ApiRecord = ApiRecord {
@@ -37,7 +42,37 @@ pub const PERTURBATION: ApiRecord = ApiRecord {
             luau_type: "string?",
             doc: "The family under which it is listed, such as \"noise\".",
         },
-        ApiField { name: "source", luau_type: "string?", doc: "Where the algorithm comes from." },
+        ApiField {
+            name: "source",
+            luau_type: "string?",
+            doc: "Where the algorithm comes from: a paper, a standard or a model.",
+        },
+        ApiField {
+            name: "mathematics",
+            luau_type: "string?",
+            doc: "What it computes, in one line of mathematics.",
+        },
+        ApiField {
+            name: "draws_per_sequence",
+            luau_type: "string?",
+            doc: "What it draws once per sequence with `cx.sequence_random`, such as \"where drops sit\".",
+        },
+        ApiField {
+            name: "draws_per_frame",
+            luau_type: "string?",
+            doc: "What it draws anew for every frame with `cx.frame_random`, such as \"the noise\".",
+        },
+        ApiField {
+            name: "divergence",
+            luau_type: "(string | { string })?",
+            doc: "Where it differs from what was published, a sentence or a list of them.",
+        },
+        ApiField {
+            name: "grows_with",
+            luau_type: "{ [string]: number | boolean | string | { number } }?",
+            doc: "Values of its parameters with which its strength grows with the intensity, where its levels are out of \
+                  order; a list has a value for each level.",
+        },
         ApiField {
             name: "version",
             luau_type: "number?",
@@ -120,9 +155,6 @@ pub const CONTEXT: ApiRecord = ApiRecord {
     ],
 };
 
-/// The most parameters a script can declare.
-const MOST_PARAMETERS: usize = 64;
-
 /// What a script returned, checked.
 pub(super) struct Declaration {
     pub description: Description,
@@ -146,7 +178,11 @@ pub(super) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
     let name = fields.optional_text("name")?.unwrap_or_else(|| stem.to_owned());
     let mut description = Description::perturbation(&name, &fields.line("doc")?);
     description.family = fields.optional_text("family")?.unwrap_or_default();
-    description.source = fields.optional_text("source")?.unwrap_or_default();
+    description.source = fields.optional_line("source")?;
+    description.mathematics = fields.optional_line("mathematics")?;
+    description.drawn_per_sequence = fields.optional_line("draws_per_sequence")?;
+    description.drawn_per_frame = fields.optional_line("draws_per_frame")?;
+    description.divergences = divergences(&fields)?;
     if let Some(version) = fields.optional_number("version")? {
         if !(1.0..=f64::from(u32::MAX)).contains(&version) || version.fract() != 0.0 {
             return Err(fields.wrong("version", "a whole number of at least 1", &Value::Number(version)));
@@ -167,6 +203,9 @@ pub(super) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
         description.parameters = parameters(&list)?;
     }
     description::check(&description)?;
+    if let Some(values) = fields.optional_table("grows_with")? {
+        description.grows_with = grows_with(&values, &description)?;
+    }
     match fields.get("apply")? {
         Value::Function(apply) => Ok(Declaration { description, apply }),
         Value::Nil => {
@@ -176,267 +215,65 @@ pub(super) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
     }
 }
 
-fn parameters(list: &Table) -> Result<Vec<Parameter>> {
+/// A sentence or a list of them.
+fn divergences(fields: &Fields<'_>) -> Result<Vec<String>> {
+    let wrong = |found: &Value| fields.wrong("divergence", "a text or a list of texts", found);
+    let list = match fields.get("divergence")? {
+        Value::Nil => return Ok(Vec::new()),
+        Value::String(_) => return Ok(vec![fields.optional_line("divergence")?]),
+        Value::Table(list) => list,
+        other => return Err(wrong(&other)),
+    };
     let count = list.raw_len();
-    if count > MOST_PARAMETERS {
-        return Err(Error::new(format!("there are {count} parameters, but {MOST_PARAMETERS} are allowed")));
-    }
-    let entries = list.pairs::<Value, Value>().count();
-    if entries != count {
-        return Err(Error::new(
-            "`parameters` has to be a list, as in parameters = { { name = \"strength\", ... }, ... }",
-        ));
-    }
-    let mut parameters = Vec::<Parameter>::with_capacity(count);
-    for index in 1..=count {
-        let entry: Value = list.raw_get(index).map_err(unreadable)?;
-        let Value::Table(entry) = &entry else {
-            return Err(Error::new(format!(
-                "parameter {index} is {}, but has to be a table, as in {{ name = \"strength\", doc = \"...\", default = \
-                 1 }}",
-                describe(&entry)
-            )));
-        };
-        parameters.push(parameter(entry, &format!("parameter {index}"))?);
-    }
-    Ok(parameters)
-}
-
-fn parameter(table: &Table, place: &str) -> Result<Parameter> {
-    let named = Fields { table, of: place, record: &PARAMETER };
-    let name = named.text("name")?;
-    let place = format!("parameter `{name}`");
-    let fields = Fields { table, of: &place, record: &PARAMETER };
-    fields.refuse_unknown()?;
-    if CONTEXT.names().any(|reserved| reserved == name) {
-        return Err(Error::new(format!(
-            "a parameter cannot be named `{name}`, because cx.{name} is taken; rename it"
-        )));
-    }
-    let doc = fields.line("doc")?;
-    let default = fields.get("default")?;
-    let levels = fields.optional_table("levels")?.map(|table| levels(&table, &place)).transpose()?;
-    let options = fields.optional_table("options")?.map(|table| options(&table, &place)).transpose()?;
-    let kind = match fields.optional_text("type")? {
-        Some(kind) => kind,
-        None if levels.is_some() => "number".to_owned(),
-        None if options.is_some() => "choice".to_owned(),
-        None => match &default {
-            Value::Number(_) | Value::Integer(_) => "number".to_owned(),
-            Value::Boolean(_) => "boolean".to_owned(),
-            Value::String(_) => "text".to_owned(),
-            _ => return Err(Error::new(format!("{place} needs a `default` or `levels`"))),
-        },
-    };
-    if levels.is_some() && kind != "number" {
-        return Err(Error::new(format!("{place} has `levels`, so its `type` has to be \"number\"")));
-    }
-    if levels.is_some() && !default.is_nil() {
-        return Err(Error::new(format!("{place} has both `levels` and a `default`; keep one of the two")));
-    }
-    if options.is_some() != (kind == "choice") {
-        return Err(Error::new(format!(
-            "{place} needs `options` where its `type` is \"choice\", and only there"
-        )));
-    }
-    let needs_default = |expected: &str| fields.wrong("default", expected, &default);
-    let mut parameter = match (kind.as_str(), &default) {
-        ("number", _) if levels.is_some() => Parameter::by_level(&name, levels.unwrap_or_default(), &doc),
-        ("number", value) => {
-            let value = finite(value).ok_or_else(|| needs_default("a number"))?;
-            Parameter::number(&name, value, &doc)
-        }
-        ("integer", value) => {
-            let value = finite(value).filter(|v| v.fract() == 0.0 && v.abs() < 9.0e15);
-            Parameter::integer(&name, value.ok_or_else(|| needs_default("a whole number"))? as i64, &doc)
-        }
-        ("boolean", Value::Boolean(value)) => Parameter::boolean(&name, *value, &doc),
-        ("boolean", _) => return Err(needs_default("true or false")),
-        ("choice", value) => {
-            let options = options.unwrap_or_default();
-            let options: Vec<&str> = options.iter().map(String::as_str).collect();
-            let mut parameter = Parameter::choice(&name, &options, &doc);
-            match value {
-                Value::Nil => {}
-                Value::String(text) if options.contains(&text.to_string_lossy().as_str()) => {
-                    parameter.default = text.to_string_lossy().into();
-                }
-                _ => return Err(needs_default("one of its `options`")),
-            }
-            parameter
-        }
-        ("text", Value::String(text)) => {
-            let mut parameter = Parameter::text(&name, &doc);
-            parameter.default = serde_json::Value::String(text.to_string_lossy());
-            parameter
-        }
-        ("text", Value::Nil) => Parameter::text(&name, &doc),
-        ("text", _) => return Err(needs_default("a text")),
-        (other, _) => {
-            return Err(Error::new(format!(
-                "`type` of {place} is \"{other}\", but has to be one of number, integer, boolean, choice, text"
-            )));
-        }
-    };
-    parameter.unit = fields.optional_text("unit")?.unwrap_or_default();
-    let (min, max) = (fields.optional_number("min")?, fields.optional_number("max")?);
-    set_range(&mut parameter, min, max).map_err(|error| error.at(&place))?;
-    Ok(parameter)
-}
-
-fn set_range(parameter: &mut Parameter, min: Option<f64>, max: Option<f64>) -> Result<()> {
-    if min.is_none() && max.is_none() {
-        return Ok(());
-    }
-    let lowest = match parameter.kind {
-        ParameterType::Number { .. } => (f64::MIN, f64::MAX),
-        ParameterType::Integer { .. } => (i64::MIN as f64, i64::MAX as f64),
-        _ => return Err(Error::new("only numbers have `min` and `max`")),
-    };
-    let (min, max) = (min.unwrap_or(lowest.0), max.unwrap_or(lowest.1));
-    let values =
-        parameter.levels.map_or_else(|| vec![parameter.default.as_f64().unwrap_or_default()], Vec::from);
-    if let Some(outside) = values.iter().find(|value| !(min..=max).contains(*value)) {
-        return Err(Error::new(format!("the value {outside} is not within its `min` and `max`")));
-    }
-    *parameter = parameter.clone().range(min, max);
-    Ok(())
-}
-
-fn levels(table: &Table, place: &str) -> Result<[f64; LEVELS]> {
-    let wrong = || Error::new(format!("`levels` of {place} has to be a list of {LEVELS} numbers"));
-    if table.raw_len() != LEVELS || table.pairs::<Value, Value>().count() != LEVELS {
-        return Err(wrong());
-    }
-    let mut levels = [0.0; LEVELS];
-    for (index, level) in levels.iter_mut().enumerate() {
-        let value: Value = table.raw_get(index + 1).map_err(unreadable)?;
-        *level = finite(&value).ok_or_else(wrong)?;
-    }
-    Ok(levels)
-}
-
-fn options(table: &Table, place: &str) -> Result<Vec<String>> {
-    let wrong = || Error::new(format!("`options` of {place} has to be a list of texts"));
-    let count = table.raw_len();
-    if count == 0 || count > MOST_PARAMETERS || table.pairs::<Value, Value>().count() != count {
-        return Err(wrong());
+    if count > MOST_ENTRIES || list.pairs::<Value, Value>().count() != count {
+        return Err(wrong(&Value::Table(list)));
     }
     (1..=count)
-        .map(|index| match table.raw_get(index).map_err(unreadable)? {
-            Value::String(text) => Ok(text.to_string_lossy()),
-            _ => Err(wrong()),
+        .map(|index| match list.raw_get(index).map_err(unreadable)? {
+            Value::String(text) => one_line(text.to_string_lossy()).ok_or_else(|| {
+                Error::new(format!("`divergence` {index} of the perturbation has to be one line of text"))
+            }),
+            other => Err(wrong(&other)),
         })
         .collect()
 }
 
-/// Typed access to the fields of a table.
-struct Fields<'a> {
-    table: &'a Table,
-    /// What the table is, for errors.
-    of: &'a str,
-    record: &'a ApiRecord,
-}
-
-impl Fields<'_> {
-    fn refuse_unknown(&self) -> Result<()> {
-        for pair in self.table.pairs::<Value, Value>() {
-            let (key, _) = pair.map_err(unreadable)?;
-            let name = match &key {
-                Value::String(text) => text.to_string_lossy(),
-                other => {
-                    return Err(Error::new(format!(
-                        "{} has an entry whose key is {}; give it one of the names {}",
-                        self.of,
-                        describe(other),
-                        self.record.names().collect::<Vec<_>>().join(", ")
-                    )));
-                }
-            };
-            if !self.record.names().any(|known| known == name) {
-                let remedy = suggest::hint(&name, self.record.names());
-                return Err(Error::new(format!("{} has an unknown field `{name}`; {remedy}", self.of)));
+/// Values of the perturbation's own parameters.
+fn grows_with(
+    table: &Table,
+    description: &Description,
+) -> Result<serde_json::Map<String, serde_json::Value>> {
+    let mut values = serde_json::Map::new();
+    for parameter in &description.parameters {
+        let value = match table.raw_get::<Value>(parameter.name.as_str()).map_err(unreadable)? {
+            Value::Nil => continue,
+            Value::Boolean(value) => value.into(),
+            Value::String(text) => text.to_string_lossy().into(),
+            Value::Table(list) => {
+                levels(&list, &format!("`{}` in `grows_with`", parameter.name))?.to_vec().into()
             }
-        }
-        Ok(())
+            other => finite(&other)
+                .ok_or_else(|| {
+                    Error::new(format!(
+                        "`{}` in `grows_with` is {}, but has to be a value of that parameter",
+                        parameter.name,
+                        describe(&other)
+                    ))
+                })?
+                .into(),
+        };
+        values.insert(parameter.name.clone(), value);
     }
-
-    fn get(&self, name: &str) -> Result<Value> {
-        self.table.raw_get(name).map_err(unreadable)
-    }
-
-    fn wrong(&self, name: &str, expected: &str, found: &Value) -> Error {
-        if found.is_nil() {
-            return Error::new(format!("{} has no `{name}`, which has to be {expected}", self.of));
-        }
-        Error::new(format!("`{name}` of {} is {}, but has to be {expected}", self.of, describe(found)))
-    }
-
-    fn optional_text(&self, name: &str) -> Result<Option<String>> {
-        match self.get(name)? {
-            Value::Nil => Ok(None),
-            Value::String(text) => Ok(Some(text.to_string_lossy())),
-            other => Err(self.wrong(name, "a text", &other)),
-        }
-    }
-
-    fn text(&self, name: &str) -> Result<String> {
-        self.optional_text(name)?.ok_or_else(|| self.wrong(name, "a text", &Value::Nil))
-    }
-
-    /// A text of one line.
-    fn line(&self, name: &str) -> Result<String> {
-        let text = self.text(name)?;
-        if text.trim().is_empty() || text.contains('\n') {
-            return Err(Error::new(format!("`{name}` of {} has to be one line of text", self.of)));
-        }
-        Ok(text)
-    }
-
-    fn optional_number(&self, name: &str) -> Result<Option<f64>> {
-        match self.get(name)? {
-            Value::Nil => Ok(None),
-            value => finite(&value).map(Some).ok_or_else(|| self.wrong(name, "a number", &value)),
+    for pair in table.pairs::<Value, Value>() {
+        let name = match pair.map_err(unreadable)?.0 {
+            Value::String(name) => name.to_string_lossy(),
+            other => describe(&other),
+        };
+        if !values.contains_key(&name) {
+            let hint = suggest::hint(&name, description.parameters.iter().map(|p| p.name.as_str()));
+            return Err(Error::new(format!("`grows_with` names no parameter with `{name}`; {hint}")));
         }
     }
-
-    fn optional_boolean(&self, name: &str) -> Result<Option<bool>> {
-        match self.get(name)? {
-            Value::Nil => Ok(None),
-            Value::Boolean(value) => Ok(Some(value)),
-            other => Err(self.wrong(name, "true or false", &other)),
-        }
-    }
-
-    fn optional_table(&self, name: &str) -> Result<Option<Table>> {
-        match self.get(name)? {
-            Value::Nil => Ok(None),
-            Value::Table(table) => Ok(Some(table)),
-            other => Err(self.wrong(name, "a table", &other)),
-        }
-    }
-}
-
-fn unreadable(error: mlua::Error) -> Error {
-    Error::new(format!("the table cannot be read: {error}"))
-}
-
-fn finite(value: &Value) -> Option<f64> {
-    match value {
-        Value::Number(number) => Some(*number),
-        Value::Integer(number) => Some(*number as f64),
-        _ => None,
-    }
-    .filter(|number| number.is_finite())
-}
-
-/// A value as it is called in an error.
-fn describe(value: &Value) -> String {
-    match value {
-        Value::Boolean(value) => value.to_string(),
-        Value::Integer(number) => number.to_string(),
-        Value::Number(number) => number.to_string(),
-        Value::String(text) if text.as_bytes().len() <= 40 => format!("\"{}\"", text.to_string_lossy()),
-        other => type_of(other),
-    }
+    Config::check(description, &values).map_err(|error| error.at("`grows_with`"))?;
+    Ok(values)
 }

@@ -115,8 +115,8 @@ fn wrong_declarations_are_refused_with_the_field_and_the_remedy() {
         ),
         (
             "return { doc = 'x', apply = print, speed = 1 }",
-            "the perturbation has an unknown field `speed`; there is doc, apply, name, family, source, version, \
-             temporal, default, parameters",
+            "the perturbation has an unknown field `speed`; there is doc, apply, name, family, source, mathematics, \
+             draws_per_sequence, draws_per_frame, divergence, grows_with, version, temporal, default, parameters",
         ),
         (
             "return { doc = 'x', apply = print, temporal = 'fast' }",
@@ -198,6 +198,49 @@ fn wrong_declarations_are_refused_with_the_field_and_the_remedy() {
         "return setmetatable({ doc = 'x', apply = print }, { __index = error, __iter = error, __len = error,
         __pairs = error, __tostring = error, __metatable = 1 })";
     assert!(make(hostile, json!({})).is_ok());
+}
+
+#[test]
+fn what_a_script_says_of_itself_reaches_the_description() {
+    let source = "return { doc = 'Fog', mathematics = 'v + s', draws_per_sequence = 'where it is', draws_per_frame =
+        'noise', divergence = { 'It is thicker.', 'It is grey.' }, grows_with = { s = { 1, 2, 3, 4, 5 }, soft = false },
+        apply = function() end, parameters = {
+            { name = 's', levels = { 2, 1, 3, 4, 5 }, doc = 'How much' }, { name = 'soft', default = true, doc = 'Soft' },
+        } }";
+    let description = make(source, json!({})).unwrap().description().clone();
+    let expected = Description::perturbation("foo", "Fog")
+        .mathematics("v + s")
+        .drawn_per_sequence("where it is")
+        .drawn_per_frame("noise")
+        .divergence("It is thicker.")
+        .divergence("It is grey.")
+        .parameter(Parameter::by_level("s", [2.0, 1.0, 3.0, 4.0, 5.0], "How much"))
+        .parameter(Parameter::boolean("soft", true, "Soft"))
+        .grows_with(json!({ "s": [1.0, 2.0, 3.0, 4.0, 5.0], "soft": false }));
+    assert_eq!(description, expected);
+    let one = make("return { doc = 'x', divergence = 'It is grey.', apply = print }", json!({})).unwrap();
+    assert_eq!(one.description().divergences, ["It is grey."]);
+
+    for (fields, expected) in [
+        ("mathematics = 3", "`mathematics` of the perturbation is 3, but has to be a text"),
+        ("draws_per_frame = 'a\\nb'", "`draws_per_frame` of the perturbation has to be one line of text"),
+        ("divergence = 3", "`divergence` of the perturbation is 3, but has to be a text or a list of texts"),
+        ("divergence = { '' }", "`divergence` 1 of the perturbation has to be one line of text"),
+        ("grows_with = { z = 1 }", "`grows_with` names no parameter with `z`; there is s"),
+        ("grows_with = { s = 9 }", "`grows_with`: perturbation `foo`: parameter `s` is 9.0, but has to be"),
+        ("grows_with = { s = { 1 } }", "`s` in `grows_with` has to be a list of 5 numbers"),
+        (
+            "grows_with = { s = print }",
+            "`s` in `grows_with` is a function, but has to be a value of that parameter",
+        ),
+    ] {
+        let source = format!(
+            "return {{ doc = 'x', apply = print, {fields},
+            parameters = {{ {{ name = 's', doc = 'x', default = 1, max = 5 }} }} }}"
+        );
+        let error = declaration_error(&source);
+        assert!(error.starts_with(expected), "{error}");
+    }
 }
 
 #[test]
