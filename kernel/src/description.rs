@@ -5,10 +5,10 @@ use pdk_sdk::abi::PluginDescription;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, Result};
 
-/// What the table of a perturbation in a pipeline has besides parameters, see [`crate::chain::Spec::from_json`].
-const KEYS_OF_PERTURBATIONS: [&str; 5] = ["name", "level", "probability", "region", "draws"];
-/// What the table of any other component has besides parameters.
-const KEYS_OF_OTHERS: [&str; 1] = ["name"];
+use crate::chain::modifiers::MODIFIERS;
+
+/// What the table of a component in a pipeline has besides parameters; that of a perturbation has the modifiers as well.
+const NAME: &str = "name";
 /// The longest name in bytes.
 const LONGEST_NAME: usize = 64;
 
@@ -34,14 +34,12 @@ pub fn check_plugin(plugin: &PluginDescription) -> Result<()> {
 pub fn check(description: &Description) -> Result<()> {
     let Description { kind, name, parameters, .. } = description;
     check_name(name).map_err(|error| error.at(format_args!("the name of the {kind}")))?;
-    let keys: &[&str] = match kind {
-        Kind::Perturbation => &KEYS_OF_PERTURBATIONS,
-        _ => &KEYS_OF_OTHERS,
-    };
+    let modifier = |name: &str| MODIFIERS.iter().any(|modifier| modifier.name == name);
+    let is_key = |name: &str| name == NAME || *kind == Kind::Perturbation && modifier(name);
     for (index, parameter) in parameters.iter().enumerate() {
         let name = &parameter.name;
         check_name(name).map_err(|error| error.at("the name of a parameter"))?;
-        if keys.contains(&name.as_str()) {
+        if is_key(name) {
             return Err(Error::new(format!(
                 "a parameter cannot be named `{name}`, because in a pipeline `{name}` of a {kind} is something else; \
                  rename it"

@@ -13,6 +13,7 @@ use serde_json::{Map, Value};
 
 use crate::registry::Registry;
 
+pub mod modifiers;
 mod region;
 mod schedule;
 
@@ -77,6 +78,11 @@ impl Spec {
         let mut parts = split_outside_brackets(text).into_iter();
         let head = parts.next().unwrap_or_default();
         let (name, level) = head.split_once('@').map_or((head, None), |(name, level)| (name, Some(level)));
+        if name.is_empty() {
+            return Err(Error::new(format!(
+                "`{text}` names no perturbation; write NAME, NAME@LEVEL or NAME@LEVEL,PARAMETER=VALUE"
+            )));
+        }
         let mut table = Map::from_iter([("name".to_owned(), Value::from(name))]);
         if let Some(level) = level {
             let level = Level::from_json(head, &parse_value(level))?;
@@ -110,7 +116,7 @@ impl Spec {
         };
         let mut parameters = table.clone();
         let name = match parameters.shift_remove("name") {
-            Some(Value::String(name)) => name,
+            Some(Value::String(name)) if !name.is_empty() => name,
             _ => return Err(Error::new(format!("the perturbation {value} has no `name`"))),
         };
         let mut take = |key: &str| parameters.shift_remove(key).filter(|value| !value.is_null());
@@ -197,9 +203,20 @@ fn json(value: &impl Serialize) -> String {
     serde_json::to_string(value).unwrap_or_default()
 }
 
-/// A value from the command line: JSON where it is JSON, else a text.
+/// A value from the command line: JSON where it is JSON, a number also as people write it, else a text.
 pub fn parse_value(text: &str) -> Value {
-    serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_owned()))
+    serde_json::from_str(text).ok().or_else(|| number(text)).unwrap_or_else(|| Value::String(text.to_owned()))
+}
+
+/// A number that JSON does not know as one: `.5`, `-.5`, `+2`, `3.`.
+fn number(text: &str) -> Option<Value> {
+    let unsigned = text.strip_prefix(['-', '+']).unwrap_or(text);
+    let sign = if text.starts_with('-') { "-" } else { "" };
+    let before = if unsigned.starts_with('.') { "0" } else { "" };
+    let behind = if unsigned.ends_with('.') { "0" } else { "" };
+    let digit = unsigned.starts_with(|c: char| c.is_ascii_digit() || c == '.') && unsigned != ".";
+    let json = || serde_json::from_str(&format!("{sign}{before}{unsigned}{behind}")).ok();
+    digit.then(json).flatten()
 }
 
 /// Perturbations applied one after the other.
@@ -337,6 +354,38 @@ mod tests {
         assert_eq!(Spec::parse(limited, 0.0).unwrap().to_string(), limited);
         assert_eq!(spec.to_string(), "fog@1,mode=\"soft\",size=3");
         assert_eq!(spec.label(), "fog,mode=\"soft\",size=3");
+    }
+
+    #[test]
+    fn numbers_are_read_as_people_write_them() {
+        for (text, number) in [
+            (".5", 0.5),
+            ("-.5", -0.5),
+            ("+2", 2.0),
+            ("3.", 3.0),
+            ("+.25", 0.25),
+            ("1e-3", 0.001),
+            ("-4", -4.0),
+        ] {
+            assert_eq!(parse_value(text).as_f64(), Some(number), "{text}");
+        }
+        for text in
+            ["", ".", "-", "+", "-.", "..5", "5..", "+-1", "1.2.3", "007", "nan", "inf", "a.", ".a", "1,5"]
+        {
+            assert_eq!(parse_value(text), json!(text));
+        }
+        assert_eq!(Spec::parse("fog@.5,s=.1", 0.0).unwrap().to_string(), "fog@0.5,s=0.1");
+    }
+
+    #[test]
+    fn what_names_nothing_is_said_to() {
+        for text in ["", "@2", ",size=3"] {
+            let error = Spec::parse(text, 0.0).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("`{text}` names no perturbation; write NAME")), "{error}");
+        }
+        assert!(
+            Spec::from_json(&json!({"name": ""}), 0.0).unwrap_err().to_string().contains("has no `name`")
+        );
     }
 
     #[test]

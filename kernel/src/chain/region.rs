@@ -1,7 +1,9 @@
 //! The part of a frame that a perturbation changes: a box, a polygon, or what an image says.
 
+use image::imageops::{FilterType, resize};
+use image::{GrayImage, Luma};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{Frame, FrameBuf, FrameMut};
+use pdk_sdk::prelude::{Frame, FrameMut};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -13,7 +15,7 @@ pub enum Region {
     Box([f64; 4]),
     /// The inside of a polygon of `[x, y]` corners, by the even-odd rule.
     Polygon(Vec<[f64; 2]>),
-    /// An image file, stretched over the frame: white is changed, black is not, grey is blended.
+    /// An image file, stretched over the frame: white is changed, black or transparent is not, what lies between is blended.
     Mask(String),
 }
 
@@ -51,8 +53,8 @@ impl Region {
 /// A region made ready for frames of one size.
 pub struct Mask {
     region: Region,
-    /// The image of [`Region::Mask`].
-    image: Option<FrameBuf>,
+    /// The weights in the image of [`Region::Mask`], at its own size.
+    image: Option<GrayImage>,
     /// How much of each pixel is changed, 0 to 255, row by row.
     weights: Vec<u8>,
     width: usize,
@@ -66,7 +68,7 @@ impl Mask {
     /// Where its image cannot be read.
     pub fn new(region: &Region) -> Result<Self> {
         let image = match region {
-            Region::Mask(path) => Some(pdk_image::read(path.as_ref())?),
+            Region::Mask(path) => Some(read_weights(path)?),
             _ => None,
         };
         Ok(Self { region: region.clone(), image, weights: Vec::new(), width: 0, height: 0 })
@@ -100,20 +102,24 @@ impl Mask {
         }
         (self.width, self.height) = (width, height);
         self.weights.clear();
+        if let Some(image) = &self.image {
+            // Linear between pixels where it grows, a mean over them where it shrinks.
+            self.weights = resize(image, width as u32, height as u32, FilterType::Triangle).into_raw();
+            return;
+        }
         self.weights.reserve(width * height);
         for y in 0..height {
             let v = (y as f64 + 0.5) / height as f64;
             for x in 0..width {
                 let u = (x as f64 + 0.5) / width as f64;
-                let weight = match (&self.region, &self.image) {
-                    (Region::Box([left, top, right, bottom]), _) => {
-                        u8::from(u >= *left && u < *right && v >= *top && v < *bottom) * 255
+                let within = match &self.region {
+                    Region::Box([left, top, right, bottom]) => {
+                        u >= *left && u < *right && v >= *top && v < *bottom
                     }
-                    (Region::Polygon(corners), _) => u8::from(inside(corners, u, v)) * 255,
-                    (Region::Mask(_), Some(image)) => brightness(image, u, v),
-                    (Region::Mask(_), None) => 0,
+                    Region::Polygon(corners) => inside(corners, u, v),
+                    Region::Mask(_) => false,
                 };
-                self.weights.push(weight);
+                self.weights.push(u8::from(within) * 255);
             }
         }
     }
@@ -127,16 +133,22 @@ fn inside(corners: &[[f64; 2]], x: f64, y: f64) -> bool {
     crossed.count() % 2 == 1
 }
 
-fn brightness(image: &FrameBuf, u: f64, v: f64) -> u8 {
-    let x = ((u * image.width() as f64) as usize).min(image.width() - 1);
-    let y = ((v * image.height() as f64) as usize).min(image.height() - 1);
-    let [red, green, blue] = image.as_ref().pixel(x, y).map(u32::from);
-    ((red * 299 + green * 587 + blue * 114 + 500) / 1000) as u8
+/// The weights that an image file says: brightness times alpha.
+fn read_weights(path: &str) -> Result<GrayImage> {
+    let (image, alpha) = pdk_image::read_with_alpha(path.as_ref())?;
+    Ok(GrayImage::from_fn(image.width() as u32, image.height() as u32, |x, y| {
+        let (x, y) = (x as usize, y as usize);
+        let [red, green, blue] = image.as_ref().pixel(x, y).map(u32::from);
+        let brightness = (red * 299 + green * 587 + blue * 114 + 500) / 1000;
+        let alpha = u32::from(alpha[y * image.width() + x]);
+        Luma([((brightness * alpha + 127) / 255) as u8])
+    }))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pdk_sdk::prelude::FrameBuf;
     use serde_json::json;
 
     fn changed(region: Value, width: usize, height: usize) -> Vec<u8> {
@@ -167,6 +179,36 @@ mod tests {
         pdk_image::write(&path, mask.as_ref()).unwrap();
         assert_eq!(changed(json!({"mask": path}), 3, 1), [0, 100, 200]);
         std::fs::remove_file(path).unwrap();
+    }
+
+    /// What a mask with these pixels (one line of grey and alpha) leaves of 200 on a frame of this width.
+    fn changed_through(pixels: &[[u8; 2]], width: usize) -> Vec<u8> {
+        let path = std::env::temp_dir().join(format!("pdk-mask-{}-{}.png", std::process::id(), pixels.len()));
+        let pixel = |x: u32| {
+            let [grey, alpha] = pixels[x as usize];
+            image::Rgba([grey, grey, grey, alpha])
+        };
+        image::RgbaImage::from_fn(pixels.len() as u32, 1, |x, _| pixel(x)).save(&path).unwrap();
+        let changed = changed(json!({"mask": path}), width, 1);
+        std::fs::remove_file(path).unwrap();
+        changed
+    }
+
+    #[test]
+    fn what_is_transparent_in_a_mask_is_not_changed() {
+        // A white image with a shape in alpha, as drawing programs write it.
+        let shape = [[255, 0], [255, 255], [255, 128], [0, 255], [128, 128]];
+        assert_eq!(changed_through(&shape, 5), [0, 200, 100, 0, 50]);
+    }
+
+    #[test]
+    fn the_edges_of_a_mask_are_smooth_whatever_its_size() {
+        let grown = changed_through(&[[0, 255], [255, 255]], 8);
+        assert_eq!(grown, [0, 0, 25, 75, 125, 175, 200, 200]);
+        // A mask that is finer than the frame is averaged: 16 lines, every second one white.
+        let stripes: Vec<_> = (0..16).map(|x| [x % 2 * 255, 255]).collect();
+        let shrunk = changed_through(&stripes, 4);
+        assert!(shrunk.iter().all(|value| value.abs_diff(100) <= 8), "{shrunk:?}");
     }
 
     #[test]

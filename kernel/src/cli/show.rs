@@ -1,5 +1,6 @@
 //! `pdk show`: a component with its parameters.
 
+use pdk::chain::modifiers;
 use pdk::pipeline::table::table;
 use pdk::reference::{allowed, settings};
 use pdk::suggest;
@@ -85,6 +86,9 @@ fn print(description: &Description) {
             ]);
         }
         println!("{table}");
+    }
+    if description.kind == Kind::Perturbation {
+        println!("modifiers {}, as for every perturbation: `pdk perturb --help`", modifiers::names());
     }
 }
 
