@@ -60,6 +60,8 @@ fn open(path: &Path) -> Result<PluginModuleRef> {
             "is cut off: it has {has} of at least {needed} bytes; build or copy it again"
         )));
     }
+    // A name without a folder would be looked for among the system's libraries.
+    let path = std::path::absolute(path).place("its folder is not known")?;
     // SAFETY: loading runs the library's initialisers. That is what it means to use a plugin: the user put it there.
     let library = unsafe { libloading::Library::new(path) }.map_err(|error| {
         Error::new(format!("is no library that this machine can load ({})", cause(&error)))

@@ -62,9 +62,10 @@ pub struct SearchPath {
 }
 
 impl Registry {
-    /// Loads everything that lies in the given folders and in the usual places, in this order: the given ones, what
-    /// `PDK_PLUGIN_PATH` names, the user's plugin folder, the executable's own folder. Where two components have the
-    /// same name the first one counts. What cannot be used is left out and listed by [`Registry::refused`].
+    /// Loads everything that lies in the executable's own folder, in the given folders and in the usual places, in this
+    /// order: pdk's own, the given ones, what `PDK_PLUGIN_PATH` names, the user's plugin folder; clips and the like come
+    /// last. Where two components have the same name the first one counts, so that a name of pdk's own means the same
+    /// everywhere. What cannot be used is left out and listed by [`Registry::refused`].
     ///
     /// # Errors
     /// Where a given folder does not exist.
@@ -77,6 +78,9 @@ impl Registry {
                 "the folder {} does not exist; create it or correct --{name}",
                 missing.display()
             )));
+        }
+        if let Some(folder) = executable_folder() {
+            registry.add_built_in(&folder);
         }
         for folder in &search.plugins {
             registry.add_place(folder);
@@ -96,9 +100,6 @@ impl Registry {
         }
         if let Some(place) = user_folder() {
             registry.add_place(&place);
-        }
-        if let Some(folder) = executable_folder() {
-            registry.add_built_in(&folder);
         }
         registry.add_drop_ins(search);
         Ok(registry)
@@ -286,11 +287,11 @@ impl Registry {
         let component = Component { description, source };
         if let Some(first) = self.components.get(&key) {
             self.refused.push(Error::new(format!(
-                "{} `{}` of {} is left out, because {} has one of the same name and comes first; rename one",
+                "{} `{}` of {file} is left out, because {} has one of the same name and comes first; rename {file}",
                 key.0,
                 key.1,
-                self.file_of(&component).display(),
-                self.file_of(first).display()
+                self.file_of(first).display(),
+                file = self.file_of(&component).display(),
             )));
         } else {
             self.components.insert(key, component);

@@ -382,6 +382,13 @@ fn files_that_are_no_plugins_are_refused_with_one_sentence_each() {
             assert!(checked.stdout.contains(part), "{}", checked.stdout);
         }
     }
+    // A name without a folder is a file of the working directory, not one of the system's libraries.
+    let noise = library("pdk_noise");
+    let [place, name] = [noise.parent().map(Path::as_os_str), noise.file_name()].map(Option::unwrap);
+    Pdk::new(["check"]).arg(name).folder(Path::new(place)).succeed();
+    let checked = Pdk::new(["check", "libm.so.6"]).folder(folder.path()).run();
+    assert_eq!(checked.code, Some(1), "{}", checked.stdout);
+
     let checked = Pdk::new(["check"]).arg(folder.path()).run();
     assert_eq!(checked.code, Some(1));
     assert!(checked.stdout.contains("FAIL loading the plugin"), "{}", checked.stdout);

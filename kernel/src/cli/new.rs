@@ -4,7 +4,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
+use pdk::registry::Registry;
 use pdk_sdk::SDK_VERSION;
+use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
 
 use super::Global;
@@ -35,13 +37,16 @@ enum What {
 }
 
 /// Writes the files and says what to do with them.
-pub fn run(_: &Global, arguments: &Arguments) -> Result<()> {
+pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let name = &arguments.name;
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     if !name.starts_with(|c: char| c.is_ascii_lowercase()) || !name.chars().all(fits) {
         return Err(Error::new(format!(
             "`{name}` is no name; use lower-case letters, digits and underscores, with a letter first"
         )));
+    }
+    if matches!(arguments.what, What::Perturbation | What::Plugin) {
+        refuse_taken(&Registry::discover(&global.search_path())?, name)?;
     }
     let folder = arguments.out.clone().unwrap_or_default();
     match arguments.what {
@@ -78,6 +83,17 @@ pub fn run(_: &Global, arguments: &Arguments) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Refuses the name of a perturbation that is there already: one of the two would be left out.
+fn refuse_taken(registry: &Registry, name: &str) -> Result<()> {
+    match registry.get(Kind::Perturbation, name) {
+        Ok(taken) => Err(Error::new(format!(
+            "there is a perturbation `{name}` already, in {}; choose another name",
+            registry.file_of(taken).display()
+        ))),
+        Err(_) => Ok(()),
+    }
 }
 
 /// Writes a file from a template; never over one that is there.
