@@ -37,7 +37,36 @@ fn images_that_cannot_be_read_are_named() {
     for name in ["text.jpg", "empty.png", "large.png", "missing.png", "."] {
         perturb(folder.path(), name, "contrast@1", "out.png").fail(1, &[name]);
     }
-    assert!(!path("out.png").exists());
+    for (output, said) in [("out.mp4", "neither a video in MP4 nor an image"), ("out.png", "it is no JPEG")] {
+        perturb(folder.path(), "text.jpg", "contrast@1", output).fail(1, &["text.jpg", said]);
+    }
+    perturb(folder.path(), "cut.png", "contrast@1", "out.mp4")
+        .fail(1, &["`cut.png` is an image", "end in .png"]);
+    assert!(!path("out.png").exists() && !path("out.mp4").exists());
+}
+
+#[test]
+fn numbers_may_be_written_without_their_zero() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 16, 12);
+    for with in ["gaussian_noise@.5,sigma=.1", "gaussian_noise@0.5,sigma=0.1"] {
+        perturb(folder.path(), "in.png", with, &format!("{}.png", with.len())).succeed();
+    }
+    let written = [26, 28].map(|length| fs::read(folder.path().join(format!("{length}.png"))).unwrap());
+    assert_eq!(written[0], written[1]);
+}
+
+#[test]
+fn a_level_function_without_a_level_is_named() {
+    let folder = temp();
+    let source =
+        "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', scenarios = { { perturbations = {
+        { name = 'contrast', level = function(t) if t < 0.25 then return 1 end end } } } } })";
+    Pdk::new(["run"])
+        .arg(pipeline(folder.path(), source))
+        .misbehave()
+        .folder(folder.path())
+        .fail(1, &["pipeline.lua:1", "the level of `contrast` is nothing at 0.3 s", "from 0 to 4"]);
 }
 
 #[test]
@@ -54,11 +83,18 @@ fn a_wrong_perturbation_is_answered_with_what_there_is() {
         ("gaussian_noise@1,loudness", &["`loudness`", "name=value"]),
         ("motion_blur@1,degrees=90", &["degrees", "-45 to 45"]),
         ("motion_blur@1,degrees=steep", &["degrees", "number"]),
-        ("", &["there is no perturbation"]),
+        ("", &["names no perturbation", "NAME@LEVEL"]),
+        ("@2", &["`@2` names no perturbation", "NAME@LEVEL"]),
     ] {
         perturb(folder.path(), "in.png", with, "out.png").fail(1, parts);
     }
-    perturb(folder.path(), "in.png", "contrast@1", "out.png").args(["--time", "nan"]).fail(1, &["--time"]);
+    for (time, shown) in
+        [("nan", "--time is NaN"), ("1e300", "--time is 1e300,"), ("-2e9", "--time is -2e9,")]
+    {
+        let given = ["--time", time].map(str::to_owned);
+        let perturb = perturb(folder.path(), "in.png", "contrast@1", "out.png");
+        perturb.arg(given.join("=")).fail(1, &[shown, "within 1e9"]);
+    }
     assert!(!folder.path().join("out.png").exists());
 }
 

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use pdk::chain::modifiers::{MODIFIERS, Modifier};
 use pdk_tests::{Pdk, pictures, temp};
 use serde_json::Value;
 
@@ -85,6 +86,56 @@ fn every_component_can_be_shown() {
         assert!(json.as_array().unwrap().contains(component), "{name}");
     }
     Pdk::new(["show", "gausian_noise"]).fail(1, &["`gausian_noise`", "did you mean `gaussian_noise`"]);
+}
+
+#[test]
+fn the_modifiers_of_perturbations_are_told_where_people_look() {
+    let help = Pdk::new(["perturb", "--help"]).succeed().stdout;
+    let shown = Pdk::new(["show", "contrast"]).succeed().stdout;
+    for modifier in MODIFIERS {
+        let Modifier { name, examples, .. } = modifier;
+        assert!(shown.contains(name), "`pdk show` does not tell of {name}: {shown}");
+        for example in *examples {
+            assert!(help.contains(&format!("{name}={example}")), "the help has no {name}={example}: {help}");
+        }
+    }
+    // Only perturbations have them.
+    assert!(!Pdk::new(["show", "lane_keeper"]).succeed().stdout.contains("probability"));
+}
+
+/// One rule for scripts and clips: a name that is there already stays what it is, and pdk says so.
+#[test]
+fn a_name_of_pdks_own_stays_what_it_is() {
+    let folder = temp();
+    let scripts = folder.path().join("scripts");
+    let clips = folder.path().join("clips");
+    std::fs::create_dir_all(&scripts).unwrap();
+    std::fs::create_dir_all(&clips).unwrap();
+    let script = "return { doc = \"Mine\", apply = function(image) image:fill(0, 0, 0) end }";
+    std::fs::write(scripts.join("gaussian_noise.lua"), script).unwrap();
+    std::fs::write(scripts.join("contrast.lua"), "no script").unwrap();
+    std::fs::write(clips.join("motion_blur.mp4"), "never opened").unwrap();
+    let listed = Pdk::new(["list", "perturbation", "--json"])
+        .args(["--plugins", "scripts", "--overlays", "clips"])
+        .folder(folder.path())
+        .succeed();
+    let warnings: Vec<_> = listed.stderr.lines().collect();
+    assert_eq!(warnings.len(), 3, "{}", listed.stderr);
+    for (name, file) in [("gaussian_noise", "gaussian_noise.lua"), ("motion_blur", "motion_blur.mp4")] {
+        let warning = warnings.iter().find(|warning| warning.contains(file)).unwrap();
+        assert!(warning.contains(&format!("perturbation `{name}`")), "{warning}");
+        assert!(warning.contains("is left out, because") && warning.contains("rename"), "{warning}");
+        let list = listed.json();
+        let kept = list.as_array().unwrap().iter().find(|c| c["description"]["name"] == name).unwrap();
+        assert!(kept["file"].as_str().unwrap().contains("libpdk_"), "{kept}");
+    }
+    for what in ["perturbation", "plugin"] {
+        Pdk::new(["new", what, "gaussian_noise", "--out", "new"])
+            .folder(folder.path())
+            .fail(1, &["`gaussian_noise` already", "libpdk_noise", "another name"]);
+    }
+    assert!(!folder.path().join("new").exists());
+    Pdk::new(["new", "pipeline", "gaussian_noise", "--out", "new"]).folder(folder.path()).succeed();
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use pdk::chain::{Chain, Spec};
+use pdk::chain::{Chain, Spec, modifiers};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::FrameBuf;
 use pdk_video::{Container, Reader, Writer, Yuv420};
@@ -16,6 +16,7 @@ use super::{Global, print_json};
 
 /// Arguments of `pdk perturb`
 #[derive(clap::Args)]
+#[command(after_help = modifiers::help())]
 pub struct Arguments {
     /// The image, or the video: H.264 in MP4
     image: PathBuf,
@@ -39,10 +40,16 @@ pub struct Arguments {
 /// The intensity where none is given: the middle of the scale.
 const DEFAULT_LEVEL: f64 = 2.0;
 
+/// The furthest time in seconds: over 30 years, and still exact to less than a frame.
+const MAX_TIME: f64 = 1e9;
+
 /// Reads, perturbs and writes an image or a video.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    if !arguments.time.is_finite() {
-        return Err(Error::new(format!("--time is {}, but has to be a number of seconds", arguments.time)));
+    if !(-MAX_TIME..=MAX_TIME).contains(&arguments.time) {
+        return Err(Error::new(format!(
+            "--time is {:e}, but has to be a number of seconds within {MAX_TIME:e}",
+            arguments.time
+        )));
     }
     let specs: Vec<Spec> =
         arguments.perturbations.iter().map(|text| Spec::parse(text, DEFAULT_LEVEL)).collect::<Result<_>>()?;
@@ -72,8 +79,12 @@ fn is_video(input: &Path, output: &Path) -> Result<bool> {
             "`{input}` is a video, so the name of the result, {output}, has to end in .mp4"
         ))),
         None if read.is_ok() && head.is_empty() => Err(Error::new(format!("`{input}` is empty"))),
+        // What is given as a picture is read as one, which says what is wrong with it.
+        None if read.is_ok() && mp4 && !pdk_image::is_image(&head) => Err(Error::new(format!(
+            "`{input}` is neither a video in MP4 nor an image (JPEG, PNG, BMP or WebP)"
+        ))),
         None if read.is_ok() && mp4 => Err(Error::new(format!(
-            "`{input}` is no video, so the name of the result, {output}, has to end in .png, .jpg, .bmp or .webp"
+            "`{input}` is an image, so the name of the result, {output}, has to end in .png, .jpg, .bmp or .webp"
         ))),
         container => Ok(container.is_some()),
     }

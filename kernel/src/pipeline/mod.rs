@@ -8,6 +8,7 @@ use mlua::{ExternalError, Function, IntoLua, Lua, LuaSerdeExt, Value as LuaValue
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::Value;
 
+use crate::chain::MAX_INTENSITY;
 use crate::drive;
 use crate::lua::{ApiFunction, ApiTable, Limits, Sandbox, without_clock};
 use crate::record::manifest::Pipeline;
@@ -113,21 +114,36 @@ fn sampled(lua: &Lua, request: LuaValue) -> mlua::Result<LuaValue> {
     let scenarios = |scenarios| {
         copied(lua, scenarios, |_, scenario| {
             let duration = duration_of(&scenario).unwrap_or(default).clamp(0.0, 86_400.0);
-            let level = |level| points(lua, level, duration);
-            let perturbation = |_: &LuaValue, p| copied(lua, p, only("level", level));
+            let perturbation = |_: &LuaValue, p: LuaValue| {
+                let name =
+                    p.as_table().and_then(|table| table.raw_get::<String>("name").ok()).unwrap_or_default();
+                copied(lua, p, only("level", |level| points(lua, &name, level, duration)))
+            };
             copied(lua, scenario, only("perturbations", |list| copied(lua, list, perturbation)))
         })
     };
     copied(lua, request, only("scenarios", scenarios))
 }
 
-/// A level that is a function of time as points; any other as it is.
-fn points(lua: &Lua, level: LuaValue, duration: f64) -> mlua::Result<LuaValue> {
+/// The level of a perturbation as points where it is a function of time; any other as it is.
+fn points(lua: &Lua, name: &str, level: LuaValue, duration: f64) -> mlua::Result<LuaValue> {
     let LuaValue::Function(level) = level else { return Ok(level) };
     let points = (0..=(duration / SCHEDULE_STEP).ceil() as u32)
         .map(|step| {
             let time = f64::from(step) * SCHEDULE_STEP;
-            Ok([time, level.call::<f64>(time)?])
+            let value = level.call::<LuaValue>(time)?;
+            let number = value.as_f64().or_else(|| value.as_i64().map(|whole| whole as f64));
+            let number = number.filter(|number| (0.0..=MAX_INTENSITY).contains(number)).ok_or_else(|| {
+                let shown = match (&value, number) {
+                    (_, Some(number)) => number.to_string(),
+                    (LuaValue::Nil, None) => "nothing".to_owned(),
+                    (other, None) => format!("a {}", other.type_name()),
+                };
+                mlua::Error::runtime(format!(
+                    "the level of `{name}` is {shown} at {time:.1} s, but has to be a number from 0 to {MAX_INTENSITY}"
+                ))
+            })?;
+            Ok([time, number])
         })
         .collect::<mlua::Result<Vec<_>>>()?;
     HashMap::from([("points", points)]).into_lua(lua)
@@ -266,6 +282,27 @@ mod tests {
             assert_eq!(points(1).len(), 41);
             assert_eq!(points(1)[40], serde_json::json!([4, 2]));
             assert_eq!(perturbation(1)[1], "rain@1");
+        }
+    }
+
+    #[test]
+    fn a_function_that_gives_no_level_is_named_with_the_time() {
+        let lua = Lua::new();
+        let error = |body: &str| {
+            let script = format!(
+                "return {{ duration = 1, scenarios = {{ {{ perturbations = {{ {{ name = 'fog', level = function(t) {body} end }} }} }} }} }}"
+            );
+            sampled(&lua, lua.load(script).eval().unwrap()).unwrap_err().to_string()
+        };
+        for (body, said) in [
+            ("if t < 0.25 then return 1 end", "is nothing at 0.3 s"),
+            ("return 'high'", "is a string at 0.0 s"),
+            ("return 4 + t", "is 4.1 at 0.1 s"),
+            ("return 0 / 0", "is NaN at 0.0 s"),
+        ] {
+            let error = error(body);
+            let expected = format!("the level of `fog` {said}, but has to be a number from 0 to 4");
+            assert!(error.contains(&expected), "{error}");
         }
     }
 }

@@ -37,6 +37,11 @@ pub fn read_with_alpha(path: &Path) -> Result<(FrameBuf, Vec<u8>)> {
     })
 }
 
+/// Whether a file that begins so is of a format that [`read`] reads. Twelve bytes tell.
+pub fn is_image(head: &[u8]) -> bool {
+    image::guess_format(head).is_ok_and(|format| is_still(&format))
+}
+
 fn read_as<T>(path: &Path, convert: impl FnOnce(DynamicImage) -> Result<T>) -> Result<T> {
     let place = format!("image `{}`", path.display());
     let bytes = std::fs::read(path).map_err(|error| match error.kind() {
@@ -357,6 +362,10 @@ mod tests {
     #[test]
     fn what_is_no_image_is_said_to_be_none() {
         assert!(decode(b"GIF89a\x01\0\x01\0\0\0\0;").unwrap_err().message().starts_with("it is no JPEG"));
+        for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::WebP] {
+            assert!(is_image(&encoded(format)[..12]), "{format:?}");
+        }
+        assert!(!is_image(b"hello hello!") && !is_image(b""));
         assert_eq!(decode(b"hello").unwrap_err().message(), "it is no JPEG, PNG, BMP or WebP file");
         let missing = read(Path::new("/no/such.jpg")).unwrap_err();
         assert_eq!(missing.message(), "image `/no/such.jpg` does not exist");
