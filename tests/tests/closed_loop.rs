@@ -425,3 +425,32 @@ fn runs_that_start_at_the_same_time_have_records_of_their_own() {
         assert_eq!(lines.len(), 2, "record {number}");
     }
 }
+
+#[test]
+fn in_real_time_frames_that_come_too_fast_are_skipped_and_replayed_all_the_same() {
+    let folder = temp();
+    // A thousand frames a second of this size are more than any machine can draw.
+    let pipeline = folder.path().join("fast.lua");
+    let script = |mode: &str| {
+        format!(
+            r#"pdk.drive({{
+                simulator = {{ name = "lane", width = 1280, height = 720, rate = 1000 }}, driver = "lane_keeper",
+                mode = "{mode}", duration = 0.5, images_every = 0,
+                scenarios = {{ {{ perturbations = {{ "gaussian_noise@1" }} }} }},
+            }})"#
+        )
+    };
+    fs::write(&pipeline, script("realtime")).unwrap();
+    let out = folder.path().join("run");
+    Pdk::new(["run", "--out"]).arg(&out).arg(&pipeline).succeed();
+    let outcomes = json_lines(&out.join("scenarios.jsonl"));
+    let [frames, skipped] = ["frames", "skipped_frames"].map(|name| outcomes[0][name].as_u64().unwrap());
+    assert_eq!(outcomes[0]["mode"], "realtime");
+    // Half a second of a thousand frames a second; what is under way at its end still counts.
+    assert!(skipped > 100 && frames > 0 && frames + skipped > 500, "{frames} {skipped}");
+    Pdk::new(["replay"]).arg(&out).succeed();
+
+    fs::write(&pipeline, script("sometimes")).unwrap();
+    let expected = "`mode` is `sometimes`, but has to be lockstep or realtime";
+    Pdk::new(["run", "--out"]).arg(folder.path().join("other")).arg(&pipeline).fail(1, &[expected]);
+}

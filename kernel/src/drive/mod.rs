@@ -204,6 +204,7 @@ pub fn check_recorded(plan: &Plan, scenario: &ScenarioSpec, outcome: &Outcome) -
         simulator: Some(plan.simulator.clone()),
         driver: Some(plan.driver.clone()),
         images_every: Some(plan.images_every),
+        mode: plan.mode,
         ..outcome.clone()
     };
     // As it comes out of the file.
@@ -213,6 +214,7 @@ pub fn check_recorded(plan: &Plan, scenario: &ScenarioSpec, outcome: &Outcome) -
         ("its simulator", asked.simulator == outcome.simulator),
         ("its driver", asked.driver == outcome.driver),
         ("images_every", asked.images_every == outcome.images_every),
+        ("its mode", asked.mode == outcome.mode),
     ];
     match same.into_iter().find(|(_, same)| !same) {
         None => Ok(()),

@@ -3,7 +3,7 @@
 use pdk_sdk::prelude::{Control, State};
 use serde::{Deserialize, Serialize};
 
-use super::plan::ScenarioSpec;
+use super::plan::{Mode, ScenarioSpec};
 use crate::component::ComponentSpec;
 
 /// Seconds of simulation time between two samples of the telemetry that metrics are computed from.
@@ -63,6 +63,12 @@ pub struct Outcome {
     /// Every how many frames there is an image in the trace; 0 for none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub images_every: Option<u64>,
+    /// What happened while the driver was thinking.
+    #[serde(default, skip_serializing_if = "Mode::is_lockstep")]
+    pub mode: Mode,
+    /// Frames that the driver did not see, because it was still at work on an earlier one.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub skipped_frames: u64,
     /// Whether the end of the road was reached.
     pub success: bool,
     /// How it ended.
@@ -86,6 +92,10 @@ pub struct Outcome {
     pub telemetry: Vec<Sample>,
     /// The road that was driven: `x,height,z@x,height,z@...` in metres; empty where the simulator does not tell.
     pub waypoints: String,
+}
+
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 /// One sample of the telemetry.

@@ -25,6 +25,36 @@ pub struct Plan {
     pub scenarios: Vec<ScenarioSpec>,
     /// Every how many frames an image goes into the trace; 0 for none.
     pub images_every: u64,
+    /// What happens while a driver thinks.
+    pub mode: Mode,
+}
+
+/// What happens while perturbations and driver are at work on a frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// The simulator waits, so that the outcome does not depend on how fast the machine is.
+    #[default]
+    Lockstep,
+    /// The simulator goes on by the clock under the control before; when the driver is done, it gets the newest frame, and
+    /// those in between are skipped.
+    Realtime,
+}
+
+impl Mode {
+    const NAMES: [(&str, Self); 2] = [("lockstep", Self::Lockstep), ("realtime", Self::Realtime)];
+
+    /// Whether it is lockstep, which records leave unsaid.
+    pub fn is_lockstep(&self) -> bool {
+        *self == Self::Lockstep
+    }
+
+    fn named(name: &str) -> Result<Self> {
+        let found = Self::NAMES.into_iter().find(|(known, _)| *known == name);
+        found.map(|(_, mode)| mode).ok_or_else(|| {
+            Error::new(format!("pdk.drive: `mode` is `{name}`, but has to be lockstep or realtime"))
+        })
+    }
 }
 
 /// One scenario: a road, perturbations with intensities, a seed and a duration.
@@ -48,7 +78,7 @@ impl Plan {
     /// # Errors
     /// Where a field is unknown, missing, of the wrong type or out of range.
     pub fn from_json(request: Value) -> Result<Self> {
-        let known = ["simulator", "driver", "scenarios", "duration", "images_every"];
+        let known = ["simulator", "driver", "scenarios", "duration", "images_every", "mode"];
         let mut request = Fields::new("pdk.drive", request, &known)?;
         let simulator = ComponentSpec::from_json("simulator", &request.needed("simulator")?)?;
         let driver = ComponentSpec::from_json("driver", &request.needed("driver")?)?;
@@ -64,6 +94,7 @@ impl Plan {
                 })
                 .collect::<Result<_>>()?,
             images_every: request.whole("images_every")?.unwrap_or(DEFAULT_IMAGES_EVERY),
+            mode: request.text("mode")?.map_or(Ok(Mode::default()), |name| Mode::named(&name))?,
         })
     }
 }

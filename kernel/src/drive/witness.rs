@@ -31,6 +31,11 @@ pub trait Witness: Send {
     /// said by `finish`.
     fn step(&mut self, step: &Step, raw: Frame<'_>, perturbed: Frame<'_>);
 
+    /// In real time: how many frames were skipped after this one, where that is known already; otherwise the clock decides.
+    fn skipped(&self, _sequence: u64) -> Option<u64> {
+        None
+    }
+
     /// The scenario is over.
     ///
     /// # Errors

@@ -1,14 +1,15 @@
 //! One thread's loop: it drives one scenario after the other with its own instances and topics.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use pdk_bus::{Bus, ControlMessage, Stamp, StateMessage, Topic};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{Camera, DriveContext, Driver, Frame, FrameMut, Scenario, Simulator, State};
+use pdk_sdk::prelude::{Camera, Control, DriveContext, Driver, Frame, FrameMut, Scenario, Simulator, State};
 use twox_hash::XxHash3_64;
 
 use super::outcome::{self, Cause, Outcome};
+use super::plan::Mode;
 use super::stages::{Stage, Stopwatch};
 use super::{Numbered, Plan, ScenarioSpec, Settings, Witness, checked};
 use crate::chain::Chain;
@@ -190,9 +191,15 @@ struct ScenarioRun<'a> {
     observer: outcome::Observer,
     digest: blake3::Hasher,
     frames: u64,
+    /// The number of the next frame: above `frames` by those that were skipped.
+    sequence: u64,
+    /// When frame 0 was due, in real time.
+    began: Instant,
     /// Whether the simulator has built this scenario.
     on_the_road: bool,
     state: State,
+    /// What the driver said last.
+    control: Control,
     cause: Cause,
 }
 
@@ -205,8 +212,11 @@ impl<'a> ScenarioRun<'a> {
             observer: outcome::Observer::new(spec.duration),
             digest: blake3::Hasher::new(),
             frames: 0,
+            sequence: 0,
+            began: Instant::now(),
             on_the_road: false,
             state: State::default(),
+            control: Control::default(),
             cause: Cause::Error,
         }
     }
@@ -243,6 +253,7 @@ impl<'a> ScenarioRun<'a> {
             .call(DRIVER, || worker.driver.reset())
             .map_err(|error| driver_fault(worker.plan, error))?;
         worker.witness.event(0.0, false, &self.spec.name);
+        self.began = Instant::now();
         loop {
             worker.stopwatch.start_step();
             let end = self.step(worker, chain)?;
@@ -263,7 +274,7 @@ impl<'a> ScenarioRun<'a> {
     ) -> Result<Option<Cause>, Fault> {
         let Worker { plan, simulator, driver, camera, bus, witness, watch, stopwatch, .. } = worker;
         let (width, height) = (camera.width as usize, camera.height as usize);
-        let sequence = self.frames;
+        let sequence = self.sequence;
         let stamp = Stamp { scenario: self.index, sequence, time: sequence as f64 / camera.rate };
         let simulator_fault =
             |error: Error| Fault::Component(error.at(format_args!("simulator `{}`", plan.simulator.name)));
@@ -305,14 +316,43 @@ impl<'a> ScenarioRun<'a> {
         }
         witness.step(&Step { sequence, state, control, frame_hash }, raw_frame, perturbed_frame);
         self.frames += 1;
+        self.sequence += 1;
         self.state = state;
         let end = self.observer.step(sequence, state, control);
         if end.is_none() {
-            stopwatch
-                .measure(Stage::Simulator, || watch.call(SIMULATOR, || simulator.act(control)))
-                .map_err(simulator_fault)?;
+            let period = Duration::from_secs_f64(1.0 / camera.rate);
+            let skipped = match plan.mode {
+                Mode::Lockstep => 0,
+                Mode::Realtime => witness.skipped(sequence).unwrap_or_else(|| self.missed(sequence, period)),
+            };
+            let mut act = |control| {
+                stopwatch
+                    .measure(Stage::Simulator, || watch.call(SIMULATOR, || simulator.act(control)))
+                    .map_err(simulator_fault)
+            };
+            // While the driver was thinking, what it had said before held.
+            for _ in 0..skipped {
+                act(self.control)?;
+            }
+            act(control)?;
+            self.sequence += skipped;
+            self.control = control;
+            if plan.mode == Mode::Realtime && witness.skipped(sequence).is_none() {
+                std::thread::sleep(self.due(self.sequence, period).saturating_duration_since(Instant::now()));
+            }
         }
         Ok(end)
+    }
+
+    /// When a frame is due, in real time.
+    fn due(&self, sequence: u64, period: Duration) -> Instant {
+        self.began + period.mul_f64(sequence as f64)
+    }
+
+    /// How many frames went by since this one was due, besides the next.
+    fn missed(&self, sequence: u64, period: Duration) -> u64 {
+        let late = Instant::now().saturating_duration_since(self.due(sequence, period));
+        (late.as_secs_f64() / period.as_secs_f64()) as u64
     }
 
     /// A state that a scenario can be judged by: numbers throughout, and a time that goes on.
@@ -343,6 +383,8 @@ impl<'a> ScenarioRun<'a> {
             simulator: Some(plan.simulator.clone()),
             driver: Some(plan.driver.clone()),
             images_every: Some(plan.images_every),
+            mode: plan.mode,
+            skipped_frames: (self.sequence - self.frames),
             success: self.cause == Cause::Finished,
             cause: self.cause,
             error,

@@ -411,6 +411,7 @@ fn outcome_row(outcome: &Outcome) -> Value {
         "error": outcome.error,
         "time": outcome.time,
         "frames": outcome.frames,
+        "skipped_frames": outcome.skipped_frames,
         "progress": outcome.progress,
         "mean_cross_track_error": outcome.mean_cross_track_error,
         "max_cross_track_error": outcome.max_cross_track_error,

@@ -1,5 +1,6 @@
 //! The tables that pipelines write and read, as types for editors.
 
+use crate::chain::modifiers::{DRAWS, PROBABILITY, REGION as APPLIED_REGION};
 use crate::lua::api::{ApiField, ApiRecord};
 
 const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -> ApiField {
@@ -72,13 +73,9 @@ const APPLIED: ApiRecord = ApiRecord {
             "Its intensity: 0 to 4, any number in between, or a course of such numbers over time in seconds. A function \
              is sampled every tenth of a second when the request is made.",
         ),
-        field("probability", "number?", "The chance that a frame is perturbed, drawn for each frame."),
-        field("region", "Region?", "The part of the frame that is perturbed."),
-        field(
-            "draws",
-            "(\"per_frame\" | \"per_sequence\")?",
-            "Draw everything anew for every frame, or once.",
-        ),
+        field(PROBABILITY.name, "number?", PROBABILITY.doc),
+        field(APPLIED_REGION.name, "Region?", APPLIED_REGION.doc),
+        field(DRAWS.name, "(\"per_frame\" | \"per_sequence\")?", DRAWS.doc),
         field("[string]", "any", "Its parameters."),
     ],
 };
@@ -132,6 +129,11 @@ const DRIVE_REQUEST: ApiRecord = ApiRecord {
             "number?",
             "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none.",
         ),
+        field(
+            "mode",
+            "(\"lockstep\" | \"realtime\")?",
+            "Whether the simulator waits for the driver, as it does where this is left out, or goes on by the clock.",
+        ),
     ],
 };
 
@@ -150,6 +152,7 @@ const OUTCOME: ApiRecord = ApiRecord {
         field("error", "string?", "What failed, where a component did."),
         field("time", "number", "Simulation time at the end in seconds."),
         field("frames", "number", "Frames that were driven."),
+        field("skipped_frames", "number", "In real time: frames that the driver was too slow to see."),
         field("progress", "number", "The share of the road that was driven, 0 to 1."),
         field("mean_cross_track_error", "number", "Mean absolute cross-track error in metres."),
         field("max_cross_track_error", "number", "Largest absolute cross-track error in metres."),

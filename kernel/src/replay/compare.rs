@@ -91,6 +91,8 @@ pub struct Compare<'a> {
     outcomes: &'a BTreeMap<u64, Outcome>,
     /// The steps in the trace of the scenario at hand.
     recorded: Vec<Step>,
+    /// How many steps were driven again.
+    seen: usize,
     difference: Option<Difference>,
     clip: Option<Clip<'a>>,
 }
@@ -102,7 +104,14 @@ impl<'a> Compare<'a> {
         outcomes: &'a BTreeMap<u64, Outcome>,
         clip: Option<&'a Path>,
     ) -> Self {
-        Self { directory, outcomes, recorded: Vec::new(), difference: None, clip: clip.map(Clip::new) }
+        Self {
+            directory,
+            outcomes,
+            recorded: Vec::new(),
+            seen: 0,
+            difference: None,
+            clip: clip.map(Clip::new),
+        }
     }
 }
 
@@ -111,6 +120,7 @@ impl Witness for Compare<'_> {
 
     fn start(&mut self, index: u64, camera: Camera) -> Result<Option<Compared>> {
         self.difference = None;
+        self.seen = 0;
         let Some(outcome) = self.outcomes.get(&index) else {
             return Err(Error::new(format!("scenario {index} is not in the record")));
         };
@@ -131,15 +141,21 @@ impl Witness for Compare<'_> {
 
     fn step(&mut self, step: &Step, raw: Frame<'_>, perturbed: Frame<'_>) {
         if self.difference.is_none() {
-            let position = usize::try_from(step.sequence).unwrap_or(usize::MAX);
-            self.difference = match self.recorded.get(position) {
+            self.difference = match self.recorded.get(self.seen) {
                 Some(recorded) => step_difference(recorded, step),
                 None => Some(another_end(step, "before", "after")),
             };
         }
+        self.seen += 1;
         if let Some(clip) = &mut self.clip {
             clip.step(step, raw, perturbed);
         }
+    }
+
+    fn skipped(&self, sequence: u64) -> Option<u64> {
+        // The record knows; behind its end there is nothing left to compare.
+        let next = self.recorded.partition_point(|step| step.sequence <= sequence);
+        Some(self.recorded.get(next).map_or(0, |step| step.sequence - sequence - 1))
     }
 
     fn finish(&mut self, outcome: Outcome) -> Result<Compared> {

@@ -100,12 +100,16 @@ impl Replay {
                 )));
             };
             let fits = |plan: &Plan| {
-                plan.simulator == *simulator && plan.driver == *driver && plan.images_every == images_every
+                plan.simulator == *simulator
+                    && plan.driver == *driver
+                    && plan.images_every == images_every
+                    && plan.mode == outcome.mode
             };
             let known = plans.iter().position(|(plan, _)| fits(plan));
             let place = known.unwrap_or_else(|| {
                 let (simulator, driver) = (simulator.clone(), driver.clone());
-                plans.push((Plan { simulator, driver, scenarios: Vec::new(), images_every }, Vec::new()));
+                let (scenarios, mode) = (Vec::new(), outcome.mode);
+                plans.push((Plan { simulator, driver, scenarios, images_every, mode }, Vec::new()));
                 plans.len() - 1
             });
             plans[place].0.scenarios.push(outcome.scenario.clone());
