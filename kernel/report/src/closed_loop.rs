@@ -355,12 +355,15 @@ fn curves(drive: &Drive, order: &[String]) -> Result<Vec<Chart>, Error> {
     }));
 
     let mut worst: Vec<Curve> = nominal().into_iter().collect();
-    for ((name, color), key) in order.iter().take(CURVES).zip(LINES).zip('A'..) {
+    let failing = |name: &&String| {
+        drive.scenarios.iter().any(|s| s.verdict == Verdict::Failed && s.perturbation.as_ref() == Some(*name))
+    };
+    for ((name, color), key) in order.iter().filter(failing).take(CURVES).zip(LINES).zip('A'..) {
         worst.extend(curve(key.to_string(), name.clone(), color, &|s| s.perturbation.as_ref() == Some(name)));
     }
-    let label = match order.len() > CURVES {
+    let label = match order.iter().filter(failing).count() > CURVES {
         true => "Share of scenarios still driving, for the worst perturbations",
-        false => "Share of scenarios still driving, by perturbation",
+        false => "Share of scenarios still driving, by perturbation with failures",
     };
     Ok(vec![
         chart(&by_level, &axes("Share of scenarios still driving, by level"))?,

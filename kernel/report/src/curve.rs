@@ -57,8 +57,9 @@ const SIZE: (u32, u32) = (1120, 620);
 const TEXT: i32 = 34;
 /// Between two keys, which are larger on a phone.
 const GAP: i32 = 37;
-/// Room for the keys on the right.
-const KEYS: i32 = 84;
+/// Room on the right before the keys, and for each of those side by side.
+const LEADER: i32 = 46;
+const KEY: i32 = 30;
 
 /// Draws curves.
 ///
@@ -87,10 +88,13 @@ fn draw(
     axes: &Axes<'_>,
 ) -> Result<Vec<(i32, i32)>, Box<dyn std::error::Error>> {
     let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    // At most as many keys are side by side as curves end at the same value.
+    let together = |a: &Curve| curves.iter().filter(|b| last(a).1 == last(b).1).count();
+    let keys = curves.iter().map(together).max().unwrap_or(0) as i32;
     let margin = if axes.share { 0.02 } else { 0.05 } * axes.top;
     let mut chart = ChartBuilder::on(&root)
         .margin_top(14)
-        .margin_right(KEYS)
+        .margin_right(LEADER + KEY * keys)
         .x_label_area_size(92)
         .y_label_area_size(130)
         .build_cartesian_2d(axes.x_range.0..axes.x_range.1, 0.0..axes.top + margin)?;
@@ -118,31 +122,45 @@ fn draw(
         let Rgb(r, g, b) = curve.color;
         let style = RGBColor(r, g, b).stroke_width(5);
         chart.draw_series(LineSeries::new(curve.points.iter().copied(), style))?;
-        let end = curve.points.last().copied().unwrap_or((axes.x_range.1, 0.0));
-        ends.push(chart.backend_coord(&end));
+        ends.push(chart.backend_coord(&last(curve)));
     }
     root.present()?;
     drop(chart);
     Ok(ends)
 }
 
-/// The keys at the right edge, each on the height of its curve's end, or as near as the others let it.
+/// The right end of a curve.
+fn last(curve: &Curve) -> (f64, f64) {
+    curve.points.last().copied().unwrap_or_default()
+}
+
+/// The keys at the right edge, each at the height of its curve's end, or as near as the others let it. Those of curves that
+/// end together stand side by side.
 fn end_labels(curves: &[Curve], ends: &[(i32, i32)]) -> String {
     let mut order: Vec<usize> = (0..curves.len()).collect();
     order.sort_by_key(|&i| (ends[i].1, i));
-    let heights =
-        spread(&order.iter().map(|&i| ends[i].1).collect::<Vec<_>>(), GAP, SIZE.1 as i32 - TEXT / 2);
+    let groups: Vec<&[usize]> =
+        order.chunk_by(|&a, &b| ends[a].1 == ends[b].1 && last(&curves[a]).1 == last(&curves[b]).1).collect();
+    let heights: Vec<i32> = groups.iter().map(|group| ends[group[0]].1).collect();
+    let heights = spread(&heights, GAP, SIZE.1 as i32 - TEXT / 2);
+    let right = ends.iter().map(|end| end.0).max().unwrap_or_default();
     let mut text = String::new();
-    let left = SIZE.0 as i32 - KEYS + 30;
-    for (&i, height) in order.iter().zip(heights) {
-        let (x, y) = ends[i];
-        text += &format!(
-            "<path d=\"M{x} {y}L{} {height}\" stroke=\"{}\" stroke-width=\"2\" fill=\"none\"/>\
-             <text x=\"{left}\" y=\"{height}\" dy=\".35em\" font-size=\"28\">{}</text>\n",
-            left - 6,
-            curves[i].color,
-            minijinja::HtmlEscape(&curves[i].key)
-        );
+    for (group, height) in groups.iter().zip(heights) {
+        for (place, &i) in group.iter().enumerate() {
+            let (x, y) = ends[i];
+            if place == 0 {
+                text += &format!(
+                    "<path d=\"M{x} {y}L{} {height}\" stroke=\"{}\" stroke-width=\"2\" fill=\"none\"/>",
+                    right + LEADER - 22,
+                    curves[i].color
+                );
+            }
+            text += &format!(
+                "<text x=\"{}\" y=\"{height}\" dy=\".35em\" font-size=\"28\">{}</text>\n",
+                right + LEADER - 16 + KEY * place as i32,
+                minijinja::HtmlEscape(&curves[i].key)
+            );
+        }
     }
     text
 }
@@ -183,7 +201,7 @@ mod tests {
         let axes =
             Axes { x: "time in s", x_range: (0.0, 5.0), y: "share", top: 1.0, share: true, label: "x" };
         let chart = chart(&[curve.clone(), curve], &axes).unwrap();
-        assert_eq!(chart.body.matches("stroke=\"#010203\"").count(), 4, "{}", chart.body);
+        assert_eq!(chart.body.matches("stroke=\"#010203\"").count(), 3, "{}", chart.body);
         assert!(
             chart.body.contains("100 %")
                 && chart.body.contains("time in s")
