@@ -27,7 +27,7 @@ pub enum Loop {
 pub enum Motion {
     /// The clip runs in simulation time, at its own rate or at the given one.
     Runs { end: Loop, rate: Option<f64> },
-    /// One frame stands still: one of those that cover at least half as much as the fullest.
+    /// One frame stands still: one of those that cover at least a third as much as the fullest.
     Stands,
 }
 
@@ -90,11 +90,11 @@ impl Player {
 }
 
 /// The frame of a store that is shown at a time, in seconds.
-fn frame_at(index: &Index, motion: Motion, time: f64, random: &mut Random) -> usize {
+pub fn frame_at(index: &Index, motion: Motion, time: f64, random: &mut Random) -> usize {
     let frames = index.frames;
     let Motion::Runs { end, rate } = motion else {
         let fullest = index.coverage[..frames].iter().copied().fold(0.0, f64::max);
-        let full = || (0..frames).filter(|&frame| index.coverage[frame] * 2.0 >= fullest);
+        let full = || (0..frames).filter(|&frame| index.coverage[frame] * 3.0 >= fullest);
         let chosen = random.below(full().count() as u32) as usize;
         return full().nth(chosen).unwrap_or_default();
     };
@@ -183,7 +183,7 @@ mod tests {
 
     #[test]
     fn a_still_frame_is_one_that_shows_something_and_depends_on_the_key_alone() {
-        let index = index(6, 1, &[0.0, 10.0, 40.0, 0.0, 21.0, 19.0]);
+        let index = index(6, 1, &[0.0, 10.0, 40.0, 0.0, 14.0, 13.0]);
         let mut chosen = Vec::new();
         for key in 0..40 {
             let random = Key([key; 32]).sequence();

@@ -3,10 +3,9 @@
 use pdk_sdk::prelude::*;
 
 use crate::clip::Clip;
-use crate::overlay::opacity;
-use crate::player::{Loop, Motion, Player};
+use crate::overlay::{fit, fit_of, motion_of, with_common, with_motion};
+use crate::player::{Motion, Player};
 use crate::prepare::Settings;
-use crate::scale::Fit;
 
 macro_rules! clip {
     ($name:literal) => {
@@ -32,26 +31,31 @@ pub fn clip(name: &str) -> Result<Clip> {
     })
 }
 
-/// Defines the two perturbations of a clip.
+/// Where the clips come from.
+const SOURCE: &str = "A loop over a green screen, drawn by this project";
+/// What differs in all of them.
+const OWN_CLIP: &str = "The clip is a drawing of this project's instead of the published recording.";
+
+/// Defines the two perturbations of a clip; the literals are their names, what they show, and how long and how often it
+/// does; then the version of both.
 macro_rules! overlays {
-    ($($clip:literal: $moving:ident $moving_name:literal, $still:ident $still_name:literal, $what:literal $(, $not_default:ident)?;)*) => {
+    ($($clip:literal: $moving:ident $moving_name:literal, $still:ident $still_name:literal, $what:literal, $loop:literal,
+       $version:literal $(, $not_default:ident)?;)*) => {
         $(
             #[doc = concat!("Lays moving ", $what, " over the frame.")]
             pub struct $moving(Player);
 
             impl Component for $moving {
                 fn description() -> Description {
-                    Description::perturbation($moving_name, concat!("Lays ", $what, " over the frame, moving in simulation time"))
-                        .family("overlay")
-                        .dynamic()
-                        .source("A loop over a green screen, drawn by this project; where it starts is drawn once per sequence")
-                        .parameter(opacity())
+                    let doc = concat!("Lays ", $what, " over the frame, moving in simulation time in ", $loop);
+                    let description =
+                        Description::perturbation($moving_name, doc).version($version).source(SOURCE).divergence(OWN_CLIP);
+                    // The clips' last frames lead to their first ones.
+                    with_motion(with_common(description), ["repeat", "cross-fade", "ping-pong"])
                 }
 
-                fn new(_config: &Config) -> Result<Self> {
-                    // The clips' last frames lead to their first ones.
-                    let motion = Motion::Runs { end: Loop::Repeat, rate: None };
-                    Ok(Self(Player::new(clip!($clip), settings(), motion)?))
+                fn new(config: &Config) -> Result<Self> {
+                    Ok(Self(Player::new(clip!($clip), settings(config), motion_of(config))?))
                 }
             }
 
@@ -66,15 +70,19 @@ macro_rules! overlays {
 
             impl Component for $still {
                 fn description() -> Description {
-                    Description::perturbation($still_name, concat!("Lays ", $what, " over the frame, standing still"))
-                        .family("overlay")
-                        .source("One frame of a clip drawn by this project, chosen once per sequence among the fuller ones")
-                        .parameter(opacity())
+                    let doc = concat!("Lays ", $what, " over the frame, standing still");
+                    let description =
+                        Description::perturbation($still_name, doc).version($version).source(SOURCE).divergence(OWN_CLIP);
+                    with_common(description)
+                        .drawn_per_sequence(
+                            "which frame of the clip is shown, of those that cover at least a third as much as the fullest",
+                        )
+                        .parameter(fit())
                         $(.$not_default())?
                 }
 
-                fn new(_config: &Config) -> Result<Self> {
-                    Ok(Self(Player::new(clip!($clip), settings(), Motion::Stands)?))
+                fn new(config: &Config) -> Result<Self> {
+                    Ok(Self(Player::new(clip!($clip), settings(config), Motion::Stands)?))
                 }
             }
 
@@ -88,17 +96,23 @@ macro_rules! overlays {
 }
 
 overlays! {
-    "rain": DynamicRain "dynamic_rain_filter", StaticRain "static_rain_filter", "streaks of rain";
-    "snow": DynamicSnow "dynamic_snow_filter", StaticSnow "static_snow_filter", "flakes of snow";
-    "smoke": DynamicSmoke "dynamic_smoke_filter", StaticSmoke "static_smoke_filter", "swathes of smoke", not_default;
-    "birds": DynamicObject "dynamic_object_overlay", StaticObject "static_object_overlay", "birds in flight";
-    "sun": DynamicSun "dynamic_sun_filter", StaticSun "static_sun_filter", "glare of a low sun";
-    "lightning": DynamicLightning "dynamic_lightning_filter", StaticLightning "static_lightning_filter", "bolts of lightning";
+    "rain": DynamicRain "dynamic_rain_filter", StaticRain "static_rain_filter", "streaks of rain",
+        "a loop of 3 s", 1;
+    "snow": DynamicSnow "dynamic_snow_filter", StaticSnow "static_snow_filter", "flakes of snow",
+        "a loop of 4 s", 1;
+    "smoke": DynamicSmoke "dynamic_smoke_filter", StaticSmoke "static_smoke_filter", "swathes of smoke",
+        "a loop of 4 s", 1, not_default;
+    "birds": DynamicObject "dynamic_object_overlay", StaticObject "static_object_overlay", "birds in flight",
+        "a loop of 4 s", 1;
+    "sun": DynamicSun "dynamic_sun_filter", StaticSun "static_sun_filter", "glare of a low sun",
+        "a loop of 4 s", 1;
+    "lightning": DynamicLightning "dynamic_lightning_filter", StaticLightning "static_lightning_filter", "bolts of lightning",
+        "a loop of 10 s, in 37 % of which one shows; otherwise the frame stays as it is", 2;
 }
 
 /// The screen of all clips of our own; smoke hides too much of it to have it searched for.
 const SCREEN: [u8; 3] = [0, 219, 26];
 
-fn settings() -> Settings {
-    Settings { key: Some(SCREEN), fit: Fit::Cover, seconds: 60.0 }
+fn settings(config: &Config) -> Settings {
+    Settings { key: Some(SCREEN), fit: fit_of(config), seconds: 60.0 }
 }

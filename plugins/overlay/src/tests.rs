@@ -15,7 +15,7 @@ use pdk_video::{Opened, Reader, Yuv420};
 use crate::clip::{Clip, some_pictures};
 use crate::key::Matte;
 use crate::overlay::Overlay;
-use crate::player::{Loop, Motion, Player};
+use crate::player::{Loop, Motion, Player, frame_at};
 use crate::prepare::{self, Settings};
 use crate::published::*;
 use crate::scale::Fit;
@@ -233,6 +233,67 @@ fn moving_overlays_move_and_standing_ones_stand() {
     assert_eq!(at(0.4), at(3.4));
     let still = |time: f64| apply::<StaticRain>(json!({}), 4.0, time, src.as_ref()).unwrap();
     assert_eq!(still(0.0), still(1.7));
+}
+
+/// The clips of our own with the description of what moves.
+fn own_clips() -> [(&'static str, Description); 6] {
+    [
+        ("rain", DynamicRain::description()),
+        ("snow", DynamicSnow::description()),
+        ("smoke", DynamicSmoke::description()),
+        ("birds", DynamicObject::description()),
+        ("sun", DynamicSun::description()),
+        ("lightning", DynamicLightning::description()),
+    ]
+}
+
+/// What is known of the frames of a clip of our own, at a small size.
+fn own_index(name: &str, cache: &Path) -> crate::store::Index {
+    let clip = clip(name).unwrap();
+    let settings = Settings { key: Some([0, 219, 26]), ..PLAIN };
+    prepare::open(&clip, &clip.hash().unwrap(), &settings, (64, 36), cache).unwrap().index().clone()
+}
+
+#[test]
+fn the_descriptions_say_how_long_the_loops_are_and_how_often_they_show_something() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, description) in own_clips() {
+        let index = own_index(name, folder.path());
+        let seconds = format!("a loop of {} s", index.frames as f64 / index.rate);
+        assert!(description.doc.contains(&seconds), "{name}: {seconds}");
+        // A tenth of a percent of the frame and more is something.
+        let showing = index.coverage[..index.frames].iter().filter(|&&alpha| alpha > 0.255).count();
+        let percent = (100 * showing + index.frames / 2) / index.frames;
+        let expected = if percent == 100 { "%".to_owned() } else { format!("in {percent} % of which") };
+        assert_eq!(description.doc.contains(&expected), percent < 100, "{name}: {percent} %");
+    }
+}
+
+#[test]
+fn standing_overlays_have_many_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, _) in own_clips() {
+        let index = own_index(name, folder.path());
+        let frame = |key: u8| frame_at(&index, Motion::Stands, 0.0, &mut Key([key; 32]).sequence());
+        let mut frames: Vec<usize> = (0..40).map(frame).collect();
+        frames.sort_unstable();
+        frames.dedup();
+        assert!(frames.len() > 24, "{name}: {} of 40 differ", frames.len());
+    }
+}
+
+#[test]
+fn published_overlays_can_be_stretched_and_looped_too() {
+    let src = sample_frame(60, 90);
+    let with = |given: Value| apply::<DynamicRain>(given, 4.0, 1.0, src.as_ref()).unwrap();
+    let plain = with(json!({}));
+    for given in [json!({"fit": "stretch"}), json!({"loop": "ping-pong"}), json!({"rate": 7})] {
+        assert_ne!(with(given.clone()), plain, "{given}");
+    }
+    assert_eq!(with(json!({"fit": "cover", "loop": "repeat"})), plain);
+    let still = |given: Value| apply::<StaticSun>(given, 4.0, 1.0, src.as_ref());
+    assert_ne!(still(json!({"fit": "stretch"})).unwrap(), still(json!({})).unwrap());
+    assert!(still(json!({"loop": "repeat"})).is_err());
 }
 
 #[test]

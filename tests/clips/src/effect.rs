@@ -43,7 +43,7 @@ pub const CLIPS: [Clip; 6] = [
 ];
 
 /// Lightning counts in frames, because a flash is shorter than anything else.
-pub const LIGHTNING_FRAMES: usize = 120;
+pub const LIGHTNING_FRAMES: usize = 300;
 
 impl Clip {
     /// The effect, always the same.

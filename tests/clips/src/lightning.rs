@@ -1,4 +1,4 @@
-//! Lightning: a few strikes in a clip, each a branching bolt that lights the sky for some frames.
+//! Lightning: strikes at uneven intervals, each a branching bolt of its own that lights the sky for some frames.
 
 use pdk_ops::Random;
 
@@ -7,8 +7,9 @@ use crate::effect::{Effect, LIGHTNING_FRAMES};
 
 /// How bright a strike is in the frames after it begins; it strikes a second time through the same channel.
 const GLOW: [f32; 9] = [1.0, 0.72, 0.38, 0.86, 0.60, 0.34, 0.18, 0.09, 0.04];
-/// The frames in which strikes begin.
-const STRIKES: [usize; 3] = [19, 61, 98];
+/// Strikes in the clip; each has a part of the clip for itself.
+const STRIKES: usize = 14;
+const PART: usize = LIGHTNING_FRAMES / STRIKES;
 
 /// A line of a bolt, and how strong it is.
 struct Branch {
@@ -16,23 +17,33 @@ struct Branch {
     strength: f32,
 }
 
-/// Strikes and their bolts.
+/// The frame in which a strike begins, and its bolt.
+struct Strike {
+    begin: usize,
+    bolt: Vec<Branch>,
+}
+
+/// All strikes.
 pub struct Lightning {
-    bolts: Vec<Vec<Branch>>,
+    strikes: Vec<Strike>,
 }
 
 impl Lightning {
     pub fn new(random: &mut Random) -> Self {
         let (width, height) = (SIZE.0 as f32, SIZE.1 as f32);
-        let bolts = [0.28, 0.72, 0.52].map(|across| {
+        let strike = |number: usize| {
+            let begin = number * PART + random.below((PART - GLOW.len()) as u32) as usize;
+            // Everywhere, and one after the other in different places.
+            let place = (number * 5 % STRIKES) as f32;
+            let across = 0.12 + 0.76 * (place + random.unit() as f32) / STRIKES as f32;
             let mut random_at = |low: f64, high: f64| random.uniform(low, high) as f32;
             let from = [width * across, -10.0];
             let to = [width * across + random_at(-90.0, 90.0), height * random_at(0.56, 0.70)];
             let mut bolt = Vec::new();
             grow(&mut bolt, from, to, 1.0, random);
-            bolt
-        });
-        Self { bolts: bolts.into() }
+            Strike { begin, bolt }
+        };
+        Self { strikes: (0..STRIKES).map(strike).collect() }
     }
 }
 
@@ -74,8 +85,8 @@ fn grow(bolt: &mut Vec<Branch>, from: [f32; 2], to: [f32; 2], strength: f32, ran
 impl Effect for Lightning {
     fn draw(&self, time: f32, canvas: &mut Canvas) {
         let frame = (time * LIGHTNING_FRAMES as f32).round() as usize;
-        for (bolt, begin) in self.bolts.iter().zip(STRIKES) {
-            let Some(&glow) = frame.checked_sub(begin).and_then(|age| GLOW.get(age)) else { continue };
+        for Strike { begin, bolt } in &self.strikes {
+            let Some(&glow) = frame.checked_sub(*begin).and_then(|age| GLOW.get(age)) else { continue };
             let (width, height) = (SIZE.0 as f32, SIZE.1 as f32);
             let top = bolt.last().map_or(0.0, |trunk| trunk.points[0][0]);
             canvas.shade([0.0, 0.0, width, height], |x, y| {
