@@ -4,13 +4,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use image::RgbImage;
 use indicatif::ProgressBar;
+use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind, LEVELS, Temporal};
 use pdk_sdk::error::Result;
 use pdk_sdk::prelude::FrameBuf;
+use serde_json::Map;
 
-use crate::chain::{Chain, Spec};
+use crate::chain::{Chain, Level, MAX_INTENSITY, Spec};
 use crate::picture::{self, Block};
-use crate::registry::Registry;
+use crate::registry::{Component, Registry};
 
 /// The moment at which a perturbation is shown in seconds: those that move have begun to.
 const MOMENT: f64 = 2.0;
@@ -30,32 +32,76 @@ pub struct Options {
     pub picture_width: u32,
 }
 
-/// The perturbations to show, by family and name: those that are named, or the default set.
+/// A perturbation that is shown, as the user names it.
+pub struct Shown {
+    /// What the perturbation says of itself.
+    pub description: Description,
+    spec: Spec,
+    /// Whether the user names a level, at which alone it is shown then.
+    one_level: bool,
+}
+
+impl Shown {
+    /// It at its own level, or at this one where the user names none.
+    pub fn at(&self, level: f64) -> Spec {
+        match self.one_level {
+            true => self.spec.clone(),
+            false => Spec { level: Level::Constant(level), ..self.spec.clone() },
+        }
+    }
+
+    /// What a row of pictures shows.
+    fn levels(&self) -> Vec<Spec> {
+        let count = if self.one_level { 1 } else { LEVELS };
+        (0..count).map(|level| self.at(level as f64)).collect()
+    }
+
+    fn label(&self) -> String {
+        let Description { family, temporal, default, .. } = &self.description;
+        let name = if self.one_level { self.spec.to_string() } else { self.spec.label() };
+        let temporal = if *temporal == Temporal::Dynamic { ", dynamic" } else { "" };
+        let set = if *default { "" } else { ", by name only" };
+        format!("{name}  ({family}{temporal}{set})")
+    }
+}
+
+/// The perturbations that can be shown without setting anything, by family and name: the default set with the files of the
+/// user's that are perturbations, or all.
+pub fn usable(registry: &Registry, all: bool) -> Vec<Description> {
+    let wanted = |component: &&Component| {
+        all || component.description.default || registry.base_of(component).is_some()
+    };
+    let found = registry.of_kind(Kind::Perturbation).filter(wanted).map(|component| &component.description);
+    let mut usable: Vec<Description> = found.filter(|found| needs_nothing(found)).cloned().collect();
+    usable.sort_by(|a, b| (&a.family, &a.name).cmp(&(&b.family, &b.name)));
+    usable
+}
+
+/// The perturbations to show: those that are named as for [`Spec::parse`], or those that are [`usable`].
 ///
 /// # Errors
-/// Where one of the names is no perturbation.
-pub fn chosen(registry: &Registry, names: &[String], all: bool) -> Result<Vec<Description>> {
-    let mut chosen: Vec<Description> = match names.is_empty() {
-        true => {
-            let wanted = |description: &&Description| all || description.default;
-            let usable = |description: &&Description| needs_nothing(description);
-            let all = registry.of_kind(Kind::Perturbation).map(|component| &component.description);
-            all.filter(wanted).filter(usable).cloned().collect()
-        }
-        false => names
-            .iter()
-            .map(|name| Ok(registry.get(Kind::Perturbation, name)?.description.clone()))
-            .collect::<Result<_>>()?,
-    };
-    if names.is_empty() {
-        chosen.sort_by(|a, b| (&a.family, &a.name).cmp(&(&b.family, &b.name)));
+/// Where one of the names is no perturbation, or what stands behind it cannot be read.
+pub fn chosen(registry: &Registry, named: &[String], all: bool) -> Result<Vec<Shown>> {
+    if named.is_empty() {
+        let shown = |description: Description| {
+            let spec = Spec::new(&description.name, 0.0);
+            Shown { description, spec, one_level: false }
+        };
+        return Ok(usable(registry, all).into_iter().map(shown).collect());
     }
-    Ok(chosen)
+    let shown = |text: &String| {
+        let spec = Spec::parse(text, 0.0)?;
+        // What is the same whatever the default is has a level of its own.
+        let one_level = spec == Spec::parse(text, MAX_INTENSITY)?;
+        let description = registry.get(Kind::Perturbation, &spec.name)?.description.clone();
+        Ok(Shown { description, spec, one_level })
+    };
+    named.iter().map(shown).collect()
 }
 
 /// Whether a component can be made without setting anything.
 fn needs_nothing(description: &Description) -> bool {
-    pdk_sdk::config::Config::check(description, &serde_json::Map::new()).is_ok()
+    Config::check(description, &Map::new()).is_ok()
 }
 
 /// A frame under a perturbation at a moment.
@@ -75,49 +121,51 @@ pub fn perturbed(
     Ok(target)
 }
 
-/// One row for each perturbation: the frame at every level.
-///
-/// # Errors
-/// Where a perturbation fails.
+/// One row for each perturbation: the frame at every level, or at the one that the user names. Where a perturbation fails,
+/// its row is the error.
 pub fn rows(
     registry: &Registry,
-    chosen: &[Description],
+    chosen: &[Shown],
     source: &FrameBuf,
     options: &Options,
     progress: &ProgressBar,
-) -> Result<Vec<Block>> {
+) -> Vec<Result<Block>> {
     progress.set_length(chosen.len() as u64);
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(chosen.len().max(1));
-    let mut rows: Vec<(usize, Block)> = std::thread::scope(|scope| {
+    let mut rows: Vec<(usize, Result<Vec<RgbImage>>)> = std::thread::scope(|scope| {
         let work = || {
             let mut rows = Vec::new();
             loop {
                 let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(description) = chosen.get(index) else { return Ok(rows) };
-                let levels = (0..LEVELS).map(|level| {
-                    let spec = Spec::new(&description.name, level as f64);
+                let Some(shown) = chosen.get(index) else { return rows };
+                let pictures = shown.levels().into_iter().map(|spec| {
                     let frame = perturbed(registry, &spec, source, options.seed, MOMENT)?;
                     Ok(picture::scaled(&frame, options.picture_width))
                 });
-                let row = picture::row(&levels.collect::<Result<Vec<_>>>()?)?;
-                rows.push((index, Block { label: label(description), row }));
+                rows.push((index, pictures.collect()));
                 progress.inc(1);
             }
         };
         let threads: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-        let join = |thread: std::thread::ScopedJoinHandle<'_, Result<Vec<_>>>| {
+        let join = |thread: std::thread::ScopedJoinHandle<'_, Vec<_>>| {
             thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         };
-        threads
-            .into_iter()
-            .map(join)
-            .collect::<Result<Vec<_>>>()
-            .map(|rows| rows.into_iter().flatten().collect())
-    })?;
+        threads.into_iter().flat_map(join).collect()
+    });
     rows.sort_by_key(|(index, _)| *index);
     progress.finish_and_clear();
-    Ok(rows.into_iter().map(|(_, block)| block).collect())
+    // All rows are as long as the longest, the others with paper at their ends.
+    let longest = rows.iter().flat_map(|(_, row)| row).map(Vec::len).max().unwrap_or(0);
+    let block = |(index, pictures): (usize, Result<Vec<RgbImage>>)| {
+        let mut pictures = pictures?;
+        if let Some(first) = pictures.first() {
+            let paper = RgbImage::from_pixel(first.width(), first.height(), picture::PAPER);
+            pictures.resize(longest, paper);
+        }
+        Ok(Block { label: chosen[index].label(), row: picture::row(&pictures)? })
+    };
+    rows.into_iter().map(block).collect()
 }
 
 /// Frames over time under a perturbation: `count` of them, `interval` seconds apart.
@@ -141,10 +189,4 @@ pub fn over_time(
             Ok(picture::scaled(&target, options.picture_width))
         })
         .collect()
-}
-
-fn label(description: &Description) -> String {
-    let temporal = if description.temporal == Temporal::Dynamic { ", dynamic" } else { "" };
-    let set = if description.default { "" } else { ", by name only" };
-    format!("{}  ({}{temporal}{set})", description.name, description.family)
 }

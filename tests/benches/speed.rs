@@ -96,8 +96,7 @@ fn main() {
         let mut target = FrameBuf::new(frame.width(), frame.height());
         median(&mut |_| target.as_mut().copy_from(frame.as_ref()))
     });
-    let rows: Vec<Row> = preview::chosen(&registry, &[], true)
-        .unwrap()
+    let rows: Vec<Row> = preview::usable(&registry, true)
         .iter()
         .map(|description| {
             let name = description.name.clone();

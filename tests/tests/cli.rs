@@ -215,6 +215,52 @@ fn places_of_plugins_that_cannot_be_searched_are_named() {
 }
 
 #[test]
+fn a_preview_shows_perturbations_as_they_are_named() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 32, 24);
+    let preview = |more: &[&str]| {
+        let small = ["preview", "in.png", "--width", "32", "--picture", "32", "--json"];
+        Pdk::new(small).args(more).folder(folder.path())
+    };
+    let size = |name: &str| image::image_dimensions(folder.path().join(name).join("sheet.png")).unwrap();
+    preview(&["-o", "all", "--with", "pixelate", "--with", "pixelate@2,variant=corrected"]).succeed();
+    preview(&["-o", "one", "--with", "pixelate@2"]).succeed();
+    // Two columns of five pictures, against a single picture.
+    assert_eq!((size("all").0, size("one").0), (3 * 16 + 2 * (5 * 32 + 4 * 6), 2 * 16 + 32));
+    let moving =
+        preview(&["-o", "moving", "--with", "dynamic_rain_filter@4", "--with", "dynamic_rain_filter"]);
+    assert_eq!(moving.succeed().json()["written"].as_array().unwrap().len(), 1 + 2 * 2);
+    assert!(folder.path().join("moving/dynamic_rain_filter-2.gif").is_file());
+    preview(&["--with", "pixelate@2,variant=odd"]).fail(1, &["variant", "corrected"]);
+    preview(&["--with", "pixelate@7"]).fail(1, &["pixelate@7", "from 0 to 4"]);
+    preview(&["--with", "pixelade"]).fail(1, &["did you mean `pixelate`"]);
+}
+
+#[test]
+fn a_preview_shows_the_clips_of_the_user_and_leaves_out_what_fails() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 32, 24);
+    std::fs::create_dir(folder.path().join("clips")).unwrap();
+    let clip = std::fs::read(pdk_tests::repository().join("scripts/overlays/snow.mp4")).unwrap();
+    std::fs::write(folder.path().join("clips/whole.mp4"), &clip).unwrap();
+    std::fs::write(folder.path().join("clips/cut.mp4"), &clip[..clip.len() / 2]).unwrap();
+    let preview = |more: &[&str]| {
+        let small = ["preview", "in.png", "--width", "16", "--picture", "16", "--overlays", "clips"];
+        Pdk::new(small).args(more).folder(folder.path()).env("PDK_CACHE", folder.path().join("cache"))
+    };
+    let all = preview(&["--json"]).succeed();
+    assert_eq!(all.json()["left_out"], serde_json::json!(["cut"]));
+    let warnings: Vec<_> = all.stderr.lines().filter(|line| line.contains("warning")).collect();
+    assert_eq!(warnings.len(), 1, "{}", all.stderr);
+    assert!(warnings[0].contains("`cut` is left out") && warnings[0].contains("cut.mp4"), "{}", all.stderr);
+    assert!(folder.path().join("preview/whole.gif").is_file());
+    assert!(!folder.path().join("preview/cut.gif").exists());
+    preview(&["--with", "cut"]).fail(1, &["cut.mp4"]);
+    let told = preview(&[]).succeed().stdout;
+    assert!(told.contains("by name only; --all shows them too"), "{told}");
+}
+
+#[test]
 fn completions_are_there_for_the_usual_shells() {
     for shell in ["bash", "zsh", "fish"] {
         let script = Pdk::new(["completions", shell]).succeed().stdout;

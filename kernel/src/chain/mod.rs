@@ -205,7 +205,12 @@ fn json(value: &impl Serialize) -> String {
 
 /// A value from the command line: JSON where it is JSON, a number also as people write it, else a text.
 pub fn parse_value(text: &str) -> Value {
-    serde_json::from_str(text).ok().or_else(|| number(text)).unwrap_or_else(|| Value::String(text.to_owned()))
+    parse_json(text).unwrap_or_else(|| Value::String(text.to_owned()))
+}
+
+/// A value from the command line that is no plain text: JSON, or a number as people write it.
+pub fn parse_json(text: &str) -> Option<Value> {
+    serde_json::from_str(text).ok().or_else(|| number(text))
 }
 
 /// A number that JSON does not know as one: `.5`, `-.5`, `+2`, `3.`.

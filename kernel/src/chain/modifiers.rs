@@ -110,13 +110,13 @@ mod tests {
 
     #[test]
     fn all_that_can_be_recorded_is_told() {
-        let spec = Spec::parse(
-            r#"fog@1,probability=0.5,region={"box":[0,0.5,1,1]},draws=per_frame,own=3"#,
-            0.0,
-        );
+        let spec =
+            Spec::parse(r#"fog@1,probability=0.5,region={"box":[0,0.5,1,1]},draws=per_frame,own=3"#, 0.0);
         let recorded = serde_json::to_value(spec.unwrap()).unwrap();
         let told = MODIFIERS.map(|modifier| modifier.name);
-        for key in recorded.as_object().unwrap().keys().filter(|key| !["name", "parameters"].contains(&key.as_str())) {
+        for key in
+            recorded.as_object().unwrap().keys().filter(|key| !["name", "parameters"].contains(&key.as_str()))
+        {
             assert!(told.contains(&key.as_str()), "{key} is not told of");
         }
         for (text, place) in [(help(), "help"), (markdown(), "Markdown"), (names(), "names")] {

@@ -1,9 +1,9 @@
 //! `pdk preview`: what perturbations do to an image, to look at.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressStyle};
-use pdk::chain::Spec;
 use pdk::picture;
 use pdk::preview::{self, Options};
 use pdk_sdk::describe::Temporal;
@@ -17,8 +17,8 @@ use super::{Global, print_json};
 pub struct Arguments {
     /// The image
     image: PathBuf,
-    /// Only this perturbation; may be given several times [default: the default set]
-    #[arg(long = "with", value_name = "NAME")]
+    /// Only this perturbation, at this level alone where it has one; may be given several times [default: the default set and your clips]
+    #[arg(long = "with", value_name = "NAME[@LEVEL][,PARAMETER=VALUE]...")]
     perturbations: Vec<String>,
     /// Also the perturbations that are not in the default set
     #[arg(long)]
@@ -69,9 +69,21 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         progress.set_style(style.progress_chars("=> "));
     }
 
-    let blocks = preview::rows(&registry, &chosen, &source, &options, &progress)?;
+    let mut shown = Vec::with_capacity(chosen.len());
+    let mut blocks = Vec::with_capacity(chosen.len());
+    let mut left_out = LeftOut { named: !arguments.perturbations.is_empty(), ..LeftOut::default() };
+    let rows = preview::rows(&registry, &chosen, &source, &options, &progress);
+    for (perturbation, block) in chosen.iter().zip(rows) {
+        if let Some(block) = left_out.note(&perturbation.description.name, block)? {
+            shown.push(perturbation);
+            blocks.push(block);
+        }
+    }
+    if let (true, Some(error)) = (blocks.is_empty(), left_out.first.take()) {
+        return Err(error);
+    }
     let heading = format!(
-        "{}  -  levels 0 to 4 from left to right, frame {} x {}, seed {}",
+        "{}  -  levels 0 to 4 from left to right where none is named, frame {} x {}, seed {}",
         arguments.image.file_name().unwrap_or_default().to_string_lossy(),
         source.width(),
         source.height(),
@@ -80,23 +92,56 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let mut written = vec![arguments.output.join("sheet.png")];
     let sheet = picture::sheet(&heading, &blocks, arguments.columns)?;
     pdk_image::write(&written[0], picture::to_frame(sheet)?.as_ref())?;
-    for description in chosen.iter().filter(|description| description.temporal == Temporal::Dynamic) {
-        let spec = Spec::new(&description.name, STRIP_LEVEL);
-        let (count, interval) = STRIP;
-        let pictures = preview::over_time(&registry, &spec, &source, &options, count, interval)?;
-        let strip = arguments.output.join(format!("{}-strip.png", description.name));
-        pdk_image::write(&strip, picture::to_frame(picture::row(&pictures)?)?.as_ref())?;
+    let mut seen = BTreeMap::new();
+    for perturbation in shown.iter().filter(|shown| shown.description.temporal == Temporal::Dynamic) {
+        let name = &perturbation.description.name;
+        let number = *seen.entry(name).and_modify(|number| *number += 1).or_insert(1);
+        let stem = if number == 1 { name.clone() } else { format!("{name}-{number}") };
+        let frames = |(count, interval)| {
+            let spec = perturbation.at(STRIP_LEVEL);
+            preview::over_time(&registry, &spec, &source, &options, count, interval)
+        };
         let (count, rate) = CLIP;
-        let frames = preview::over_time(&registry, &spec, &source, &options, count, 1.0 / f64::from(rate))?;
-        let clip = arguments.output.join(format!("{}.gif", description.name));
+        let both = frames(STRIP).and_then(|strip| Ok((strip, frames((count, 1.0 / f64::from(rate)))?)));
+        let Some((pictures, frames)) = left_out.note(name, both)? else { continue };
+        let strip = arguments.output.join(format!("{stem}-strip.png"));
+        pdk_image::write(&strip, picture::to_frame(picture::row(&pictures)?)?.as_ref())?;
+        let clip = arguments.output.join(format!("{stem}.gif"));
         picture::write_clip(&clip, frames, rate)?;
         written.extend([strip, clip]);
     }
     if global.json {
-        return print_json(&json!({ "written": written }));
+        return print_json(&json!({ "written": written, "left_out": left_out.names }));
     }
     for file in &written {
         println!("{}", file.display());
     }
+    let all = preview::usable(&registry, true).len();
+    if !left_out.named && all > chosen.len() {
+        println!("{} more are there by name only; --all shows them too", all - chosen.len());
+    }
     Ok(())
+}
+
+/// Perturbations that fail: where all are shown one of them is left out, but one that the user names is an error.
+#[derive(Default)]
+struct LeftOut {
+    named: bool,
+    names: Vec<String>,
+    first: Option<Error>,
+}
+
+impl LeftOut {
+    fn note<T>(&mut self, name: &str, made: Result<T>) -> Result<Option<T>> {
+        match made {
+            Ok(made) => Ok(Some(made)),
+            Err(error) if self.named => Err(error),
+            Err(error) => {
+                eprintln!("pdk: warning: `{name}` is left out: {error}");
+                self.names.push(name.to_owned());
+                self.first.get_or_insert(error);
+                Ok(None)
+            }
+        }
+    }
 }

@@ -6,7 +6,7 @@ use indicatif::ProgressBar;
 use pdk::picture;
 use pdk::preview::{self, Options};
 use pdk::reference;
-use pdk_sdk::describe::Description;
+use pdk::registry::Registry;
 use pdk_sdk::error::{Error, Place, Result};
 
 use super::Global;
@@ -32,8 +32,7 @@ const PICTURE_WIDTH: u32 = 180;
 /// Writes or checks the pages of all perturbations that need no file of the user's.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let registry = global.registry()?;
-    let perturbations = preview::chosen(&registry, &[], true)?;
-    for page in reference::pages(&perturbations) {
+    for page in reference::pages(&preview::usable(&registry, true)) {
         let path = arguments.folder.join(&page.file);
         if !arguments.check {
             write(&path, page.text.as_bytes())?;
@@ -46,25 +45,21 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         }
     }
     match &arguments.image {
-        Some(image) if !arguments.check => pictures(&registry, &perturbations, image, &arguments.folder),
+        Some(image) if !arguments.check => pictures(&registry, image, &arguments.folder),
         _ => Ok(()),
     }
 }
 
-fn pictures(
-    registry: &pdk::registry::Registry,
-    perturbations: &[Description],
-    image: &Path,
-    folder: &Path,
-) -> Result<()> {
+fn pictures(registry: &Registry, image: &Path, folder: &Path) -> Result<()> {
     let source = picture::to_frame(picture::scaled(&pdk_image::read(image)?, WIDTH))?;
     let options = Options { seed: 0, frame_width: WIDTH, picture_width: PICTURE_WIDTH };
-    let blocks = preview::rows(registry, perturbations, &source, &options, &ProgressBar::no_length())?;
-    for (description, block) in perturbations.iter().zip(blocks) {
+    let shown = preview::chosen(registry, &[], true)?;
+    let blocks = preview::rows(registry, &shown, &source, &options, &ProgressBar::no_length());
+    for (shown, block) in shown.iter().zip(blocks) {
         let mut jpeg = Vec::new();
-        let path = folder.join(format!("pictures/{}.jpg", description.name));
+        let path = folder.join(format!("pictures/{}.jpg", shown.description.name));
         image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 82)
-            .encode_image(&block.row)
+            .encode_image(&block?.row)
             .place(format_args!("cannot encode {}", path.display()))?;
         write(&path, &jpeg)?;
     }

@@ -3,7 +3,7 @@
 use pdk_sdk::error::{Error, Result};
 use serde_json::{Map, Value};
 
-use crate::chain::parse_value;
+use crate::chain::{parse_json, parse_value};
 use crate::suggest;
 
 /// Settings that every pipeline understands, with what they mean.
@@ -93,7 +93,7 @@ fn set(table: &mut Map<String, Value>, key: &str, rest: &str, text: &str) -> Res
 /// Reads a value of the type that the default has.
 fn parse(default: &Value, text: &str) -> Result<Value> {
     let wrong = |expected: &str| Err(Error::new(format!("`{text}` is no {expected}")));
-    let json = serde_json::from_str::<Value>(text).ok();
+    let json = parse_json(text);
     match (default, json) {
         (Value::Number(_), Some(Value::Number(number))) => Ok(Value::Number(number)),
         (Value::Number(_), _) => wrong("number"),
@@ -143,6 +143,8 @@ mod tests {
     fn values_take_the_type_of_their_default() {
         assert_eq!(with("model=7").unwrap()["model"], "7");
         assert_eq!(with("frames=7").unwrap()["frames"], 7);
+        assert_eq!(with("frames=.5").unwrap()["frames"], 0.5);
+        assert_eq!(with("model=.5").unwrap()["model"], ".5");
         assert_eq!(with("loud=true").unwrap()["loud"], true);
         assert_eq!(with("levels=2,3.5").unwrap()["levels"], json!([2, 3.5]));
         assert_eq!(with("names=x,y").unwrap()["names"], json!(["x", "y"]));
