@@ -8,7 +8,7 @@ use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Camera, Frame};
 use pdk_video::Writer;
 
-use super::compare::shortened;
+use super::compare::short_name;
 use super::gauge::{Gauge, fill};
 use crate::chain::Spec;
 use crate::drive::Outcome;
@@ -53,6 +53,10 @@ struct Film {
     waiting: VecDeque<(f64, RgbImage)>,
     /// How many wait at most.
     delay: usize,
+    /// Frames a second.
+    rate: f64,
+    /// The number of the next frame.
+    next: u64,
 }
 
 /// Where things are, in pixels.
@@ -106,14 +110,7 @@ impl<'a> Clip<'a> {
         let (width, height) = layout.size;
         let writer = Writer::create(self.path, width as usize, height as usize, camera.rate)?;
         let mut base = RgbImage::from_pixel(width, height, BACKGROUND);
-        let perturbations: Vec<_> = recorded.scenario.perturbations.iter().map(ToString::to_string).collect();
-        let right = match perturbations.is_empty() {
-            true => "what the driver saw".to_owned(),
-            false => format!("what the driver saw: {}", perturbations.join(", ")),
-        };
-        for (left, text) in layout.left.into_iter().zip(["what the camera saw", &right]) {
-            draw_text_in(&mut base, left, 4, text, INK);
-        }
+        draw_text_in(&mut base, layout.left[0], 4, "what the camera saw", INK);
         let largest = |value: fn(&Step) -> f64| steps.iter().map(value).fold(0.0, |a: f64, b| a.max(b.abs()));
         let speed = (largest(|step| step.state.speed) * 1.1).max(1.0);
         let error = (largest(|step| step.state.cross_track_error) * 1.1).max(0.5);
@@ -132,11 +129,13 @@ impl<'a> Clip<'a> {
             column += 1;
             gauge
         });
-        let title = format!("scenario {}: {}", recorded.index, shortened(&recorded.scenario.name));
+        let title = format!("scenario {}: {}", recorded.index, short_name(&recorded.scenario));
         let perturbations = recorded.scenario.perturbations.clone();
         let delay = (camera.rate * MARKED_SECONDS).ceil() as usize + 1;
         let waiting = VecDeque::with_capacity(delay + 1);
-        self.film = Some(Film { writer, layout, title, perturbations, base, gauges, waiting, delay });
+        let (rate, next) = (camera.rate, 0);
+        self.film =
+            Some(Film { writer, layout, title, perturbations, base, gauges, waiting, delay, rate, next });
         self.failure = None;
         Ok(())
     }
@@ -167,7 +166,8 @@ impl<'a> Clip<'a> {
             )));
         }
         while let Some((time, mut picture)) = film.waiting.pop_front() {
-            if !outcome.success && time >= outcome.time - MARKED_SECONDS {
+            // Half a millisecond allows for times that are sums of rounded frame times.
+            if !outcome.success && time + 0.0005 >= outcome.time - MARKED_SECONDS {
                 film.layout.mark(&mut picture, outcome.cause.text());
             }
             film.write(&picture)?;
@@ -179,19 +179,21 @@ impl<'a> Clip<'a> {
 impl Film {
     fn step(&mut self, step: &Step, raw: Frame<'_>, perturbed: Frame<'_>) -> Result<()> {
         let Step { sequence, state, control, .. } = step;
+        // Frames that were skipped in real time: the one before stays.
+        for skipped in self.next..*sequence {
+            let Some((_, last)) = self.waiting.back() else { break };
+            let last = last.clone();
+            let mut picture = self.blank()?;
+            picture.copy_from_slice(&last);
+            self.waiting.push_back((skipped as f64 / self.rate, picture));
+        }
+        self.next = sequence + 1;
         let values = [control.steering, control.throttle, state.speed, state.cross_track_error];
         for (gauge, value) in self.gauges.iter_mut().zip(values) {
             gauge.draw_curve(&mut self.base, state.time, value);
         }
-        let mut picture = match self.waiting.len() < self.delay {
-            true => self.base.clone(),
-            false => {
-                let Some((_, mut picture)) = self.waiting.pop_front() else { return Ok(()) };
-                self.write(&picture)?;
-                picture.copy_from_slice(&self.base);
-                picture
-            }
-        };
+        let mut picture = self.blank()?;
+        picture.copy_from_slice(&self.base);
         for (left, frame) in self.layout.left.into_iter().zip([raw, perturbed]) {
             self.layout.show(&mut picture, left, frame);
         }
@@ -205,6 +207,20 @@ impl Film {
         }
         self.waiting.push_back((state.time, picture));
         Ok(())
+    }
+
+    /// A picture to draw on: the oldest that waits, once it is written.
+    fn blank(&mut self) -> Result<RgbImage> {
+        match self.waiting.len() < self.delay {
+            true => Ok(RgbImage::new(self.base.width(), self.base.height())),
+            false => {
+                let Some((_, picture)) = self.waiting.pop_front() else {
+                    return Err(Error::new("no picture waits to be written, which is a defect in pdk"));
+                };
+                self.write(&picture)?;
+                Ok(picture)
+            }
+        }
     }
 
     /// What stands above the perturbed frame: the perturbations with their intensities at this time.
@@ -280,6 +296,7 @@ impl Layout {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pdk_sdk::prelude::{Control, FrameBuf, State};
 
     #[test]
     fn small_cameras_are_enlarged_and_large_ones_reduced_to_even_sizes() {
@@ -307,5 +324,45 @@ mod tests {
         let around =
             [(layout.left[1] - 1, HEADER), (layout.left[1] + 480, HEADER), (layout.left[1], HEADER + 4)];
         assert!(around.iter().all(|&(x, y)| *picture.get_pixel(x, y) == BACKGROUND));
+    }
+
+    #[test]
+    fn skipped_frames_show_the_one_before_and_the_last_second_of_a_failure_is_red() {
+        let path = std::env::temp_dir().join(format!("pdk-clip-{}.mp4", std::process::id()));
+        let outcome: Outcome = serde_json::from_value(serde_json::json!({
+            "index": 3, "success": false, "cause": "collision", "time": 2.0, "frames": 6, "progress": 0.5,
+            "scenario": {"name": "fast", "road": null, "perturbations": [], "duration": 9.0, "seed": null},
+            "mean_cross_track_error": 0.0, "max_cross_track_error": 0.0, "digest": "", "telemetry": [],
+            "waypoints": "",
+        }))
+        .unwrap();
+        let data = vec![128; 64 * 16 * 3];
+        let frame = Frame::new(&data, 64, 16).unwrap();
+        let mut clip = Clip::new(&path);
+        clip.start(Camera { width: 64, height: 16, rate: 4.0 }, &outcome, &[]).unwrap();
+        for sequence in [0, 1, 2, 5, 6, 8] {
+            let state = State { time: sequence as f64 / 4.0, ..State::default() };
+            let step = Step { sequence, state, control: Control::default(), frame_hash: 0 };
+            clip.step(&step, frame, frame);
+        }
+        clip.finish(&outcome).unwrap();
+        let mut reader = pdk_video::Reader::open_file(&path).unwrap();
+        let (mut planes, mut marked) = (pdk_video::Yuv420::default(), Vec::new());
+        while reader.next(&mut planes).unwrap() {
+            let mut picture = FrameBuf::new(planes.width, planes.height);
+            planes.to_rgb(picture.as_mut());
+            let [red, green, _] = picture.as_ref().pixel(MARGIN as usize + 2, HEADER as usize + 40);
+            marked.push(red > green + 50);
+        }
+        assert_eq!(marked, [false, false, false, false, true, true, true, true, true]);
+        // A scenario that failed before its first frame leaves nothing.
+        clip.start(Camera { width: 64, height: 16, rate: 4.0 }, &outcome, &[]).unwrap();
+        assert!(
+            clip.finish(&outcome)
+                .unwrap_err()
+                .to_string()
+                .starts_with("there is nothing to see of scenario 3")
+        );
+        std::fs::remove_file(path).unwrap();
     }
 }

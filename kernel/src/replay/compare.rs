@@ -10,7 +10,8 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::clip::Clip;
-use crate::drive::{Outcome, Witness};
+use crate::chain::Spec;
+use crate::drive::{Outcome, ScenarioSpec, Witness};
 use crate::record::RunDirectory;
 use crate::record::manifest::difference;
 use crate::record::trace_reader::{Step, read_steps};
@@ -20,8 +21,10 @@ use crate::record::trace_reader::{Step, read_steps};
 pub struct Compared {
     /// The number of the scenario in its run.
     pub index: u64,
-    /// What it is called in tables.
+    /// Its name in the record.
     pub name: String,
+    /// Its name as it fits into a line.
+    pub short_name: String,
     /// Frames that were driven.
     pub frames: u64,
     /// What the comparison found.
@@ -67,7 +70,7 @@ impl fmt::Display for Difference {
 
 impl fmt::Display for Compared {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "scenario {} ({}): ", self.index, shortened(&self.name))?;
+        write!(f, "scenario {} ({}): ", self.index, self.short_name)?;
         match &self.finding {
             Finding::Equal => write!(f, "{} frames, equal", self.frames),
             Finding::Different(difference) => difference.fmt(f),
@@ -76,12 +79,22 @@ impl fmt::Display for Compared {
     }
 }
 
-/// A name as it fits into a line: the course of an intensity over time makes a scenario's own name long.
-pub fn shortened(name: &str) -> String {
+/// The name of a scenario as it fits into a line: one that is named after perturbations whose intensity changes holds all
+/// points of their courses.
+pub fn short_name(scenario: &ScenarioSpec) -> String {
     const LONGEST: usize = 60;
+    let joined =
+        |text: fn(&Spec) -> String| scenario.perturbations.iter().map(text).collect::<Vec<_>>().join(" + ");
+    let name = match joined(Spec::to_string) == scenario.name {
+        true => joined(|spec| match spec.level.constant() {
+            Some(_) => spec.to_string(),
+            None => format!("{} over time", spec.label()),
+        }),
+        false => scenario.name.clone(),
+    };
     match name.char_indices().nth(LONGEST) {
         Some((end, _)) => format!("{}...", &name[..end]),
-        None => name.to_owned(),
+        None => name,
     }
 }
 
@@ -127,8 +140,7 @@ impl Witness for Compare<'_> {
         match read_steps(&self.directory.trace_path(index)) {
             Ok(steps) => self.recorded = steps,
             Err(error) => {
-                let name = outcome.scenario.name.clone();
-                return Ok(Some(Compared { index, name, frames: 0, finding: Finding::Unreadable(error) }));
+                return Ok(Some(compared(outcome, 0, Finding::Unreadable(error))));
             }
         }
         if let Some(clip) = &mut self.clip {
@@ -162,17 +174,22 @@ impl Witness for Compare<'_> {
         if let Some(clip) = &mut self.clip {
             clip.finish(&outcome)?;
         }
-        let (index, frames, name) = (outcome.index, outcome.frames, outcome.scenario.name.clone());
+        let frames = outcome.frames;
         let next = usize::try_from(frames).ok().and_then(|frames| self.recorded.get(frames));
         let ends_early = || next.map(|step| another_end(step, "after", "before"));
         let found = self.difference.take().or_else(ends_early);
-        let found = match (found, self.outcomes.get(&index)) {
+        let found = match (found, self.outcomes.get(&outcome.index)) {
             (None, Some(recorded)) => outcome_difference(recorded, &outcome)?,
             (found, _) => found,
         };
         let finding = found.map_or(Finding::Equal, Finding::Different);
-        Ok(Compared { index, name, frames, finding })
+        Ok(compared(&outcome, frames, finding))
     }
+}
+
+fn compared(outcome: &Outcome, frames: u64, finding: Finding) -> Compared {
+    let (index, name) = (outcome.index, outcome.scenario.name.clone());
+    Compared { index, name, short_name: short_name(&outcome.scenario), frames, finding }
 }
 
 /// One of the two has this step, and for the other the scenario was over.
@@ -194,6 +211,9 @@ fn step_difference(recorded: &Step, replayed: &Step) -> Option<Difference> {
         let time = Some(recorded.state.time);
         Some(Difference { frame, time, what: what.to_owned(), recorded: was, replayed: is })
     };
+    if recorded.sequence != replayed.sequence {
+        return found("its number", recorded.sequence.to_string(), replayed.sequence.to_string());
+    }
     let numbers = numbers(&recorded.state).into_iter().zip(numbers(&replayed.state));
     for ((what, was), (_, is)) in numbers {
         if was.to_bits() != is.to_bits() {
@@ -298,5 +318,24 @@ mod tests {
             step_difference(&step(), &other).unwrap().to_string(),
             "frame 17 at 0.850 s: the hash of the frame was 0000000000000abc and is 0000000000000abd"
         );
+    }
+
+    #[test]
+    fn courses_of_intensity_are_left_out_of_names() {
+        let mut scenario = ScenarioSpec {
+            name: String::new(),
+            road: Value::Null,
+            perturbations: vec![Spec::new("contrast", 2.0), Spec::new("fog", 1.0)],
+            duration: 1.0,
+            seed: None,
+        };
+        scenario.perturbations[1].level =
+            serde_json::from_value(serde_json::json!({"points": [[0, 1], [1, 2]]})).unwrap();
+        scenario.name = scenario.perturbations.iter().map(Spec::to_string).collect::<Vec<_>>().join(" + ");
+        assert_eq!(short_name(&scenario), "contrast@2 + fog over time");
+        scenario.name = "foggy".to_owned();
+        assert_eq!(short_name(&scenario), "foggy");
+        scenario.name = "ä".repeat(70);
+        assert_eq!(short_name(&scenario), format!("{}...", "ä".repeat(60)));
     }
 }

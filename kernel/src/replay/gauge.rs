@@ -80,7 +80,9 @@ impl Gauge {
 
     /// Shows the value now.
     pub fn draw_value(&self, picture: &mut RgbImage, value: f64) {
-        let text = format!("{value:.2}{}", self.unit);
+        // Rounded as it is shown; adding nothing turns minus zero into zero.
+        let shown = (value * 100.0).round() / 100.0 + 0.0;
+        let text = format!("{shown:.2}{}", self.unit);
         draw_text_in(picture, self.left + VALUE, self.top, &text, INK);
         let (zero, here) = (self.along(0.0), self.along(value));
         let (from, to) = (zero.min(here), zero.max(here));
