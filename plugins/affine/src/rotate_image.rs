@@ -18,7 +18,7 @@ impl Component for RotateImage {
             "Rotates the frame counter-clockwise over black; half a turn (level 4) can be closer to the original than a quarter",
         )
         .family("affine")
-        .grows_with(pdk_sdk::serde_json::json!({"degrees": [2, 5, 10, 20, 45]})).mathematics("rotation by angle about (W/2, H/2)").divergence("Half a turn, level 4, can be closer to the original than a quarter.")
+        .grows_with(pdk_sdk::serde_json::json!({"degrees": [2, 5, 10, 20, 45]})).mathematics("rotation by angle about (W/2, H/2)")
         .source("Rotation about half the width and height with linear interpolation at 1/32 px")
         .not_default()
         .parameter(

@@ -15,7 +15,7 @@ pub struct TranslateImage {
 impl Component for TranslateImage {
     fn description() -> Description {
         Description::perturbation("translate_image", "Shifts the frame to the right and up, over black")
-            .family("affine").mathematics("x' = x + dx, y' = y + dy").divergence("Level 0 moves by a tenth of a pixel and pixels ignore the frame's size, as published; `variant=corrected` moves by shares of the size.")
+            .family("affine").mathematics("x' = x + dx, y' = y + dy").divergence("Only with `variant=corrected`: it moves by shares of the frame's size, and at level 0 to the right and up as well.")
             .source("Shift with linear interpolation at 1/32 px")
             .parameter(
                 Parameter::by_level(

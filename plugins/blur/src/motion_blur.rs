@@ -14,13 +14,13 @@ pub struct MotionBlur {
 impl Component for MotionBlur {
     fn description() -> Description {
         Description::perturbation("motion_blur", "Averages every pixel along a slanted line")
-            .family("blur").mathematics("mean of v along one cell a row of a size x size kernel, x = trunc(tan(angle) (y - c) + c)").divergence("A kernel of even size also shifts the frame by half a pixel, as published; between levels that can outweigh the blur.")
+            .family("blur").mathematics("mean of v along one cell a row of a size x size kernel, x = trunc(tan(angle) (y - c) + c)")
             .source("Average over one pixel in each row of a square kernel, along a line through its middle")
             .parameter(
                 Parameter::by_level(
                     "size",
                     [2.0, 4.0, 6.0, 10.0, 15.0],
-                    "height of the line, rounded to whole rows",
+                    "height of the line, rounded to whole rows; an even one also shifts the frame by half a pixel, which between levels can outweigh the blur",
                 )
                 .range(1.0, 200.0)
                 .unit("px"),

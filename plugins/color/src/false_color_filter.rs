@@ -18,7 +18,8 @@ impl Component for FalseColorFilter {
         .family("color")
         .grows_with(pdk_sdk::serde_json::json!({"effect": [1, 1.5, 2, 2.5, 3]}))
         .mathematics("(G,B,R), (G,R,B), (B,G,R), (255-R,255-G,255-B), ((R+G)/2,(G+B)/2,(B+R)/2)")
-        .divergence("the corrected variant of effect 4 is the mean of two channels; the published 8-bit sum wraps before it is halved")
+        .source("Leonhard, Lambertenghi and Stocco, PerturbationDrive: channels exchanged, inverted and added")
+        .divergence("Only with `variant=corrected`: effect 4 is the mean of two channels; the published 8-bit sum wraps before it is halved.")
         .parameter(
             Parameter::by_level(
                 "effect",

@@ -22,7 +22,7 @@ impl Component for HistogramEqualisation {
         .grows_with(pdk_sdk::serde_json::json!({"clip_limit": [3, 5, 7, 10, 15]}))
         .source("Zuiderveld, Contrast limited adaptive histogram equalization (1994)")
         .mathematics("V' = 255 * the share of values up to V in the clipped histogram of its tile, bilinear between tiles")
-        .divergence("back in RGB values are rounded; the published tool drops fractions in blocks of 32 pixels")
+        .divergence("The way back from HSV rounds everywhere; the published one truncates in blocks of 32 pixels, which darkens by up to a level.")
         .parameter(
             Parameter::by_level(
                 "clip_limit",

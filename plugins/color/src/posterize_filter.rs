@@ -25,7 +25,8 @@ impl Component for PosterizeFilter {
         Description::perturbation("posterize_filter", "Reduces the number of tones of each channel")
             .family("color")
             .mathematics("min(255, step * floor(v * tones / 255)), step = floor(255 / (tones - 1))")
-            .divergence("between the published numbers of tones the step is interpolated, because the published formula darkens there by up to a third")
+            .divergence("Between the published numbers of tones the step is interpolated, because the published formula darkens there by up to a third.")
+            .source("Leonhard, Lambertenghi and Stocco, PerturbationDrive: uniform quantisation of each channel")
             .parameter(
                 Parameter::by_level(
                     "tones",

@@ -16,7 +16,7 @@ impl Component for SaturationFilter {
         .source("Smith, Color gamut transform pairs (1978), in 8 bits")
         .mathematics("S' = floor(min(255, factor * S)) in HSV")
         .divergence(
-            "back in RGB values are rounded; the published tool drops fractions in blocks of 32 pixels",
+            "The way back from HSV rounds everywhere; the published one truncates in blocks of 32 pixels, which darkens by up to a level.",
         )
         .parameter(
             Parameter::by_level(

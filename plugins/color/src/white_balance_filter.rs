@@ -15,7 +15,7 @@ impl Component for WhiteBalanceFilter {
         .family("color")
         .source("Buchsbaum, A spatial processor model for object colour perception (1980): the grey-world assumption")
         .mathematics("(1 - weight) * v + weight * min(255, v * mean of the channel means / mean of the channel)")
-        .divergence("a channel without any light stays black; the published tool divides by zero")
+        .divergence("A channel without any light stays black; the published tool divides by zero.")
         .parameter(
             Parameter::by_level("weight", [0.1, 0.25, 0.5, 0.75, 0.99], "share of the correction in the result")
                 .range(0.0, 1.0),

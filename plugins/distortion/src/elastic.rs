@@ -18,7 +18,7 @@ impl Component for Elastic {
             "Displaces every pixel at random, smoothly, anew in every frame; level 0 is stronger than 1 to 3",
         )
         .family("distortion")
-        .grows_with(pdk_sdk::serde_json::json!({"sigma": 1.5})).mathematics("v(x + dx, y + dy), dx and dy = alpha U(-1, 1) * G(sigma)").drawn_per_frame("the displacements").divergence("Level 0 hardly smooths its displacements and so tears more than levels 1 to 3, as published.")
+        .grows_with(pdk_sdk::serde_json::json!({"sigma": 1.5})).mathematics("v(x + dx, y + dy), dx and dy = alpha U(-1, 1) * G(sigma)").drawn_per_frame("the displacements")
         .source("Simard, Steinkraus and Platt, Best practices for convolutional neural networks applied to visual document analysis (2003)")
         .parameter(
             Parameter::by_level(

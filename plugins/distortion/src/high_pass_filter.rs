@@ -16,7 +16,6 @@ impl Component for HighPassFilter {
         )
         .family("distortion")
         .mathematics("trunc(clip(2 v - v * G))")
-        .divergence("An unsharp mask, whatever its name says.")
         .source("Unsharp mask; the blur's standard deviation is 0.3 * ((size - 1) / 2 - 1) + 0.8")
         .not_default()
         .parameter(

@@ -17,6 +17,7 @@ impl Component for SamplePairingFilter {
             "Blends the frame with an enlarged window of half its size; the window's place is drawn once per sequence",
         )
         .family("distortion").mathematics("alpha v + (1 - alpha) window, a half-size part of the frame enlarged").drawn_per_sequence("the place of the window")
+        .divergence("Drawn once per sequence; the published tool draws anew on every call, as `draws=per_frame` does.")
         .source("Inoue, Data augmentation by pairing samples for images classification (2018), with a part of the same frame")
         .parameter(
             Parameter::by_level("weight", [0.9, 0.7, 0.5, 0.3, 0.1], "share of the original in the result")

@@ -11,13 +11,13 @@ pub struct SharpenFilter {
 impl Component for SharpenFilter {
     fn description() -> Description {
         Description::perturbation("sharpen_filter", "Blends the frame with a sharpened and brightened copy")
-            .family("distortion").mathematics("w v + (1 - w) (v * K), K of -1 with 8 + strength in the middle").divergence("What is brightened until it clips loses structure in steps, so that similarity falls unevenly between levels.")
+            .family("distortion").mathematics("w v + (1 - w) (v * K), K of -1 with 8 + strength in the middle")
             .source("Laplacian with eight neighbours; its centre is larger by the gain, so it brightens too")
             .parameter(
                 Parameter::by_level(
                     "gain",
                     [1.0, 2.0, 3.0, 4.0, 5.0],
-                    "sum of the kernel: how much brighter the sharpened copy is than the frame",
+                    "sum of the kernel: how much brighter the sharpened copy is than the frame; what it clips loses structure in steps",
                 )
                 .range(0.0, 100.0),
             )

@@ -40,6 +40,10 @@ impl Component for RaindropsOnLens {
         .mathematics(
             "h = max of R / 2 (1 - |p - c|² / R²); out(p) = blurred(p + 0.26 H grad h (1 + 0.55 |grad h|²))",
         )
+        .divergence(
+            "The published particles are half transparent and move at random with every frame; these refract or hide the \
+             scene, and where they are follows from the key and the time alone.",
+        )
         .drawn_per_sequence("where and when drops hit the lens, their shapes, paths and speeds")
         .parameter(
             Parameter::by_level(

@@ -33,6 +33,10 @@ impl Component for SnowOnLens {
         .dynamic()
         .source("Particles with bounded lives; stamps of clumps over water refracted by its slope")
         .mathematics("opacity = 0.96 (1 - 1 / (1 + t + t²)), t = 1.35 times the sum of the flakes' densities")
+        .divergence(
+            "The published particles are half transparent and move at random with every frame; these refract or hide the \
+             scene, and where they are follows from the key and the time alone.",
+        )
         .drawn_per_sequence("where and when flakes land, their shapes, paths and speeds")
         .parameter(
             Parameter::by_level(

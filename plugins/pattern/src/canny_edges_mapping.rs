@@ -2,7 +2,12 @@
 //!
 //! As published, higher levels have higher thresholds and so fewer edges: what all levels share, the darkening, makes
 //! most of the effect, and level 0 is the strongest.
+//!
+//! A low threshold above the high one is refused: edges could start where they may not go on. Whether it is above can
+//! depend on the intensity, where the user sets one and the other follows it.
 
+use pdk_sdk::config::frame_values;
+use pdk_sdk::describe::LEVELS;
 use pdk_sdk::ops::canny::{Workspace, blend_with_edges};
 use pdk_sdk::prelude::*;
 
@@ -43,14 +48,39 @@ impl Component for CannyEdgesMapping {
         )
     }
 
-    fn new(_config: &Config) -> Result<Self> {
+    fn new(config: &Config) -> Result<Self> {
+        let description = Self::description();
+        let place =
+            |name: &str| description.parameters.iter().position(|p| p.name == name).unwrap_or_default();
+        let (low, high) = (place("low_threshold"), place("high_threshold"));
+        let mut values = Vec::new();
+        let at_levels = (0..LEVELS).map(|level| {
+            frame_values(&description, config, level as f64, &mut values);
+            thresholds(values[low], values[high])
+        });
+        // What fits no level is wrong before the first frame.
+        let checked: Vec<_> = at_levels.collect();
+        if checked.iter().all(Result::is_err) {
+            checked.into_iter().collect::<Result<Vec<_>>>()?;
+        }
         Ok(Self { workspace: Workspace::default() })
     }
 }
 
+/// Both thresholds, where they are in order.
+fn thresholds(low: f64, high: f64) -> Result<(f64, f64)> {
+    if low <= high {
+        return Ok((low, high));
+    }
+    Err(Error::new(format!(
+        "parameter `low_threshold` is {low} and above `high_threshold`, which is {high} at this level; set both, the low one \
+         no higher"
+    )))
+}
+
 impl Perturbation for CannyEdgesMapping {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let thresholds = (cx.number("low_threshold"), cx.number("high_threshold"));
+        let thresholds = thresholds(cx.number("low_threshold"), cx.number("high_threshold"))?;
         blend_with_edges(src, dst, cx.number("weight"), thresholds, &mut self.workspace);
         Ok(())
     }
@@ -61,7 +91,7 @@ mod tests {
     use pdk_sdk::prelude::*;
     use pdk_sdk::serde_json::{Value, json};
 
-    use super::CannyEdgesMapping;
+    use super::{CannyEdgesMapping, frame_values};
     use crate::golden;
 
     #[test]
@@ -77,6 +107,30 @@ mod tests {
     #[test]
     fn writes_exactly_the_frame() {
         golden::writes_exactly_the_frame::<CannyEdgesMapping>(&Value::Null);
+    }
+
+    #[test]
+    fn a_low_threshold_above_the_high_one_is_refused() {
+        let src = pdk_sdk::testing::sample_frame(20, 10);
+        let run = |given: Value, intensity: f64| {
+            let description = CannyEdgesMapping::description();
+            let config = Config::check(&description, given.as_object().unwrap()).unwrap();
+            let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
+            let mut values = Vec::new();
+            frame_values(&description, &config, intensity, &mut values);
+            let key = Key::default();
+            let cx = Context::new(intensity, 0, 0.0, &key).with_values(&names, &values);
+            let mut instance = CannyEdgesMapping::new(&config).map_err(|error| format!("new: {error}"))?;
+            let mut dst = FrameBuf::new(20, 10);
+            instance.apply(src.as_ref(), dst.as_mut(), &cx).map_err(|error| error.to_string())
+        };
+        let refused = run(json!({"low_threshold": 300, "high_threshold": 200}), 2.0).unwrap_err();
+        assert!(refused.starts_with("new: parameter `low_threshold` is 300 and above"), "{refused}");
+        assert!(run(json!({"low_threshold": 300}), 2.0).unwrap_err().starts_with("new: "));
+        // In order at level 4, where the high one is 220, and not at level 0, where it is 151.
+        assert_eq!(run(json!({"low_threshold": 200}), 4.0), Ok(()));
+        assert!(run(json!({"low_threshold": 200}), 0.0).unwrap_err().contains("which is 151 at this level"));
+        assert_eq!(run(json!({"low_threshold": 200, "high_threshold": 200}), 0.0), Ok(()));
     }
 
     #[test]

@@ -17,6 +17,7 @@ impl Component for CutoutFilter {
         .family("pattern")
         .source("DeVries and Taylor, Improved regularization of convolutional neural networks with cutout (2017)")
         .mathematics("black in rectangles whose sides are uniform in 5 %..20 % of the frame's")
+        .divergence("Drawn once per sequence; the published tool draws anew on every call, as `draws=per_frame` does.")
         .drawn_per_sequence("size and place of each rectangle")
         .parameter(
             Parameter::by_level(

@@ -20,7 +20,9 @@ impl Component for DottedLinesMapping {
         )
         .family("pattern")
         .mathematics("black where |(x, y) - trunc(start + k * spacing * direction)| <= radius for any line, k = 0, 1, ...")
-        .divergence("the corrected variant counts its lines by the severity; the published one by the number of the level, so that level 0 draws none")
+        .source("Leonhard, Lambertenghi and Stocco, PerturbationDrive: dots along random lines")
+        .divergence("Drawn once per sequence; the published tool draws anew on every call, as `draws=per_frame` does.")
+        .divergence("Only with `variant=corrected`: it counts its lines by the severity; the published tool counts by the number of the level, so that level 0 draws none.")
         .drawn_per_sequence("start and direction of each line")
         .parameter(
             Parameter::by_level(

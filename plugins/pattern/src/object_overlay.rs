@@ -22,7 +22,9 @@ impl Component for ObjectOverlay {
         Description::perturbation("object_overlay", "Lays the project's logo over the middle of the frame")
             .family("pattern")
             .mathematics("published: width = H / c, height = W * width / 1330; corrected: height = H / c, width = height * 2560 / 1330")
-            .divergence("the logo is the project's own, with smooth letters, and at least one pixel large, where the published tool fails on small frames")
+            .divergence("The logo is the project's own, with smooth letters, and at least one pixel large; the published tool fails on small frames.")
+            .divergence("Only with `variant=corrected`: the logo keeps its aspect; the published size exchanges the roles of width and height.")
+            .source("Leonhard, Lambertenghi and Stocco, PerturbationDrive: an opaque logo in the middle")
             .parameter(
                 Parameter::by_level(
                     "divisor",

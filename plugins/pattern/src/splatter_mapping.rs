@@ -19,6 +19,8 @@ impl Component for SplatterMapping {
         .mathematics(
             "black where (x - cx)^2 + (y - cy)^2 <= r^2 for any disc, r uniform in 5..=largest_radius",
         )
+        .source("Leonhard, Lambertenghi and Stocco, PerturbationDrive: discs at random places")
+        .divergence("Drawn once per sequence; the published tool draws anew on every call, as `draws=per_frame` does.")
         .drawn_per_sequence("middle and radius of each disc")
         .parameter(
             Parameter::by_level(

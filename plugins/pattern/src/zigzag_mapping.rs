@@ -19,6 +19,8 @@ impl Component for ZigzagMapping {
         .family("pattern")
         .grows_with(pdk_sdk::serde_json::json!({"amplitude": 2, "frequency": 1}))
         .mathematics("black at trunc(p_k), p_(k+1) = p_k + direction + (0, amplitude * sin(frequency * k)), until p_k leaves the frame")
+        .source("Leonhard, Lambertenghi and Stocco, PerturbationDrive: random lines with a sine added at every step")
+        .divergence("Drawn once per sequence; the published tool draws anew on every call, as `draws=per_frame` does.")
         .drawn_per_sequence("start and direction of each line")
         .parameter(
             Parameter::by_level(

@@ -21,7 +21,7 @@ impl Component for FogFilter {
         .family("weather")
         .mathematics("(1 - s) v + s ((1 - n) 255 + n noise), noise ~ N(0, 255 n)")
         .drawn_per_frame("the noise")
-        .divergence("Negative noise wraps round to bright values as published; `variant=corrected` clips it.")
+        .divergence("Only with `variant=corrected`: negative noise is clipped to 0; the published one wraps round to bright values.")
         .source("Weighted sum of the frame, white and normal noise")
         .parameter(
             Parameter::by_level("strength", [0.1, 0.2, 0.3, 0.45, 0.65], "share of the fog in the result")

@@ -22,7 +22,8 @@ pub fn describe(description: Description, opacities: [f64; 5]) -> Description {
         .family("weather")
         .mathematics("(1 - a t) v + a texture, then S x 0.8 in HSV")
         .divergence("The texture is the project's own, drawn from a fixed key.")
-        .divergence("The texture is not weighted by its own alpha, as published; `variant=corrected` does so.")
+        .divergence("The way back from HSV rounds everywhere; the published one truncates in blocks of 32 pixels, which darkens by up to a level.")
+        .divergence("Only with `variant=corrected`: the texture is weighted by its own alpha.")
         .parameter(
             Parameter::by_level("opacity", opacities, "opacity of the texture where it covers what is behind it")
                 .range(0.0, 1.0),
