@@ -3,6 +3,8 @@
 use pdk_sdk::describe::{Description, LEVELS, Parameter, ParameterType, Temporal};
 use serde_json::{Map, Value};
 
+use crate::chain::modifiers;
+
 /// A page of the reference in Markdown.
 pub struct Page {
     /// The name of the file, without folder.
@@ -43,8 +45,11 @@ fn index(perturbations: &[&Description]) -> String {
         "# Perturbations\n\n{GENERATED}\n\n\
          Every perturbation takes an intensity from 0 to 4, any number in between. Static ones look at one frame, dynamic \
          ones move over time. The default set are those that keep a scene valid.\n\n\
-         | family | perturbation | | default | what it does |\n|---|---|---|---|---|\n{}",
-        rows.collect::<String>()
+         | family | perturbation | | default | what it does |\n|---|---|---|---|---|\n{}\n\
+         ## Modifiers\n\nEvery perturbation takes these besides its own parameters, in the same way: `NAME,MODIFIER=VALUE` on \
+         the command line, `{{ name = ..., MODIFIER = ... }}` in Lua.\n\n{}",
+        rows.collect::<String>(),
+        modifiers::markdown()
     )
 }
 
@@ -173,6 +178,7 @@ mod tests {
         assert!(text.contains("**Computes** v (1 - s) + 255 s"), "{text}");
         assert!(text.contains("| `s` | density | number 0 to 1 | 0.1 | 0.2 | 0.3 | 0.4 | 0.5 |"), "{text}");
         assert!(text.contains(r"published \| corrected"), "{text}");
+        assert!(pages[0].text.ends_with(&modifiers::markdown()), "{}", pages[0].text);
         assert!(pages[0].text.contains(r"Hides what is far \| away"), "{}", pages[0].text);
     }
 }

@@ -2,12 +2,32 @@
 
 use std::path::Path;
 
+use pdk::chain::modifiers;
 use pdk_tests::{Pdk, repository};
 
 #[test]
 fn the_reference_is_up_to_date() {
     let folder = repository().join("docs/reference");
     Pdk::new(["reference", "--check"]).arg(&folder).succeed();
+}
+
+/// `PDK_BLESS=1` writes the table anew.
+#[test]
+fn the_readme_tells_of_the_modifiers() {
+    const MARKS: [&str; 2] = ["<!-- modifiers -->\n", "<!-- end of modifiers -->"];
+    let file = repository().join("README.md");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let [start, end] = MARKS.map(|mark| text.find(mark).unwrap_or_else(|| panic!("README.md: no {mark}")));
+    let (found, expected) = (&text[start + MARKS[0].len()..end], modifiers::markdown());
+    if std::env::var_os("PDK_BLESS").is_some() {
+        let before = &text[..start + MARKS[0].len()];
+        std::fs::write(&file, format!("{before}{expected}{}", &text[end..])).unwrap();
+    } else {
+        assert_eq!(
+            found, expected,
+            "the table of modifiers in README.md is stale; run this with PDK_BLESS=1"
+        );
+    }
 }
 
 #[test]
