@@ -311,6 +311,24 @@ fn changed_parts_are_told_and_missing_ones_are_errors() {
 }
 
 #[test]
+fn an_overlay_that_is_gone_is_named() {
+    let folder = temp();
+    let out = record(folder.path());
+    let sticker = folder.path().join("mine/overlays/sticker.png");
+    pictures::write(&sticker, 17, 12);
+    let ran = replay(&out).run();
+    assert_eq!(ran.code, Some(1));
+    let warning = format!("warning: since the run was recorded, the file {} is another", sticker.display());
+    assert!(ran.stderr.contains(&warning), "{}", ran.stderr);
+    assert_eq!(ran.stdout.matches(", equal").count(), 4, "{}", ran.stdout);
+    fs::remove_file(&sticker).unwrap();
+    replay(&out)
+        .fail(1, &["there is no perturbation `sticker`", &sticker.display().to_string(), "--overlays"]);
+    let ran = replay(&out).args(["--scenario", "1"]).succeed();
+    assert!(ran.stderr.contains("sticker.png is not there any more"), "{}", ran.stderr);
+}
+
+#[test]
 fn a_component_that_failed_fails_again() {
     let folder = temp();
     let out = folder.path().join("record");

@@ -1,6 +1,6 @@
 //! What was run: everything that has to be equal for two runs to be equal.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
@@ -122,6 +122,8 @@ impl Manifest {
     /// components say of themselves, and, where they count, the places where components lie.
     pub fn changed_parts(&self, recorded: &Manifest, places_count: bool) -> Vec<String> {
         let mut changed = Vec::new();
+        // A library holds many components, and its content is said to be another once.
+        let mut other_files: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
         for component in &self.components {
             let same = |c: &&ComponentRecord| c.kind == component.kind && c.name == component.name;
             let Some(first) = recorded.components.iter().find(same) else { continue };
@@ -130,7 +132,10 @@ impl Manifest {
                 changed.push(differs(&format!("the version of {name}"), &first.version, &component.version));
             }
             if first.file.blake3 != component.file.blake3 {
-                changed.push(format!("the file of {name}, {}, is another", component.file.path.display()));
+                let names = other_files.entry(&component.file.path).or_default();
+                if !names.contains(&name) {
+                    names.push(name.clone());
+                }
             }
             if places_count && first.file.path != component.file.path {
                 let (was, is) = (first.file.path.display(), component.file.path.display());
@@ -150,6 +155,10 @@ impl Manifest {
                     &format!("`{}`", text(&component.info)),
                 ));
             }
+        }
+        for (path, names) in other_files {
+            let path = path.display();
+            changed.push(format!("the file of {}, {path}, is another", names.join(", ")));
         }
         for file in &self.files {
             let known = recorded.files.iter().find(|known| known.path == file.path);

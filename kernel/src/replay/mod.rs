@@ -166,9 +166,10 @@ impl Replay {
     pub fn changes(&self, registry: &Registry, patience: Patience) -> Result<Vec<String>> {
         for (kind, name) in self.components() {
             registry.get(kind, name).map(drop).map_err(|error| {
-                let mut recorded = self.manifest.components.iter();
-                let from = recorded.find(|c| c.kind == kind && c.name == name);
-                let from = from.map_or_else(String::new, |c| format!(" from {}", c.file.path.display()));
+                let shown = self.manifest.files.iter().find(|file| Registry::drop_in_name(&file.path) == name);
+                let recorded = self.manifest.components.iter().find(|c| c.kind == kind && c.name == name);
+                let from = shown.or(recorded.map(|component| &component.file));
+                let from = from.map_or_else(String::new, |file| format!(" from {}", file.path.display()));
                 Error::new(format!(
                     "{error}; the record has it{from}: name the folder in which it lies with --plugins or --overlays"
                 ))
