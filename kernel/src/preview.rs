@@ -8,7 +8,7 @@ use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind, LEVELS, Temporal};
 use pdk_sdk::error::Result;
 use pdk_sdk::prelude::FrameBuf;
-use serde_json::Map;
+use serde_json::{Map, Value};
 
 use crate::chain::{Chain, Level, MAX_INTENSITY, Spec};
 use crate::picture::{self, Block};
@@ -65,14 +65,14 @@ impl Shown {
     }
 }
 
-/// The perturbations that can be shown without setting anything, by family and name: the default set with the files of the
-/// user's that are perturbations, or all.
+/// The perturbations that can be shown without setting anything, or with an example of their own, by family and name: the
+/// default set with the files of the user's that are perturbations, or all.
 pub fn usable(registry: &Registry, all: bool) -> Vec<Description> {
     let wanted = |component: &&Component| {
         all || component.description.default || registry.base_of(component).is_some()
     };
     let found = registry.of_kind(Kind::Perturbation).filter(wanted).map(|component| &component.description);
-    let mut usable: Vec<Description> = found.filter(|found| needs_nothing(found)).cloned().collect();
+    let mut usable: Vec<Description> = found.filter(|found| settings(found).is_some()).cloned().collect();
     usable.sort_by(|a, b| (&a.family, &a.name).cmp(&(&b.family, &b.name)));
     usable
 }
@@ -84,7 +84,8 @@ pub fn usable(registry: &Registry, all: bool) -> Vec<Description> {
 pub fn chosen(registry: &Registry, named: &[String], all: bool) -> Result<Vec<Shown>> {
     if named.is_empty() {
         let shown = |description: Description| {
-            let spec = Spec::new(&description.name, 0.0);
+            let parameters = settings(&description).unwrap_or_default();
+            let spec = Spec { parameters, ..Spec::new(&description.name, 0.0) };
             Shown { description, spec, one_level: false }
         };
         return Ok(usable(registry, all).into_iter().map(shown).collect());
@@ -99,9 +100,12 @@ pub fn chosen(registry: &Registry, named: &[String], all: bool) -> Result<Vec<Sh
     named.iter().map(shown).collect()
 }
 
-/// Whether a component can be made without setting anything.
-fn needs_nothing(description: &Description) -> bool {
-    Config::check(description, &Map::new()).is_ok()
+/// What has to be set to show a component: nothing, or else what its first example says that will do; none where it needs
+/// something of the user's.
+fn settings(description: &Description) -> Option<Map<String, Value>> {
+    let nothing = Map::new();
+    let mut all = std::iter::once(&nothing).chain(&description.examples);
+    all.find(|settings| Config::check(description, settings).is_ok()).cloned()
 }
 
 /// A frame under a perturbation at a moment.
@@ -189,4 +193,22 @@ pub fn over_time(
             Ok(picture::scaled(&target, options.picture_width))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use pdk_sdk::describe::Parameter;
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn what_needs_a_file_is_shown_with_its_example() {
+        let fog = Description::perturbation("fog", "Fog");
+        assert_eq!(settings(&fog), Some(Map::new()));
+        let clip = fog.parameter(Parameter::path("clip", "the clip"));
+        assert_eq!(settings(&clip), None);
+        let example = json!({"clip": "built-in:fog"});
+        assert_eq!(settings(&clip.example(example.clone())).map(Value::Object), Some(example));
+    }
 }
