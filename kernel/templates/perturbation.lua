@@ -1,19 +1,24 @@
 -- A perturbation for pdk: put this file into a folder and name the folder with --plugins.
--- See it:  pdk --plugins . perturb IMAGE --with {{name}}@2 -o out.png
+-- See it:    pdk --plugins . perturb IMAGE --with {{name}}@2 -o out.png
+-- Check it:  pdk check {{name}}.lua
 
 return {
 	doc = "Darkens the frame from the top down, as a sun visor does",
 	family = "custom",
+	mathematics = "v / 3 in the upper `share` of the rows",
+	source = "A pane of tinted glass that lets a third of the light through",
 	parameters = {
 		{ name = "share", levels = { 0.1, 0.15, 0.2, 0.3, 0.4 }, min = 0, max = 1, doc = "share of the height that is dark" },
 	},
 
-	-- `image` holds a copy of the frame; change it in place.
+	-- `image` holds a copy of the frame; change it in place. Nothing may be kept from one frame to the next, because any
+	-- frame has to come out the same on its own: take numbers from cx.frame_random, or from cx.sequence_random for what
+	-- is the same in all frames, and say so in the fields draws_per_frame and draws_per_sequence.
 	apply = function(image, cx)
-		local pixels, width = image.pixels, image.width
-		local rows = math.floor(image.height * cx.share)
-		for offset = 0, rows * width * 3 - 1 do
-			buffer.writeu8(pixels, offset, buffer.readu8(pixels, offset) // 3)
-		end
+		local visor = image:copy()
+		visor:brightness(1 / 3)
+		local shade = image:blank()
+		shade:rectangle(0, 0, image.width, image.height * cx.share, 255, 255, 255)
+		image:blend_through(visor, shade)
 	end,
 }

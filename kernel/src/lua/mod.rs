@@ -13,7 +13,7 @@
 //! | `power` | refuses the uses of `^` that would not |
 //! | [`api`] | how functions and classes are registered and documented |
 //! | `arguments` | the arguments of host functions, checked |
-//! | [`image`] | the image a script edits |
+//! | [`image`] | the image a script edits, and the operations on it |
 //! | [`random`] | the random numbers a script draws |
 //! | [`declaration`] | the table by which a script describes its perturbation |
 //! | [`perturbation`] | a script as a perturbation |

@@ -60,6 +60,8 @@ pub struct LuaPerturbation {
     cx: ScriptContext,
     /// The parameters' values of the frame at hand.
     values: Vec<f64>,
+    /// The limits before the size of the frame counts.
+    limits: Limits,
     sandbox: Sandbox,
 }
 
@@ -81,6 +83,7 @@ impl LuaPerturbation {
             image: None,
             cx,
             values: Vec::new(),
+            limits,
             sandbox,
         })
     }
@@ -92,21 +95,25 @@ impl LuaPerturbation {
 
     /// An image of the size of `src` with its pixels.
     fn image_of(&mut self, src: Frame<'_>) -> Result<AnyUserData> {
-        let latest = self.image.take();
-        let image = self.sandbox.make(&self.script, |lua| {
-            if let Some(image) = latest {
-                let mut pixels = image.borrow_mut::<LuaImage>()?;
-                if (pixels.width(), pixels.height()) == (src.width(), src.height()) {
-                    pixels.frame_mut()?.copy_from(src);
-                    drop(pixels);
-                    return Ok(image);
-                }
+        let mut latest = self.image.take();
+        if let Some(image) = &latest {
+            let pixels = image.borrow::<LuaImage>().place(&self.script)?;
+            if (pixels.width(), pixels.height()) != (src.width(), src.height()) {
                 drop(pixels);
-                drop(image);
+                latest = None;
             }
-            let mut pixels = LuaImage::new(lua, src.width(), src.height())?;
-            pixels.frame_mut()?.copy_from(src);
-            lua.create_userdata(pixels)
+        }
+        self.sandbox.set_limits(&self.script, self.limits.for_frame(src.width(), src.height()))?;
+        let image = self.sandbox.make(&self.script, |lua| match latest {
+            Some(image) => {
+                image.borrow_mut::<LuaImage>()?.frame_mut()?.copy_from(src);
+                Ok(image)
+            }
+            None => {
+                let mut pixels = LuaImage::new(lua, src.width(), src.height())?;
+                pixels.frame_mut()?.copy_from(src);
+                lua.create_userdata(pixels)
+            }
         })?;
         self.image = Some(image.clone());
         Ok(image)
@@ -251,4 +258,4 @@ fn text(name: &Value) -> String {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

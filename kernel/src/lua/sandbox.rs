@@ -32,7 +32,7 @@ pub const MEMORY_VARIABLE: &str = "PDK_SCRIPT_MEGABYTES";
 /// What a script may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
-    /// Memory of the whole virtual machine, images included.
+    /// Memory of the whole virtual machine, images included; see [`Limits::for_frame`].
     pub memory_bytes: usize,
     /// Time of one call.
     pub time: Duration,
@@ -45,7 +45,28 @@ impl Default for Limits {
     }
 }
 
+/// Images as large as the frame that a perturbation may have besides [`Limits::memory_bytes`].
+const IMAGES: usize = 4;
+/// Frames with more pixels than this get more time.
+const USUAL_PIXELS: usize = 1 << 20;
+
 impl Limits {
+    /// The limits of a perturbation for a frame of this size: four images as large as the frame do not count against the
+    /// memory, and a frame with more than a megapixel has as many times the time.
+    pub fn for_frame(self, width: usize, height: usize) -> Self {
+        let pixels = width.saturating_mul(height);
+        let factor = (pixels as f64 / USUAL_PIXELS as f64).max(1.0);
+        let seconds = self.time.as_secs_f64() * factor;
+        Self {
+            memory_bytes: self.memory_bytes.saturating_add(pixels.saturating_mul(3 * IMAGES)),
+            time: if factor > 1.0 {
+                Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
+            } else {
+                self.time
+            },
+        }
+    }
+
     /// The default limits, or what the environment variables [`TIME_VARIABLE`] and [`MEMORY_VARIABLE`] say.
     ///
     /// # Errors
@@ -132,6 +153,26 @@ impl Sandbox {
     /// The machine, to make values in.
     pub fn lua(&self) -> &Lua {
         &self.lua
+    }
+
+    /// Gives the scripts of this machine other limits.
+    ///
+    /// # Errors
+    /// Where they use more memory than they may from now on.
+    pub fn set_limits(&mut self, script: &str, limits: Limits) -> Result<()> {
+        if limits == self.limits {
+            return Ok(());
+        }
+        if limits.memory_bytes < self.lua.used_memory() {
+            self.make(script, |lua| lua.gc_collect().and_then(|()| lua.gc_collect()))?;
+        }
+        self.limits = limits;
+        self.make(script, |lua| lua.set_memory_limit(limits.memory_bytes))?;
+        if limits.memory_bytes < self.lua.used_memory() {
+            failure::forget_location();
+            return Err(self.out_of_memory(script));
+        }
+        Ok(())
     }
 
     /// Compiles the text of a script. `script` is its name in errors, usually its path.
@@ -222,7 +263,7 @@ impl Sandbox {
     fn out_of_time(&self, script: &str) -> Error {
         Error::new(format!(
             "used more than {} s of time; make the loop shorter or raise the limit with {TIME_VARIABLE}",
-            self.limits.time.as_secs_f64()
+            (self.limits.time.as_secs_f64() * 1000.0).round() / 1000.0
         ))
         .at(failure::location(script))
     }
@@ -230,7 +271,7 @@ impl Sandbox {
     fn out_of_memory(&self, script: &str) -> Error {
         let error = Error::new(format!(
             "used more than {} MiB of memory; keep less or raise the limit with {MEMORY_VARIABLE}",
-            self.limits.memory_bytes as f64 / f64::from(1 << 20)
+            (self.limits.memory_bytes as f64 / f64::from(1 << 20) * 10.0).round() / 10.0
         ))
         .at(failure::location(script));
         // Two rounds: what is finalized in the first is freed in the second. Should it fail, the next call says so.

@@ -2,7 +2,7 @@
 
 use super::api::{ApiClass, ApiRecord, ApiTable};
 use super::declaration::{CONTEXT, PARAMETER, PERTURBATION};
-use super::image::IMAGE;
+use super::image::ImageClass;
 use super::random::RANDOM;
 use crate::pipeline;
 
@@ -12,19 +12,27 @@ pub trait Declare {
     fn declare(&self) -> String;
 }
 
-impl<T> Declare for ApiClass<T> {
-    fn declare(&self) -> String {
+impl<T> ApiClass<T> {
+    /// Its definition with further methods: a name, a type without `self`, and the paragraphs of the documentation.
+    pub fn declare_with(&self, more: impl Iterator<Item = (&'static str, String, Vec<String>)>) -> String {
         let mut text = comment(self.doc, "");
         text += &format!("declare extern type {} with\n", self.name);
         for property in self.properties {
             text += &comment(property.doc, INDENT);
             text += &format!("{INDENT}{}: {}\n", property.name, property.luau_type);
         }
-        for method in self.methods {
-            text += &comment(method.doc, INDENT);
-            text += &format!("{INDENT}function {}{}\n", method.name, with_self(method.signature));
+        let methods = self.methods.iter().map(|m| (m.name, m.signature.to_owned(), vec![m.doc.to_owned()]));
+        for (name, signature, paragraphs) in methods.chain(more) {
+            paragraphs.iter().for_each(|paragraph| text += &comment(paragraph, INDENT));
+            text += &format!("{INDENT}function {name}{}\n", with_self(&signature));
         }
         text + "end\n"
+    }
+}
+
+impl<T> Declare for ApiClass<T> {
+    fn declare(&self) -> String {
+        self.declare_with(std::iter::empty())
     }
 }
 
@@ -54,7 +62,7 @@ impl Declare for ApiTable {
 
 /// What scripts see, in the order of the file: first perturbations, then pipelines.
 pub fn api() -> Vec<&'static dyn Declare> {
-    let mut api: Vec<&dyn Declare> = vec![&PERTURBATION, &PARAMETER, &CONTEXT, &IMAGE, &RANDOM];
+    let mut api: Vec<&dyn Declare> = vec![&PERTURBATION, &PARAMETER, &CONTEXT, &ImageClass, &RANDOM];
     api.extend(pipeline::records::RECORDS.iter().map(|&record| record as &dyn Declare));
     api.push(&pipeline::API);
     api

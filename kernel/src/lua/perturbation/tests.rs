@@ -7,23 +7,23 @@ use pdk_sdk::seed;
 use pdk_sdk::serde_json::{Map, json};
 
 use super::*;
-use crate::lua::image::IMAGE;
+use crate::lua::image::operations;
 use crate::lua::random::RANDOM;
 
-const SCRIPT: &str = "scripts/foo.lua";
+pub(in crate::lua) const SCRIPT: &str = "scripts/foo.lua";
 
-fn key() -> Key {
+pub(in crate::lua) fn key() -> Key {
     seed::key(7, "foo", 0, 0)
 }
 
 /// A picture in which every pixel differs from its neighbours.
-fn picture(width: usize, height: usize) -> FrameBuf {
+pub(in crate::lua) fn picture(width: usize, height: usize) -> FrameBuf {
     let mut data = vec![0; width * height * 3];
     key().sequence().fill(&mut data);
     FrameBuf::from_vec(data, width, height).unwrap()
 }
 
-fn make(source: &str, given: pdk_sdk::serde_json::Value) -> Result<LuaPerturbation> {
+pub(in crate::lua) fn make(source: &str, given: pdk_sdk::serde_json::Value) -> Result<LuaPerturbation> {
     let limits = Limits { memory_bytes: 64 << 20, time: Duration::from_millis(500) };
     let sandbox = Sandbox::new(limits)?;
     let description = declare(&sandbox, SCRIPT, source.as_bytes(), "foo")?.description;
@@ -31,11 +31,15 @@ fn make(source: &str, given: pdk_sdk::serde_json::Value) -> Result<LuaPerturbati
     LuaPerturbation::new(SCRIPT, source.as_bytes(), "foo", config, limits)
 }
 
-fn body(apply: &str) -> String {
+pub(in crate::lua) fn body(apply: &str) -> String {
     format!("return {{ doc = 'Test',\napply = function(image, cx)\n{apply}\nend }}")
 }
 
-fn run(perturbation: &mut LuaPerturbation, src: &FrameBuf, cx: &Context<'_>) -> Result<FrameBuf> {
+pub(in crate::lua) fn run(
+    perturbation: &mut LuaPerturbation,
+    src: &FrameBuf,
+    cx: &Context<'_>,
+) -> Result<FrameBuf> {
     let mut dst = FrameBuf::new(src.width(), src.height());
     perturbation.apply(src.as_ref(), dst.as_mut(), cx)?;
     Ok(dst)
@@ -46,7 +50,7 @@ fn apply(source: &str) -> Result<FrameBuf> {
     run(&mut perturbation, &picture(20, 10), &Context::new(2.0, 3, 0.1, &key()))
 }
 
-fn apply_error(source: &str) -> String {
+pub(in crate::lua) fn apply_error(source: &str) -> String {
     apply(&body(source)).expect_err(source).to_string()
 }
 
@@ -364,7 +368,7 @@ fn an_instance_goes_on_after_an_error() {
 }
 
 /// The same work in Rust and in Lua, from the same key.
-fn same(lua: &str, rust: impl Fn(&mut FrameBuf, &Context<'_>)) {
+pub(in crate::lua) fn same(lua: &str, rust: impl Fn(&mut FrameBuf, &Context<'_>)) {
     let mut perturbation = make(&body(lua), json!({})).unwrap();
     for (width, height) in [(20, 10), (1, 1), (37, 23), (20, 10)] {
         let src = picture(width, height);
@@ -473,10 +477,26 @@ fn large_images_fit_as_long_as_few_are_kept() {
     }
     let mut keeps = make("local all = {} for i = 1, 300 do all[i] = image:copy() end");
     let error = run(&mut keeps, &large, &cx).unwrap_err().to_string();
-    assert!(error.starts_with("scripts/foo.lua:3: used more than 8 MiB of memory; keep less"), "{error}");
-    let error = run(&mut copies, &FrameBuf::new(4000, 3000), &cx).unwrap_err().to_string();
-    assert!(error.starts_with("scripts/foo.lua: used more than 8 MiB of memory"), "{error}");
+    // Four images of 2.3 MiB do not count.
+    assert!(error.starts_with("scripts/foo.lua:3: used more than 17.2 MiB of memory; keep less"), "{error}");
+    // Frames much larger than the limit, and back to small ones.
+    let huge = FrameBuf::new(4000, 3000);
+    assert_eq!(run(&mut copies, &huge, &cx).unwrap(), huge);
     assert_eq!(run(&mut copies, &small, &cx).unwrap(), small);
+    let mut hoards = make("all = all or {} if image.height > 1000 then all[1] = image:copy() end");
+    run(&mut hoards, &huge, &cx).unwrap();
+    let error = run(&mut hoards, &small, &cx).unwrap_err().to_string();
+    assert!(error.starts_with("scripts/foo.lua: used more than 8.1 MiB of memory"), "{error}");
+}
+
+#[test]
+fn large_frames_have_more_time_and_memory() {
+    let limits = Limits { memory_bytes: 1000, time: Duration::from_secs(2) };
+    assert_eq!(limits.for_frame(10, 10), Limits { memory_bytes: 2200, ..limits });
+    let large = limits.for_frame(2048, 1024);
+    assert_eq!(large, Limits { memory_bytes: 1000 + (24 << 20), time: Duration::from_secs(4) });
+    let limits = Limits { time: Duration::MAX, ..limits };
+    assert_eq!(limits.for_frame(usize::MAX, 9).time, Duration::MAX);
 }
 
 /// Whatever a method is given, it works or refuses, and does not panic.
@@ -518,19 +538,28 @@ fn random_arguments_are_accepted_or_refused() {
         "cx",
         "cx.frame_random",
         "image.blur",
+        "{ 1, 0, 0, 0, 1, 0 }",
+        "{ 0, 0, 20, 1, 18, 9, 1, 10 }",
+        "'area'",
     ];
-    let methods = IMAGE.methods.iter().map(|method| ("image", method.name));
-    let methods: Vec<_> =
-        methods.chain(RANDOM.methods.iter().map(|method| ("cx.sequence_random", method.name))).collect();
+    let operations =
+        operations().map(|operation| ("image", operation.name, operation.arguments.len() as u32));
+    let draws = RANDOM.methods.iter().map(|method| ("cx.sequence_random", method.name, 2));
+    let methods: Vec<_> = operations.chain(draws).collect();
     let mut random = key().sequence();
     let (mut accepted, mut refused) = (0, 0);
     for _ in 0..20 {
         let mut calls = String::new();
         for _ in 0..200 {
-            let (object, method) = methods[random.below(methods.len() as u32) as usize];
+            let (object, method, count) = methods[random.below(methods.len() as u32) as usize];
             let mut arguments = vec![object];
-            for _ in 0..random.below(9) {
-                // Mostly numbers, so that more than the check of types is tried.
+            let count = if random.below(4) > 0 { count } else { random.below(9) };
+            for _ in 0..count {
+                // Mostly numbers, so that more than the check of types is tried, and streams, which often come last.
+                if arguments.len() as u32 == count && random.below(3) == 0 {
+                    arguments.push("cx.frame_random");
+                    continue;
+                }
                 let among = if random.below(3) > 0 { 21 } else { VALUES.len() as u32 };
                 arguments.push(VALUES[random.below(among) as usize]);
             }
@@ -662,12 +691,12 @@ fn shipped_perturbations_on_a_real_picture() {
     }
 }
 
-/// Prints what a frame of 320x240 costs; run with `--ignored --nocapture` to see it.
+/// Prints what a frame of 320x240 and one of 1280x720 cost; run with `--ignored --nocapture` to see it.
 #[test]
 #[ignore = "a measurement, which checks nothing"]
 fn the_cost_of_a_frame() {
-    let src = picture(320, 240);
-    let mut dst = FrameBuf::new(320, 240);
+    let frames = [(320, 240), (1280, 720)]
+        .map(|(width, height)| (picture(width, height), FrameBuf::new(width, height)));
     let key = key();
     let loops = "local p = image.pixels for i = 0, buffer.len(p) - 1 do buffer.writeu8(p, i, 255 - buffer.readu8(p, i)) end";
     let draws = "local r = cx.frame_random for i = 1, 10000 do r:unit() end";
@@ -689,15 +718,23 @@ fn the_cost_of_a_frame() {
         cases.push((stem(&path).to_owned(), create(&path, &config).unwrap()));
     }
     for (name, mut perturbation) in cases {
-        let mut times: Vec<_> = (0..60)
-            .map(|frame| {
-                let start = Instant::now();
-                let cx = Context::new(2.0, frame, 0.0, &key);
-                perturbation.apply(src.as_ref(), dst.as_mut(), &cx).unwrap();
-                start.elapsed()
-            })
-            .collect();
-        times.sort();
-        eprintln!("{name}: median {:?}, fastest {:?}", times[30], times[0]);
+        for (src, mut dst) in frames.clone() {
+            let mut times: Vec<_> = (0..60)
+                .map(|frame| {
+                    let start = Instant::now();
+                    let cx = Context::new(2.0, frame, 0.0, &key);
+                    perturbation.apply(src.as_ref(), dst.as_mut(), &cx).unwrap();
+                    start.elapsed()
+                })
+                .collect();
+            times.sort();
+            eprintln!(
+                "{name} at {}x{}: median {:?}, fastest {:?}",
+                src.width(),
+                src.height(),
+                times[30],
+                times[0]
+            );
+        }
     }
 }
