@@ -24,6 +24,7 @@ const NO_PERTURBATION: &str = "no perturbation";
 pub struct Section {
     simulator: String,
     driver: String,
+    mode: String,
     failed: Grid,
     error: Grid,
     curves: Vec<Chart>,
@@ -34,8 +35,9 @@ pub struct Section {
     failures: Vec<Failure>,
     failure_note: String,
     scenarios: Vec<ScenarioRow>,
-    /// Whether there are roads, errors and clips to tell in the table.
+    /// Whether there are roads, skipped frames and clips to tell in the table.
     with_roads: bool,
+    with_skipped: bool,
     with_clips: bool,
 }
 
@@ -73,6 +75,7 @@ struct ScenarioRow {
     error: String,
     failed: bool,
     time: String,
+    skipped_frames: u64,
     progress: String,
     mean_error: String,
     max_error: String,
@@ -242,6 +245,7 @@ pub fn section(drive: &Drive, classes: &[f64]) -> Result<Section, Error> {
     Ok(Section {
         simulator: drive.simulator.clone(),
         driver: drive.driver.clone(),
+        mode: drive.mode.clone(),
         failed,
         error,
         curves: if all_failed > 0 { curves(drive, &order)? } else { Vec::new() },
@@ -252,6 +256,7 @@ pub fn section(drive: &Drive, classes: &[f64]) -> Result<Section, Error> {
         failure_note,
         scenarios: drive.scenarios.iter().map(scenario_row).collect(),
         with_roads: drive.roads.len() > 1,
+        with_skipped: drive.scenarios.iter().any(|s| s.skipped_frames > 0),
         with_clips: drive.scenarios.iter().any(|s| !s.clip.is_empty()),
     })
 }
@@ -446,6 +451,7 @@ fn scenario_row(scenario: &Scenario) -> ScenarioRow {
         error: scenario.error.clone(),
         failed,
         time: format!("{:.1}", scenario.time),
+        skipped_frames: scenario.skipped_frames,
         progress: percent(scenario.progress),
         mean_error: number(scenario.mean_error),
         max_error: number(scenario.max_error),

@@ -130,6 +130,7 @@ mod tests {
             cause: nasty(),
             error: nasty(),
             time: 3.0,
+            skipped_frames: 17,
             progress: 0.5,
             mean_error: 0.25,
             max_error: 1.5,
@@ -167,6 +168,7 @@ mod tests {
             drives: vec![Drive {
                 simulator: nasty(),
                 driver: nasty(),
+                mode: nasty(),
                 roads: vec![vec![[0.0, 0.0], [0.0, 30.0]]],
                 scenarios: vec![
                     scenario(0, None, Verdict::Passed),
@@ -252,6 +254,7 @@ mod tests {
             "level 2",
             "0.750",
             "5 (50 %)",
+            ">17</td>",
         ] {
             assert!(page.contains(part), "{part}");
         }

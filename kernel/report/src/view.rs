@@ -15,7 +15,7 @@ pub struct Run {
     pub unfinished: Option<String>,
     /// What was run.
     pub setup: Setup,
-    /// What was driven: an entry for each pair of simulator and driver.
+    /// What was driven: an entry for each simulator, driver and mode.
     pub drives: Vec<Drive>,
     /// What was evaluated on recordings.
     pub evaluations: Vec<Evaluation>,
@@ -63,13 +63,15 @@ pub struct Component {
     pub hash: String,
 }
 
-/// What was driven with one simulator and one driver.
+/// What was driven with one simulator, one driver and in one mode.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Drive {
     /// The simulator with its parameters.
     pub simulator: String,
     /// The driver with its parameters.
     pub driver: String,
+    /// What happens while the driver is at work, such as "lockstep".
+    pub mode: String,
     /// The centre lines of the roads: points of x to the right and z ahead, in metres.
     pub roads: Vec<Vec<[f64; 2]>>,
     /// The scenarios, in order.
@@ -109,6 +111,8 @@ pub struct Scenario {
     pub error: String,
     /// Simulation time at the end in seconds.
     pub time: f64,
+    /// Frames that the driver did not see, because it was still at work on an earlier one.
+    pub skipped_frames: u64,
     /// The share of the road that was driven, 0 to 1.
     pub progress: f64,
     /// Mean absolute cross-track error in metres.

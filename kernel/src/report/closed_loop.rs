@@ -8,17 +8,26 @@ use pdk_report::{Drive, Place as Position, Scenario, Verdict};
 use super::ClipFolder;
 use crate::chain::Spec;
 use crate::component::ComponentSpec;
+use crate::drive::plan::Mode;
 use crate::drive::{Cause, Outcome};
 
-/// The scenarios of each pair of simulator and driver, in the order in which the pairs come first.
+/// The scenarios of each simulator, driver and mode, in the order in which these come first.
 pub fn drives(outcomes: &[Outcome], folder: &Path, clips: &ClipFolder) -> Vec<Drive> {
     let mut drives: Vec<(Drive, BTreeMap<&str, usize>)> = Vec::new();
     for outcome in outcomes {
         let (simulator, driver) = (component(outcome.simulator.as_ref()), component(outcome.driver.as_ref()));
-        let known =
-            drives.iter().position(|(drive, _)| drive.simulator == simulator && drive.driver == driver);
+        let mode = match outcome.mode {
+            Mode::Lockstep => "lockstep",
+            Mode::Realtime => "real time",
+        };
+        let known = drives.iter().position(|(drive, _)| {
+            drive.simulator == simulator && drive.driver == driver && drive.mode == mode
+        });
         let known = known.unwrap_or_else(|| {
-            drives.push((Drive { simulator, driver, ..Drive::default() }, BTreeMap::new()));
+            drives.push((
+                Drive { simulator, driver, mode: mode.to_owned(), ..Drive::default() },
+                BTreeMap::new(),
+            ));
             drives.len() - 1
         });
         let (drive, roads) = &mut drives[known];
@@ -80,6 +89,7 @@ fn scenario(outcome: &Outcome, folder: &Path, clips: &ClipFolder) -> Scenario {
         cause: outcome.cause.text().to_owned(),
         error: outcome.error.clone().unwrap_or_default(),
         time: outcome.time,
+        skipped_frames: outcome.skipped_frames,
         progress: outcome.progress,
         mean_error: outcome.mean_cross_track_error,
         max_error: outcome.max_cross_track_error,
@@ -123,5 +133,40 @@ mod tests {
         assert_eq!(of(&["fog@2", "rain@1"]), (Some("fog@2 + rain@1".into()), None));
         let (name, level) = of(&[r#"fog@{"ramp":{"from":0,"to":4,"end":10}}"#]);
         assert!(name.unwrap().starts_with("fog@{\"ramp\"") && level.is_none());
+    }
+
+    #[test]
+    fn what_was_driven_otherwise_stands_apart_and_roads_are_shared() {
+        let outcome = |index: u64, mode: &str, waypoints: &str| -> Outcome {
+            let value = serde_json::json!({
+                "index": index, "mode": mode, "waypoints": waypoints, "success": false, "cause": "time_out",
+                "scenario": { "name": "x", "road": null, "perturbations": [], "duration": 1.0, "seed": null },
+                "time": 1.0, "frames": 20, "progress": 0.5, "mean_cross_track_error": 0.1,
+                "max_cross_track_error": 0.2, "digest": "", "telemetry": [],
+            });
+            serde_json::from_value(value).unwrap()
+        };
+        let line = "0,0,0@1,5,20";
+        let outcomes = [
+            outcome(0, "lockstep", line),
+            outcome(1, "realtime", line),
+            outcome(2, "lockstep", line),
+            outcome(3, "lockstep", ""),
+            outcome(4, "lockstep", "0,0,inf"),
+        ];
+        let clips = ClipFolder { path: "/nonexistent".into(), address: "clips".into() };
+        let drives = drives(&outcomes, Path::new("run"), &clips);
+        let modes: Vec<_> = drives.iter().map(|drive| drive.mode.as_str()).collect();
+        assert_eq!(modes, ["lockstep", "real time"]);
+        assert_eq!(drives[0].roads, [[[0.0, 0.0], [1.0, 20.0]]]);
+        let roads: Vec<_> = drives[0].scenarios.iter().map(|scenario| scenario.road).collect();
+        assert_eq!(roads, [Some(0), Some(0), None, None]);
+        assert_eq!(drives[0].scenarios[1].replay, "pdk replay run --scenario 2");
+        assert!(
+            drives
+                .iter()
+                .flat_map(|d| &d.scenarios)
+                .all(|s| s.verdict == Verdict::Failed && s.clip.is_empty())
+        );
     }
 }
