@@ -8,7 +8,7 @@
 
 local settings = pdk.settings({
 	simulator = "lane",
-	driver = "lane_keeper",
+	driver = "dave2",
 	perturbations = {}, -- none: the default set
 	levels = { 0, 1, 2, 3, 4 },
 	roads = 1, -- how many random roads
@@ -16,6 +16,7 @@ local settings = pdk.settings({
 	limit = 35, -- largest angle of a road in degrees
 	attempts = 1000, -- draws until a road is valid
 	duration = 40, -- seconds of simulation time
+	images_every = 10, -- every how many frames the record keeps an image; 0 for none
 })
 
 local names = settings.perturbations
@@ -28,7 +29,7 @@ local function drive(scenarios)
 		simulator = settings.simulator,
 		driver = settings.driver,
 		duration = settings.duration,
-		images_every = 0,
+		images_every = settings.images_every,
 		scenarios = scenarios,
 	})
 end

@@ -19,6 +19,9 @@ use crate::watchdog::DEFAULT_PATIENCE;
 /// Names the folders with further plugins and Lua perturbations, separated as in PATH.
 pub const PATH_VARIABLE: &str = "PDK_PLUGIN_PATH";
 
+/// Where scripts and models that come with pdk lie, seen from the executable: in an installation, and in a source tree.
+const SHIPPED: [&str; 2] = ["../share/pdk", "../../scripts"];
+
 /// All components that were found.
 #[derive(Default)]
 pub struct Registry {
@@ -181,8 +184,8 @@ impl Registry {
     fn add_built_in(&mut self, folder: &Path) {
         self.add_folder(folder, |stem| stem.starts_with("libpdk_"));
         self.add_folder(&folder.join("plugins"), |_| true);
-        for scripts in ["../share/pdk/perturbations", "../../scripts/perturbations"] {
-            self.add_folder(&folder.join(scripts), |_| true);
+        for scripts in SHIPPED {
+            self.add_folder(&folder.join(scripts).join("perturbations"), |_| true);
         }
     }
 
@@ -232,6 +235,9 @@ impl Registry {
             let Some(drop_in) = &base.drop_in else { continue };
             let given = search.drop_ins.iter().filter(|(name, _)| *name == drop_in.folder);
             let mut folders: Vec<PathBuf> = given.map(|(_, folder)| folder.clone()).collect();
+            if let (true, Some(own)) = (drop_in.shipped, executable_folder()) {
+                folders.extend(SHIPPED.iter().map(|place| own.join(place).join(&drop_in.folder)));
+            }
             folders.extend(self.places.iter().map(|place| place.join(&drop_in.folder)));
             let files: Vec<_> = folders.iter().flat_map(|folder| self.files_of(folder)).collect();
             for file in files {

@@ -66,8 +66,8 @@ def labels(points, state):
     bend = 1e-6
     for i in range(nearest, min(nearest + 30, len(points) - 16), 4):
         a, b, c = points[i], points[i + 8], points[i + 16]
-        area = abs(np.cross(b - a, c - a))
-        bend = max(bend, 2 * area / (np.linalg.norm(b - a) * np.linalg.norm(c - b) * np.linalg.norm(c - a)))
+        (ux, uz), (vx, vz), (wx, wz) = b - a, c - b, c - a
+        bend = max(bend, 2 * abs(ux * wz - uz * wx) / (math.hypot(ux, uz) * math.hypot(vx, vz) * math.hypot(wx, wz)))
     wanted = min(CRUISE, math.sqrt(LATERAL_ACCELERATION / bend))
     if math.isfinite(state.vehicle_ahead):
         wanted = min(wanted, max((state.vehicle_ahead - STANDSTILL_GAP) / TIME_GAP, 0))
@@ -85,19 +85,18 @@ def samples(folder):
         trace = folder / "traces" / f"{line['index']:04}.mcap"
         states, frames = {}, {}
         with open(trace, "rb") as file:
-            reader = make_reader(file, decoder_factories=[DecoderFactory()])
-            for _, channel, message, decoded in reader.iter_decoded_messages(topics=["/state", "/raw"]):
-                if channel.topic == "/state":
-                    states[message.sequence] = decoded
-                else:
-                    frames[message.sequence] = decoded.data
-        for sequence, data in frames.items():
+            decoder = DecoderFactory()
+            for schema, channel, message in make_reader(file).iter_messages(topics=["/state", "/raw"]):
+                found = states if channel.topic == "/state" else frames
+                found[message.sequence] = (decoder.decoder_for(message_encoding=channel.message_encoding, schema=schema), message.data)
+        for sequence in frames:
+            state, frame = (decode(data) for decode, data in (states[sequence], frames[sequence]))
             # One pixel between four: as the driver resizes its frames.
-            image = torch.from_numpy(np.asarray(Image.open(io.BytesIO(data))).copy()).permute(2, 0, 1)[None].float()
+            image = torch.from_numpy(np.asarray(Image.open(io.BytesIO(frame.data))).copy()).permute(2, 0, 1)[None].float()
             small = functional.interpolate(image, (HEIGHT, WIDTH), mode="bilinear", align_corners=False)
             images.append(small[0].round().to(torch.uint8))
-            speeds.append([states[sequence].speed])
-            controls.append(labels(points, states[sequence]))
+            speeds.append([state.speed])
+            controls.append(labels(points, state))
     return torch.stack(images), torch.tensor(speeds), torch.tensor(controls)
 
 
@@ -202,13 +201,21 @@ def main():
     parser = argparse.ArgumentParser(description="Trains driving networks on records of the embedded simulator.")
     parser.add_argument("record", type=pathlib.Path, nargs="+")
     parser.add_argument("out", type=pathlib.Path)
-    parser.add_argument("--epochs", type=int, default=12)
+    parser.add_argument("--epochs", type=int, default=10)
+    parser.add_argument("--samples", type=pathlib.Path, help="keep what was read from the records here, and use it where it is there")
     parser.add_argument("--only", choices=["dave2", "dave2_augmented"])
     arguments = parser.parse_args()
-    torch.use_deterministic_algorithms(True)
-    parts = [samples(folder) for folder in arguments.record]
-    data = [torch.cat(tensors) for tensors in zip(*parts)]
-    print(f"{len(data[0])} images; steering {data[2][:, 0].std():.3f}, throttle {data[2][:, 1].std():.3f} (deviation)")
+    # One thread adds in the same order every time; and it is hardly slower than two, for images this small.
+    torch.set_num_threads(1)
+    if arguments.samples and arguments.samples.exists():
+        data = torch.load(arguments.samples)
+    else:
+        parts = [samples(folder) for folder in arguments.record]
+        data = [torch.cat(tensors) for tensors in zip(*parts)]
+        if arguments.samples:
+            torch.save(data, arguments.samples)
+    print(f"{len(data[0])} images; steering {data[2][:, 0].std():.3f}, throttle {data[2][:, 1].std():.3f} (deviation)",
+          flush=True)
     arguments.out.mkdir(parents=True, exist_ok=True)
     for name, augment in [("dave2", False), ("dave2_augmented", True)]:
         if arguments.only in (None, name):

@@ -32,9 +32,14 @@ pub struct Onnx {
 
 impl Component for Onnx {
     fn description() -> Description {
-        Description::driver("onnx", "Drives with a network in an ONNX file; frames are resized to its input's size; an input `speed` gets the speed in m/s")
+        Description::driver("onnx", "Drives with a neural network")
             .family("network")
-            .parameter(Parameter::path("model", "the ONNX file"))
+            .shipped_drop_in("models", &["onnx"], "model")
+            .parameter(Parameter::path(
+                "model",
+                "the ONNX file: an image in, to whose size frames are resized, steering and maybe throttle out; a second \
+                 input called `speed` gets the speed in m/s",
+            ))
             .parameter(Parameter::choice(
                 "backend",
                 &backend::NAMES,
