@@ -107,18 +107,20 @@ fn main() {
         let mut target = FrameBuf::new(frame.width(), frame.height());
         median(&mut |_| target.as_mut().copy_from(frame.as_ref()))
     });
-    let rows: Vec<Row> = preview::usable(&registry, true)
+    let rows: Vec<Row> = preview::chosen(&registry, &[], true)
+        .unwrap()
         .iter()
-        .map(|description| {
+        .map(|shown| {
+            let description = &shown.description;
             let name = description.name.clone();
             let published = PUBLISHED.iter().find(|(known, _)| *known == name).map(|(_, time)| *time);
-            let mut spec = Spec::new(&name, 0.0);
+            let mut spec = shown.at(0.0);
             let [small_time, large_time] =
                 [&small, &large].map(|source| slowest(&registry, spec.clone(), source));
             spec.draws = Some(Draws::PerFrame);
             let anew = (!description.drawn_per_sequence.is_empty()).then(|| slowest(&registry, spec, &small));
-            let shown = anew.map_or_else(String::new, |time| format!("{time:>8.3} ms drawn anew"));
-            println!("{name:<28} {small_time:>8.3} ms {large_time:>8.3} ms {shown}");
+            let remark = anew.map_or_else(String::new, |time| format!("{time:>8.3} ms drawn anew"));
+            println!("{name:<28} {small_time:>8.3} ms {large_time:>8.3} ms {remark}");
             Row { name, small: small_time, large: large_time, anew, published }
         })
         .collect();

@@ -6,11 +6,11 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use pdk::chain::{Chain, Spec};
+use pdk::chain::Chain;
 use pdk::picture;
-use pdk::preview;
+use pdk::preview::{self, Shown};
 use pdk::registry::{Registry, SearchPath};
-use pdk_sdk::describe::{Description, Temporal};
+use pdk_sdk::describe::Temporal;
 use pdk_sdk::ops::compare::{mean_squared_difference, structural_similarity};
 use pdk_sdk::prelude::{Control, FrameBuf, Scenario};
 use pdk_tests::real_data;
@@ -56,21 +56,36 @@ fn frames(registry: &Registry) -> Vec<FrameBuf> {
     frames
 }
 
+/// A frame under a perturbation at a level with which it grows.
+fn perturbed(registry: &Registry, shown: &Shown, level: f64, source: &FrameBuf, moment: u64) -> FrameBuf {
+    let mut spec = shown.at(level);
+    spec.parameters.extend(shown.description.grows_with.clone());
+    let mut chain = Chain::new(registry, &[spec], 3, 0).unwrap();
+    let mut target = FrameBuf::new(source.width(), source.height());
+    chain.apply(source.as_ref(), target.as_mut(), moment, moment as f64 / 30.0).unwrap();
+    target
+}
+
+/// Frames at which a perturbation is looked at: some where it moves, and shows then. Lightning does not strike always.
+fn moments(registry: &Registry, shown: &Shown, source: &FrameBuf) -> Vec<u64> {
+    let shows = |moment: &u64| perturbed(registry, shown, 4.0, source, *moment) != *source;
+    match shown.description.temporal {
+        Temporal::Static => vec![40],
+        Temporal::Dynamic => (40..600).step_by(55).filter(shows).take(3).collect(),
+    }
+}
+
 /// Mean squared difference and loss of structural similarity at each intensity, over all frames and, for what moves, some
 /// moments.
-fn strengths(registry: &Registry, description: &Description, frames: &[FrameBuf]) -> [Vec<f64>; 2] {
-    let moments: &[u64] = if description.temporal == Temporal::Dynamic { &[40, 95, 170] } else { &[40] };
+fn strengths(registry: &Registry, shown: &Shown, frames: &[FrameBuf]) -> [Vec<f64>; 2] {
+    let moments = moments(registry, shown, &frames[0]);
     let mut strengths = [Vec::new(), Vec::new()];
     for step in 0..=STEPS {
         let level = 4.0 * step as f64 / STEPS as f64;
         let mut sums = [0.0, 0.0];
         for source in frames {
-            let mut spec = Spec::new(&description.name, level);
-            spec.parameters = description.grows_with.clone();
-            let mut chain = Chain::new(registry, &[spec], 3, 0).unwrap();
-            for &moment in moments {
-                let mut target = FrameBuf::new(source.width(), source.height());
-                chain.apply(source.as_ref(), target.as_mut(), moment, moment as f64 / 30.0).unwrap();
+            for &moment in &moments {
+                let target = perturbed(registry, shown, level, source, moment);
                 sums[0] += mean_squared_difference(source.as_ref(), target.as_ref());
                 sums[1] += 1.0 - structural_similarity(source.as_ref(), target.as_ref());
             }
@@ -88,9 +103,9 @@ fn grows(values: &[f64], every: usize, unnoticeable: f64) -> bool {
 }
 
 /// What is wrong with the strength of a perturbation.
-fn fault(registry: &Registry, description: &Description, frames: &[FrameBuf]) -> Option<String> {
-    let name = description.name.as_str();
-    let [squares, structure] = strengths(registry, description, frames);
+fn fault(registry: &Registry, shown: &Shown, frames: &[FrameBuf]) -> Option<String> {
+    let name = shown.description.name.as_str();
+    let [squares, structure] = strengths(registry, shown, frames);
     if squares.iter().all(|&square| square == 0.0) {
         return Some(format!("{name} changes nothing"));
     }
@@ -105,15 +120,15 @@ fn fault(registry: &Registry, description: &Description, frames: &[FrameBuf]) ->
 fn strength_grows_with_the_intensity() {
     let registry = Registry::discover(&SearchPath::default()).unwrap();
     let frames = frames(&registry);
-    let perturbations = preview::usable(&registry, true);
+    let perturbations = preview::chosen(&registry, &[], true).unwrap();
     assert!(perturbations.len() > 10, "only {} perturbations were found", perturbations.len());
     let next = AtomicUsize::new(0);
     let wrong = Mutex::new(Vec::new());
     std::thread::scope(|scope| {
         for _ in 0..std::thread::available_parallelism().map_or(1, Into::into) {
             scope.spawn(|| {
-                while let Some(description) = perturbations.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let fault = fault(&registry, description, &frames);
+                while let Some(shown) = perturbations.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let fault = fault(&registry, shown, &frames);
                     wrong.lock().unwrap().extend(fault);
                 }
             });
