@@ -80,7 +80,7 @@ pub fn post() -> Sprite {
 
 /// The shadow of something round, black and fading outwards.
 pub fn shadow() -> Sprite {
-    Sprite::drawn(|_, _| Some([0.0; 3])).with_opacity(|x, y| {
+    Sprite::veil([0.0; 3], |x, y| {
         let from_middle = (2.0 * x - 1.0) * (2.0 * x - 1.0) + (2.0 * y - 1.0) * (2.0 * y - 1.0);
         (1.0 - from_middle).max(0.0)
     })
@@ -190,13 +190,11 @@ fn vehicle_end(details: impl Fn(f32, f32) -> Option<[f32; 3]>) -> Sprite {
 
 /// The lamps of a vehicle at night, white or red, and the light around them.
 pub fn lamps(colour: [f32; 3]) -> Sprite {
-    let mut sprite = Sprite::drawn(|_, _| Some(colour));
-    sprite = sprite.with_opacity(|x, y| {
+    Sprite::veil(colour, |x, y| {
         let from = |lamp: f32| {
             let (dx, dy) = ((x - lamp) * 2.0 / 0.3, (y - 0.58) * 1.45 / 1.8 * 2.0 / 0.3);
             (1.3 - (dx * dx + dy * dy).sqrt()).clamp(0.0, 1.0)
         };
         from(0.22).max(from(0.78))
-    });
-    sprite.multiplied()
+    })
 }

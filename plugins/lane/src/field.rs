@@ -106,7 +106,7 @@ impl Field {
     }
 
     /// Where a place lies relative to the lane; `None` where it is far from the road.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, x: f32, z: f32) -> Option<Place> {
         let (cx, cz) = (x * CELLS, z * CELLS);
         // Written so that a number that is not one is refused too.

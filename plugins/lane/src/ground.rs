@@ -7,7 +7,7 @@ use crate::render::View;
 use crate::scene::Scene;
 use crate::section::{self, Section};
 use crate::terrain::Strip;
-use crate::texture::{Scale, Texture};
+use crate::texture::{Line, Scale, Texture};
 
 /// Texels a metre of the two layers of texture: grain everywhere, and patches in the grass.
 const GRAIN: f32 = 30.0;
@@ -60,79 +60,123 @@ pub struct Ground<'a> {
     pub projection: &'a Projection,
 }
 
+/// Room for one row of pixels.
+#[derive(Debug)]
+pub struct Room {
+    /// 0, 1, 2 and so on.
+    pub numbers: Vec<f32>,
+    /// Red, green and blue of the surface.
+    colours: [Vec<f32>; 3],
+    /// How strongly the texture changes its brightness.
+    rough: Vec<f32>,
+    /// How much of it is meadow.
+    meadow: Vec<f32>,
+    /// Light of the headlights.
+    beam: Vec<f32>,
+    pub bytes: [Vec<u8>; 3],
+    pub grain: Line,
+    patches: Line,
+}
+
+impl Room {
+    /// Room for rows of so many pixels.
+    pub fn new(width: usize) -> Self {
+        let room = || vec![0.0; width];
+        Self {
+            numbers: (0..width).map(|i| i as f32).collect(),
+            colours: std::array::from_fn(|_| room()),
+            rough: room(),
+            meadow: room(),
+            beam: room(),
+            bytes: std::array::from_fn(|_| vec![0; width]),
+            grain: Line::new(width),
+            patches: Line::new(width),
+        }
+    }
+}
+
 impl Ground<'_> {
     /// Draws a row.
     #[inline(always)]
-    pub fn draw(&self, view: &View, ground: &GroundRow, row: &mut [u8]) {
+    pub fn draw(&self, view: &View, ground: &GroundRow, room: &mut Room, row: &mut [u8]) {
         let across = view.right.map(|r| r * ground.pixel_width);
         let along = view.ahead.map(|a| a * ground.pixel_depth);
         let left = 0.5 - self.projection.centre_x as f32;
         let start = [0, 1].map(|k| view.at[k] + view.ahead[k] * ground.ahead + across[k] * left);
-        let mut places = Places::new(&self.scene.field, start, across, ground.pixel_width);
         let light = &self.scene.light;
-        let clear = 1.0 - ground.haze;
-        let haze = light.haze.map(|c| c * ground.haze);
+        let Room { numbers, colours, rough, meadow, beam, bytes, grain, patches } = room;
+        let count = numbers.len();
+
+        // The surface: grass, and where the road is near, what the section says.
         let grass = section::grass();
-        for (number, pixels) in row.chunks_mut(3 * BLOCK).enumerate() {
-            let first = number * BLOCK;
-            let (mut x, mut z) = ([0.0; BLOCK], [0.0; BLOCK]);
-            for i in 0..BLOCK {
-                let pixel = (first + i) as f32;
-                x[i] = start[0] + across[0] * pixel;
-                z[i] = start[1] + across[1] * pixel;
-            }
-            let mut colours = [[grass[0]; BLOCK], [grass[1]; BLOCK], [grass[2]; BLOCK]];
-            let mut rough = [grass[3]; BLOCK];
-            let mut meadow = [1.0f32; BLOCK];
+        for (channel, grass) in colours.iter_mut().zip(grass) {
+            channel.fill(grass);
+        }
+        rough.fill(grass[3]);
+        meadow.fill(1.0);
+        let mut places = Places::new(&self.scene.field, start, across, ground.pixel_width);
+        for first in (0..count).step_by(BLOCK) {
             let block = places.block(first);
-            if !matches!(block, Block::Away) {
-                for i in 0..BLOCK {
-                    let Some(place) = block.at(&self.scene.field, i, x[i], z[i]) else { continue };
-                    let offset = place.lateral - section::ROAD_CENTRE as f32;
-                    if offset.abs() < section::HALF_WIDTH + 1.0 {
-                        let [gx, gz] = place.gradient;
-                        // How far the pixel extends across the road, and along it.
-                        let extent = |x: f32, z: f32| {
-                            (x * across[0] + z * across[1]).abs() + (x * along[0] + z * along[1]).abs()
-                        };
-                        let [r, g, b, texture] =
-                            self.section.ground(offset, extent(gx, gz), place.along, extent(gz, -gx));
-                        (colours[0][i], colours[1][i], colours[2][i], rough[i]) = (r, g, b, texture);
-                        meadow[i] = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
-                    }
-                }
+            if matches!(block, Block::Away) {
+                continue;
             }
-            let grain = self.texture.at(x, z, ground.grain);
-            let mut patches = [0.0; BLOCK];
-            if meadow.iter().any(|&share| share > 0.0) {
-                patches = self.texture.at(x, z, ground.patches);
-            }
-            let (mut detail, mut patch) = ([0.0f32; BLOCK], [0.0f32; BLOCK]);
-            for i in 0..BLOCK {
-                detail[i] = 1.0 + rough[i] * grain[i] * 1.6;
-                patch[i] = patches[i] * meadow[i];
-            }
-            let mut beam = [0.0; BLOCK];
-            if light.headlights > 0.0 {
-                for (i, beam) in beam.iter_mut().enumerate() {
-                    let side = ((first + i) as f32 + left) * ground.pixel_width / ground.beam.1;
-                    *beam = ground.beam.0 * (1.0 - side * side).max(0.0);
-                }
-            }
-            let mut bytes = [[0u8; BLOCK]; 3];
-            for channel in 0..3 {
-                for i in 0..BLOCK {
-                    let lit = (light.ambient[channel] + beam[i]) * clear;
-                    let colour = colours[channel][i] * detail[i] + patch[i] * PATCH[channel];
-                    bytes[channel][i] = byte(colour * lit + haze[channel]);
-                }
-            }
-            for (i, pixel) in pixels.chunks_exact_mut(3).enumerate() {
-                for channel in 0..3 {
-                    pixel[channel] = bytes[channel][i];
+            for i in first..(first + BLOCK).min(count) {
+                let (x, z) = (start[0] + across[0] * numbers[i], start[1] + across[1] * numbers[i]);
+                let Some(place) = block.at(&self.scene.field, i - first, x, z) else { continue };
+                let offset = place.lateral - section::ROAD_CENTRE as f32;
+                if offset.abs() < section::HALF_WIDTH + 1.0 {
+                    let [gx, gz] = place.gradient;
+                    // How far the pixel extends across the road, and along it.
+                    let extent = |x: f32, z: f32| {
+                        (x * across[0] + z * across[1]).abs() + (x * along[0] + z * along[1]).abs()
+                    };
+                    let [r, g, b, texture] =
+                        self.section.ground(offset, extent(gx, gz), place.along, extent(gz, -gx));
+                    (colours[0][i], colours[1][i], colours[2][i], rough[i]) = (r, g, b, texture);
+                    meadow[i] = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
                 }
             }
         }
+
+        // Its texture.
+        let grain = self.texture.fill(grain, numbers, (start, across), ground.grain);
+        let patches = self.texture.fill(patches, numbers, (start, across), ground.patches);
+        for i in 0..count {
+            rough[i] = 1.0 + rough[i] * grain[i] * 1.6;
+            meadow[i] *= patches[i];
+        }
+
+        // Light and air.
+        beam.fill(0.0);
+        if light.headlights > 0.0 {
+            let (strength, half_width) = ground.beam;
+            let scale = ground.pixel_width / half_width;
+            for i in 0..count {
+                let side = (numbers[i] + left) * scale;
+                beam[i] = strength * (1.0 - side * side).max(0.0);
+            }
+        }
+        let clear = 1.0 - ground.haze;
+        for channel in 0..3 {
+            let (colours, bytes) = (&colours[channel][..count], &mut bytes[channel][..count]);
+            let (ambient, patch) = (light.ambient[channel], PATCH[channel]);
+            let haze = light.haze[channel] * ground.haze;
+            for i in 0..count {
+                let colour = colours[i] * rough[i] + meadow[i] * patch;
+                bytes[i] = byte(colour * ((ambient + beam[i]) * clear) + haze);
+            }
+        }
+        interleave(bytes, row);
+    }
+}
+
+/// Writes channels as pixels.
+#[inline(always)]
+pub fn interleave([red, green, blue]: &[Vec<u8>; 3], row: &mut [u8]) {
+    for (((pixel, red), green), blue) in row.chunks_exact_mut(3).zip(red).zip(green).zip(blue) {
+        pixel[0] = *red;
+        pixel[1] = *green;
+        pixel[2] = *blue;
     }
 }
 

@@ -11,7 +11,7 @@ use pdk_sdk::prelude::{Frame, FrameMut, Random};
 
 use crate::artwork;
 use crate::camera::Projection;
-use crate::ground::{Ground, GroundRow};
+use crate::ground::{Ground, GroundRow, Room};
 use crate::path::Path;
 use crate::profile::Profile;
 use crate::scene::{Object, ObjectKind, Scene};
@@ -66,6 +66,8 @@ pub struct View {
     pub at: [f32; 2],
     pub ahead: [f32; 2],
     pub right: [f32; 2],
+    /// Sine and cosine of the heading.
+    pub direction: [f64; 2],
 }
 
 /// Something to draw over the ground.
@@ -87,6 +89,7 @@ pub struct Renderer {
     rows: Vec<Row>,
     /// Distance and order of what may be in view, far ones first; of the frame at hand.
     visible: Vec<(f64, usize, Thing)>,
+    room: Room,
     texture: Texture,
     section: Section,
     pictures: Pictures,
@@ -120,6 +123,7 @@ impl Renderer {
             sky: Sky::new(&projection, width),
             rows: Vec::with_capacity(height),
             visible: Vec::new(),
+            room: Room::new(width),
             texture,
             section: Section::new(markings),
             pictures: Pictures {
@@ -155,6 +159,7 @@ impl Renderer {
             ],
             ahead: [sine as f32, cosine as f32],
             right: [cosine as f32, -sine as f32],
+            direction: [sine, cosine],
         };
         self.terrain.look(&self.projection, (world.path, world.profile), (pose.at, pose.heading, pose.along));
         let slope = self.terrain.slope();
@@ -169,49 +174,68 @@ impl Renderer {
                 }
             });
         }
-        self.draw_background(scene, &view, &mut into);
-        self.draw_things(world, pose, [sine, cosine], &mut into);
-    }
-
-    /// Draws ground and sky.
-    fn draw_background(&self, scene: &Scene, view: &View, into: &mut FrameMut<'_>) {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has AVX2, which is all that this version asks for.
-            return unsafe { self.draw_background_avx2(scene, view, into) };
+            return unsafe { self.draw_avx2(world, &view, pose, &mut into) };
         }
-        self.draw_background_portable(scene, view, into);
+        self.draw_portable(world, &view, pose, &mut into);
     }
 
     /// The same operations in the same order, compiled for AVX2: the same bytes, faster.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn draw_background_avx2(&self, scene: &Scene, view: &View, into: &mut FrameMut<'_>) {
-        self.draw_background_portable(scene, view, into);
+    fn draw_avx2(
+        &mut self,
+        world: World<'_, impl Iterator<Item = Seen>>,
+        view: &View,
+        pose: Pose,
+        into: &mut FrameMut<'_>,
+    ) {
+        self.draw_portable(world, view, pose, into);
     }
 
     #[inline(always)]
-    fn draw_background_portable(&self, scene: &Scene, view: &View, into: &mut FrameMut<'_>) {
+    fn draw_portable(
+        &mut self,
+        world: World<'_, impl Iterator<Item = Seen>>,
+        view: &View,
+        pose: Pose,
+        into: &mut FrameMut<'_>,
+    ) {
+        self.draw_background(world.scene, view, into);
+        self.draw_things(world, view, pose, into);
+    }
+
+    /// Draws ground and sky.
+    #[inline(always)]
+    fn draw_background(&mut self, scene: &Scene, view: &View, into: &mut FrameMut<'_>) {
         let (texture, section, projection) = (&self.texture, &self.section, &self.projection);
         let ground = Ground { scene, texture, section, projection };
         for (y, row) in into.rows_mut().enumerate() {
             match &self.rows[y] {
-                Row::Ground(strip) => ground.draw(view, strip, row),
-                Row::Sky(sky) => {
-                    self.sky.draw((view, projection), (scene, texture), (sky, y as f32 + 0.5), row);
-                }
+                Row::Ground(strip) => ground.draw(view, strip, &mut self.room, row),
+                Row::Sky(sky) => self.sky.draw(
+                    (view, projection),
+                    (scene, texture),
+                    (sky, y as f32 + 0.5),
+                    &mut self.room,
+                    row,
+                ),
             }
         }
     }
 
+    #[inline(always)]
     fn draw_things(
         &mut self,
         world: World<'_, impl Iterator<Item = Seen>>,
+        view: &View,
         pose: Pose,
-        [sine, cosine]: [f64; 2],
         into: &mut FrameMut<'_>,
     ) {
         let World { scene, path, vehicles, .. } = world;
+        let [sine, cosine] = view.direction;
         let relative = |at: [f64; 2]| {
             let (dx, dz) = (at[0] - pose.at[0], at[1] - pose.at[1]);
             (dx * cosine - dz * sine, dx * sine + dz * cosine)
@@ -247,6 +271,7 @@ impl Renderer {
 
     /// Where something of `size` metres appears whose foot is at a place, with the light and air there; and its scale in
     /// pixels a metre. `None` where it is too close to the lens.
+    #[inline(always)]
     fn placement(
         &self,
         scene: &Scene,
@@ -273,6 +298,7 @@ impl Renderer {
         Some((placement, scale))
     }
 
+    #[inline(always)]
     fn draw_object(&self, scene: &Scene, object: &Object, at: (f64, f64), into: &mut FrameMut<'_>) {
         let Some((placement, _)) = self.placement(scene, at, object.size, object.tint) else { return };
         if object.kind != ObjectKind::Post {
@@ -288,6 +314,7 @@ impl Renderer {
     }
 
     /// Draws the shadow of a thing whose picture goes there, so many metres ahead and with that extent towards the camera.
+    #[inline(always)]
     fn draw_shadow(
         &self,
         scene: &Scene,
@@ -316,6 +343,7 @@ impl Renderer {
         );
     }
 
+    #[inline(always)]
     fn draw_vehicle(
         &self,
         (scene, path): (&Scene, &Path),

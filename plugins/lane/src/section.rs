@@ -21,7 +21,8 @@ const DASH_PERIOD: f32 = 7.5;
 
 /// The section is known from the middle to this distance, in metres; beyond there is only grass.
 pub const HALF_WIDTH: f32 = 7.0;
-const SAMPLES_PER_METRE: f32 = 100.0;
+/// Fine enough that no place between samples is needed: a pixel is never narrower than a centimetre on the ground.
+const SAMPLES_PER_METRE: f32 = 500.0;
 const SAMPLES: usize = (2.0 * HALF_WIDTH * SAMPLES_PER_METRE) as usize;
 
 /// Colour of the ground at one place, and what texture does to it.
@@ -95,12 +96,14 @@ impl Section {
 
     /// The mean over `width` metres around the place `offset` metres to the right of the middle of the road: red, green,
     /// blue, texture.
-    #[inline]
+    #[inline(always)]
     pub fn mean(&self, offset: f32, width: f32) -> [f32; 4] {
-        let width = width.max(1.0 / SAMPLES_PER_METRE);
-        let high = self.sum(offset + width * 0.5);
-        let low = self.sum(offset - width * 0.5);
-        let scale = 1.0 / (width * SAMPLES_PER_METRE);
+        let half = width.max(1.0 / SAMPLES_PER_METRE) * (0.5 * SAMPLES_PER_METRE);
+        let place = (offset + HALF_WIDTH) * SAMPLES_PER_METRE + 0.5;
+        let (low, high) = ((place - half).floor(), (place + half).floor());
+        // Divided by the samples that there are, which need not be as many as the width says.
+        let scale = 1.0 / (high - low).max(1.0);
+        let (low, high) = (self.sum(low), self.sum(high));
         let mut mean = grass();
         for channel in 0..4 {
             mean[channel] += (high[channel] - low[channel]) * scale;
@@ -109,7 +112,7 @@ impl Section {
     }
 
     /// As [`Section::mean`], with the yellow line as it is `along` the road, where a pixel extends `deep` metres that way.
-    #[inline]
+    #[inline(always)]
     pub fn ground(&self, offset: f32, wide: f32, along: f32, deep: f32) -> [f32; 4] {
         let mut ground = self.mean(offset, wide);
         let half_line = LINE_WIDTH as f32 / 2.0;
@@ -127,17 +130,11 @@ impl Section {
         ground
     }
 
-    #[inline]
-    fn sum(&self, offset: f32) -> [f32; 4] {
-        let position = ((offset + HALF_WIDTH) * SAMPLES_PER_METRE).clamp(0.0, SAMPLES as f32 - 0.01);
+    /// The sum of the first samples, as many as `samples` says.
+    #[inline(always)]
+    fn sum(&self, samples: f32) -> &[f32; 4] {
         // By way of a signed number, which CPUs convert to directly.
-        let index = position as i32 as usize;
-        let share = position - index as f32;
-        let (mut sum, next) = (self.sums[index], &self.sums[index + 1]);
-        for channel in 0..4 {
-            sum[channel] += (next[channel] - sum[channel]) * share;
-        }
-        sum
+        &self.sums[samples.clamp(0.0, SAMPLES as f32) as i32 as usize]
     }
 }
 

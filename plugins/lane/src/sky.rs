@@ -1,9 +1,8 @@
 //! Draws a row of sky: its colour, clouds, the glow around the sun, and the hills on the horizon.
 
 use crate::camera::Projection;
-use crate::ground::byte;
+use crate::ground::{Room, byte, interleave};
 use crate::light::Light;
-use crate::places::BLOCK;
 use crate::render::View;
 use crate::scene::Scene;
 use crate::texture::{Scale, Texture};
@@ -47,7 +46,9 @@ pub struct Sky {
     /// Angle of each column to the right of the optical axis in radians, with its cosine.
     columns: Vec<(f64, f32)>,
     /// The rows on which the far and the near hills begin, by column.
-    hill_tops: Vec<[f32; 2]>,
+    hill_tops: [Vec<f32>; 2],
+    /// Red, green and blue of the row at hand.
+    colours: [Vec<f32>; 3],
     /// Column and row of the sun, and the square of the extent of its glow in pixels, where it is before the camera.
     sun: Option<[f32; 3]>,
     horizon: f32,
@@ -62,17 +63,26 @@ impl Sky {
                 (angle, libm::cos(angle) as f32)
             })
             .collect();
-        Self { columns, hill_tops: vec![[0.0; 2]; width], sun: None, horizon: 0.0 }
+        let room = || vec![0.0; width];
+        Self {
+            columns,
+            hill_tops: [room(), room()],
+            colours: [room(), room(), room()],
+            sun: None,
+            horizon: 0.0,
+        }
     }
 
     /// Turns towards a heading on a slope.
     pub fn look(&mut self, projection: &Projection, scene: &Scene, heading: f64, slope: f64) {
         self.horizon = projection.horizon_on(slope) as f32;
         let focal = projection.focal as f32;
-        for (top, (angle, cosine)) in self.hill_tops.iter_mut().zip(&self.columns) {
+        for (i, (angle, cosine)) in self.columns.iter().enumerate() {
             // Exact on the optical axis; the camera's small pitch is neglected beside it.
-            *top =
-                scene.hills_towards(heading + angle).map(|tangent| self.horizon - tangent / cosine * focal);
+            let tangents = scene.hills_towards(heading + angle);
+            for (tops, tangent) in self.hill_tops.iter_mut().zip(tangents) {
+                tops[i] = self.horizon - tangent / cosine * focal;
+            }
         }
         self.sun = None;
         if let (Some(sun), Some(glow)) = (scene.sun, scene.light.sun) {
@@ -89,68 +99,63 @@ impl Sky {
     /// Draws row `y` (0.5 in the middle of the first one).
     #[inline(always)]
     pub fn draw(
-        &self,
+        &mut self,
         (view, projection): (&View, &Projection),
         (scene, texture): (&Scene, &Texture),
         (sky, y): (&SkyRow, f32),
+        room: &mut Room,
         row: &mut [u8],
     ) {
         let left = 0.5 - projection.centre_x as f32;
         let light = &scene.light;
-        for (number, pixels) in row.chunks_mut(3 * BLOCK).enumerate() {
-            let first = number * BLOCK;
-            let mut colours = [0, 1, 2].map(|c| [sky.colour[c]; BLOCK]);
-            let mut tops = [[1e9f32; 2]; BLOCK];
-            for (top, own) in tops.iter_mut().zip(&self.hill_tops[first..]) {
-                *top = *own;
-            }
-            // Not where the near hills hide it anyway.
-            if tops.iter().any(|top| y < top[1] + 1.0) {
-                if sky.clouds > 0.0 {
-                    let (mut x, mut z) = ([0.0; BLOCK], [0.0; BLOCK]);
-                    for i in 0..BLOCK {
-                        let to_right = sky.right * ((first + i) as f32 + left);
-                        x[i] = view.ahead[0] * sky.ahead + view.right[0] * to_right;
-                        z[i] = view.ahead[1] * sky.ahead + view.right[1] * to_right;
-                    }
-                    let density = texture.at(x, z, sky.scale);
-                    for (channel, cloud) in colours.iter_mut().zip(light.cloud) {
-                        for i in 0..BLOCK {
-                            let cover = ((density[i] + light.cloudiness) * 1.6).clamp(0.0, 1.0) * sky.clouds;
-                            channel[i] += (cloud - channel[i]) * cover;
-                        }
-                    }
-                }
-                if let (Some([column, sun_row, extent]), Some(glow)) = (self.sun, light.sun) {
-                    let dy = y - sun_row;
-                    for (channel, own) in colours.iter_mut().zip(glow.colour) {
-                        for (i, value) in channel.iter_mut().enumerate() {
-                            let dx = (first + i) as f32 + 0.5 - column;
-                            *value += own * (extent / (extent + dx * dx + dy * dy));
-                        }
-                    }
-                }
-            }
-            for (hill, colour) in light.hills.iter().enumerate() {
-                if tops.iter().all(|top| y + 0.5 <= top[hill]) {
-                    continue;
-                }
-                for i in 0..BLOCK {
-                    let top = tops[i][hill];
-                    let cover = (y + 0.5 - top).clamp(0.0, 1.0);
-                    // Haze gathers at the foot of the hills.
-                    let share = ((y - top) / (self.horizon - top + 1.0)).clamp(0.0, 1.0) * 0.45;
-                    for channel in 0..3 {
-                        let seen = colour[channel] + (light.haze[channel] - colour[channel]) * share;
-                        colours[channel][i] += (seen - colours[channel][i]) * cover;
-                    }
-                }
-            }
-            for (i, pixel) in pixels.chunks_exact_mut(3).enumerate() {
-                for channel in 0..3 {
-                    pixel[channel] = byte(colours[channel][i]);
+        let Room { numbers, bytes, grain, .. } = room;
+        let count = numbers.len();
+        let colours = &mut self.colours;
+        for (channel, colour) in colours.iter_mut().zip(sky.colour) {
+            channel.fill(colour);
+        }
+        // Not where the near hills hide it anyway.
+        let open = self.hill_tops[1].iter().any(|top| y < top + 1.0);
+        if open && sky.clouds > 0.0 {
+            let start = [0, 1].map(|k| view.ahead[k] * sky.ahead + view.right[k] * (sky.right * left));
+            let step = view.right.map(|r| r * sky.right);
+            let density = texture.fill(grain, numbers, (start, step), sky.scale);
+            for (channel, cloud) in colours.iter_mut().zip(light.cloud) {
+                for (value, density) in channel.iter_mut().zip(density) {
+                    let cover = ((density + light.cloudiness) * 1.6).clamp(0.0, 1.0) * sky.clouds;
+                    *value += (cloud - *value) * cover;
                 }
             }
         }
+        if let (true, Some([column, sun_row, extent]), Some(glow)) = (open, self.sun, light.sun) {
+            let dy = y - sun_row;
+            for (channel, own) in colours.iter_mut().zip(glow.colour) {
+                for (value, number) in channel.iter_mut().zip(numbers.iter()) {
+                    let dx = number + 0.5 - column;
+                    *value += own * (extent / (extent + dx * dx + dy * dy));
+                }
+            }
+        }
+        for (tops, colour) in self.hill_tops.iter().zip(light.hills) {
+            if tops.iter().all(|top| y + 0.5 <= *top) {
+                continue;
+            }
+            for channel in 0..3 {
+                let (hill, haze) = (colour[channel], light.haze[channel]);
+                for (value, top) in colours[channel].iter_mut().zip(tops) {
+                    let cover = (y + 0.5 - top).clamp(0.0, 1.0);
+                    // Haze gathers at the foot of the hills.
+                    let share = ((y - top) / (self.horizon - top + 1.0)).clamp(0.0, 1.0) * 0.45;
+                    let seen = hill + (haze - hill) * share;
+                    *value += (seen - *value) * cover;
+                }
+            }
+        }
+        for (bytes, colours) in bytes.iter_mut().zip(&self.colours) {
+            for i in 0..count {
+                bytes[i] = byte(colours[i]);
+            }
+        }
+        interleave(bytes, row);
     }
 }

@@ -2,6 +2,8 @@
 
 use pdk_sdk::prelude::FrameMut;
 
+use crate::ground::byte;
+
 /// Texels along a side of a picture; a power of two.
 const SIZE: usize = 128;
 /// Pictures are drawn larger by this factor and reduced, which smooths their edges.
@@ -13,6 +15,7 @@ type Level = Vec<[f32; 4]>;
 /// A picture with smaller copies.
 #[derive(Debug)]
 pub struct Sprite {
+    /// With a transparent border one texel wide.
     levels: Vec<Level>,
 }
 
@@ -36,26 +39,14 @@ pub struct Placement {
 }
 
 impl Sprite {
-    /// The picture with its opacity, row by row in the largest copy and the smaller ones, changed by a function of the
-    /// place: x and y from 0 (left, top) to 1.
-    pub fn with_opacity(mut self, opacity: impl Fn(f32, f32) -> f32) -> Self {
-        for level in &mut self.levels {
-            let size = (level.len() as f32).sqrt();
-            for (i, texel) in level.iter_mut().enumerate() {
-                let (x, y) = ((i as f32 % size + 0.5) / size, ((i as f32 / size).floor() + 0.5) / size);
-                texel[3] = opacity(x, y);
-            }
-        }
-        self
-    }
-
-    /// The picture with its colours multiplied by its opacity, as they have to be where [`Sprite::with_opacity`] lowered it.
-    pub fn multiplied(mut self) -> Self {
-        for texel in self.levels.iter_mut().flatten() {
-            let opacity = texel[3];
-            texel[..3].iter_mut().for_each(|channel| *channel *= opacity);
-        }
-        self
+    /// One colour with an opacity that is a function of the place: x and y from 0 (left, top) to 1.
+    pub fn veil(colour: [f32; 3], opacity: impl Fn(f32, f32) -> f32) -> Self {
+        let place = |i: usize| (i as f32 + 0.5) / SIZE as f32;
+        let texel = |i: usize| {
+            let opacity = opacity(place(i % SIZE), place(i / SIZE));
+            [colour[0] * opacity, colour[1] * opacity, colour[2] * opacity, opacity]
+        };
+        Self::of((0..SIZE * SIZE).map(texel).collect())
     }
 
     /// A picture from a function of the place: x from -1 (left) to 1, y from 0 (top) to 1.
@@ -74,6 +65,11 @@ impl Sprite {
                 }
             }
         }
+        Self::of(largest)
+    }
+
+    /// The picture and its smaller copies.
+    fn of(largest: Level) -> Self {
         let mut levels = vec![largest];
         let mut size = SIZE / 2;
         while size > 0 {
@@ -88,10 +84,12 @@ impl Sprite {
             levels.push(smaller);
             size /= 2;
         }
+        let levels = levels.iter().map(|level| bordered(level)).collect();
         Self { levels }
     }
 
     /// Draws the picture into a frame.
+    #[inline(always)]
     pub fn draw(&self, frame: &mut FrameMut<'_>, at: Placement) {
         // What is narrower than a pixel becomes a pixel wide and the fainter for it.
         let [width, height] = at.size.map(|s| s.max(1.0));
@@ -113,6 +111,9 @@ impl Sprite {
         let size = SIZE >> level;
         let texture = &self.levels[level];
         let (haze, share) = at.haze;
+        // What each texel's colour is multiplied with, and what the air adds where the picture is opaque.
+        let own = [0, 1, 2].map(|c| opacity * at.tint[c] * (1.0 - share));
+        let air = [0, 1, 2].map(|c| haze[c] * share);
         let (step_x, step_y) = (size as f32 / width, size as f32 / height);
         for y in rows {
             let v = (y as f32 + 0.5 - top) * step_y - 0.5;
@@ -126,27 +127,37 @@ impl Sprite {
                     continue;
                 }
                 for channel in 0..3 {
-                    let own = texel[channel] * opacity * at.tint[channel];
-                    let seen = own + (haze[channel] * cover - own) * share;
+                    let seen = texel[channel] * own[channel] + air[channel] * cover;
                     let behind = f32::from(pixel[channel]);
-                    pixel[channel] = (behind + seen - behind * cover + 0.5) as u8;
+                    pixel[channel] = byte(behind + seen - behind * cover);
                 }
             }
         }
     }
 }
 
-/// The picture at a place in texels, transparent outside it.
-#[inline]
+/// A copy with a transparent border.
+fn bordered(level: &[[f32; 4]]) -> Level {
+    let size = level.len().isqrt();
+    let mut wide = vec![[0.0; 4]; (size + 2) * (size + 2)];
+    for (y, row) in level.chunks_exact(size).enumerate() {
+        let first = (y + 1) * (size + 2) + 1;
+        wide[first..first + size].copy_from_slice(row);
+    }
+    wide
+}
+
+/// The picture at a place in texels; around it lies a transparent border.
+#[inline(always)]
 fn bilinear(texels: &[[f32; 4]], size: usize, u: f32, v: f32) -> [f32; 4] {
-    let (left, top) = ((u + 1.0) as i32 - 1, (v + 1.0) as i32 - 1);
+    let most = size as f32;
+    // Places count from the border.
+    let (u, v) = ((u + 1.0).clamp(0.0, most), (v + 1.0).clamp(0.0, most));
+    let (left, top) = (u as i32 as usize, v as i32 as usize);
     let (fx, fy) = (u - left as f32, v - top as f32);
-    let texel = |x: i32, y: i32| {
-        let inside = x >= 0 && y >= 0 && (x as usize) < size && (y as usize) < size;
-        if inside { texels[y as usize * size + x as usize] } else { [0.0; 4] }
-    };
-    let ([a, b], [c, d]) =
-        ([texel(left, top), texel(left + 1, top)], [texel(left, top + 1), texel(left + 1, top + 1)]);
+    let stride = size + 2;
+    let at = top * stride + left;
+    let ([a, b], [c, d]) = ([texels[at], texels[at + 1]], [texels[at + stride], texels[at + stride + 1]]);
     let mut mixed = [0.0; 4];
     for k in 0..4 {
         let upper = a[k] + (b[k] - a[k]) * fx;

@@ -8,7 +8,7 @@ const SHIFT: usize = 8;
 /// Number of copies, each half as large as the one before.
 const LEVELS: usize = 9;
 
-/// 1.5 * 2^23: see [`Texture::at`].
+/// 1.5 * 2^23: see [`Texture::fill`].
 const ROUNDING: f32 = 12_582_912.0;
 
 /// Random brightness from about -1 to 1, mean 0, that repeats every 256 texels.
@@ -81,30 +81,67 @@ impl Texture {
         Scale { frequency: frequency / (1u32 << level) as f32, level, strength: 1.0 + (next - 1.0) * share }
     }
 
-    /// The brightness at some places on the ground, x and z in metres.
+    /// The brightness at places in a row: `start` and so many times `step` further, x and z in metres.
     #[inline(always)]
-    pub fn at<const N: usize>(&self, x: [f32; N], z: [f32; N], scale: Scale) -> [f32; N] {
+    pub fn fill<'a>(
+        &self,
+        line: &'a mut Line,
+        numbers: &[f32],
+        (start, step): ([f32; 2], [f32; 2]),
+        scale: Scale,
+    ) -> &'a [f32] {
         let texels = &self.levels[scale.level][..];
-        let shift = SHIFT - scale.level;
-        let mask = (1usize << shift) - 1;
-        let (mut fx, mut fy, mut index) = ([0.0f32; N], [0.0f32; N], [0usize; N]);
-        for i in 0..N {
+        let shift = (SHIFT - scale.level) as u32;
+        let mask = (1u32 << shift) - 1;
+        let count = numbers.len();
+        let Line { fx, fy, index, corners: [a, b, c, d], values } = line;
+        let (fx, fy, index) = (&mut fx[..count], &mut fy[..count], &mut index[..count]);
+        let [su, sv] = start.map(|s| s * scale.frequency);
+        let [du, dv] = step.map(|s| s * scale.frequency);
+        for i in 0..count {
             // A number just above 1.5 * 2^23 has no fraction: adding and subtracting rounds, faster than any conversion,
             // and the lowest bits are those of the whole number.
-            let (u, v) = (x[i] * scale.frequency, z[i] * scale.frequency);
+            let (u, v) = (su + numbers[i] * du, sv + numbers[i] * dv);
             let (left, top) = (u - 0.5 + ROUNDING, v - 0.5 + ROUNDING);
             fx[i] = u - (left - ROUNDING);
             fy[i] = v - (top - ROUNDING);
-            index[i] = ((top.to_bits() as usize & mask) << shift) | (left.to_bits() as usize & mask);
+            index[i] = ((top.to_bits() & mask) << shift) | (left.to_bits() & mask);
         }
-        let mut values = [0.0; N];
-        for i in 0..N {
-            let [a, b, c, d] = texels[index[i]];
-            let upper = a + (b - a) * fx[i];
-            let lower = c + (d - c) * fx[i];
+        let (a, b, c, d) = (&mut a[..count], &mut b[..count], &mut c[..count], &mut d[..count]);
+        for i in 0..count {
+            [a[i], b[i], c[i], d[i]] = texels[index[i] as usize];
+        }
+        let values = &mut values[..count];
+        for i in 0..count {
+            let upper = a[i] + (b[i] - a[i]) * fx[i];
+            let lower = c[i] + (d[i] - c[i]) * fx[i];
             values[i] = (upper + (lower - upper) * fy[i]) * scale.strength;
         }
         values
+    }
+}
+
+/// Room for the texture along one row of pixels.
+#[derive(Debug)]
+pub struct Line {
+    fx: Vec<f32>,
+    fy: Vec<f32>,
+    index: Vec<u32>,
+    corners: [Vec<f32>; 4],
+    values: Vec<f32>,
+}
+
+impl Line {
+    /// Room for rows of so many pixels.
+    pub fn new(width: usize) -> Self {
+        let room = || vec![0.0; width];
+        Self {
+            fx: room(),
+            fy: room(),
+            index: vec![0; width],
+            corners: std::array::from_fn(|_| room()),
+            values: room(),
+        }
     }
 }
 
@@ -136,12 +173,29 @@ mod tests {
     use pdk_sdk::prelude::Key;
 
     #[test]
+    fn a_row_is_its_places_one_by_one() {
+        let texture = Texture::new(&mut Key([1; 32]).sequence());
+        let numbers: Vec<f32> = (0..40).map(|i| i as f32).collect();
+        for footprint in [0.01, 0.2, 3.0] {
+            let scale = texture.scale(30.0, footprint);
+            let (start, step) = ([3.7, -8.1], [0.31, 0.17]);
+            let (mut line, mut single) = (Line::new(40), Line::new(1));
+            let row = texture.fill(&mut line, &numbers, (start, step), scale).to_vec();
+            for (i, value) in row.into_iter().enumerate() {
+                let alone = texture.fill(&mut single, &[i as f32], (start, step), scale)[0];
+                assert_eq!(value.to_bits(), alone.to_bits());
+            }
+        }
+    }
+
+    #[test]
     fn the_texture_repeats_and_fades_with_distance() {
         let texture = Texture::new(&mut Key([1; 32]).sequence());
         let near = texture.scale(8.0, 0.01);
-        let at = |x: f32, z: f32, scale| texture.at([x], [z], scale)[0];
+        let mut line = Line::new(1);
+        let mut at = |x: f32, z: f32, scale| texture.fill(&mut line, &[0.0], ([x, z], [0.0; 2]), scale)[0];
         assert_eq!(at(3.25, -7.5, near), at(3.25 + 32.0, -7.5 - 64.0, near));
-        let spread = |scale| {
+        let mut spread = |scale| {
             (0..1000).map(|i| at(i as f32 * 0.37, i as f32 * 0.11, scale).abs()).sum::<f32>() / 1000.0
         };
         assert!(spread(near) > 0.2, "{}", spread(near));
