@@ -341,7 +341,7 @@ create_functions! {
 }
 
 /// Whether a script uses what only pipelines have; a folder may hold both kinds.
-fn is_pipeline(script: &Path) -> bool {
+pub fn is_pipeline(script: &Path) -> bool {
     std::fs::read_to_string(script)
         .is_ok_and(|text| text.contains("pdk.settings(") || text.contains("pdk.drive("))
 }

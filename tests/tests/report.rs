@@ -93,6 +93,12 @@ fn a_page_says_what_the_record_says() {
     // What the camera and the driver saw before the failure.
     let pictures = page.matches(" src=\"data:image/jpeg").count();
     assert!((2..=6).contains(&pictures) && pictures.is_multiple_of(2), "{pictures}");
+    let times: Vec<f64> = page
+        .split("<figcaption>")
+        .filter_map(|caption| caption.split_once(" s</figcaption>")?.0.parse().ok())
+        .collect();
+    let end = outcomes[2]["time"].as_f64().unwrap();
+    assert!(times.is_sorted() && end - times[times.len() - 1] < 0.31, "{times:?}, but it ended at {end}");
     assert_eq!(page.matches("class=\"mark\"").count(), 2, "one in the legend, one on the road");
 }
 

@@ -1,5 +1,7 @@
 //! `pdk check`: what a plugin author runs before shipping. The plugin is loaded in a process of its own, so that one
-//! that hangs, crashes or exits is a finding like any other.
+//! that hangs, crashes or exits is a finding like any other. A perturbation in Lua is checked the same way.
+
+mod script;
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -25,7 +27,7 @@ use super::{Global, print_json};
 /// Arguments of `pdk check`
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The plugin's library
+    /// The plugin's library, or the file of a perturbation in Lua
     #[arg(value_name = "PLUGIN")]
     plugin: PathBuf,
     /// How many seconds one check may take
@@ -52,6 +54,8 @@ enum Report {
     Begin(String),
     /// What the last step came to: nothing, or a sentence.
     End(Option<String>),
+    /// Something that is worth knowing and no failure.
+    Note(String),
     /// What the plugin carries.
     Carries { name: String, version: String, components: Vec<String> },
     /// All steps were taken.
@@ -118,6 +122,7 @@ fn observe(
                 }
                 ended = true;
             }
+            Ok(Report::Note(note)) => findings.notes.push(note),
             Ok(Report::Carries { name, version, components }) => {
                 findings.carries = Some((name, version, components))
             }
@@ -164,6 +169,7 @@ fn read_reports(child: &mut std::process::Child) -> Result<mpsc::Receiver<Report
 struct Findings {
     carries: Option<(String, String, Vec<String>)>,
     steps: Vec<(String, Option<String>)>,
+    notes: Vec<String>,
 }
 
 impl Findings {
@@ -180,9 +186,9 @@ impl Findings {
                 .map(|(step, failure)| json!({ "check": step, "failure": failure }))
                 .collect();
             let (name, version, components) = self.carries.clone().unwrap_or_default();
-            print_json(
-                &json!({ "name": name, "version": version, "components": components, "checks": steps }),
-            )?;
+            print_json(&json!({
+                "name": name, "version": version, "components": components, "checks": steps, "notes": self.notes
+            }))?;
         } else {
             if let Some((name, version, components)) = &self.carries {
                 println!("{name} {version} carries {}", components.join(", "));
@@ -192,6 +198,9 @@ impl Findings {
                     None => println!("ok   {step}"),
                     Some(failure) => println!("FAIL {step}: {failure}"),
                 }
+            }
+            for note in &self.notes {
+                println!("note {note}");
             }
         }
         match failures {
@@ -208,9 +217,16 @@ impl Findings {
 /// The process with the plugin: takes each step from number `skipped` on, and reports it.
 fn work(arguments: &Arguments, skipped: usize) -> Result<()> {
     exit_guard::disarm();
+    if script::is_script(&arguments.plugin) {
+        script::work(arguments, skipped);
+        report(&Report::Done);
+        return Ok(());
+    }
     // The process that watches has the patience.
     let plugin = match step(LOADING, || {
-        Plugin::load(&arguments.plugin, Duration::MAX).and_then(|plugin| known(plugin, arguments))
+        let plugin = Plugin::load(&arguments.plugin, Duration::MAX)?;
+        known(&plugin.description.components, arguments)?;
+        Ok(plugin)
     }) {
         Some(plugin) => plugin,
         None => {
@@ -242,10 +258,10 @@ fn work(arguments: &Arguments, skipped: usize) -> Result<()> {
     Ok(())
 }
 
-/// The plugin, where all parameters that the command line sets are of its components.
-fn known(plugin: Plugin, arguments: &Arguments) -> Result<Plugin> {
+/// Checks that all parameters that the command line sets are of one of the components.
+fn known(components: &[Description], arguments: &Arguments) -> Result<()> {
     for Override { key, .. } in &arguments.values {
-        let names = plugin.description.components.iter().map(|component| component.name.as_str());
+        let names = components.iter().map(|component| component.name.as_str());
         let component = key.split_once('.').map(|(component, _)| component);
         if component.is_none_or(|component| !names.clone().any(|name| name == component)) {
             let hint = suggest::hint(component.unwrap_or(key), names);
@@ -254,7 +270,7 @@ fn known(plugin: Plugin, arguments: &Arguments) -> Result<Plugin> {
             )));
         }
     }
-    Ok(plugin)
+    Ok(())
 }
 
 /// The parameters that a component is checked with, and what each check is called: its examples, or its defaults where

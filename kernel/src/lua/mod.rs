@@ -17,6 +17,7 @@
 //! | [`random`] | the random numbers a script draws |
 //! | [`declaration`] | the table by which a script describes its perturbation |
 //! | [`perturbation`] | a script as a perturbation |
+//! | [`kept`] | what a script keeps from one frame to the next, found when it is checked |
 //! | [`types`] | the type definition file |
 
 pub mod api;
@@ -25,6 +26,7 @@ mod arithmetic;
 pub mod declaration;
 mod failure;
 pub mod image;
+pub mod kept;
 pub mod perturbation;
 mod power;
 pub mod random;
@@ -33,6 +35,7 @@ pub mod types;
 mod watchdog;
 
 pub use api::{ApiClass, ApiFunction, ApiMethod, ApiProperty, ApiRecord, ApiTable};
-pub use perturbation::{LuaPerturbation, create, description};
+pub use kept::Kept;
+pub use perturbation::{LuaPerturbation, create, description, open};
 pub use sandbox::{Limits, Sandbox};
 pub use watchdog::without_clock;

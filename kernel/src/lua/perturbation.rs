@@ -32,10 +32,18 @@ pub fn description(path: &Path) -> Result<Description> {
 /// # Errors
 /// As [`description`].
 pub fn create(path: &Path, config: &Config) -> Result<Box<dyn Perturbation>> {
+    Ok(Box::new(open(path, config)?))
+}
+
+/// As [`create`], for those who want to know more of it than that it is a perturbation.
+///
+/// # Errors
+/// As [`description`].
+pub fn open(path: &Path, config: &Config) -> Result<LuaPerturbation> {
     let source = std::fs::read(path).place(path.display())?;
     let script = path.display().to_string();
     let limits = Limits::from_environment()?;
-    Ok(Box::new(LuaPerturbation::new(&script, &source, stem(path), config.clone(), limits)?))
+    LuaPerturbation::new(&script, &source, stem(path), config.clone(), limits)
 }
 
 fn stem(path: &Path) -> &str {
@@ -51,10 +59,10 @@ fn declare(sandbox: &Sandbox, script: &str, source: &[u8], stem: &str) -> Result
 
 /// A perturbation written in Lua, in a virtual machine of its own.
 pub struct LuaPerturbation {
-    script: String,
+    pub(super) script: String,
     description: Description,
     config: Config,
-    apply: Function,
+    pub(super) apply: Function,
     /// The image of the latest frame, used again for frames of the same size.
     image: Option<AnyUserData>,
     cx: ScriptContext,
@@ -62,7 +70,7 @@ pub struct LuaPerturbation {
     values: Vec<f64>,
     /// The limits before the size of the frame counts.
     limits: Limits,
-    sandbox: Sandbox,
+    pub(super) sandbox: Sandbox,
 }
 
 impl LuaPerturbation {

@@ -138,6 +138,8 @@ impl Sandbox {
             lua.set_compiler(
                 Compiler::new()
                     .set_optimization_level(2)
+                    // With the names of variables, for `Kept`.
+                    .set_debug_level(2)
                     .set_type_info_level(1)
                     .set_disabled_builtins(arithmetic::disabled_builtins()),
             );

@@ -56,7 +56,8 @@ const REGION: ApiRecord = ApiRecord {
         field(
             "mask",
             "string?",
-            "An image file that is stretched over the frame: white is perturbed, black is not, grey is blended.",
+            "An image file that is stretched over the frame: white is perturbed, black or transparent is not, what lies \
+             between is blended.",
         ),
     ],
 };

@@ -1,7 +1,7 @@
 //! What a page about a run says, read from its record.
 
-use std::fs;
-use std::io::ErrorKind;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use pdk_report::{Component, Drive, DriveTimes, EvaluateTimes, Run, Setup, Times};
@@ -73,8 +73,7 @@ fn unfinished(directory: &RunDirectory, scenarios: usize, evaluations: usize) ->
     let what = "What is said here is about the part that was recorded.";
     for name in [SCENARIOS, RESULTS] {
         let path = directory.path().join(name);
-        let cut_off = fs::read(&path).is_ok_and(|text| text.last().is_some_and(|byte| *byte != b'\n'));
-        if cut_off {
+        if cut_off(&path) {
             return Ok(Some(format!("The last line of {name} is cut off and left out. {what}")));
         }
     }
@@ -85,6 +84,17 @@ fn unfinished(directory: &RunDirectory, scenarios: usize, evaluations: usize) ->
     let known = |field: &str| summary[field].as_array().map_or(0, Vec::len);
     let same = known("outcomes") == scenarios && known("evaluations") == evaluations;
     Ok((!same).then(|| format!("Its {SUMMARY} does not know all that was recorded. {what}")))
+}
+
+/// Whether a file ends within a line.
+fn cut_off(path: &Path) -> bool {
+    let mut last = [b'\n'];
+    let read = File::open(path).and_then(|mut file| {
+        file.seek(SeekFrom::End(-1))?;
+        file.read_exact(&mut last)
+    });
+    // One that is not there or is empty has no line.
+    read.is_ok() && last != [b'\n']
 }
 
 fn title(manifest: &Manifest) -> String {

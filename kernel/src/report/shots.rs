@@ -75,3 +75,45 @@ fn last_frames(trace: &Path) -> Result<Vec<Shot>> {
     wanted.dedup();
     Ok(wanted.into_iter().map(|position| recent[position].clone()).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::trace::Trace;
+    use pdk_report::{Scenario, Verdict};
+    use pdk_sdk::prelude::FrameBuf;
+
+    /// A trace with an image every tenth of a second, up to this time.
+    fn trace(path: &Path, seconds: u64) {
+        let mut trace = Trace::create(path).unwrap();
+        let frame = FrameBuf::new(16, 8);
+        for sequence in 0..=seconds * 10 {
+            for topic in [ImageTopic::Raw, ImageTopic::Perturbed] {
+                trace.image(topic, sequence, sequence as f64 / 10.0, frame.as_ref()).unwrap();
+            }
+        }
+        trace.finish().unwrap();
+    }
+
+    #[test]
+    fn the_last_frame_and_those_before_it_are_shown() {
+        let folder = std::env::temp_dir().join(format!("pdk-shots-{}", std::process::id()));
+        let directory = RunDirectory::create(&folder).unwrap();
+        let failed = |index: u64| Scenario { index, verdict: Verdict::Failed, ..Scenario::default() };
+        let mut drives = vec![Drive { scenarios: (0..4).map(failed).collect(), ..Drive::default() }];
+        for (index, seconds) in [5, 1, 0].into_iter().enumerate() {
+            trace(&directory.trace(index as u64).unwrap(), seconds);
+        }
+        add(&directory, &mut drives, 4);
+        let times = |scenario: usize| {
+            let shots = &drives[0].scenarios[scenario].shots;
+            assert!(shots.iter().all(|shot| !shot.raw.is_empty() && !shot.perturbed.is_empty()));
+            shots.iter().map(|shot| shot.time).collect::<Vec<_>>()
+        };
+        assert_eq!(times(0), [3.0, 4.0, 5.0]);
+        assert_eq!(times(1), [0.0, 1.0]);
+        assert_eq!(times(2), [0.0]);
+        assert!(times(3).is_empty(), "it has no trace");
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+}

@@ -294,7 +294,7 @@ mod tests {
             // A gradient that JPEG keeps nearly as it is.
             let stored =
                 RgbImage::from_fn(64, 48, |x, y| image::Rgb([(x * 3) as u8, (y * 4) as u8, (x + y) as u8]));
-            let mut files = vec![Vec::new(), Vec::new(), Vec::new()];
+            let mut files = vec![Vec::new(); 4];
             let mut png = image::codecs::png::PngEncoder::new(&mut files[0]);
             png.set_exif_metadata(exif(orientation, true)).unwrap();
             png.write_image(&stored, 64, 48, ExtendedColorType::Rgb8).unwrap();
@@ -303,6 +303,9 @@ mod tests {
                 jpeg.set_exif_metadata(exif(orientation, big)).unwrap();
                 jpeg.write_image(&stored, 64, 48, ExtendedColorType::Rgb8).unwrap();
             }
+            let mut webp = image::codecs::webp::WebPEncoder::new_lossless(&mut files[3]);
+            webp.set_exif_metadata(exif(orientation, false)).unwrap();
+            webp.write_image(&stored, 64, 48, ExtendedColorType::Rgb8).unwrap();
             for bytes in files {
                 let frame = decode(&bytes).unwrap();
                 let (width, height) = if turned { (48, 64) } else { (64, 48) };
