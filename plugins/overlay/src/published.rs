@@ -107,7 +107,7 @@ overlays! {
     "sun": DynamicSun "dynamic_sun_filter", StaticSun "static_sun_filter", "glare of a low sun",
         "a loop of 4 s", 1;
     "lightning": DynamicLightning "dynamic_lightning_filter", StaticLightning "static_lightning_filter", "bolts of lightning",
-        "a loop of 10 s, in 37 % of which one shows; otherwise the frame stays as it is", 2;
+        "a loop of 10 s, in 40 % of which one shows; otherwise the frame stays as it is", 2;
 }
 
 /// The screen of all clips of our own; smoke hides too much of it to have it searched for.

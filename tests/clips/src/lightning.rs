@@ -8,7 +8,7 @@ use crate::effect::{Effect, LIGHTNING_FRAMES};
 /// How bright a strike is in the frames after it begins; it strikes a second time through the same channel.
 const GLOW: [f32; 9] = [1.0, 0.72, 0.38, 0.86, 0.60, 0.34, 0.18, 0.09, 0.04];
 /// Strikes in the clip; each has a part of the clip for itself.
-const STRIKES: usize = 14;
+const STRIKES: usize = 15;
 const PART: usize = LIGHTNING_FRAMES / STRIKES;
 
 /// A line of a bolt, and how strong it is.
@@ -32,7 +32,8 @@ impl Lightning {
     pub fn new(random: &mut Random) -> Self {
         let (width, height) = (SIZE.0 as f32, SIZE.1 as f32);
         let strike = |number: usize| {
-            let begin = number * PART + random.below((PART - GLOW.len()) as u32) as usize;
+            // Not in the first frame, so that the clip begins as it ends: dark.
+            let begin = number * PART + 1 + random.below((PART - GLOW.len() - 1) as u32) as usize;
             // Everywhere, and one after the other in different places.
             let place = (number * 5 % STRIKES) as f32;
             let across = 0.12 + 0.76 * (place + random.unit() as f32) / STRIKES as f32;
