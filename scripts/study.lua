@@ -5,7 +5,8 @@
 --
 -- The ranking goes by the share of scenarios that failed, then by how much the mean |XTE| grew over that of the same road
 -- with a clear view. Roads that the driver does not manage with a clear view are left out. ranking.json in the record
--- holds what the table shows.
+-- holds what the table shows, and the failures by level. Each repeat draws everything random anew, which tells chance from
+-- effect, with drivers that do not always do the same also theirs.
 
 local settings = pdk.settings({
 	simulator = "lane",
@@ -16,6 +17,7 @@ local settings = pdk.settings({
 	road_seed = 1, -- seed of the first road; each further one has the next
 	limit = 35, -- largest angle of a road in degrees
 	attempts = 1000, -- draws until a road is valid
+	repeats = 1, -- how often each perturbation is driven at each level on each road
 	duration = 40, -- seconds of simulation time
 	images_every = 0, -- every how many frames the record keeps an image; 0 for none
 	z = 1.96, -- standard deviations of the interval: 1.96 for 95 %
@@ -59,25 +61,38 @@ local scenarios, of = {}, {}
 for _, name in names do
 	for _, level in settings.levels do
 		for _, place in driven do
-			table.insert(scenarios, {
-				name = `{name}@{level}, road {place.number}`,
-				road = place.road,
-				perturbations = { { name = name, level = level } },
-			})
-			table.insert(of, { name = name, nominal = place.nominal })
+			for number = 1, settings.repeats do
+				local again = if settings.repeats > 1 then `, repeat {number}` else ""
+				table.insert(scenarios, {
+					name = `{name}@{level}, road {place.number}{again}`,
+					road = place.road,
+					perturbations = { { name = name, level = level } },
+				})
+				table.insert(of, { name = name, level = level, nominal = place.nominal })
+			end
 		end
 	end
 end
 
 local entries, by_name = {}, {}
 for _, name in names do
-	by_name[name] = { perturbation = name, scenarios = 0, failures = 0, increase = 0 }
+	by_name[name] = { perturbation = name, scenarios = 0, failures = 0, increase = 0, by_level = {} }
+	for _, level in settings.levels do
+		table.insert(by_name[name].by_level, { level = level, scenarios = 0, failures = 0 })
+	end
 	table.insert(entries, by_name[name])
 end
 for i, outcome in drive(scenarios) do
 	local entry = by_name[of[i].name]
+	local failures = if outcome.success then 0 else 1
 	entry.scenarios += 1
-	entry.failures += if outcome.success then 0 else 1
+	entry.failures += failures
+	for _, counted in entry.by_level do
+		if counted.level == of[i].level then
+			counted.scenarios += 1
+			counted.failures += failures
+		end
+	end
 	entry.increase += outcome.mean_cross_track_error - of[i].nominal
 end
 
@@ -117,4 +132,14 @@ for rank, entry in entries do
 	})
 end
 pdk.table({ "rank", "perturbation", "failed", "share", "interval", "mean |XTE| increase m" }, rows)
+local totals = {}
+for i, level in settings.levels do
+	local count, failures = 0, 0
+	for _, entry in entries do
+		count += entry.by_level[i].scenarios
+		failures += entry.by_level[i].failures
+	end
+	table.insert(totals, { level, `{failures} of {count}`, failures / count })
+end
+pdk.table({ "level", "failed", "share" }, totals)
 pdk.save("ranking.json", { ranking = entries, z = settings.z, roads = driven, left_out = left_out })

@@ -12,7 +12,7 @@ local settings = pdk.settings({
 	road_seed = 1001, -- far from the seeds of the studies' roads
 	limit = 40, -- largest angle of a road in degrees: a little more than in the studies
 	duration = 24, -- seconds of simulation time
-	images_every = 3,
+	images_every = 6,
 })
 
 -- How the recording driver drives and whether it has a vehicle ahead: metres and metres per second.

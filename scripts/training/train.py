@@ -201,7 +201,7 @@ def main():
     parser = argparse.ArgumentParser(description="Trains driving networks on records of the embedded simulator.")
     parser.add_argument("record", type=pathlib.Path, nargs="+")
     parser.add_argument("out", type=pathlib.Path)
-    parser.add_argument("--epochs", type=int, default=10)
+    parser.add_argument("--epochs", type=int, default=8)
     parser.add_argument("--samples", type=pathlib.Path, help="keep what was read from the records here, and use it where it is there")
     parser.add_argument("--only", choices=["dave2", "dave2_augmented"])
     arguments = parser.parse_args()
