@@ -14,6 +14,11 @@ gap to the vehicle ahead. Position, course and the vehicle ahead are in the reco
 
 Two networks come of it: `dave2.onnx`, trained on the recorded images alone, and `dave2_augmented.onnx`, trained on images
 with random noise, blur, brightness and contrast as well.
+
+The networks that come with pdk were made exactly so, from 15,426 images, with torch 2.15.0 on one thread. On images that
+were held out, the mean error of the steering was 0.012 of full lock, that of the throttle 0.107 and 0.105. Recording took
+two minutes and each network three to four on two cores. Another version of torch or another processor gives networks that
+differ a little; every record names the network by its hash.
 """
 
 import argparse

@@ -75,7 +75,7 @@ fn the_study_ranks_by_failures() {
     let folder = temp();
     let outs = ["a", "b"].map(|name| folder.path().join(name));
     for (out, threads) in outs.iter().zip([2, 1]) {
-        tiny("study.lua", out).set("roads", 2).set("threads", threads).succeed();
+        tiny("study.lua", out).set("roads", 1).set("repeats", 2).set("threads", threads).succeed();
     }
     let read = |out: &Path| fs::read_to_string(out.join("ranking.json")).unwrap();
     assert_eq!(read(&outs[0]), read(&outs[1]));
@@ -93,6 +93,14 @@ fn the_study_ranks_by_failures() {
         let failed = of_entry.iter().filter(|outcome| outcome["success"] == false).count();
         assert_eq!((entry["scenarios"].as_u64(), entry["failures"].as_u64()), (Some(4), Some(failed as u64)));
         assert_eq!(of_entry.len(), 4);
+        for by_level in entry["by_level"].as_array().unwrap() {
+            let name = format!("{name}@{}, ", by_level["level"]);
+            let of_level = of_entry
+                .iter()
+                .filter(|outcome| outcome["scenario"]["name"].as_str().unwrap().starts_with(&name));
+            let failed = of_level.filter(|outcome| outcome["success"] == false).count();
+            assert_eq!((&by_level["scenarios"], &by_level["failures"]), (&json!(2), &json!(failed)));
+        }
         let number = |field: &str| entry[field].as_f64().unwrap();
         let share = failed as f64 / 4.0;
         assert_eq!(number("failed_share"), share);

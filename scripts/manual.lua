@@ -1,0 +1,56 @@
+-- What you name is driven: each chain of perturbations, on each random road, after a drive with a clear view.
+--
+--   pdk run scripts/manual.lua --set chains=fog_filter@2+motion_blur@1,dirty_lens@3.5 --set roads=2
+--
+-- A chain is perturbations joined by +, each with its intensity behind @; the first one sees the frame first. A chain can
+-- also be a list with everything that a perturbation takes: { { name = "fog_filter", level = 2, probability = 0.5 } }.
+
+local settings = pdk.settings({
+	simulator = "lane",
+	driver = "dave2",
+	chains = { "gaussian_noise@2", "fog_filter@2+motion_blur@1" },
+	roads = 1, -- how many random roads
+	road_seed = 1, -- seed of the first road; each further one has the next
+	limit = 35, -- largest angle of a road in degrees
+	attempts = 1000, -- draws until a road is valid
+	duration = 40, -- seconds of simulation time
+	images_every = 10, -- every how many frames the record keeps an image; 0 for none
+	mode = "lockstep", -- or "realtime": the simulator does not wait for the driver
+})
+
+-- "fog_filter@2+motion_blur@1" as a list of perturbations.
+local function parsed(chain)
+	if type(chain) ~= "string" then
+		return chain
+	end
+	local perturbations = {}
+	for _, text in string.split(chain, "+") do
+		local name, level = string.match(text, "^([%w_]+)@([%d.]+)$")
+		local intensity = tonumber(level)
+		if not intensity then
+			error(`"{text}" in chains is no perturbation with its intensity, such as fog_filter@2.5`, 0)
+		end
+		table.insert(perturbations, { name = name, level = intensity })
+	end
+	return perturbations
+end
+
+local scenarios = {}
+for number = 1, settings.roads do
+	local seed = settings.road_seed + number - 1
+	local road = pdk.road({ seed = seed, limit = settings.limit, attempts = settings.attempts }).road
+	table.insert(scenarios, { name = `nominal, road {number}`, road = road })
+	for i, chain in settings.chains do
+		local name = if type(chain) == "string" then chain else `chain {i}`
+		table.insert(scenarios, { name = `{name}, road {number}`, road = road, perturbations = parsed(chain) })
+	end
+end
+
+pdk.show(pdk.drive({
+	simulator = settings.simulator,
+	driver = settings.driver,
+	duration = settings.duration,
+	images_every = settings.images_every,
+	mode = settings.mode,
+	scenarios = scenarios,
+}))
