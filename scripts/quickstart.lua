@@ -1,11 +1,11 @@
--- A driver on the embedded simulator: once with a clear view, then through perturbations.
+-- A trained driver on the embedded simulator: once with a clear view, then through perturbations.
 --
 --   pdk run scripts/quickstart.lua
 --   pdk run scripts/quickstart.lua --set perturbations=gaussian_noise,dirty_lens --set levels=1,4 --seed 7
 
 local settings = pdk.settings({
 	simulator = "lane",
-	driver = "lane_keeper",
+	driver = "dave2",
 	road = { angles = { 0, 12, -18, 10, 20, -15, -8, 0 }, segment = 25 }, -- degrees turned every 25 m
 	perturbations = { "gaussian_noise", "motion_blur", "defocus_blur", "translate_image", "raindrops_on_lens", "dirty_lens" },
 	levels = { 2, 4 },

@@ -38,16 +38,19 @@ local function drive(scenarios)
 	})
 end
 
-local nominal = {}
+local nominal, places = {}, {}
 for number = 1, settings.roads do
 	local seed = settings.road_seed + number - 1
 	local road = pdk.road({ seed = seed, limit = settings.limit, attempts = settings.attempts })
 	table.insert(nominal, { name = "nominal, road " .. number, road = road.road })
+	table.insert(places, { road = number, seed = seed, angles = road.angles })
 end
 local driven, left_out = {}, {}
 for number, outcome in drive(nominal) do
+	local place = places[number]
 	if outcome.success then
-		table.insert(driven, { number = number, road = nominal[number].road, nominal = outcome.mean_cross_track_error })
+		place.nominal_mean_cross_track_error = outcome.mean_cross_track_error
+		table.insert(driven, place)
 	else
 		print(`Road {number} is left out: without perturbation it ended with {outcome.cause}.`)
 		table.insert(left_out, { road = number, cause = outcome.cause })
@@ -64,11 +67,11 @@ for _, name in names do
 			for number = 1, settings.repeats do
 				local again = if settings.repeats > 1 then `, repeat {number}` else ""
 				table.insert(scenarios, {
-					name = `{name}@{level}, road {place.number}{again}`,
-					road = place.road,
+					name = `{name}@{level}, road {place.road}{again}`,
+					road = nominal[place.road].road,
 					perturbations = { { name = name, level = level } },
 				})
-				table.insert(of, { name = name, level = level, nominal = place.nominal })
+				table.insert(of, { name = name, level = level, nominal = place.nominal_mean_cross_track_error })
 			end
 		end
 	end
@@ -142,4 +145,11 @@ for i, level in settings.levels do
 	table.insert(totals, { level, `{failures} of {count}`, failures / count })
 end
 pdk.table({ "level", "failed", "share" }, totals)
-pdk.save("ranking.json", { ranking = entries, z = settings.z, roads = driven, left_out = left_out })
+pdk.save("ranking.json", {
+	simulator = settings.simulator,
+	driver = settings.driver,
+	ranking = entries,
+	z = settings.z,
+	roads = driven,
+	left_out = left_out,
+})

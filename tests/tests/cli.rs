@@ -333,3 +333,34 @@ fn output_that_nobody_takes_is_no_panic() {
     }
     assert_eq!(shell("exec \"$0\" show nothing 2> /dev/full").run().code, Some(1));
 }
+
+#[test]
+fn a_road_is_told_in_numbers_as_text_and_drawn() {
+    let folder = temp();
+    let road = |arguments: &[&str]| Pdk::new(["road"]).args(arguments).folder(folder.path());
+    let told = road(&[
+        "--turns",
+        "3",
+        "--mean-curvature",
+        "0.02",
+        "--seed",
+        "5",
+        "--attempts",
+        "100",
+        "-o",
+        "road.svg",
+    ]);
+    let told = told.succeed().stdout;
+    assert!(told.contains("turns           3"), "{told}");
+    let picture = std::fs::read_to_string(folder.path().join("road.svg")).unwrap();
+    assert!(picture.starts_with("<svg") && picture.contains("<polyline"), "{picture}");
+    let json = road(&["--angles", "0,30,0,-30,0,0,0,0", "--json"]).succeed().json();
+    assert_eq!(json["turns"], 2);
+    assert_eq!(
+        json["waypoints"].as_str().unwrap().split('@').count(),
+        json["road"]["waypoints"].as_array().unwrap().len()
+    );
+    road(&["--limit", "99"]).fail(1, &["`limit` is 99", "from 0 to 90 degrees"]);
+    road(&["--angles", "0,30", "--seed", "3", "--turns", "1"]).fail(1, &["`angles` say all"]);
+    road(&["-o", "missing/road.svg"]).fail(1, &["cannot write missing/road.svg"]);
+}

@@ -37,11 +37,11 @@ fn the_quickstart_drives_and_records() {
         ran.stdout.lines().find(|line| line.ends_with(" times real time")).expect("no line with the speed");
 
     let manifest = json_file(&out.join("manifest.json"));
-    assert_eq!((&manifest["seed"], &manifest["settings"]["driver"]), (&json!(3), &json!("lane_keeper")));
+    assert_eq!((&manifest["seed"], &manifest["settings"]["driver"]), (&json!(3), &json!("dave2")));
     assert!(manifest["pipeline"]["source"].as_str().unwrap().contains("pdk.drive"));
     let components: Vec<_> = manifest["components"].as_array().unwrap().iter().collect();
     let names: Vec<_> = components.iter().map(|component| component["name"].as_str().unwrap()).collect();
-    assert_eq!(names, ["gaussian_noise", "lane", "lane_keeper"]);
+    assert_eq!(names, ["gaussian_noise", "lane", "dave2"]);
     assert!(components.iter().all(|component| component["file"]["blake3"].as_str().unwrap().len() == 64));
 
     let scenarios = json_lines(&out.join("scenarios.jsonl"));
@@ -98,6 +98,8 @@ fn the_trace_is_what_other_tools_read() {
         let frames = scenario["frames"].as_u64().unwrap();
         assert_eq!(scenario["cause"], "time_out");
         assert_eq!(frames, 21, "one second at 20 frames, and the frame at its end");
+        // Every sixth one, and the last one because it failed.
+        let images = frames.div_ceil(6) + 1;
         let counts: Vec<_> = topics
             .iter()
             .map(|(topic, (count, schema, _))| (topic.as_str(), *count, schema.as_str()))
@@ -107,14 +109,48 @@ fn the_trace_is_what_other_tools_read() {
             [
                 ("/control", frames, "controlmessage.ControlMessage"),
                 ("/event", 2, "foxglove.Log"),
-                ("/perturbed", frames.div_ceil(6), "foxglove.CompressedImage"),
-                ("/raw", frames.div_ceil(6), "foxglove.CompressedImage"),
+                ("/perturbed", images, "foxglove.CompressedImage"),
+                ("/raw", images, "foxglove.CompressedImage"),
                 ("/state", frames, "statemessage.StateMessage"),
             ]
         );
         assert!(topics.values().all(|(_, _, encoding)| encoding == "protobuf"));
         let end = scenario["time"].as_f64().unwrap();
         assert!((last_time as f64 / 1e9 - end).abs() < 1e-6, "{last_time} {end}");
+    }
+}
+
+#[test]
+fn the_record_of_a_failure_shows_what_came_before_it() {
+    let folder = temp();
+    let source = r#"
+        local function drive(duration)
+            pdk.drive({
+                simulator = { name = "lane", width = 80, height = 60, rate = 20 }, driver = "lane_keeper",
+                duration = duration, images_every = 0,
+                scenarios = { { road = { angles = { 0, 4, -4 }, segment = 10 } } },
+            })
+        end
+        drive(2.2)
+        drive(20)
+    "#;
+    let out = folder.path().join("record");
+    Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).succeed();
+    let causes: Vec<_> =
+        json_lines(&out.join("scenarios.jsonl")).iter().map(|line| line["cause"].clone()).collect();
+    assert_eq!(causes, ["time_out", "finished"]);
+    let images = |number: u64, topic: &str| {
+        let bytes = fs::read(out.join(format!("traces/{number:04}.mcap"))).unwrap();
+        let messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
+        messages
+            .filter(|message| message.channel.topic == topic)
+            .map(|message| message.log_time / 1_000_000)
+            .collect::<Vec<_>>()
+    };
+    for topic in ["/raw", "/perturbed"] {
+        // The frames of every half second are kept.
+        assert_eq!(images(0, topic), [0, 1000, 2200]);
+        assert!(images(1, topic).is_empty());
     }
 }
 

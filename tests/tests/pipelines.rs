@@ -134,3 +134,27 @@ fn a_pipeline_saves_files_of_its_own_only() {
     run("good", &format!("{drive}\npdk.save('a.json', {{ b = 1, a = {{ 2 }} }})")).succeed();
     assert_eq!(json_file(&folder.path().join("good/record/a.json")), json!({"a": [2], "b": 1}));
 }
+
+#[test]
+fn the_ranking_that_comes_along_is_of_the_default_set() {
+    let ranking = json_file(&repository().join("scripts/ranking.json"));
+    let entries = ranking["ranking"].as_array().unwrap();
+    let mut ranked: Vec<&str> = entries.iter().map(|entry| entry["perturbation"].as_str().unwrap()).collect();
+    ranked.sort_unstable();
+    let listed = Pdk::new(["list", "--json"]).succeed().json();
+    let default = |component: &&Value| {
+        component["description"]["kind"] == "perturbation" && component["description"]["default"] == true
+    };
+    let mut names: Vec<&str> = listed
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(default)
+        .map(|c| c["description"]["name"].as_str().unwrap())
+        .collect();
+    names.sort_unstable();
+    assert_eq!(ranked, names, "measure it anew: pdk run scripts/study.lua");
+    let shares: Vec<f64> = entries.iter().map(|entry| entry["failed_share"].as_f64().unwrap()).collect();
+    assert!(shares.is_sorted_by(|a, b| a >= b));
+    assert!(entries.iter().all(|entry| entry["scenarios"] == 50), "five levels on ten roads");
+}

@@ -470,7 +470,7 @@ fn a_new_perturbation_and_a_new_pipeline_work_as_they_are() {
         .folder(folder.path())
         .succeed();
     let after = image::open(folder.path().join("out.png")).unwrap().into_rgb8();
-    assert_eq!(after.get_pixel(5, 0)[2], 230 / 3);
+    assert_eq!(f64::from(after.get_pixel(5, 0)[2]), (230.0f64 / 3.0).round());
     let ran = Pdk::new([
         "run",
         "night_shift.lua",

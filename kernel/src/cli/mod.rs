@@ -19,6 +19,7 @@ mod preview;
 mod reference;
 mod replay;
 mod report;
+mod road;
 mod run;
 mod show;
 
@@ -91,6 +92,8 @@ enum Verb {
     Doctor(doctor::Arguments),
     /// Write a page about a run: what failed, when, where and how often
     Report(report::Arguments),
+    /// Make a road and draw it
+    Road(road::Arguments),
     /// Drive recorded scenarios again and compare them with their record, bit for bit
     Replay(replay::Arguments),
     /// Export the record of a run for other tools
@@ -119,6 +122,7 @@ pub fn main() -> ExitCode {
         Verb::Check(arguments) => check::run(global, arguments),
         Verb::Doctor(arguments) => doctor::run(global, arguments),
         Verb::Report(arguments) => report::run(global, arguments),
+        Verb::Road(arguments) => road::run(global, arguments),
         Verb::Replay(arguments) => replay::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Completions { shell } => {

@@ -19,6 +19,7 @@ use crate::watchdog::Patience;
 
 pub mod outcome;
 pub mod plan;
+pub mod recent;
 mod recorder;
 pub mod stages;
 pub mod witness;

@@ -6,6 +6,7 @@ use pdk_sdk::error::Result;
 use pdk_sdk::prelude::{Camera, Frame};
 
 use super::Outcome;
+use super::recent::Recent;
 use super::recorder::Recorder;
 use crate::record::trace::{ImageTopic, Step};
 use crate::record::{Lines, RunDirectory};
@@ -43,13 +44,16 @@ pub trait Witness: Send {
     fn finish(&mut self, outcome: Outcome) -> Result<Self::Verdict>;
 }
 
-/// Writes a line and a trace for each scenario.
+/// Writes a line and a trace for each scenario, with the last frames of those that fail.
 pub struct WriteRecord<'a> {
     directory: &'a RunDirectory,
     lines: &'a Mutex<Lines>,
     recorder: Recorder,
     /// Every how many frames an image is written; 0 for none.
     images_every: u64,
+    /// The number of the latest image that was written.
+    last_image: Option<u64>,
+    recent: Recent,
 }
 
 impl<'a> WriteRecord<'a> {
@@ -58,7 +62,8 @@ impl<'a> WriteRecord<'a> {
     /// # Errors
     /// Where the system has no thread left.
     pub fn new(directory: &'a RunDirectory, lines: &'a Mutex<Lines>, images_every: u64) -> Result<Self> {
-        Ok(Self { directory, lines, recorder: Recorder::new()?, images_every })
+        let (recorder, recent) = (Recorder::new()?, Recent::default());
+        Ok(Self { directory, lines, recorder, images_every, last_image: None, recent })
     }
 }
 
@@ -67,10 +72,19 @@ impl Witness for WriteRecord<'_> {
 
     fn start(&mut self, index: u64, _camera: Camera) -> Result<Option<Outcome>> {
         self.recorder.start(self.directory.trace(index)?);
+        self.last_image = None;
+        self.recent.clear();
         Ok(None)
     }
 
     fn event(&mut self, time: f64, failure: bool, text: &str) {
+        if failure {
+            let later = |sequence| self.last_image.is_none_or(|last| sequence > last);
+            for pair in self.recent.before_the_end().filter(|pair| later(pair.sequence)) {
+                self.recorder.image(ImageTopic::Raw, pair.sequence, pair.time, pair.raw.as_ref());
+                self.recorder.image(ImageTopic::Perturbed, pair.sequence, pair.time, pair.perturbed.as_ref());
+            }
+        }
         self.recorder.event(time, failure, text);
     }
 
@@ -79,7 +93,9 @@ impl Witness for WriteRecord<'_> {
         if self.images_every > 0 && step.sequence.is_multiple_of(self.images_every) {
             self.recorder.image(ImageTopic::Raw, step.sequence, step.state.time, raw);
             self.recorder.image(ImageTopic::Perturbed, step.sequence, step.state.time, perturbed);
+            self.last_image = Some(step.sequence);
         }
+        self.recent.add(step.sequence, step.state.time, raw, perturbed);
     }
 
     /// The trace is complete before the line says so, and the line is there before the next scenario begins: a run that

@@ -18,7 +18,7 @@ pub(crate) mod fields;
 mod host;
 pub mod records;
 mod report;
-mod road;
+pub mod road;
 pub mod settings;
 mod speed;
 pub mod table;

@@ -128,7 +128,8 @@ const DRIVE_REQUEST: ApiRecord = ApiRecord {
         field(
             "images_every",
             "number?",
-            "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none.",
+            "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none. Of a scenario that fails, \
+             the last frame goes there too, and those one and two seconds before where no image is.",
         ),
         field(
             "mode",

@@ -18,8 +18,16 @@ const MOST_ATTEMPTS: u64 = 100_000;
 /// Makes a road; `seed` is that of the run, for roads that name none.
 ///
 /// # Errors
-/// Where a field is wrong, or no valid road comes of it; the error says where the last one is not valid.
+/// As [`build`].
 pub fn make(request: Value, seed: u64) -> Result<Value> {
+    Ok(described(&build(request, seed)?))
+}
+
+/// Builds the road that a request asks for; `seed` is for requests that name none.
+///
+/// # Errors
+/// Where a field is wrong, or no valid road comes of it; the error says where the last one is not valid.
+pub fn build(request: Value, seed: u64) -> Result<Road> {
     let wrong = |sentence: String| Error::new(format!("pdk.road: {sentence}"));
     let known: Vec<&str> = ROAD_REQUEST.names().collect();
     let mut fields = Fields::new("pdk.road", request, &known)?;
@@ -59,7 +67,7 @@ pub fn make(request: Value, seed: u64) -> Result<Value> {
                     .into(),
             ));
         }
-        return of(&angles).map(|road| described(&road)).map_err(wrong);
+        return of(&angles).map_err(wrong);
     }
     let attempts = attempts.unwrap_or(1);
     if !(1..=MOST_ATTEMPTS).contains(&attempts) {
@@ -96,7 +104,7 @@ pub fn make(request: Value, seed: u64) -> Result<Value> {
             None => pdk_road::random_angles(&mut random, count, limit),
         };
         match of(&angles) {
-            Ok(road) => return Ok(described(&road)),
+            Ok(road) => return Ok(road),
             Err(reason) => refused = reason,
         }
     }
@@ -105,7 +113,8 @@ pub fn make(request: Value, seed: u64) -> Result<Value> {
     )))
 }
 
-fn described(road: &Road) -> Value {
+/// What `pdk.road` says of a road.
+pub fn described(road: &Road) -> Value {
     let waypoints: Vec<[f64; 3]> = road.waypoints.iter().map(|&[x, z]| [x, 0.0, z]).collect();
     json!({
         "waypoints": pdk_road::print(&waypoints),

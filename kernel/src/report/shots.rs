@@ -6,12 +6,10 @@ use std::path::Path;
 use pdk_report::{Drive, Shot, worst_failures};
 use pdk_sdk::error::Result;
 
+use crate::drive::recent::BEFORE;
 use crate::record::RunDirectory;
 use crate::record::trace::ImageTopic;
 use crate::record::trace_reader::{Entry, TraceReader};
-
-/// How long before the last frame the others are, in seconds.
-const BEFORE: [f64; 2] = [2.0, 1.0];
 
 /// Pictures of so many bytes make a page that is still handy: in a page a third more.
 const BUDGET: usize = 6 << 20;

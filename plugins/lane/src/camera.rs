@@ -1,13 +1,25 @@
 //! The camera: where it is mounted, and how pixels and points of the ground belong together.
 
-/// Height of the camera above the road in metres.
-pub const HEIGHT: f64 = 1.35;
 /// How far the camera sits ahead of the vehicle's centre, in metres.
 pub const AHEAD_OF_CENTRE: f64 = 0.5;
-/// The tangent of the angle by which the camera looks down: 8 degrees.
-const PITCH_TANGENT: f64 = 0.140_540_834_702_391_45;
-/// The tangent of half the horizontal field of view of 75 degrees.
-const HALF_VIEW_TANGENT: f64 = 0.767_326_987_978_960_4;
+
+/// How a camera is mounted and how wide it sees.
+#[derive(Debug, Clone, Copy)]
+pub struct Mounting {
+    /// Height above the road in metres.
+    pub height: f64,
+    /// The angle by which it looks down, in degrees.
+    pub pitch: f64,
+    /// The angle that a row of its pixels covers, in degrees.
+    pub field_of_view: f64,
+}
+
+impl Default for Mounting {
+    /// Behind the windscreen of a car.
+    fn default() -> Self {
+        Self { height: 1.35, pitch: 8.0, field_of_view: 75.0 }
+    }
+}
 
 /// A pinhole camera over flat ground, for one frame size.
 #[derive(Debug, Clone, Copy)]
@@ -18,6 +30,8 @@ pub struct Projection {
     pub centre_x: f64,
     /// Row of the optical axis.
     pub centre_y: f64,
+    /// Height of the camera above the road in metres.
+    pub height: f64,
     sine: f64,
     cosine: f64,
 }
@@ -29,26 +43,21 @@ pub struct GroundRow {
     pub ahead: f64,
     /// Width of a pixel on the ground in metres.
     pub pixel_width: f64,
-    /// Extent of a pixel on the ground along the view direction in metres.
-    pub pixel_depth: f64,
 }
 
 impl Projection {
     /// The camera for frames of `width` x `height` pixels.
-    pub fn new(width: usize, height: usize) -> Self {
-        let cosine = 1.0 / (1.0 + PITCH_TANGENT * PITCH_TANGENT).sqrt();
+    pub fn new(width: usize, height: usize, mounting: Mounting) -> Self {
+        let pitch_tangent = libm::tan(mounting.pitch.to_radians());
+        let cosine = 1.0 / (1.0 + pitch_tangent * pitch_tangent).sqrt();
         Self {
-            focal: width as f64 / 2.0 / HALF_VIEW_TANGENT,
+            focal: width as f64 / 2.0 / libm::tan(mounting.field_of_view.to_radians() / 2.0),
             centre_x: width as f64 / 2.0,
             centre_y: height as f64 / 2.0,
-            sine: PITCH_TANGENT * cosine,
+            height: mounting.height,
+            sine: pitch_tangent * cosine,
             cosine,
         }
-    }
-
-    /// The row of the horizon; it may lie outside the frame.
-    pub fn horizon(&self) -> f64 {
-        self.centre_y - self.focal * PITCH_TANGENT
     }
 
     /// The ground that a row shows (`y` is 0.5 in the middle of the first row), or `None` above the horizon.
@@ -59,12 +68,8 @@ impl Projection {
         if down * self.focal < 0.3 {
             return None;
         }
-        let scale = HEIGHT / down;
-        Some(GroundRow {
-            ahead: scale * (self.cosine - v * self.sine),
-            pixel_width: scale / self.focal,
-            pixel_depth: scale / (down * self.focal),
-        })
+        let scale = self.height / down;
+        Some(GroundRow { ahead: scale * (self.cosine - v * self.sine), pixel_width: scale / self.focal })
     }
 
     /// The tangent of the elevation above the horizon that a row shows in its middle column; negative below.
@@ -76,7 +81,7 @@ impl Projection {
     /// Where a point appears: column, row, and pixels a metre there. The point lies `right` and `ahead` of the camera
     /// and `height` above the road. `None` where it is less than half a metre in front of the lens.
     pub fn project(&self, right: f64, ahead: f64, height: f64) -> Option<[f64; 3]> {
-        let below = HEIGHT - height;
+        let below = self.height - height;
         let depth = ahead * self.cosine + below * self.sine;
         if depth < 0.5 {
             return None;
@@ -92,15 +97,14 @@ impl Projection {
         (depth, self.centre_y + self.focal * (below * self.cosine - ahead * self.sine) / depth)
     }
 
-    /// The row of the horizon for a vehicle on a slope (rise over run).
+    /// The row of the horizon for a vehicle on a slope (rise over run); it may lie outside the frame.
     pub fn horizon_on(&self, slope: f64) -> f64 {
         self.depth_and_row(1.0, slope).1
     }
 
     /// The row on which ground `ahead` metres in front of the camera appears.
     pub fn row_of(&self, ahead: f64) -> f64 {
-        let depth = ahead * self.cosine + HEIGHT * self.sine;
-        self.centre_y + self.focal * (HEIGHT * self.cosine - ahead * self.sine) / depth
+        self.depth_and_row(ahead, self.height).1
     }
 }
 
@@ -110,7 +114,7 @@ mod tests {
 
     #[test]
     fn ground_and_project_are_inverse() {
-        let camera = Projection::new(320, 240);
+        let camera = Projection::new(320, 240, Mounting::default());
         for y in [100.5, 150.5, 239.5] {
             let row = camera.ground(y).unwrap();
             let right = (250.5 - camera.centre_x) * row.pixel_width;
@@ -121,22 +125,25 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_is_as_deep_as_the_step_to_the_next_row() {
-        let camera = Projection::new(320, 240);
-        let [above, here, below] = [199.0, 200.0, 201.0].map(|y| camera.ground(y).unwrap());
-        let step = (above.ahead - below.ahead) / 2.0;
-        assert!((here.pixel_depth / step - 1.0).abs() < 0.01, "{} {step}", here.pixel_depth);
-    }
-
-    #[test]
     fn the_horizon_divides_ground_from_sky() {
-        let camera = Projection::new(320, 240);
-        let horizon = camera.horizon();
+        let camera = Projection::new(320, 240, Mounting::default());
+        let horizon = camera.horizon_on(0.0);
         assert!((90.0..92.0).contains(&horizon));
         assert!(camera.ground(horizon - 0.1).is_none());
         assert!(camera.ground(horizon + 1.0).is_some());
         assert!(camera.elevation(horizon).abs() < 1e-12);
-        assert!((PITCH_TANGENT - libm::tan(8f64.to_radians())).abs() < 1e-15);
-        assert!((HALF_VIEW_TANGENT - libm::tan(37.5f64.to_radians())).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_mounting_moves_the_horizon_and_the_ground() {
+        let camera = |mounting| Projection::new(320, 240, mounting);
+        let level = camera(Mounting { pitch: 0.0, ..Mounting::default() });
+        assert_eq!(level.horizon_on(0.0), 120.0);
+        let [low, high] = [1.0, 2.0]
+            .map(|height| camera(Mounting { height, ..Mounting::default() }).ground(200.5).unwrap());
+        assert!((high.ahead / low.ahead - 2.0).abs() < 1e-12);
+        let [narrow, wide] =
+            [60.0, 90.0].map(|field_of_view| camera(Mounting { field_of_view, ..Mounting::default() }));
+        assert!((wide.focal - 160.0).abs() < 1e-9 && narrow.focal > wide.focal);
     }
 }

@@ -112,8 +112,8 @@ struct Pictures {
 
 impl Renderer {
     /// Prepares everything that is the same for all frames.
-    pub fn new(width: usize, height: usize, markings: Markings, random: &mut Random) -> Self {
-        let projection = Projection::new(width, height);
+    pub fn new(projection: Projection, size: [usize; 2], markings: Markings, random: &mut Random) -> Self {
+        let [width, height] = size;
         let texture = Texture::new(random);
         Self {
             projection,

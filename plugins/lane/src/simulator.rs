@@ -2,7 +2,7 @@
 
 use pdk_sdk::prelude::*;
 
-use crate::camera;
+use crate::camera::{AHEAD_OF_CENTRE, Mounting, Projection};
 use crate::light::{self, Light};
 use crate::path::Located;
 use crate::render::{Pose, Renderer, World};
@@ -45,6 +45,7 @@ struct Drive {
 
 impl Component for Lane {
     fn description() -> Description {
+        let mounting = Mounting::default();
         Description::simulator("lane", "A two-lane road through grassland, built in: nothing to install")
             .parameter(
                 Parameter::integer("width", 320, "width of the camera's frames")
@@ -60,6 +61,25 @@ impl Component for Lane {
                 Parameter::number("rate", 20.0, "frames per second of simulation time")
                     .range(1.0, 1000.0)
                     .unit("Hz"),
+            )
+            .parameter(
+                Parameter::number(
+                    "field_of_view",
+                    mounting.field_of_view,
+                    "angle that the frame's width covers",
+                )
+                .range(20.0, 130.0)
+                .unit("degrees"),
+            )
+            .parameter(
+                Parameter::number("camera_height", mounting.height, "height of the camera above the road")
+                    .range(0.3, 4.0)
+                    .unit("m"),
+            )
+            .parameter(
+                Parameter::number("camera_pitch", mounting.pitch, "angle by which the camera looks down")
+                    .range(-10.0, 25.0)
+                    .unit("degrees"),
             )
             .parameter(
                 Parameter::number("initial_speed", 8.0, "speed of the vehicle at the start of the road")
@@ -122,7 +142,14 @@ impl Component for Lane {
         // The texture is the same in all scenarios; what differs between them comes from the scenario's seed.
         let mut random = pdk_sdk::seed::key(0, "lane texture", 0, 0).sequence();
         let markings = Markings::named(config.text("markings"));
-        let renderer = Renderer::new(camera.width as usize, camera.height as usize, markings, &mut random);
+        let mounting = Mounting {
+            height: config.number("camera_height"),
+            pitch: config.number("camera_pitch"),
+            field_of_view: config.number("field_of_view"),
+        };
+        let size = [camera.width as usize, camera.height as usize];
+        let projection = Projection::new(size[0], size[1], mounting);
+        let renderer = Renderer::new(projection, size, markings, &mut random);
         let light = Light::named(config.text("light"));
         let traffic = Wanted {
             gap: config.number("vehicle_ahead"),
@@ -181,9 +208,9 @@ impl Simulator for Lane {
         }
         let (path, length) = (&drive.road.path, drive.road.path.length());
         let pose = Pose {
-            at: drive.vehicle.ahead(camera::AHEAD_OF_CENTRE),
+            at: drive.vehicle.ahead(AHEAD_OF_CENTRE),
             heading: drive.vehicle.heading,
-            along: drive.located.along + camera::AHEAD_OF_CENTRE,
+            along: drive.located.along + AHEAD_OF_CENTRE,
         };
         let vehicles = drive.traffic.seen(drive.time(self.camera.rate), length);
         let world = World { scene: &drive.scene, path, profile: &drive.road.profile, vehicles };

@@ -3,7 +3,7 @@
 //! The ground rises and falls with the distance ahead as the road does, and does not change sideways. So a row shows
 //! ground at one distance, on hills as on the flat; where the ground ahead dips behind a crest, rows pass over it.
 
-use crate::camera::{HEIGHT, Projection};
+use crate::camera::Projection;
 use crate::path::{Path, Point};
 use crate::profile::Profile;
 
@@ -155,7 +155,7 @@ impl Terrain {
 }
 
 fn depth_and_row(projection: &Projection, ahead: f64, height: f64) -> (f64, f64) {
-    projection.depth_and_row(ahead, HEIGHT - height)
+    projection.depth_and_row(ahead, projection.height - height)
 }
 
 fn depth(projection: &Projection, sample: Sample) -> f64 {
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     fn terrain(heights: &[(f64, f64)], along: f64) -> (Terrain, Projection) {
-        let projection = Projection::new(320, 160);
+        let projection = Projection::new(320, 160, Default::default());
         let path = Path::of((0..=400).map(|z| [0.0, f64::from(z)]).collect());
         let profile = Profile::through(heights).unwrap();
         let mut terrain = Terrain::new(160);
@@ -184,7 +184,10 @@ mod tests {
             let strip = terrain.strip(y).unwrap();
             assert!((strip.ahead / expected.ahead - 1.0).abs() < 1e-6, "{y}: {strip:?} {expected:?}");
             assert!((strip.pixel_width / expected.pixel_width - 1.0).abs() < 1e-6, "{y}");
-            assert!((strip.pixel_depth / expected.pixel_depth - 1.0).abs() < 1e-3, "{y}");
+            // The ray falls by the camera's height over `pixel_width` times the focal length.
+            let pixel_depth =
+                expected.pixel_width * expected.pixel_width * projection.focal / projection.height;
+            assert!((strip.pixel_depth / pixel_depth - 1.0).abs() < 1e-3, "{y}");
         }
         assert_eq!(terrain.strip(0), None);
     }
