@@ -1,5 +1,7 @@
 //! Perturbations in Lua as their authors check them.
 
+#![allow(clippy::unwrap_used)]
+
 use std::path::Path;
 
 use pdk_tests::{Finished, Pdk, repository, temp};

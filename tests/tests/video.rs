@@ -176,7 +176,7 @@ fn videos_that_cannot_be_read_are_named_and_leave_nothing() {
         ("index.mp4", "it is cut off"),
         ("half.mp4", "it is cut off"),
         ("empty.mp4", "is empty"),
-        ("text.mp4", "is no video"),
+        ("text.mp4", "is neither a video in MP4 nor an image"),
         ("other.mp4", "only H.264 in MP4 can be read"),
         ("blank.mp4", "damaged"),
         ("later.mp4", "damaged"),
