@@ -1,4 +1,5 @@
-//! Fields of a Protocol Buffers message, read without knowing its schema: https://protobuf.dev/programming-guides/encoding.
+//! Fields of a Protocol Buffers message, read without knowing its schema:
+//! <https://protobuf.dev/programming-guides/encoding>.
 
 /// The value of a field as it lies in the message.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -232,8 +232,7 @@ mod tests {
 
     #[test]
     fn markings_differ_where_there_is_paint() {
-        let [dashed, solid, worn] =
-            [Markings::Dashed, Markings::Solid, Markings::Worn].map(|markings| Section::new(markings));
+        let [dashed, solid, worn] = [Markings::Dashed, Markings::Solid, Markings::Worn].map(Section::new);
         // Five metres on there is a gap between dashes.
         let yellow = |section: &Section, along| section.ground(0.0, 0.02, along, 0.02)[0];
         assert!((yellow(&dashed, 1.0) - yellow(&solid, 5.0)).abs() < 0.01);
