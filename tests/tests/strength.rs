@@ -23,7 +23,7 @@ const STEPS: usize = 16;
 const TOLERANCE: f64 = 0.02;
 
 /// Structural similarity that rounding alone gains and loses, a frame.
-const UNNOTICEABLE: f64 = 0.0005;
+const UNNOTICEABLE: f64 = 0.001;
 
 /// What grows from level to level, but not everywhere between them, and why.
 const BETWEEN_LEVELS: &[(&str, &str)] = &[

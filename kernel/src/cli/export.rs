@@ -15,7 +15,7 @@ pub struct Arguments {
     #[arg(value_name = "RUN")]
     record: PathBuf,
     /// Where to write the scenarios, in the JSON shape of the published tool; without it they go to standard output
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long = "out", alias = "output", value_name = "FILE")]
     output: Option<PathBuf>,
 }
 

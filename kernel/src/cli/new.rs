@@ -19,7 +19,7 @@ pub struct Arguments {
     /// Its name: lower-case letters, digits and underscores
     name: String,
     /// The folder to write to [default: the working directory]
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
     /// The folder of the pdk-sdk crate that a plugin builds against [default: the one that pdk was built from, else the registry's]
     #[arg(long, value_name = "DIR")]

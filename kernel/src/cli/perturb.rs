@@ -24,7 +24,7 @@ pub struct Arguments {
     #[arg(long = "with", value_name = "NAME[@LEVEL][,PARAMETER=VALUE]...", required = true)]
     perturbations: Vec<String>,
     /// Where to write the result; the ending says the format, and is .mp4 for a video
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long = "out", alias = "output", value_name = "FILE")]
     output: PathBuf,
     /// The seed that all random numbers come from
     #[arg(long, default_value_t = 0)]

@@ -24,7 +24,7 @@ pub struct Arguments {
     #[arg(long)]
     all: bool,
     /// The folder to write to
-    #[arg(short, long, value_name = "DIR", default_value = "preview")]
+    #[arg(short, long = "out", alias = "output", value_name = "DIR", default_value = "preview")]
     output: PathBuf,
     /// Width of the frame that is perturbed, in pixels; perturbations have sizes in pixels
     #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u32).range(8..=4096))]

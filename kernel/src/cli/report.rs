@@ -16,7 +16,7 @@ pub struct Arguments {
     #[arg(value_name = "RUN")]
     record: PathBuf,
     /// Where to write the page [default: RUN/report.html]
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(short, long, alias = "output", value_name = "FILE.html")]
     out: Option<PathBuf>,
     /// Show it in the browser
     #[arg(long)]

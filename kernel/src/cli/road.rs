@@ -33,7 +33,7 @@ pub struct Arguments {
     #[arg(long, value_name = "COUNT", help = doc("attempts"))]
     attempts: Option<u64>,
     /// Draw it as an SVG, one metre a unit
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long = "out", alias = "output", value_name = "FILE")]
     output: Option<PathBuf>,
 }
 

@@ -22,7 +22,7 @@ pub struct Arguments {
     #[arg(long)]
     seed: Option<u64>,
     /// The folder of the record [default: runs/NAME-N]
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
     /// How many frames or scenarios are computed at the same time [default: all processors]
     #[arg(long)]

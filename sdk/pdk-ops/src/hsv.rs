@@ -58,14 +58,17 @@ pub fn hsv_to_rgb(hsv: [u8; 3]) -> [u8; 3] {
 /// # Panics
 /// Where the sizes differ.
 pub fn scale_hsv(src: Frame<'_>, dst: FrameMut<'_>, saturation_factor: f64, value_factor: f64) {
-    let table = |factor: f64| -> [u8; 256] { std::array::from_fn(|v| (v as f64 * factor) as u8) };
+    // What keeps its size is not looked up.
+    let table = |factor: f64| -> Option<[u8; 256]> {
+        (factor != 1.0).then(|| std::array::from_fn(|v| (v as f64 * factor) as u8))
+    };
     let (saturations, values) = (table(saturation_factor), table(value_factor));
-    for_each_row(src, dst, |from, to| scale_hsv_row(from, to, &saturations, &values));
+    for_each_row(src, dst, |from, to| scale_hsv_row(from, to, saturations.as_ref(), values.as_ref()));
 }
 
 vectorised! {
     fn scale_hsv_row / scale_hsv_row_portable / scale_hsv_row_avx2 (
-        from: &[u8], to: &mut [u8], saturations: &[u8; 256], values: &[u8; 256],
+        from: &[u8], to: &mut [u8], saturations: Option<&[u8; 256]>, values: Option<&[u8; 256]>,
     ) {
         for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {
             let mut planes = take_apart(from);
@@ -73,9 +76,10 @@ vectorised! {
             for ((a, b), c) in first.iter_mut().zip(second.iter_mut()).zip(third.iter_mut()) {
                 [*a, *b, *c] = rgb_to_hsv([*a, *b, *c]);
             }
-            for (saturation, value) in second.iter_mut().zip(third.iter_mut()) {
-                *saturation = saturations[usize::from(*saturation)];
-                *value = values[usize::from(*value)];
+            for (plane, table) in [(&mut *second, saturations), (&mut *third, values)] {
+                if let Some(table) = table {
+                    plane.iter_mut().for_each(|value| *value = table[usize::from(*value)]);
+                }
             }
             for ((a, b), c) in first.iter_mut().zip(second.iter_mut()).zip(third.iter_mut()) {
                 [*a, *b, *c] = hsv_to_rgb([*a, *b, *c]);
@@ -191,7 +195,11 @@ mod tests {
 
     proptest! {
         #[test]
-        fn scale_hsv_matches_the_plain_version(sample in samples(), saturation in -1.0..3.0, value in -1.0..3.0) {
+        fn scale_hsv_matches_the_plain_version(
+            sample in samples(),
+            saturation in prop_oneof![Just(1.0), -1.0..3.0],
+            value in prop_oneof![Just(1.0), -1.0..3.0],
+        ) {
             let src = sample.frame();
             let expected = plain(src, |x, y| {
                 let [h, s, v] = rgb_to_hsv(src.pixel(x, y));
