@@ -1,4 +1,5 @@
--- The lowest level at which each perturbation makes a driver fail: all climb level by level until they fail.
+-- The lowest level at which each perturbation makes a driver fail: all climb level by level until they fail. An error of a
+-- component says nothing about the driver: it ends the climb without a failing level.
 --
 --   pdk run scripts/greedy.lua
 --   pdk run scripts/greedy.lua --set perturbations=gaussian_noise,dirty_lens --set roads=3 --seed 7
@@ -19,9 +20,31 @@ local settings = pdk.settings({
 	images_every = 10, -- every how many frames the record keeps an image; 0 for none
 })
 
-local names = settings.perturbations
+-- Each value once, in the order in which they come.
+local function once<T>(values: { T }): { T }
+	local kept, seen = {}, {}
+	for _, value in values do
+		if not seen[value] then
+			seen[value] = true
+			table.insert(kept, value)
+		end
+	end
+	return kept
+end
+
+local names = once(settings.perturbations)
 if #names == 0 then
 	names = pdk.perturbations()
+end
+local levels = once(settings.levels)
+table.sort(levels)
+for _, name in { "roads", "attempts" } do
+	if settings[name] < 1 then
+		error(`{name} is {settings[name]}, but has to be at least 1`, 0)
+	end
+end
+if #levels == 0 then
+	error("levels is empty; name at least one from 0 to 4", 0)
 end
 
 local function drive(scenarios)
@@ -50,6 +73,10 @@ for number, outcome in drive(nominal) do
 	end
 end
 
+if #driven == 0 then
+	error("the driver managed no road without perturbation, so there is nothing to climb on", 0)
+end
+
 -- One climber for each road and perturbation; those still in the race are driven together, so that all cores work.
 local climbers = {}
 for _, place in driven do
@@ -58,7 +85,7 @@ for _, place in driven do
 	end
 end
 local racing = climbers
-for _, level in settings.levels do
+for _, level in levels do
 	if #racing == 0 then
 		break
 	end
@@ -76,6 +103,9 @@ for _, level in settings.levels do
 		table.insert(climber.mean_cross_track_error, { level = level, metres = outcome.mean_cross_track_error })
 		if outcome.success then
 			table.insert(still, climber)
+		elseif outcome.cause == "error" then
+			climber.cause = "error"
+			climber.error = outcome.error
 		else
 			climber.first_failing_level = level
 			climber.cause = outcome.cause
@@ -85,13 +115,13 @@ for _, level in settings.levels do
 end
 
 local header = { "perturbation", "road", "fails at", "cause" }
-for _, level in settings.levels do
+for _, level in levels do
 	table.insert(header, `mean |XTE| m @{level}`)
 end
 local rows = {}
 for _, climber in climbers do
-	local row: { any } = { climber.perturbation, climber.road, climber.first_failing_level or "never", climber.cause or "" }
-	for i in settings.levels do
+	local row: { any } = { climber.perturbation, climber.road, climber.first_failing_level or (if climber.error then "unknown" else "never"), climber.cause or "" }
+	for i in levels do
 		local reached = climber.mean_cross_track_error[i]
 		table.insert(row, if reached then reached.metres else "")
 	end

@@ -4,7 +4,7 @@
 --   pdk run scripts/study.lua --set perturbations=gaussian_noise,dirty_lens --set levels=0,2,4 --set roads=3
 --
 -- The ranking goes by the share of scenarios that failed, then by how much the mean |XTE| grew over that of the same road
--- with a clear view. Roads that the driver does not manage with a clear view are left out. ranking.json in the record
+-- with a clear view: the first few places say what breaks a driver, the many that never do are close to each other. Roads that the driver does not manage with a clear view are left out. ranking.json in the record
 -- holds what the table shows, and the failures by level. Each repeat draws everything random anew, which tells chance from
 -- effect, with drivers that do not always do the same also theirs.
 
@@ -23,9 +23,31 @@ local settings = pdk.settings({
 	z = 1.96, -- standard deviations of the interval: 1.96 for 95 %
 })
 
-local names = settings.perturbations
+-- Each value once, in the order in which they come.
+local function once<T>(values: { T }): { T }
+	local kept, seen = {}, {}
+	for _, value in values do
+		if not seen[value] then
+			seen[value] = true
+			table.insert(kept, value)
+		end
+	end
+	return kept
+end
+
+local names = once(settings.perturbations)
 if #names == 0 then
 	names = pdk.perturbations()
+end
+local levels = once(settings.levels)
+table.sort(levels)
+for _, name in { "roads", "attempts", "repeats" } do
+	if settings[name] < 1 then
+		error(`{name} is {settings[name]}, but has to be at least 1`, 0)
+	end
+end
+if #levels == 0 then
+	error("levels is empty; name at least one from 0 to 4", 0)
 end
 
 local function drive(scenarios)
@@ -57,12 +79,12 @@ for number, outcome in drive(nominal) do
 	end
 end
 if #driven == 0 then
-	error("the driver managed no road without perturbation, so there is nothing to compare with")
+	error("the driver managed no road without perturbation, so there is nothing to compare with", 0)
 end
 
 local scenarios, of = {}, {}
 for _, name in names do
-	for _, level in settings.levels do
+	for _, level in levels do
 		for _, place in driven do
 			for number = 1, settings.repeats do
 				local again = if settings.repeats > 1 then `, repeat {number}` else ""
@@ -79,14 +101,19 @@ end
 
 local entries, by_name = {}, {}
 for _, name in names do
-	by_name[name] = { perturbation = name, scenarios = 0, failures = 0, increase = 0, by_level = {} }
-	for _, level in settings.levels do
+	by_name[name] = { perturbation = name, scenarios = 0, failures = 0, errors = 0, increase = 0, by_level = {} }
+	for _, level in levels do
 		table.insert(by_name[name].by_level, { level = level, scenarios = 0, failures = 0 })
 	end
 	table.insert(entries, by_name[name])
 end
 for i, outcome in drive(scenarios) do
 	local entry = by_name[of[i].name]
+	if outcome.cause == "error" then
+		-- A component failed, which says nothing about the driver.
+		entry.errors += 1
+		continue
+	end
 	local failures = if outcome.success then 0 else 1
 	entry.scenarios += 1
 	entry.failures += failures
@@ -105,6 +132,12 @@ local function wilson(failures, n)
 	local middle = (share + z2 / (2 * n)) / (1 + z2 / n)
 	local half = settings.z / (1 + z2 / n) * math.sqrt(share * (1 - share) / n + z2 / (4 * n * n))
 	return math.max(0, middle - half), math.min(1, middle + half)
+end
+local not_driven = {}
+for i = #entries, 1, -1 do
+	if entries[i].scenarios == 0 then
+		table.insert(not_driven, 1, table.remove(entries, i).perturbation)
+	end
 end
 for _, entry in entries do
 	entry.failed_share = entry.failures / entry.scenarios
@@ -135,14 +168,17 @@ for rank, entry in entries do
 	})
 end
 pdk.table({ "rank", "perturbation", "failed", "share", "interval", "mean |XTE| increase m" }, rows)
+if #not_driven > 0 then
+	print(`Not ranked, because a component failed in every scenario: {table.concat(not_driven, ", ")}`)
+end
 local totals = {}
-for i, level in settings.levels do
+for i, level in levels do
 	local count, failures = 0, 0
 	for _, entry in entries do
 		count += entry.by_level[i].scenarios
 		failures += entry.by_level[i].failures
 	end
-	table.insert(totals, { level, `{failures} of {count}`, failures / count })
+	table.insert(totals, { level, `{failures} of {count}`, if count > 0 then failures / count else "" })
 end
 pdk.table({ "level", "failed", "share" }, totals)
 pdk.save("ranking.json", {
@@ -152,4 +188,5 @@ pdk.save("ranking.json", {
 	z = settings.z,
 	roads = driven,
 	left_out = left_out,
+	not_driven = not_driven,
 })

@@ -1,6 +1,6 @@
 """Trains the shipped DAVE-2 networks on records of the embedded simulator.
 
-    pip install torch numpy pillow mcap mcap-protobuf-support onnx onnxscript
+    pip install -r scripts/training/requirements.txt
     pdk run scripts/training/collect.lua --out training-data
     python scripts/training/train.py training-data scripts/models
 

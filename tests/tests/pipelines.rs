@@ -58,16 +58,61 @@ fn greedy_climbs_until_the_first_failure() {
 }
 
 #[test]
-fn greedy_leaves_out_roads_that_fail_without_perturbation() {
+fn roads_that_fail_without_perturbation_are_left_out() {
     let folder = temp();
     let out = folder.path().join("record");
-    let ran = tiny("greedy.lua", &out).set("duration", 1).succeed();
-    assert!(ran.stderr.contains("Road 1 is left out"), "{}", ran.stderr);
-    let greedy = json_file(&out.join("greedy.json"));
-    assert_eq!(greedy["left_out"], json!([{"cause": "time_out", "road": 1}]));
-    assert_eq!((&greedy["results"], json_lines(&out.join("scenarios.jsonl")).len()), (&json!([]), 1));
+    tiny("greedy.lua", &out).set("duration", 1).fail(1, &["managed no road"]);
     let study = folder.path().join("study");
     tiny("study.lua", &study).set("duration", 1).set("roads", 1).fail(1, &["managed no road"]);
+}
+
+#[test]
+fn levels_are_climbed_from_the_lowest_and_nothing_counts_twice() {
+    let folder = temp();
+    let out = folder.path().join("greedy");
+    let names = "translate_image,contrast,translate_image";
+    tiny("greedy.lua", &out).set("perturbations", names).set("levels", "4,0,4").succeed();
+    let greedy = json_file(&out.join("greedy.json"));
+    let results = greedy["results"].as_array().unwrap();
+    assert_eq!(results.len(), 2);
+    for result in results {
+        assert_eq!(result["mean_cross_track_error"][0]["level"], 0);
+    }
+    let out = folder.path().join("study");
+    tiny("study.lua", &out).set("roads", 1).set("perturbations", names).set("levels", "4,0,4").succeed();
+    let ranking = json_file(&out.join("ranking.json"));
+    let counts: Vec<_> =
+        ranking["ranking"].as_array().unwrap().iter().map(|entry| entry["scenarios"].clone()).collect();
+    assert_eq!(counts, [2, 2]);
+    for (setting, value) in [("levels", "[]"), ("roads", "0")] {
+        for script in ["greedy.lua", "study.lua"] {
+            let out = folder.path().join(format!("{script}-{setting}"));
+            tiny(script, &out).set(setting, value).fail(1, &[setting]);
+        }
+    }
+}
+
+#[test]
+fn an_error_of_a_component_is_no_failure_of_the_driver() {
+    let folder = temp();
+    let source =
+        "return { doc = 'breaks', apply = function(_, cx) if cx.time > 0.3 then error('broken') end end }";
+    fs::write(folder.path().join("breaks.lua"), source).unwrap();
+    let run = |script: &str| {
+        let out = folder.path().join(script);
+        let run = tiny(script, &out).set("perturbations", "breaks,contrast").set("roads", 1);
+        // What a component breaks is told at the end.
+        run.arg("--plugins").arg(folder.path()).fail(1, &["breaks"]);
+        out
+    };
+    let greedy = json_file(&run("greedy.lua").join("greedy.json"));
+    let breaks = &greedy["results"][0];
+    assert_eq!((&breaks["cause"], breaks.get("first_failing_level")), (&json!("error"), None), "{breaks}");
+    assert_eq!(breaks["mean_cross_track_error"].as_array().unwrap().len(), 1, "it goes no further");
+    let ranking = json_file(&run("study.lua").join("ranking.json"));
+    assert_eq!(ranking["not_driven"], json!(["breaks"]));
+    let entries = ranking["ranking"].as_array().unwrap();
+    assert_eq!((entries.len(), &entries[0]["perturbation"]), (1, &json!("contrast")));
 }
 
 #[test]

@@ -220,7 +220,7 @@ fn traces_that_cannot_be_read_are_named_and_the_others_compared() {
     fs::remove_file(trace(&out, 1)).unwrap();
     replay(&out)
         .args(["--scenario", "1"])
-        .fail(1, &["0001.mcap is missing; its scenario has to be driven again"]);
+        .fail(1, &["0001.mcap is missing; delete its line from scenarios.jsonl"]);
     replay(&out).args(["--scenario", "1", "--clip", "x.mp4"]).folder(folder.path()).fail(1, &["is missing"]);
     assert!(!folder.path().join("x.mp4").exists());
     rewrite(&trace(&out, 2), |steps| steps[3].control.throttle = 0.5);

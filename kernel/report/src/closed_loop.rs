@@ -226,7 +226,7 @@ pub fn section(drive: &Drive, classes: &[f64]) -> Result<Section, Error> {
     let all_failed = drive.scenarios.iter().filter(|s| s.verdict == Verdict::Failed).count();
     let failure_note = match (all_failed, shown.len()) {
         (0, _) => "No scenario failed.".to_owned(),
-        (_, 0) => "No frames of the failures were recorded (images_every is 0, or the traces are gone); pdk replay computes them \
+        (_, 0) => "There are no frames of the failures: they failed before the first, or the traces are gone; pdk replay computes them \
                    again."
             .to_owned(),
         (all, shown) if shown < all => format!(

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use pdk::pipeline::records::ROAD_REQUEST;
 use pdk::pipeline::road;
-use pdk_sdk::error::{Place, Result};
+use pdk_sdk::error::{Error, Place, Result};
 use serde_json::{Map, Value, json};
 
 use super::{Global, print_json};
@@ -17,7 +17,8 @@ const WIDTH: f64 = 8.0;
 pub struct Arguments {
     #[arg(long, value_name = "DEGREES", value_delimiter = ',', allow_hyphen_values = true, help = doc("angles"))]
     angles: Option<Vec<f64>>,
-    #[arg(long, value_name = "METRES", help = doc("segment"))]
+    /// Metres from node to node [default: 25]
+    #[arg(long, value_name = "METRES")]
     segment: Option<f64>,
     /// The seed of the draws
     #[arg(long, default_value_t = 0)]
@@ -30,10 +31,11 @@ pub struct Arguments {
     mean_curvature: Option<f64>,
     #[arg(long, value_name = "METRES", help = doc("width"))]
     width: Option<f64>,
-    #[arg(long, value_name = "COUNT", help = doc("attempts"))]
-    attempts: Option<u64>,
-    /// Draw it as an SVG, one metre a unit
-    #[arg(short, long = "out", alias = "output", value_name = "FILE")]
+    /// How many roads are drawn until one is valid
+    #[arg(long, value_name = "COUNT", default_value_t = 1000)]
+    attempts: u64,
+    /// Draw it as an SVG, one metre a unit; the name ends in .svg
+    #[arg(short, long = "out", alias = "output", value_name = "FILE.svg")]
     output: Option<PathBuf>,
 }
 
@@ -53,10 +55,19 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         ("turns", json!(turns)),
         ("mean_curvature", json!(mean_curvature)),
         ("width", json!(width)),
-        ("attempts", json!(attempts)),
+        // A given road has no attempts.
+        ("attempts", if angles.is_some() { Value::Null } else { json!(attempts) }),
     ];
     let given = given.into_iter().filter(|(_, value)| !value.is_null());
     let request: Map<String, Value> = given.map(|(name, value)| (name.to_owned(), value)).collect();
+    if let Some(path) = output
+        && path.extension().is_none_or(|ending| ending != "svg")
+    {
+        return Err(Error::new(format!(
+            "{} does not end in .svg, and roads are drawn as SVG only",
+            path.display()
+        )));
+    }
     let road = road::build(Value::Object(request), *seed)?;
     if let Some(path) = output {
         let picture = pdk_road::svg(&[&road], width.unwrap_or(WIDTH));

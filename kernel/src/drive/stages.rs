@@ -86,6 +86,13 @@ impl Stopwatch {
         result
     }
 
+    /// Waits until the next frame is due: that is nobody's work.
+    pub fn wait(&mut self, until: Instant) {
+        let started = Instant::now();
+        std::thread::sleep(until.saturating_duration_since(started));
+        self.step_started += started.elapsed();
+    }
+
     /// Ends a step: what was not measured was the kernel's.
     pub fn end_step(&mut self) {
         let total = self.step_started.elapsed();

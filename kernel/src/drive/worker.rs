@@ -338,7 +338,7 @@ impl<'a> ScenarioRun<'a> {
             self.sequence += skipped;
             self.control = control;
             if plan.mode == Mode::Realtime && witness.skipped(sequence).is_none() {
-                std::thread::sleep(self.due(self.sequence, period).saturating_duration_since(Instant::now()));
+                stopwatch.wait(self.due(self.sequence, period));
             }
         }
         Ok(end)

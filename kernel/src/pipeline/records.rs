@@ -186,6 +186,11 @@ pub const ROAD_REQUEST: ApiRecord = ApiRecord {
             "number?",
             "Metres from edge to edge, 8 where it is left out; it may not cross itself.",
         ),
+        field(
+            "smallest_radius",
+            "number?",
+            "Metres; a road with a tighter bend is not valid. 8.5 where it is left out, which the simulator `lane` can drive.",
+        ),
         field("attempts", "number?", "How many roads are drawn until one is valid; 1 where it is left out."),
     ],
 };

@@ -9,6 +9,8 @@ use super::records::ROAD_REQUEST;
 
 /// Width of a road in metres: two lanes of the published study's simulators.
 const WIDTH: f64 = 8.0;
+/// Smallest radius of a bend in metres: a little more than the simulator `lane` needs, which measures between the waypoints.
+const SMALLEST_RADIUS: f64 = 8.5;
 /// Largest angle in degrees of a random road, as in the published study, and of an informed one.
 const RANDOM_LIMIT: u64 = 35;
 const INFORMED_LIMIT: u64 = 60;
@@ -39,6 +41,10 @@ pub fn build(request: Value, seed: u64) -> Result<Road> {
     let target = fields.number("mean_curvature")?;
     let attempts = fields.whole("attempts")?;
     let width = fields.number("width")?.unwrap_or(WIDTH);
+    let smallest_radius = fields.number("smallest_radius")?.unwrap_or(SMALLEST_RADIUS);
+    if !(0.0..=1000.0).contains(&smallest_radius) {
+        return Err(wrong(format!("`smallest_radius` is {smallest_radius}, but has to be from 0 to 1000 m")));
+    }
     if !(0.1..=100.0).contains(&width) {
         return Err(wrong(format!("`width` is {width}, but has to be from 0.1 to 100 m")));
     }
@@ -53,7 +59,8 @@ pub fn build(request: Value, seed: u64) -> Result<Road> {
     };
     let of = |angles: &[f64]| -> std::result::Result<Road, String> {
         let road = Road::from_angles(angles, &lengths)?;
-        pdk_road::check(&road, width, &MapBox::default()).map(|()| road)
+        pdk_road::check(&road, width, &MapBox::default())?;
+        pdk_road::check_bends(&road, smallest_radius).map(|()| road)
     };
     if let Some(angles) = angles {
         if seed_given.is_some()

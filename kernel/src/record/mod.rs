@@ -12,7 +12,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -297,13 +297,21 @@ impl Lines {
 /// Where the run drove none, or a line is damaged.
 pub fn read_outcomes(directory: &RunDirectory) -> Result<Vec<Outcome>> {
     let path = directory.path().join(SCENARIOS);
-    let text = fs::read_to_string(&path).map_err(|error| {
-        Error::new(format!("{} has no scenarios to read ({error}); was it an offline run?", path.display()))
+    let text = fs::read_to_string(&path).map_err(|error| match error.kind() {
+        ErrorKind::NotFound => Error::new(format!(
+            "there is no {}, so no scenarios to read; was it an offline run?",
+            path.display()
+        )),
+        ErrorKind::InvalidData => Error::new(format!(
+            "{} is damaged: it is no text; restore it or run the pipeline anew",
+            path.display()
+        )),
+        _ => Error::new(format!("cannot read {} ({error})", path.display())),
     })?;
     let complete = text.rfind('\n').map_or(0, |end| end + 1);
     if complete < text.len() {
         eprintln!(
-            "pdk: warning: the last line of {} was cut off and is left out; its scenario has to be driven again",
+            "pdk: warning: the last line of {} was cut off and is left out; run the pipeline again with --out and its folder to drive its scenario",
             path.display()
         );
     }

@@ -116,7 +116,7 @@ impl TraceReader {
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|error| match error.kind() {
             ErrorKind::NotFound => Error::new(format!(
-                "the trace {} is missing; its scenario has to be driven again",
+                "the trace {} is missing; delete its line from scenarios.jsonl and run the pipeline again with --out and this folder",
                 path.display()
             )),
             _ => Error::new(format!("cannot read the trace {} ({error})", path.display())),
@@ -190,7 +190,7 @@ impl TraceReader {
 
     fn damaged(&self, what: &str) -> Error {
         Error::new(format!(
-            "the trace {} is damaged after {} steps ({what}); its scenario has to be driven again",
+            "the trace {} is damaged after {} steps ({what}); delete its line from scenarios.jsonl and run the pipeline again with --out and this folder",
             self.path.display(),
             self.steps
         ))
@@ -199,7 +199,7 @@ impl TraceReader {
     fn file_error(&self, error: &McapError) -> Error {
         match error {
             McapError::UnexpectedEof | McapError::UnexpectedEoc => Error::new(format!(
-                "the trace {} is cut off after {} steps; its scenario has to be driven again",
+                "the trace {} is cut off after {} steps; delete its line from scenarios.jsonl and run the pipeline again with --out and this folder",
                 self.path.display(),
                 self.steps
             )),
@@ -485,6 +485,6 @@ mod tests {
         assert!(errors > 10, "{errors}");
         std::fs::remove_file(&path).unwrap();
         let error = read_steps(&path).unwrap_err().to_string();
-        assert!(error.contains("is missing; its scenario has to be driven again"), "{error}");
+        assert!(error.contains("is missing; delete its line from scenarios.jsonl and run the pipeline again with --out and this folder"), "{error}");
     }
 }

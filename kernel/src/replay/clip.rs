@@ -19,6 +19,8 @@ use crate::record::trace_reader::Step;
 /// are reduced so that two of them fit on a screen.
 const NARROWEST: u32 = 480;
 const WIDEST: u32 = 960;
+/// Frames are shown no higher than this.
+const TALLEST: u32 = 960;
 
 const MARGIN: u32 = 12;
 /// Height of the line above the frames.
@@ -74,16 +76,17 @@ struct Layout {
 
 impl Layout {
     fn new(camera: Camera) -> Self {
-        let (width, height) = (camera.width, camera.height);
-        let (shown, factor) = if width > WIDEST {
-            let scale = f64::from(WIDEST) / f64::from(width);
-            ((WIDEST, (f64::from(height) * scale).round().max(1.0) as u32), 0)
+        let (width, height) = (camera.width.max(1), camera.height.max(1));
+        let (shown, factor) = if width > WIDEST || height > TALLEST {
+            let scale = (f64::from(WIDEST) / f64::from(width)).min(f64::from(TALLEST) / f64::from(height));
+            ([width, height].map(|side| (f64::from(side) * scale).round().max(1.0) as u32).into(), 0)
         } else {
-            let factor = NARROWEST.div_ceil(width.max(1)).max(1);
+            let factor = NARROWEST.div_ceil(width).min(TALLEST / height).max(1);
             ((width * factor, height * factor), factor)
         };
         let left = [MARGIN, 2 * MARGIN + shown.0];
-        let width = 3 * MARGIN + 2 * shown.0;
+        // The curves need room beside narrow frames.
+        let width = (3 * MARGIN + 2 * shown.0).max(2 * NARROWEST);
         let height = HEADER + shown.1 + MARGIN + LINE_HEIGHT + Gauge::HEIGHT + MARGIN;
         // The encoder takes even sizes.
         Self { shown, factor, left, size: (width.next_multiple_of(2), height.next_multiple_of(2)) }

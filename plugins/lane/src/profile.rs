@@ -46,7 +46,7 @@ impl Profile {
             let slope = (profile.heights[i] - profile.heights[i - 1]) / STEP;
             if slope.abs() > STEEPEST {
                 return Err(Error::new(format!(
-                    "the road has a slope of {:.0} % {} m after its start, but vehicles here manage at most {:.0} %: lower the \
+                    "the road has a slope of {:.1} % {} m after its start, but vehicles here manage at most {:.0} %: lower the \
                      height of the waypoints, or draw them apart",
                     slope.abs() * 100.0,
                     i,
@@ -112,6 +112,6 @@ mod tests {
         let flat = Profile::through(&[(0.0, 3.0), (50.0, 3.0)]).unwrap();
         assert!(flat.is_flat() && flat.height(17.0) == 3.0 && flat.slope(17.0) == 0.0);
         let error = Profile::through(&[(0.0, 0.0), (50.0, 10.0)]).unwrap_err().to_string();
-        assert!(error.contains("a slope of 20 %"), "{error}");
+        assert!(error.contains("a slope of 20.0 %"), "{error}");
     }
 }

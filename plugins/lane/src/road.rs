@@ -419,7 +419,7 @@ mod tests {
         ] {
             assert_eq!(error(road), expected);
         }
-        assert!(error(json!({"waypoints": [[0, 0, 0], [0, 13, 50]]})).contains("a slope of 26 %"));
+        assert!(error(json!({"waypoints": [[0, 0, 0], [0, 13, 50]]})).contains("a slope of 26.0 %"));
         let error_in_heights = error(json!({"angles": [0, 0, 0], "heights": [1, 2]}));
         assert!(
             error_in_heights.contains("is [1,2], but has to be a list of 3 heights"),

@@ -4,7 +4,7 @@ use pdk_sdk::prelude::*;
 
 use crate::camera::{AHEAD_OF_CENTRE, Mounting, Projection};
 use crate::light::{self, Light};
-use crate::path::Located;
+use crate::path::{Located, Point};
 use crate::render::{Pose, Renderer, World};
 use crate::road::Road;
 use crate::scene::Scene;
@@ -12,9 +12,12 @@ use crate::section::{self, Markings};
 use crate::traffic::{self, Traffic, Wanted};
 use crate::vehicle::Vehicle;
 
-/// How far from its last place along the road the vehicle is looked for, in metres: so a road that comes close to
-/// itself is never mistaken for another part of it.
+/// How far from its last place along the road the vehicle is looked for, in metres, where it does not move faster: so a
+/// road that comes close to itself is never mistaken for another part of it.
 const SEARCH: f64 = 10.0;
+
+/// How far vehicles may come nearer to each other before it is looked whether they touch, in metres: less than their length.
+const CLOSING: f64 = 4.0;
 
 /// From the vehicle's centre to its front in metres.
 const FRONT: f64 = traffic::SIZE[2] / 2.0;
@@ -41,6 +44,8 @@ struct Drive {
     frames: u64,
     /// The farthest place reached, in metres along the road.
     farthest: f64,
+    /// Whether the vehicle touched another one on the way to where it is.
+    collided: bool,
 }
 
 impl Component for Lane {
@@ -189,7 +194,8 @@ impl Simulator for Lane {
         let start = road.path.points()[0];
         let vehicle = Vehicle::at(start, libm::atan2(dx, dz), self.initial_speed);
         let located = road.path.locate(vehicle.centre(), 0, 1);
-        let drive = Drive { road, scene, traffic, vehicle, located, frames: 0, farthest: 0.0 };
+        let collided = traffic.collides(0.0, located.along, located.lateral);
+        let drive = Drive { road, scene, traffic, vehicle, located, frames: 0, farthest: 0.0, collided };
         let state = drive.state(self.camera.rate);
         self.drive = Some(drive);
         Ok(state)
@@ -229,9 +235,10 @@ impl Simulator for Lane {
             }
         }
         let slope = drive.road.profile.slope(drive.located.along);
+        let before = (drive.vehicle.centre(), drive.located, drive.time(self.camera.rate));
         drive.vehicle.advance(control, 1.0 / self.camera.rate, slope, self.speed_limit);
         drive.frames += 1;
-        drive.locate();
+        drive.arrive(before, self.camera.rate);
         Ok(())
     }
 
@@ -245,13 +252,32 @@ fn not_started() -> Error {
 }
 
 impl Drive {
-    /// Finds the vehicle on the road again after it has moved.
-    fn locate(&mut self) {
+    /// Finds the vehicle on the road again after it has moved from its centre, place and time `before`, and looks whether it
+    /// touched another one on the way.
+    fn arrive(&mut self, before: (Point, Located, f64), rate: f64) {
+        let (centre, from, start) = before;
+        let [dx, dz] = [0, 1].map(|axis| self.vehicle.centre()[axis] - centre[axis]);
+        let travelled = (dx * dx + dz * dz).sqrt();
         let path = &self.road.path;
-        let from = path.segment_at(self.located.along - SEARCH);
-        let to = path.segment_at(self.located.along + SEARCH) + 1;
-        self.located = path.locate(self.vehicle.centre(), from, to);
+        // In a bend the way along the middle can be longer than that of the vehicle.
+        let reach = SEARCH.max(2.0 * travelled);
+        let first = path.segment_at(from.along - reach);
+        let last = path.segment_at(from.along + reach) + 1;
+        self.located = path.locate(self.vehicle.centre(), first, last);
         self.farthest = self.farthest.max(self.located.along);
+
+        let duration = self.time(rate) - start;
+        let parts = ((travelled + traffic::ONCOMING_SPEED * duration) / CLOSING).ceil().max(1.0);
+        self.collided = (1..=parts as u32).any(|part| {
+            let share = f64::from(part) / parts;
+            // The end is exact.
+            let between = |a: f64, b: f64| if share == 1.0 { b } else { a + (b - a) * share };
+            self.traffic.collides(
+                between(start, self.time(rate)),
+                between(from.along, self.located.along),
+                between(from.lateral, self.located.lateral),
+            )
+        });
     }
 
     /// Simulation time in seconds; from the count, not from a sum: it never drifts.
@@ -275,7 +301,7 @@ impl Drive {
             progress: if finished { 1.0 } else { self.farthest / length },
             vehicle_ahead: self.traffic.free_distance(time, along + FRONT),
             lane_departure: xte.abs() > section::LANE_WIDTH / 2.0,
-            collision: self.traffic.collides(time, along, xte),
+            collision: self.collided,
             finished,
         }
     }

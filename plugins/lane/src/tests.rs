@@ -429,3 +429,27 @@ fn a_wandering_driver_visits_both_sides_of_its_lane() {
     }
     assert!(left < -0.5 && right > 0.5, "{left} {right}");
 }
+
+/// At a low rate a step is longer than vehicles are, and than the part of the road on which the vehicle is looked for.
+#[test]
+fn long_steps_lose_neither_the_road_nor_a_collision() {
+    let straight = json!({"waypoints": [[0, 0, 0], [0, 0, 100], [0, 0, 200]]});
+    for (rate, speed) in [(1.0, 20.0), (2.0, 30.0), (3.0, 38.0)] {
+        let parameters = json!({"rate": rate, "initial_speed": speed, "speed_limit": 40, "oncoming": 0});
+        let mut simulator = lane_with(parameters).unwrap();
+        let mut state = simulator.reset(&scenario(straight.clone(), 1)).unwrap();
+        while !state.finished {
+            simulator.act(Control { steering: 0.0, throttle: 0.2 }).unwrap();
+            state = simulator.state().unwrap();
+            assert!(!state.lane_departure && state.cross_track_error.abs() < 0.1, "{rate}: {state:?}");
+            assert!(state.time < 30.0);
+        }
+    }
+    // 30 m a step, past a vehicle that is 4.4 m long.
+    let parameters = json!({"rate": 1, "initial_speed": 30, "speed_limit": 40, "vehicle_ahead": 20, "vehicle_ahead_speed": 1});
+    let mut simulator = lane_with(parameters).unwrap();
+    simulator.reset(&scenario(straight, 1)).unwrap();
+    simulator.act(Control { steering: 0.0, throttle: 1.0 }).unwrap();
+    let state = simulator.state().unwrap();
+    assert!(state.collision && !state.lane_departure, "{state:?}");
+}

@@ -15,7 +15,7 @@ pub const SIZE: [f64; 3] = [1.8, 1.45, 4.4];
 const SWING: f64 = 0.3;
 const PERIOD: f64 = 14.0;
 /// Speed of oncoming vehicles in metres per second.
-const ONCOMING_SPEED: f64 = 9.0;
+pub const ONCOMING_SPEED: f64 = 9.0;
 /// Oncoming vehicles are seen this far beyond both ends of the road, in metres.
 const BEYOND: f64 = 80.0;
 /// A vehicle farther ahead than this counts as none, in metres.

@@ -18,7 +18,7 @@ pub use curve::mean_curvature;
 pub use generate::{Informed, STRAIGHTEST_TURN, informed_angles, random_angles};
 pub use picture::svg;
 pub use text::{parse, print};
-pub use valid::{MapBox, check};
+pub use valid::{MapBox, check, check_bends};
 
 /// A point or direction on the ground: x, z, in metres.
 pub type Point = [f64; 2];

@@ -19,6 +19,36 @@ impl Default for MapBox {
     }
 }
 
+/// Refuses roads with a bend of a smaller radius than this, in metres along the line.
+///
+/// # Errors
+/// Says where.
+pub fn check_bends(road: &Road, radius: f64) -> Result<(), String> {
+    // Over so many metres to either side, so that points rounded to centimetres do not count as bends.
+    const REACH: f64 = 2.0;
+    let line = &road.waypoints;
+    let mut along = vec![0.0];
+    for pair in line.windows(2) {
+        along.push(along[along.len() - 1] + distance(pair[0], pair[1]));
+    }
+    for middle in 0..line.len() {
+        // Waypoints lie on the line, which places between them need not.
+        let before = along[..middle].iter().rposition(|place| along[middle] - place >= REACH);
+        let after = along[middle..].iter().position(|place| place - along[middle] >= REACH);
+        let (Some(before), Some(after)) = (before, after) else { continue };
+        let [a, b, c] = [before, middle, middle + after].map(|i| line[i]);
+        // Radius of the circle through three points: product of the sides over four times the area.
+        let doubled_area = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
+        if distance(a, b) * distance(b, c) * distance(c, a) < 2.0 * doubled_area * radius {
+            return Err(format!(
+                "the road bends more tightly than with a radius of {radius} m, {:.0} m after its start, near x {:.1}, z {:.1}",
+                along[middle], b[0], b[1]
+            ));
+        }
+    }
+    Ok(())
+}
+
 /// Whether the road, `width` metres wide, lies within the map and its outline does not cross itself.
 ///
 /// # Errors
@@ -125,6 +155,19 @@ mod tests {
             .filter(|road| check(road, 8.0, &MapBox::default()).is_ok())
             .count();
         assert!((200..256).contains(&valid), "{valid} of 256");
+    }
+
+    #[test]
+    fn bends_have_the_radius_of_their_circle() {
+        // A circle of 20 m, as waypoints.
+        let waypoints =
+            (0..60).map(|i| f64::from(i) / 15.0).map(|t| [20.0 - 20.0 * t.cos(), 20.0 * t.sin()]).collect();
+        let circle = Road { nodes: Vec::new(), angles: Vec::new(), waypoints };
+        assert_eq!(check_bends(&circle, 19.8), Ok(()));
+        let error = check_bends(&circle, 20.2).unwrap_err();
+        assert!(error.contains("a radius of 20.2 m"), "{error}");
+        assert_eq!(check_bends(&road(&[0.0; 8], SEGMENT), 1000.0), Ok(()));
+        assert!(check_bends(&road(&[0.0, 90.0, 0.0, 0.0], SEGMENT), 8.0).is_err());
     }
 
     proptest! {
