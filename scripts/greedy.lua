@@ -116,11 +116,11 @@ end
 
 local header = { "perturbation", "road", "fails at", "cause" }
 for _, level in levels do
-	table.insert(header, `mean |XTE| m @{level}`)
+	table.insert(header, `|XTE| m @{level}`)
 end
 local rows = {}
 for _, climber in climbers do
-	local row: { any } = { climber.perturbation, climber.road, climber.first_failing_level or (if climber.error then "unknown" else "never"), climber.cause or "" }
+	local row: { any } = { climber.perturbation, climber.road, climber.first_failing_level or (if climber.error then "unknown" else "never"), (string.gsub(climber.cause or "", "_", " ")) }
 	for i in levels do
 		local reached = climber.mean_cross_track_error[i]
 		table.insert(row, if reached then reached.metres else "")

@@ -19,6 +19,8 @@ use pdk::chain::{Chain, Draws, Level, Spec};
 use pdk::preview;
 use pdk::registry::{Registry, SearchPath};
 use pdk_sdk::prelude::{Control, FrameBuf, Scenario};
+use pdk_tests::Pdk;
+use pdk_tests::process::json_file;
 use serde_json::{Map, Value};
 
 /// Milliseconds a frame of the published tool (PerturbationDrive 1.0), one thread, 320x240, slowest level, on a machine
@@ -124,7 +126,8 @@ fn main() {
             Row { name, small: small_time, large: large_time, anew, published }
         })
         .collect();
-    let (summary, table) = report(&rows, copy);
+    let (mut summary, table) = report(&rows, copy);
+    summary += &closed_loop(&registry);
     println!("\n{summary}");
     // Cargo itself passes `--bench`.
     if std::env::args().any(|argument| argument == "--write") {
@@ -136,6 +139,51 @@ fn main() {
         std::fs::write(root.join("docs/speed.md"), page).unwrap();
         replace_between_marks(&root.join("README.md"), &summary);
     }
+}
+
+/// What a frame of the closed loop takes, on frames of 320x160: the simulator alone, and all of it on one thread.
+fn closed_loop(registry: &Registry) -> String {
+    let (mut simulator, _) = registry.simulator("lane", &Map::new()).unwrap();
+    simulator.reset(&Scenario { index: 0, seed: 1, road: Value::Null, duration: 60.0 }).unwrap();
+    let mut frame = FrameBuf::new(320, 160);
+    let alone = median(&mut |_| {
+        simulator.frame(frame.as_mut()).unwrap();
+        simulator.act(Control { steering: 0.0, throttle: 0.0 }).unwrap();
+    });
+    let mut text = format!(
+        "| the embedded simulator alone, 320x160 | {alone:.2}: {:.0} frames a second |\n",
+        1e3 / alone
+    );
+    let folder = pdk_tests::temp();
+    for backend in ["tract", "onnxruntime"] {
+        let record = folder.path().join(backend);
+        let run = Pdk::new(["run", "--out"])
+            .arg(&record)
+            .arg(pdk_tests::repository().join("scripts/manual.lua"))
+            .set("driver", format!(r#"{{"name":"dave2","backend":"{backend}"}}"#))
+            .set("chains", "gaussian_noise@2")
+            .set("roads", 2)
+            .set("images_every", 0)
+            .set("threads", 1)
+            .run();
+        if backend == "onnxruntime" && run.code != Some(0) {
+            println!("ONNX Runtime is not installed, so the loop is measured without it");
+            continue;
+        }
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let drive = &json_file(&record.join("performance.json"))["steps"][0]["drive"];
+        let [frames, real_time] =
+            ["frames_per_second", "real_time_factor"].map(|name| drive[name].as_f64().unwrap());
+        writeln!(
+            text,
+            "| simulator, gaussian_noise or none, `dave2` with {backend}, record, 320x160 | {:.2}: {frames:.0} frames a second, \
+             {real_time:.0} times real time |",
+            1e3 / frames
+        )
+        .unwrap();
+    }
+    print!("{text}");
+    text
 }
 
 /// A frame of the embedded simulator.
