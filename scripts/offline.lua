@@ -4,7 +4,7 @@
 
 local settings = pdk.settings({
 	dataset = "", -- a DonkeyCar tub, or a folder of images with records
-	model = "", -- frame in, steering and throttle out
+	model = "", -- for the driver onnx: frame in, steering and throttle out
 	driver = { name = "onnx" },
 	perturbations = {
 		"gaussian_noise",
@@ -23,9 +23,12 @@ local settings = pdk.settings({
 })
 
 assert(settings.dataset ~= "", "name the recording with --set dataset=DIR")
-assert(settings.model ~= "", "name the model with --set model=FILE.onnx")
 local driver = if type(settings.driver) == "string" then { name = settings.driver } else settings.driver
-driver.model = settings.model
+if settings.model ~= "" then
+	driver.model = settings.model
+elseif driver.name == "onnx" and not driver.model then
+	error("name the model with --set model=FILE.onnx, or a driver with --set driver=NAME", 0)
+end
 
 pdk.show(pdk.evaluate({
 	dataset = settings.dataset,

@@ -236,7 +236,9 @@ impl Registry {
             let given = search.drop_ins.iter().filter(|(name, _)| *name == drop_in.folder);
             let mut folders: Vec<PathBuf> = given.map(|(_, folder)| folder.clone()).collect();
             if let (true, Some(own)) = (drop_in.shipped, executable_folder()) {
-                folders.extend(SHIPPED.iter().map(|place| own.join(place).join(&drop_in.folder)));
+                let places = SHIPPED.iter().map(|place| own.join(place).join(&drop_in.folder));
+                // Without the way there, which shows in paths; what is not there is none.
+                folders.extend(places.filter_map(|place| place.canonicalize().ok()));
             }
             folders.extend(self.places.iter().map(|place| place.join(&drop_in.folder)));
             let files: Vec<_> = folders.iter().flat_map(|folder| self.files_of(folder)).collect();

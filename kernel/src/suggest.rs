@@ -24,7 +24,7 @@ pub fn hint<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str> + Clone) -
     let known: Vec<_> = known.into_iter().collect();
     match known.len() {
         0 => "there are none".to_owned(),
-        1..=12 => format!("there is {}", known.join(", ")),
+        1..=20 => format!("there is {}", known.join(", ")),
         _ => "`pdk list` shows what there is".to_owned(),
     }
 }

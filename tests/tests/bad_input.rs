@@ -190,6 +190,19 @@ fn a_disk_that_fills_up_ends_the_run_with_a_sentence() {
 }
 
 #[test]
+fn a_result_does_not_replace_what_it_is_made_from() {
+    let folder = temp();
+    pdk_tests::pictures::write(&folder.path().join("in.png"), 32, 24);
+    let before = fs::read(folder.path().join("in.png")).unwrap();
+    for output in ["in.png", "./in.png"] {
+        Pdk::new(["perturb", "in.png", "--with", "contrast@2", "-o", output])
+            .folder(folder.path())
+            .fail(1, &["would replace in.png", "-o"]);
+    }
+    assert_eq!(fs::read(folder.path().join("in.png")).unwrap(), before);
+}
+
+#[test]
 fn wrong_settings_are_answered_with_what_there_is() {
     let folder = temp();
     let script = repository().join("scripts/quickstart.lua");

@@ -165,7 +165,7 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
     let nominal = Tally::of(all().filter(|scenario| scenario.perturbation.is_none()));
     if nominal.judged > 0 && nominal.judged < tally.judged && tally.failed > 0 {
         first += &match (nominal.judged, nominal.failed) {
-            (1, 0) => ", not the one without perturbation".to_owned(),
+            (1, 0) => ", but not the one without perturbation".to_owned(),
             (1, _) => ", the one without perturbation among them".to_owned(),
             (judged, 0) => format!(", none of the {judged} without perturbation"),
             (judged, failed) => format!(", {failed} of the {judged} without perturbation"),
@@ -497,7 +497,7 @@ mod tests {
         assert_eq!(
             verdict(std::slice::from_ref(&drive)),
             [
-                "6 scenarios were driven, and 3 failed (60 %), not the one without perturbation; in 1 a component \
+                "6 scenarios were driven, and 3 failed (60 %), but not the one without perturbation; in 1 a component \
                  failed, which says nothing about the driver.",
                 "The worst perturbation is rain: 2 of 2 failed, the first at level 1.",
             ]

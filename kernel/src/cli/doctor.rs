@@ -106,8 +106,8 @@ fn variables() -> Vec<Finding> {
     variables.sort();
     let finding = |(name, value): (String, std::ffi::OsString)| {
         let path = Path::new(&value);
-        // The folders of the search path have been looked into.
-        let missing = name != PATH_VARIABLE && path.is_absolute() && !path.exists();
+        // The folders of the search path have been looked into, and that of the cache is made when it is needed.
+        let missing = name != PATH_VARIABLE && name != "PDK_CACHE" && path.is_absolute() && !path.exists();
         let (state, remark) = match missing {
             true => (State::Bad, ", which does not exist; correct or unset it"),
             false => (State::Good, ""),

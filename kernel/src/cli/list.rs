@@ -65,8 +65,9 @@ fn print_perturbations(components: &[&Component]) {
     let mut family = "";
     for component in components {
         let description = &component.description;
-        let shown = if description.family == family { "" } else { &description.family };
-        family = &description.family;
+        let of = if description.family.is_empty() { "no family" } else { &description.family };
+        let shown = if of == family { "" } else { of };
+        family = of;
         let temporal = match description.temporal {
             Temporal::Static => "static",
             Temporal::Dynamic => "dynamic",

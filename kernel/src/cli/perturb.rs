@@ -20,7 +20,8 @@ use super::{Global, print_json};
 pub struct Arguments {
     /// The image, or the video: H.264 in MP4
     image: PathBuf,
-    /// A perturbation with its intensity from 0 to 4 and parameters; several are applied one after the other
+    /// A perturbation with its intensity from 0 to 4 (2 where none is given) and parameters; several are applied one after the
+    /// other
     #[arg(long = "with", value_name = "NAME[@LEVEL][,PARAMETER=VALUE]...", required = true)]
     perturbations: Vec<String>,
     /// Where to write the result; the ending says the format, and is .mp4 for a video
@@ -53,6 +54,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     }
     let specs: Vec<Spec> =
         arguments.perturbations.iter().map(|text| Spec::parse(text, DEFAULT_LEVEL)).collect::<Result<_>>()?;
+    check_output(&arguments.image, &arguments.output)?;
     let video = is_video(&arguments.image, &arguments.output)?;
     let registry = global.registry()?;
     let chain = Chain::new(&registry, &specs, arguments.seed, 0)?;
@@ -60,6 +62,18 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         perturb_video(global, arguments, &specs, chain)
     } else {
         perturb_image(global, arguments, &specs, chain)
+    }
+}
+
+/// Refuses to write over what is read.
+fn check_output(input: &Path, output: &Path) -> Result<()> {
+    let place = |path: &Path| std::fs::canonicalize(path).ok();
+    match (place(input), place(output)) {
+        (Some(read), Some(written)) if read == written => Err(Error::new(format!(
+            "the result would replace {}, which it is made from; name another file with -o",
+            input.display()
+        ))),
+        _ => Ok(()),
     }
 }
 

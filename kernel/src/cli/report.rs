@@ -39,7 +39,13 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     } else {
         println!("Report: {}", page.display());
     }
-    if arguments.open { open(&page) } else { Ok(()) }
+    if arguments.open
+        && let Err(error) = open(&page)
+    {
+        // The page is there all the same.
+        eprintln!("pdk: warning: {error}");
+    }
+    Ok(())
 }
 
 /// Hands the page to the program that the system shows such files with.

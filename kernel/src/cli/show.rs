@@ -51,7 +51,11 @@ fn print(description: &Description) {
     let set = if description.default { "in the default set" } else { "by name only" };
     match description.kind {
         Kind::Perturbation => {
-            println!("kind      perturbation, family {}, {temporal}, {set}", description.family);
+            let family = match description.family.as_str() {
+                "" => String::new(),
+                family => format!(", family {family}"),
+            };
+            println!("kind      perturbation{family}, {temporal}, {set}");
         }
         kind => println!("kind      {kind}"),
     }

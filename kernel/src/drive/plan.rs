@@ -99,6 +99,14 @@ impl Plan {
     }
 }
 
+/// A perturbation in a name: a course of intensities has too many numbers for one.
+fn short(spec: &Spec) -> String {
+    match spec.level.constant() {
+        Some(_) => spec.to_string(),
+        None => format!("{} over time", spec.label()),
+    }
+}
+
 impl ScenarioSpec {
     /// Reads what a pipeline wrote; `place` says in errors which scenario it is.
     fn from_json(place: &str, scenario: Value, default_duration: f64) -> Result<Self> {
@@ -111,7 +119,7 @@ impl ScenarioSpec {
             .collect::<Result<Vec<_>>>()?;
         let name = scenario.text("name")?.unwrap_or_else(|| match perturbations.is_empty() {
             true => "nominal".to_owned(),
-            false => perturbations.iter().map(Spec::to_string).collect::<Vec<_>>().join(" + "),
+            false => perturbations.iter().map(short).collect::<Vec<_>>().join(" + "),
         });
         let duration = scenario.number("duration")?.unwrap_or(default_duration);
         if !(duration > 0.0 && duration <= 86_400.0) {
@@ -134,11 +142,13 @@ mod tests {
             "simulator": "lane",
             "driver": { "name": "lane_keeper", "target_speed": 9 },
             "duration": 5,
-            "scenarios": [{}, { "perturbations": ["fog@1", { "name": "rain", "level": 2 }] }],
+            "scenarios": [{}, { "perturbations": ["fog@1", { "name": "rain", "level": 2 }] },
+                { "perturbations": ["fog@1", { "name": "rain", "level": { "points": [[0, 1], [1, 2]] } }] }],
         }))
         .unwrap();
         assert_eq!(plan.scenarios[0].name, "nominal");
         assert_eq!(plan.scenarios[1].name, "fog@1 + rain@2");
+        assert_eq!(plan.scenarios[2].name, "fog@1 + rain over time");
         assert_eq!(plan.scenarios[1].duration, 5.0);
         assert_eq!(plan.driver.parameters["target_speed"], 9);
     }

@@ -6,7 +6,7 @@
 
 use std::ffi::c_int;
 
-use mlua::{Lua, Table, ffi};
+use mlua::{Lua, MultiValue, Table, ffi};
 
 /// One replaced function of the `math` table.
 struct Replacement {
@@ -88,7 +88,7 @@ pub(super) fn disabled_builtins() -> impl Iterator<Item = &'static str> {
     REPLACEMENTS.iter().map(|replacement| replacement.builtin)
 }
 
-/// Replaces the functions and takes out those that draw ambient random numbers.
+/// Replaces the functions, and puts an error in the place of those that draw ambient random numbers.
 pub(super) fn install(lua: &Lua) -> mlua::Result<()> {
     let math: Table = lua.globals().get("math")?;
     for replacement in REPLACEMENTS {
@@ -97,7 +97,13 @@ pub(super) fn install(lua: &Lua) -> mlua::Result<()> {
         math.raw_set(replacement.name, function)?;
     }
     for ambient in ["random", "randomseed", "noise"] {
-        math.raw_set(ambient, mlua::Nil)?;
+        let refused = lua.create_function(move |_, _: MultiValue| -> mlua::Result<()> {
+            Err(mlua::Error::runtime(format!(
+                "math.{ambient} is not there, because what it draws cannot be repeated; a perturbation draws from \
+                 cx.frame_random or cx.sequence_random"
+            )))
+        })?;
+        math.raw_set(ambient, refused)?;
     }
     Ok(())
 }

@@ -10,7 +10,6 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::clip::Clip;
-use crate::chain::Spec;
 use crate::drive::{Outcome, ScenarioSpec, Witness};
 use crate::record::RunDirectory;
 use crate::record::manifest::difference;
@@ -79,22 +78,13 @@ impl fmt::Display for Compared {
     }
 }
 
-/// The name of a scenario as it fits into a line: one that is named after perturbations whose intensity changes holds all
-/// points of their courses.
+/// The name of a scenario, cut off where it does not fit into a line.
 pub fn short_name(scenario: &ScenarioSpec) -> String {
     const LONGEST: usize = 60;
-    let joined =
-        |text: fn(&Spec) -> String| scenario.perturbations.iter().map(text).collect::<Vec<_>>().join(" + ");
-    let name = match joined(Spec::to_string) == scenario.name {
-        true => joined(|spec| match spec.level.constant() {
-            Some(_) => spec.to_string(),
-            None => format!("{} over time", spec.label()),
-        }),
-        false => scenario.name.clone(),
-    };
+    let name = &scenario.name;
     match name.char_indices().nth(LONGEST) {
         Some((end, _)) => format!("{}...", &name[..end]),
-        None => name,
+        None => name.clone(),
     }
 }
 
@@ -325,14 +315,10 @@ mod tests {
         let mut scenario = ScenarioSpec {
             name: String::new(),
             road: Value::Null,
-            perturbations: vec![Spec::new("contrast", 2.0), Spec::new("fog", 1.0)],
+            perturbations: Vec::new(),
             duration: 1.0,
             seed: None,
         };
-        scenario.perturbations[1].level =
-            serde_json::from_value(serde_json::json!({"points": [[0, 1], [1, 2]]})).unwrap();
-        scenario.name = scenario.perturbations.iter().map(Spec::to_string).collect::<Vec<_>>().join(" + ");
-        assert_eq!(short_name(&scenario), "contrast@2 + fog over time");
         scenario.name = "foggy".to_owned();
         assert_eq!(short_name(&scenario), "foggy");
         scenario.name = "ä".repeat(70);
