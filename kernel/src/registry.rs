@@ -29,6 +29,8 @@ pub struct Registry {
     plugins: Vec<Plugin>,
     /// Every folder that was looked into.
     places: Vec<PathBuf>,
+    /// What was named besides the usual places.
+    given: SearchPath,
     refused: Vec<Error>,
 }
 
@@ -73,7 +75,7 @@ impl Registry {
     /// # Errors
     /// Where a given folder does not exist.
     pub fn discover(search: &SearchPath) -> Result<Self> {
-        let mut registry = Self::default();
+        let mut registry = Self { given: search.clone(), ..Self::default() };
         let given = search.plugins.iter().map(|folder| ("plugins", folder));
         let drop_ins = search.drop_ins.iter().map(|(name, folder)| (*name, folder));
         if let Some((name, missing)) = given.chain(drop_ins).find(|(_, folder)| !folder.exists()) {
@@ -111,6 +113,11 @@ impl Registry {
     /// What was found but cannot be used, one sentence each.
     pub fn refused(&self) -> &[Error] {
         &self.refused
+    }
+
+    /// Where components were looked for besides the usual places.
+    pub fn given(&self) -> &SearchPath {
+        &self.given
     }
 
     /// The plugins that were loaded.

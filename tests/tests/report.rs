@@ -30,7 +30,8 @@ pdk.drive({
 fn driven(folder: &Path) -> PathBuf {
     let out = folder.join("record");
     let script = pipeline(folder, DRIVE);
-    Pdk::new(["run", "--out"]).arg(&out).arg(script).set("note", "<i>it's</i>").succeed();
+    let run = Pdk::new(["run", "--out"]).arg(&out).arg(script).set("note", "<i>it's</i>");
+    run.arg("--plugins").arg(folder).succeed();
     out
 }
 
@@ -90,6 +91,7 @@ fn a_page_says_what_the_record_says() {
     assert!(!page.contains("--scenario 0"), "nothing to look at again");
     assert!(page.contains("100 %") && page.contains("missed deadlines") && !page.contains("Unfinished"));
 
+    assert!(page.contains("--plugins /"), "the command that repeats the run");
     // What the camera and the driver saw before the failure.
     let pictures = page.matches(" src=\"data:image/jpeg").count();
     assert!((2..=6).contains(&pictures) && pictures.is_multiple_of(2), "{pictures}");

@@ -367,6 +367,8 @@ impl Host {
             seed: self.common.seed,
             pipeline: self.pipeline.clone(),
             settings: self.settings.clone().unwrap_or_default(),
+            plugins: self.registry.given().plugins.clone(),
+            overlays: self.registry.given().drop_ins.iter().map(|(_, folder)| folder.clone()).collect(),
             components: self.in_use.components(),
             files: self.in_use.files(),
             machine: Machine::this(),

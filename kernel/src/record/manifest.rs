@@ -25,6 +25,12 @@ pub struct Manifest {
     pub pipeline: Pipeline,
     /// The settings of the pipeline with what was overridden.
     pub settings: Value,
+    /// The folders that `--plugins` named.
+    #[serde(default)]
+    pub plugins: Vec<PathBuf>,
+    /// The folders that `--overlays` named.
+    #[serde(default)]
+    pub overlays: Vec<PathBuf>,
     /// The components in use.
     pub components: Vec<ComponentRecord>,
     /// Models and other files that components were given.

@@ -146,6 +146,11 @@ fn text(value: &Value) -> String {
 fn command(manifest: &Manifest) -> String {
     let pipeline = quoted(&manifest.pipeline.path.to_string_lossy());
     let mut command = format!("pdk run {pipeline} --seed {}", manifest.seed);
+    for (option, folders) in [("--plugins", &manifest.plugins), ("--overlays", &manifest.overlays)] {
+        for folder in folders {
+            command += &format!(" \\\n  {option} {}", quoted(&folder.to_string_lossy()));
+        }
+    }
     for (key, value) in manifest.settings.as_object().into_iter().flatten() {
         // An empty table may be meant as either; a list does for both.
         let value = text(value);
