@@ -66,6 +66,17 @@ pub struct SearchPath {
     pub drop_ins: Vec<(&'static str, PathBuf)>,
 }
 
+impl SearchPath {
+    /// The same folders, each from the root of the file system.
+    fn absolute(&self) -> Self {
+        let absolute = |folder: &PathBuf| std::path::absolute(folder).unwrap_or_else(|_| folder.clone());
+        Self {
+            plugins: self.plugins.iter().map(absolute).collect(),
+            drop_ins: self.drop_ins.iter().map(|(name, folder)| (*name, absolute(folder))).collect(),
+        }
+    }
+}
+
 impl Registry {
     /// Loads everything that lies in the executable's own folder, in the given folders and in the usual places, in this
     /// order: pdk's own, the given ones, what `PDK_PLUGIN_PATH` names, the user's plugin folder; clips and the like come
@@ -75,7 +86,6 @@ impl Registry {
     /// # Errors
     /// Where a given folder does not exist.
     pub fn discover(search: &SearchPath) -> Result<Self> {
-        let mut registry = Self { given: search.clone(), ..Self::default() };
         let given = search.plugins.iter().map(|folder| ("plugins", folder));
         let drop_ins = search.drop_ins.iter().map(|(name, folder)| (*name, folder));
         if let Some((name, missing)) = given.chain(drop_ins).find(|(_, folder)| !folder.exists()) {
@@ -84,6 +94,9 @@ impl Registry {
                 missing.display()
             )));
         }
+        // What is recorded of a run has to be found from any working directory.
+        let search = &search.absolute();
+        let mut registry = Self { given: search.clone(), ..Self::default() };
         if let Some(folder) = executable_folder() {
             registry.add_built_in(&folder);
         }

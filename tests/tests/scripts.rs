@@ -128,3 +128,24 @@ fn scripts_that_fail_are_told_why() {
     let set = Pdk::new(["check", "fails.lua"]).folder(folder.path()).set("nothing.size", "1").run();
     assert_eq!(set.code, Some(1));
 }
+
+/// What `--plugins` named relative to one folder is found from another one.
+#[test]
+fn a_run_with_a_script_from_a_folder_is_replayed_from_anywhere() {
+    let folder = temp();
+    std::fs::create_dir(folder.path().join("own")).unwrap();
+    let source = "return { doc = 'x', apply = function(image) image:brightness(0.9) end }";
+    std::fs::write(folder.path().join("own/darker.lua"), source).unwrap();
+    let pipeline = pdk_tests::process::pipeline(
+        folder.path(),
+        r#"pdk.drive({
+            simulator = { name = "lane", width = 40, height = 30 }, driver = "lane_keeper", duration = 0.5,
+            scenarios = { { perturbations = { "darker@2" } } },
+        })"#,
+    );
+    let record = folder.path().join("record");
+    Pdk::new(["run", "--plugins", "own", "--out"]).arg(&record).arg(pipeline).folder(folder.path()).succeed();
+    let elsewhere = temp();
+    let replayed = Pdk::new(["replay"]).arg(&record).folder(elsewhere.path()).succeed();
+    assert!(replayed.stdout.contains("1 of 1 equal"), "{}", replayed.stdout);
+}
