@@ -138,13 +138,21 @@ impl Replay {
     /// Where the record has components from that are not in the registry: to be looked through after the places that the
     /// registry was made from. None where nothing is missing, or nothing else can be found.
     pub fn further_places(&self, registry: &Registry) -> Option<SearchPath> {
-        let mut places = SearchPath::default();
-        for (kind, name) in self.components() {
-            if registry.get(kind, name).is_ok() {
-                continue;
-            }
+        let missing =
+            || self.components().into_iter().filter(|(kind, name)| registry.get(*kind, name).is_err());
+        missing().next()?;
+        let Manifest { plugins, overlays, .. } = &self.manifest;
+        let given = |folders: &[PathBuf]| folders.iter().filter(|folder| folder.exists()).cloned().collect();
+        let folders: Vec<PathBuf> = given(overlays);
+        let mut places = SearchPath {
+            plugins: given(plugins),
+            drop_ins: folders.into_iter().map(|folder| ("overlays", folder)).collect(),
+        };
+        for (kind, name) in missing() {
             let recorded = self.manifest.components.iter().filter(|c| c.kind == kind && c.name == name);
-            places.plugins.extend(recorded.map(|c| c.file.path.clone()).filter(|path| path.is_file()));
+            let files = recorded.map(|component| &component.file.path).filter(|path| path.is_file());
+            let elsewhere = files.filter(|path| !plugins.iter().any(|folder| path.starts_with(folder)));
+            places.plugins.extend(elsewhere.cloned());
             // A file of the user's that a component shows has the component's name.
             let shown = self.manifest.files.iter().map(|file| file.path.as_path());
             let shown = shown.filter(|path| path.is_file() && Registry::drop_in_name(path) == name);
