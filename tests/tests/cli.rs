@@ -155,6 +155,8 @@ fn the_doctor_finds_what_is_wrong() {
     let ill = Pdk::new(["doctor", "--plugins"]).arg(&broken).run();
     assert_eq!(ill.code, Some(1));
     assert!(ill.stdout.contains("broken.so") && ill.stdout.contains("BAD"), "{}", ill.stdout);
+    // The folder of the cache is made when it is needed.
+    Pdk::new(["doctor"]).env("PDK_CACHE", "/no/such/folder").succeed();
     for variable in ["PDK_PLUGIN_PATH", "PDK_ONNXRUNTIME"] {
         let missing = Pdk::new(["doctor"]).env(variable, "/no/such/folder").run();
         assert_eq!(missing.code, Some(1));

@@ -5,8 +5,9 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use pdk::chain::{Chain, Spec, modifiers};
+use pdk::output;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::FrameBuf;
 use pdk_video::{Container, Reader, Writer, Yuv420};
@@ -185,12 +186,8 @@ fn perturb_video(global: &Global, arguments: &Arguments, specs: &[Spec], mut cha
 
 /// A bar on a terminal, nothing elsewhere.
 fn progress(global: &Global, frames: u64) -> ProgressBar {
-    let bar = if global.json { ProgressBar::hidden() } else { ProgressBar::new(frames) };
-    if let Ok(style) =
-        ProgressStyle::with_template("{elapsed_precise} [{wide_bar}] {pos}/{len} frames, {eta} left")
-    {
-        bar.set_style(style.progress_chars("=> "));
-    }
+    let bar = output::progress(global.json, "{pos}/{len} frames, {eta} left");
+    bar.set_length(frames);
     // At the first frame a perturbation may prepare itself for seconds.
     bar.tick();
     bar

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use pdk::output;
 use pdk::picture;
 use pdk::preview::{self, Options};
 use pdk_sdk::describe::Temporal;
@@ -62,12 +62,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     ))?;
     let options =
         Options { seed: arguments.seed, frame_width: arguments.width, picture_width: arguments.picture };
-    let progress = if global.json { ProgressBar::hidden() } else { ProgressBar::no_length() };
-    if let Ok(style) =
-        ProgressStyle::with_template("{elapsed_precise} [{wide_bar}] {pos}/{len} perturbations")
-    {
-        progress.set_style(style.progress_chars("=> "));
-    }
+    let progress = output::progress(global.json, "{pos}/{len} perturbations");
 
     let mut shown = Vec::with_capacity(chosen.len());
     let mut blocks = Vec::with_capacity(chosen.len());

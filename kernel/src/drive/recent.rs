@@ -59,16 +59,21 @@ impl Recent {
     }
 
     /// The last frame and those at least [`BEFORE`] it, as far as there are, in the order of time.
-    pub fn before_the_end(&self) -> impl Iterator<Item = &Pair> {
-        let end = self.last.as_ref().map_or(0.0, |last| last.time);
-        // Half a millisecond allows for times that are sums of rounded frame times.
-        let mut chosen =
-            BEFORE.map(|before| self.kept.iter().rposition(|pair| pair.time <= end - before + 0.0005));
-        if chosen[0] == chosen[1] {
-            chosen[0] = None;
-        }
-        chosen.into_iter().flatten().map(|position| &self.kept[position]).chain(&self.last)
+    pub fn before_the_end(&self) -> Vec<&Pair> {
+        let frames: Vec<&Pair> = self.kept.iter().chain(&self.last).collect();
+        let times: Vec<f64> = frames.iter().map(|pair| pair.time).collect();
+        before_the_last(&times).into_iter().map(|position| frames[position]).collect()
     }
+}
+
+/// The positions of the last of some times, which are in order, and of those at least [`BEFORE`] it, as far as there are.
+pub fn before_the_last(times: &[f64]) -> Vec<usize> {
+    let Some(last) = times.last() else { return Vec::new() };
+    // Half a millisecond allows for times that are sums of rounded frame times.
+    let at = |before: &f64| times.iter().rposition(|time| *time <= last - before + 0.0005);
+    let mut positions: Vec<usize> = BEFORE.iter().filter_map(at).chain([times.len() - 1]).collect();
+    positions.dedup();
+    positions
 }
 
 #[cfg(test)]
@@ -76,7 +81,7 @@ mod tests {
     use super::*;
 
     fn times(recent: &Recent) -> Vec<f64> {
-        recent.before_the_end().map(|pair| pair.time).collect()
+        recent.before_the_end().iter().map(|pair| pair.time).collect()
     }
 
     #[test]

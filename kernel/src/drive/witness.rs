@@ -80,7 +80,7 @@ impl Witness for WriteRecord<'_> {
     fn event(&mut self, time: f64, failure: bool, text: &str) {
         if failure {
             let later = |sequence| self.last_image.is_none_or(|last| sequence > last);
-            for pair in self.recent.before_the_end().filter(|pair| later(pair.sequence)) {
+            for pair in self.recent.before_the_end().into_iter().filter(|pair| later(pair.sequence)) {
                 self.recorder.image(ImageTopic::Raw, pair.sequence, pair.time, pair.raw.as_ref());
                 self.recorder.image(ImageTopic::Perturbed, pair.sequence, pair.time, pair.perturbed.as_ref());
             }
@@ -95,7 +95,10 @@ impl Witness for WriteRecord<'_> {
             self.recorder.image(ImageTopic::Perturbed, step.sequence, step.state.time, perturbed);
             self.last_image = Some(step.sequence);
         }
-        self.recent.add(step.sequence, step.state.time, raw, perturbed);
+        // Where every image is written, none is left for the end.
+        if self.images_every != 1 {
+            self.recent.add(step.sequence, step.state.time, raw, perturbed);
+        }
     }
 
     /// The trace is complete before the line says so, and the line is there before the next scenario begins: a run that

@@ -6,7 +6,7 @@ use std::path::Path;
 use pdk_report::{Drive, Shot, worst_failures};
 use pdk_sdk::error::Result;
 
-use crate::drive::recent::BEFORE;
+use crate::drive::recent::{BEFORE, before_the_last};
 use crate::record::RunDirectory;
 use crate::record::trace::ImageTopic;
 use crate::record::trace_reader::{Entry, TraceReader};
@@ -66,12 +66,8 @@ fn last_frames(trace: &Path) -> Result<Vec<Shot>> {
         }
     }
     let recent: Vec<Shot> = recent.into_iter().map(|(_, shot)| shot).collect();
-    let Some(last) = recent.last() else { return Ok(Vec::new()) };
-    // Half a millisecond allows for times that are sums of rounded frame times.
-    let at = |before: &f64| recent.iter().rposition(|shot| shot.time <= last.time - before + 0.0005);
-    let mut wanted: Vec<usize> = BEFORE.iter().filter_map(at).chain([recent.len() - 1]).collect();
-    wanted.dedup();
-    Ok(wanted.into_iter().map(|position| recent[position].clone()).collect())
+    let times: Vec<f64> = recent.iter().map(|shot| shot.time).collect();
+    Ok(before_the_last(&times).into_iter().map(|position| recent[position].clone()).collect())
 }
 
 #[cfg(test)]
