@@ -1,0 +1,97 @@
+//! What components there are and where they come from, as plain data: it can be sent from the process that has loaded them to
+//! one that has not.
+
+use std::path::{Path, PathBuf};
+
+use pdk_sdk::config::Config;
+use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::error::{Error, ErrorKind, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::suggest;
+
+/// The components that were found, in order of kind and name.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Catalog {
+    entries: Vec<Entry>,
+}
+
+/// A component and where it comes from.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Entry {
+    /// What it says of itself.
+    pub description: Description,
+    /// The file that it comes from: a library or a script, or the user's file that it shows.
+    pub file: PathBuf,
+    /// The component that makes this one from a file of the user's; none where it stands for itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<String>,
+}
+
+impl Catalog {
+    /// Where a component stands, or would.
+    fn place(&self, kind: Kind, name: &str) -> std::result::Result<usize, usize> {
+        self.entries
+            .binary_search_by(|entry| (entry.description.kind, entry.description.name.as_str()).cmp(&(kind, name)))
+    }
+
+    /// Adds a component, unless there is one of its kind and name, which is returned then.
+    pub fn add(&mut self, entry: Entry) -> Option<&Entry> {
+        match self.place(entry.description.kind, &entry.description.name) {
+            Ok(place) => self.entries.get(place),
+            Err(place) => {
+                self.entries.insert(place, entry);
+                None
+            }
+        }
+    }
+
+    /// All components.
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// All components of a kind, by name.
+    pub fn of_kind(&self, kind: Kind) -> impl Iterator<Item = &Entry> + Clone {
+        self.entries.iter().filter(move |entry| entry.description.kind == kind)
+    }
+
+    /// A component by kind and name.
+    ///
+    /// # Errors
+    /// Where there is none, with what was probably meant.
+    pub fn get(&self, kind: Kind, name: &str) -> Result<&Entry> {
+        self.place(kind, name).map(|place| &self.entries[place]).map_err(|_| {
+            let known = self.of_kind(kind).map(|entry| entry.description.name.as_str());
+            let sentence = format!("there is no {kind} `{name}`; {}", suggest::hint(name, known));
+            Error::of(ErrorKind::Configuration, sentence)
+        })
+    }
+
+    /// The component that makes this one from a file of the user's; none where it stands for itself.
+    pub fn base_of(&self, entry: &Entry) -> Option<&Entry> {
+        entry.base.as_ref().and_then(|base| self.get(entry.description.kind, base).ok())
+    }
+
+    /// The library or script with the code of a component.
+    pub fn code_of<'a>(&'a self, entry: &'a Entry) -> &'a Path {
+        &self.base_of(entry).unwrap_or(entry).file
+    }
+
+    /// Says what is wrong with a component's name or its parameters.
+    ///
+    /// # Errors
+    /// Where there is no such component, or its description does not allow the parameters.
+    pub fn check(&self, kind: Kind, name: &str, parameters: &Map<String, Value>) -> Result<Config> {
+        Config::check(&self.get(kind, name)?.description, parameters)
+    }
+}
+
+/// The name of the component that a file of the user's becomes.
+pub fn drop_in_name(file: &Path) -> String {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
+    let fits = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+    stem.chars().map(fits).collect()
+}

@@ -1,0 +1,144 @@
+//! The chain of perturbations that a frame goes through.
+
+use std::collections::BTreeMap;
+
+use pdk_model::level::Level;
+use pdk_model::perturbation::{AppliedPerturbation, Draws};
+use pdk_sdk::config::{self, Config};
+use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::error::Result;
+use pdk_sdk::prelude::{Context, Frame, FrameBuf, FrameMut, Key, Perturbation};
+use pdk_sdk::seed;
+
+use crate::calls::{self, Function};
+use crate::mask::Mask;
+use crate::registry::Registry;
+
+/// Perturbations applied one after the other.
+pub struct Chain {
+    links: Vec<Link>,
+    /// What lies between two links.
+    between: [FrameBuf; 2],
+}
+
+struct Link {
+    /// As it is named in errors.
+    label: String,
+    /// None only while it is dropped.
+    instance: Option<Box<dyn Perturbation>>,
+    description: Description,
+    config: Config,
+    names: Vec<String>,
+    values: Vec<f64>,
+    level: Level,
+    key: Key,
+    probability: Option<f64>,
+    /// What the probability is drawn from: not what the perturbation itself draws from.
+    chance_key: Key,
+    draws: Option<Draws>,
+    mask: Option<Mask>,
+}
+
+impl Chain {
+    /// Makes the instances. Each draws from a key of its own: the seed, its name, and how many of the same name come before
+    /// it; so neither other perturbations nor their order change what it draws.
+    ///
+    /// # Errors
+    /// Where a perturbation does not exist or refuses its parameters.
+    pub fn new(registry: &Registry, perturbations: &[AppliedPerturbation], seed: u64) -> Result<Self> {
+        let mut seen = BTreeMap::new();
+        let mut links = Vec::with_capacity(perturbations.len());
+        for applied in perturbations {
+            let (instance, config) = registry.perturbation(&applied.name, &applied.parameters)?;
+            let description = registry.catalog().get(Kind::Perturbation, &applied.name)?.description.clone();
+            let number = seen.entry(applied.name.as_str()).or_insert(0u64);
+            let key = |what: &str| seed::key(seed, &format!("{what}/{}", applied.name), *number);
+            links.push(Link {
+                label: format!("perturbation `{}`", applied.short()),
+                instance: Some(instance),
+                names: description.parameters.iter().map(|p| p.name.clone()).collect(),
+                description,
+                config,
+                values: Vec::new(),
+                level: applied.level.clone(),
+                key: key("perturbation"),
+                probability: applied.probability,
+                chance_key: key("probability"),
+                draws: applied.draws,
+                mask: applied.region.as_ref().map(Mask::new).transpose()?,
+            });
+            *number += 1;
+        }
+        Ok(Self { links, between: [FrameBuf::default(), FrameBuf::default()] })
+    }
+
+    /// Writes the perturbed `src` to `dst`; without perturbations it is a copy.
+    ///
+    /// # Errors
+    /// Where a perturbation fails, with its name.
+    pub fn apply(
+        &mut self,
+        src: Frame<'_>,
+        mut dst: FrameMut<'_>,
+        frame_index: u64,
+        time: f64,
+    ) -> Result<()> {
+        let Some((last, earlier)) = self.links.split_last_mut() else {
+            dst.copy_from(src);
+            return Ok(());
+        };
+        if !earlier.is_empty() {
+            self.between.iter_mut().for_each(|frame| frame.resize(src.width(), src.height()));
+        }
+        let [from, to] = &mut self.between;
+        for (position, link) in earlier.iter_mut().enumerate() {
+            let input = if position == 0 { src } else { from.as_ref() };
+            link.apply(input, to.as_mut(), frame_index, time)?;
+            std::mem::swap(from, to);
+        }
+        let input = if earlier.is_empty() { src } else { from.as_ref() };
+        last.apply(input, dst, frame_index, time)
+    }
+}
+
+impl Link {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, frame_index: u64, time: f64) -> Result<()> {
+        let spared =
+            self.probability.is_some_and(|chance| self.chance_key.frame(frame_index).unit() >= chance);
+        let level = match self.level.at(time) {
+            Some(level) if !spared => level,
+            _ => {
+                dst.copy_from(src);
+                return Ok(());
+            }
+        };
+        config::frame_values(&self.description, &self.config, level, &mut self.values);
+        let key = match self.draws {
+            Some(Draws::PerFrame) => seed::of_frame(&self.key, frame_index),
+            _ => self.key,
+        };
+        let cx = Context::new(level, frame_index, time, &key).with_values(&self.names, &self.values);
+        let cx = match self.draws {
+            Some(Draws::PerSequence) => cx.with_stream(0),
+            _ => cx,
+        };
+        // A plugin that leaves pixels out must not show what happened to lie there: that depends on what was computed before.
+        dst.rows_mut().for_each(|row| row.fill(0));
+        let Some(instance) = &mut self.instance else { return Ok(()) };
+        calls::call_at(&self.label, Function::Apply, frame_index, || instance.apply(src, dst.reborrow(), &cx))
+            .map_err(|error| error.at(&self.label))?;
+        if let Some(mask) = &mut self.mask {
+            mask.restore(src, dst);
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Link {
+    /// What a component does at its end is noted as well.
+    fn drop(&mut self) {
+        if let Some(instance) = self.instance.take() {
+            calls::call(&self.label, Function::Drop, || drop(instance));
+        }
+    }
+}

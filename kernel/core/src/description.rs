@@ -1,0 +1,126 @@
+//! What a description has to keep to, from a plugin as from a script: names that can be written on command lines, in
+//! files and in Lua, no two of them alike, and none that a pipeline uses for something else.
+
+use pdk_sdk::abi::PluginDescription;
+use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::error::{Error, Result};
+
+use crate::modifiers::MODIFIERS;
+
+/// What the table of a component in a pipeline has besides parameters; that of a perturbation has the modifiers as well.
+const NAME: &str = "name";
+/// The longest name in bytes.
+const LONGEST_NAME: usize = 64;
+
+/// Checks all that a plugin says of itself.
+///
+/// # Errors
+/// Names what does not fit.
+pub fn check_plugin(plugin: &PluginDescription) -> Result<()> {
+    for (index, component) in plugin.components.iter().enumerate() {
+        let Description { kind, name, .. } = component;
+        check(component).map_err(|error| error.at(format_args!("{kind} `{name}`")))?;
+        if plugin.components[..index].iter().any(|other| (other.kind, &other.name) == (*kind, name)) {
+            return Err(Error::new(format!("has two components `{name}` of the kind {kind}; rename one")));
+        }
+    }
+    Ok(())
+}
+
+/// Checks what a component says of itself.
+///
+/// # Errors
+/// Names what does not fit.
+pub fn check(description: &Description) -> Result<()> {
+    let Description { kind, name, parameters, .. } = description;
+    check_name(name).map_err(|error| error.at(format_args!("the name of the {kind}")))?;
+    let modifier = |name: &str| MODIFIERS.iter().any(|modifier| modifier.name == name);
+    let is_key = |name: &str| name == NAME || *kind == Kind::Perturbation && modifier(name);
+    for (index, parameter) in parameters.iter().enumerate() {
+        let name = &parameter.name;
+        check_name(name).map_err(|error| error.at("the name of a parameter"))?;
+        if is_key(name) {
+            return Err(Error::new(format!(
+                "a parameter cannot be named `{name}`, because in a pipeline `{name}` of a {kind} is something else; \
+                 rename it"
+            )));
+        }
+        if parameters[..index].iter().any(|other| other.name == *name) {
+            return Err(Error::new(format!("there are two parameters named `{name}`")));
+        }
+    }
+    Ok(())
+}
+
+fn check_name(name: &str) -> Result<()> {
+    let valid = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+    let begins_well = name.starts_with(|c: char| c.is_ascii_lowercase());
+    if begins_well && name.chars().all(valid) && name.len() <= LONGEST_NAME {
+        return Ok(());
+    }
+    Err(Error::new(format!(
+        "`{name}` has to begin with a lower-case letter and consist of lower-case letters, digits and underscores, \
+         {LONGEST_NAME} at most"
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use pdk_sdk::describe::Parameter;
+    use serde_json::json;
+
+    use super::*;
+    use crate::chain::Spec;
+    use crate::component::ComponentSpec;
+
+    fn plugin(components: Vec<Description>) -> std::result::Result<(), String> {
+        let plugin = PluginDescription { name: "test".into(), version: "1.0.0".into(), components };
+        check_plugin(&plugin).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn names_are_checked() {
+        for name in ["", "Fog", "fog bank", "2fog", "_fog", "fög", &"f".repeat(65)] {
+            let error = plugin(vec![Description::driver(name, "x")]).unwrap_err();
+            assert!(error.contains("the name of the driver") && error.contains("lower-case"), "{error}");
+            let parameter = Parameter::number(name, 1.0, "x");
+            let error = plugin(vec![Description::driver("fog", "x").parameter(parameter)]).unwrap_err();
+            assert!(error.starts_with("driver `fog`: the name of a parameter: "), "{error}");
+        }
+        assert_eq!(
+            plugin(vec![Description::driver("fog_2", "x"), Description::simulator("fog_2", "x")]),
+            Ok(())
+        );
+    }
+
+    #[test]
+    fn nothing_is_there_twice() {
+        let error =
+            plugin(vec![Description::driver("fog", "x"), Description::driver("fog", "y")]).unwrap_err();
+        assert_eq!(error, "has two components `fog` of the kind driver; rename one");
+        let parameter = Parameter::number("s", 1.0, "x");
+        let twice = Description::perturbation("fog", "x").parameter(parameter.clone()).parameter(parameter);
+        assert_eq!(
+            plugin(vec![twice]).unwrap_err(),
+            "perturbation `fog`: there are two parameters named `s`"
+        );
+    }
+
+    /// The names that are refused are those that a pipeline takes from the table before the parameters.
+    #[test]
+    fn keys_of_a_pipeline_are_no_parameters() {
+        let value = json!({
+            "name": "fog", "level": 1, "probability": 0.5, "region": [0, 0, 1, 1], "draws": "per_frame", "s": 1
+        });
+        for (key, value) in value.as_object().unwrap() {
+            let table = json!({ "name": "fog", key: value });
+            let parameter = || Parameter::number(key, 1.0, "x");
+            let taken = !Spec::from_json(&table, 2.0).is_ok_and(|spec| spec.parameters.contains_key(key));
+            let own = plugin(vec![Description::perturbation("fog", "x").parameter(parameter())]);
+            assert_eq!(own.is_err(), taken, "{key}: {own:?}");
+            let taken = !ComponentSpec::from_json("driver", &table).unwrap().parameters.contains_key(key);
+            let own = plugin(vec![Description::driver("fog", "x").parameter(parameter())]);
+            assert_eq!(own.is_err(), taken, "{key}: {own:?}");
+        }
+    }
+}

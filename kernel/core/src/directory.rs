@@ -1,0 +1,218 @@
+//! The record of a run: a folder that anyone can read, compare and replay from.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `manifest.json` | what was run: pipeline, settings, seed, versions and hashes of all components and models |
+//! | `scenarios.jsonl` | the ledger: one line a scenario of the closed loop |
+//! | `results.jsonl` | one line a frame, perturbation and level of an offline evaluation |
+//! | `summary.json` | the table at the end |
+//! | `traces/ID.mcap` | frames, control, state and events of the scenario with this id |
+//! | `.lock` | nothing: the process that writes the record holds it |
+//! | `performance.json` | when and how fast it ran; the one file that differs between two equal runs |
+
+use std::fs::{self, File, TryLockError};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use pdk_model::scenario::ScenarioId;
+use pdk_sdk::error::{Error, Place, Result};
+use serde::Serialize;
+
+use crate::lines::write_error;
+use crate::manifest::Manifest;
+
+/// The name of the manifest in a run directory.
+pub const MANIFEST: &str = "manifest.json";
+/// The name of the ledger: the file with one line a scenario.
+pub const SCENARIOS: &str = "scenarios.jsonl";
+/// The name of the file with one line an offline result.
+pub const RESULTS: &str = "results.jsonl";
+/// The name of the file with the table at the end.
+pub const SUMMARY: &str = "summary.json";
+/// The name of the file with times.
+pub const PERFORMANCE: &str = "performance.json";
+/// The name of the page about the run.
+pub const REPORT: &str = "report.html";
+/// The folder of the clips that the page shows.
+pub const CLIPS: &str = "clips";
+
+/// Held by the process that writes the record; the system gives it back however that process ends.
+const LOCK: &str = ".lock";
+/// The folder of the traces.
+const TRACES: &str = "traces";
+
+/// The folder of one run.
+#[derive(Debug, Clone)]
+pub struct RunDirectory {
+    path: PathBuf,
+    /// Keeps other processes from writing here; none where the record is only read.
+    _lock: Option<Arc<File>>,
+}
+
+impl RunDirectory {
+    /// Makes the folder of a run, or takes one that holds a record or the beginning of one; whether that can be continued is for
+    /// [`RunDirectory::recorded`] to say.
+    ///
+    /// # Errors
+    /// Where the folder holds something else, another process writes there, or it cannot be made.
+    pub fn create(path: &Path) -> Result<Self> {
+        let remedy = "choose another with --out";
+        if !path.is_dir() {
+            // Of two runs that start at the same time, one makes it, and the lock decides which of them goes on.
+            fs::create_dir_all(path).map_err(|error| {
+                Error::new(format!("cannot make the output folder {} ({error}); {remedy}", path.display()))
+            })?;
+        }
+        if !is_ours(path)? {
+            return Err(Error::new(format!("the output folder {} is not empty; {remedy}", path.display())));
+        }
+        // Fails now rather than after an hour where the folder is read-only.
+        let lock = File::options().create(true).append(true).open(path.join(LOCK)).map_err(|error| {
+            Error::new(format!("cannot write to the output folder {} ({error}); {remedy}", path.display()))
+        })?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Self { path: path.to_owned(), _lock: Some(Arc::new(lock)) }),
+            Err(TryLockError::WouldBlock) => Err(Error::new(format!(
+                "another process is writing to the output folder {}; wait for its end, or {remedy}",
+                path.display()
+            ))),
+            Err(TryLockError::Error(error)) => Err(Error::new(format!(
+                "cannot lock the output folder {} ({error}); {remedy}",
+                path.display()
+            ))),
+        }
+    }
+
+    /// The manifest that an earlier process wrote here; none where it did not come to that.
+    ///
+    /// # Errors
+    /// Where it is damaged.
+    pub fn manifest(&self) -> Result<Option<Manifest>> {
+        let path = self.path.join(MANIFEST);
+        match path.is_file() {
+            true => Ok(Some(serde_json::from_slice(&fs::read(&path).place(path.display())?).place(path.display())?)),
+            false => Ok(None),
+        }
+    }
+
+    /// Makes the folder of a new run in the first of these places where nothing is. Runs that start at the same time get
+    /// different ones.
+    ///
+    /// # Errors
+    /// Where the folder cannot be made.
+    pub fn create_first(places: impl IntoIterator<Item = PathBuf>) -> Result<Self> {
+        for place in places {
+            let made =
+                place.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::create_dir(&place));
+            match made {
+                Ok(()) => return Self::create(&place),
+                Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists && place.exists() => {}
+                Err(error) => {
+                    return Err(Error::new(format!(
+                        "cannot make the output folder {} ({error}); choose another with --out",
+                        place.display()
+                    )));
+                }
+            }
+        }
+        Err(Error::new("there is no place for the record; name one with --out"))
+    }
+
+    /// The folder of a run that was recorded earlier.
+    ///
+    /// # Errors
+    /// Where it holds no record.
+    pub fn open(path: &Path) -> Result<Self> {
+        if !path.join(MANIFEST).is_file() {
+            return Err(Error::new(format!(
+                "{} holds no record: it has no {MANIFEST}; name the folder that `pdk run` printed",
+                path.display()
+            )));
+        }
+        Ok(Self { path: path.to_owned(), _lock: None })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes a JSON file as a whole: it is there complete, or not at all.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<()> {
+        let (path, part) = (self.path.join(name), self.path.join(format!("{name}.part")));
+        let mut text = serde_json::to_vec_pretty(value)?;
+        text.push(b'\n');
+        let written = File::create(&part)
+            .and_then(|mut file| file.write_all(&text).and_then(|()| file.sync_all()))
+            .and_then(|()| fs::rename(&part, &path));
+        written.map_err(|error| write_error(&path, &error))
+    }
+
+    /// The path of a scenario's trace; makes the folder around it.
+    ///
+    /// # Errors
+    /// Where the folder cannot be made.
+    pub fn trace(&self, scenario: &ScenarioId) -> Result<PathBuf> {
+        let folder = self.path.join(TRACES);
+        fs::create_dir_all(&folder).map_err(|error| write_error(&folder, &error))?;
+        Ok(self.trace_path(scenario))
+    }
+
+    /// The path of a scenario's trace, whether there is one or not.
+    pub fn trace_path(&self, scenario: &ScenarioId) -> PathBuf {
+        self.path.join(TRACES).join(format!("{scenario}.mcap"))
+    }
+
+    /// Removes what processes that ended early left in the folder of the traces.
+    pub fn remove_partial_traces(&self) {
+        let entries = fs::read_dir(self.path.join(TRACES)).into_iter().flatten().flatten();
+        let partial = entries.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "part"));
+        for path in partial {
+            // What cannot be removed is in nobody's way: it is written anew.
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+/// Whether a folder holds nothing but a record or the beginning of one.
+fn is_ours(path: &Path) -> Result<bool> {
+    let begun = path.join(MANIFEST).is_file();
+    let place = |error| Error::new(format!("cannot read the output folder {} ({error})", path.display()));
+    for entry in fs::read_dir(path).map_err(place)? {
+        let name = entry.map_err(place)?.file_name();
+        let name = name.to_string_lossy();
+        // A pipeline may save JSON files of its own beside those of the kernel.
+        let json = name.ends_with(".json") || name.ends_with(".json.part");
+        let lines = [SCENARIOS, "scenarios.part", RESULTS, "results.part"].contains(&&*name);
+        let made_of_it = [TRACES, REPORT, CLIPS].contains(&&*name);
+        let known = name == LOCK || name == "manifest.json.part" || begun && (json || lines || made_of_it);
+        if !known {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_process_writes_and_strangers_files_are_left_alone() {
+        let folder = std::env::temp_dir().join(format!("pdk-record-{}", std::process::id()));
+        let directory = RunDirectory::create(&folder).unwrap();
+        let error = RunDirectory::create(&folder).unwrap_err().to_string();
+        assert!(error.starts_with("another process is writing to"), "{error}");
+        drop(directory);
+        fs::write(folder.join(SCENARIOS), "").unwrap();
+        let error = RunDirectory::create(&folder).unwrap_err().to_string();
+        assert!(error.ends_with("is not empty; choose another with --out"), "{error}");
+        fs::remove_file(folder.join(SCENARIOS)).unwrap();
+        assert!(RunDirectory::create(&folder).unwrap().manifest().unwrap().is_none());
+        fs::remove_dir_all(folder).unwrap();
+    }
+}

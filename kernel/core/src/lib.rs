@@ -1,0 +1,44 @@
+//! The kernel of pdk: it loads components, routes frames through perturbations, hands out seeds, and keeps the ledger.
+//!
+//! Everything else is beside it: what drives scenarios (`pdk-session`), scripts (`pdk-lua`, `pdk-pipeline`), what reads records
+//! (`pdk-report`, `pdk-replay`) and the command line (`pdk`). The kernel names no component, no plugin and no verb.
+//!
+//! | module | subject |
+//! |---|---|
+//! | [`search_path`] | where components are looked for |
+//! | [`registry`] | finds components and makes instances of them; [`loader`] opens libraries |
+//! | [`catalog`] | what there is, as plain data that can be sent to another process |
+//! | [`chain`] | the perturbations that a frame goes through, each with a key of its own; `mask` limits them to a region |
+//! | [`modifiers`] | what every perturbation takes besides its own parameters |
+//! | [`calls`] | what this process is calling, told to the one that supervises it |
+//! | [`float`] | the floating-point mode, put back after every call |
+//! | [`supervisor`] | runs what calls components in a process of its own, and says how that ended |
+//! | [`directory`] | the folder of a run |
+//! | [`ledger`] | one line an outcome, append-only, on [`lines`] |
+//! | [`manifest`] | what was run |
+//! | [`output`] | lines and progress bars for people |
+//!
+//! Two rules hold throughout. A component is only ever called in a process that another one supervises, since its code may do
+//! anything. And what decides an outcome is a value (`pdk_model::scenario::Scenario`): nothing is drawn from a clock, a counter or
+//! a place in a list.
+
+pub mod calls;
+pub mod catalog;
+pub mod chain;
+mod description;
+pub mod directory;
+mod elf;
+pub mod float;
+pub mod ledger;
+pub mod lines;
+pub mod loader;
+pub mod manifest;
+mod mask;
+pub mod modifiers;
+pub mod output;
+pub mod registry;
+pub mod search_path;
+pub mod suggest;
+pub mod supervisor;
+
+pub use description::check as check_description;

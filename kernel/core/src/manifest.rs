@@ -1,0 +1,347 @@
+//! What was run: everything that has to be equal for two runs to be equal.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+use pdk_model::region::Region;
+use pdk_model::scenario::Scenario;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Place, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::catalog::Catalog;
+
+/// The manifest of a run.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Manifest {
+    /// The version of pdk.
+    pub pdk: String,
+    /// The seed that all random numbers come from.
+    pub seed: u64,
+    /// The pipeline.
+    pub pipeline: Pipeline,
+    /// The settings of the pipeline with what was overridden.
+    pub settings: Value,
+    /// The folders that `--plugins` named.
+    #[serde(default)]
+    pub plugins: Vec<PathBuf>,
+    /// The folders that `--overlays` named.
+    #[serde(default)]
+    pub overlays: Vec<PathBuf>,
+    /// The components in use.
+    pub components: Vec<ComponentRecord>,
+    /// Models and other files that components were given.
+    pub files: Vec<FileRecord>,
+    /// The machine.
+    pub machine: Machine,
+}
+
+/// The pipeline of a run.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Pipeline {
+    /// The file.
+    pub path: PathBuf,
+    /// Its text.
+    pub source: String,
+    /// The modules that it requires, with their texts, in the order in which they were first asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub modules: Vec<Module>,
+}
+
+/// A module that a pipeline requires.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Module {
+    /// As the pipeline names it.
+    pub name: String,
+    /// Its text.
+    pub source: String,
+    /// BLAKE3 of its text, in hexadecimal.
+    pub blake3: String,
+}
+
+/// A component in use.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct ComponentRecord {
+    /// Its kind.
+    pub kind: Kind,
+    /// Its name.
+    pub name: String,
+    /// The version of its algorithm.
+    pub version: u32,
+    /// The library or script that it comes from.
+    pub file: FileRecord,
+    /// What it decided itself when it was made, such as the library that runs a network.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub info: Vec<(String, String)>,
+}
+
+/// A file and its content.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct FileRecord {
+    /// The file.
+    pub path: PathBuf,
+    /// BLAKE3 of its content, in hexadecimal.
+    pub blake3: String,
+}
+
+/// The machine of a run.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Machine {
+    /// The operating system.
+    pub system: String,
+    /// The processor's architecture.
+    pub architecture: String,
+    /// The number of processors.
+    pub processors: usize,
+}
+
+impl Manifest {
+    /// This manifest with what a recorded one of the same run says besides: its machine, and the components and files that this
+    /// one has not come to yet.
+    ///
+    /// # Errors
+    /// Where the two are not of the same run: says what differs, first the recorded value.
+    pub fn continuing(mut self, recorded: &Manifest) -> Result<Self, String> {
+        let differs = |what: &str, was: &dyn Display, is: &dyn Display| Err(differs(what, was, is));
+        if self.pdk != recorded.pdk {
+            return differs("the version of pdk", &recorded.pdk, &self.pdk);
+        }
+        if self.seed != recorded.seed {
+            return differs("the seed", &recorded.seed, &self.seed);
+        }
+        let (was, is) = (&recorded.pipeline, &self.pipeline);
+        if was.source != is.source {
+            return Err(format!("the text of the pipeline {} is another", is.path.display()));
+        }
+        for module in &is.modules {
+            if was.modules.iter().any(|known| known.name == module.name && known.blake3 != module.blake3) {
+                return Err(format!("the text of the module {} is another", module.name));
+            }
+        }
+        if was.path != is.path {
+            return differs("the path of the pipeline", &was.path.display(), &is.path.display());
+        }
+        // As it comes out of the file.
+        let settings = serde_json::to_string(&self.settings).and_then(|text| serde_json::from_str(&text));
+        let settings: Value = settings.map_err(|error| error.to_string())?;
+        if let Some((name, was, is)) = difference("", &recorded.settings, &settings) {
+            return differs(&format!("the setting {name}"), &was, &is);
+        }
+        if let Some(difference) = self.changed_parts(recorded, true).into_iter().next() {
+            return Err(difference);
+        }
+        self.machine = recorded.machine.clone();
+        self.components.extend(recorded.components.iter().cloned());
+        self.components.sort();
+        self.components.dedup();
+        self.files.extend(recorded.files.iter().cloned());
+        self.files.sort();
+        self.files.dedup();
+        Ok(self)
+    }
+
+    /// What is different of the components and files that both manifests have, one clause each: versions, contents, what
+    /// components say of themselves, and, where they count, the places where components lie.
+    pub fn changed_parts(&self, recorded: &Manifest, places_count: bool) -> Vec<String> {
+        let mut changed = Vec::new();
+        // A library holds many components, and its content is said to be another once.
+        let mut other_files: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
+        for component in &self.components {
+            let same = |c: &&ComponentRecord| c.kind == component.kind && c.name == component.name;
+            let Some(first) = recorded.components.iter().find(same) else { continue };
+            let name = format!("the {} `{}`", component.kind, component.name);
+            if first.version != component.version {
+                changed.push(differs(&format!("the version of {name}"), &first.version, &component.version));
+            }
+            if first.file.blake3 != component.file.blake3 {
+                let names = other_files.entry(&component.file.path).or_default();
+                if !names.contains(&name) {
+                    names.push(name.clone());
+                }
+            }
+            if places_count && first.file.path != component.file.path {
+                let (was, is) = (first.file.path.display(), component.file.path.display());
+                changed.push(differs(&format!("the path of {name}"), &was, &is));
+            }
+            // Such as the library that runs a network. Others may come with later drives.
+            let said_again = |c: &ComponentRecord| {
+                recorded.components.iter().filter(same).any(|known| known.info == c.info)
+            };
+            if !self.components.iter().filter(same).any(said_again) {
+                let text = |info: &[(String, String)]| {
+                    info.iter().map(|(key, value)| format!("{key} {value}")).collect::<Vec<_>>().join(", ")
+                };
+                changed.push(differs(
+                    &format!("what {name} says of itself"),
+                    &format!("`{}`", text(&first.info)),
+                    &format!("`{}`", text(&component.info)),
+                ));
+            }
+        }
+        for (path, names) in other_files {
+            let path = path.display();
+            changed.push(format!("the file of {}, {path}, is another", names.join(", ")));
+        }
+        for file in &self.files {
+            let known = recorded.files.iter().find(|known| known.path == file.path);
+            if known.is_some_and(|known| known.blake3 != file.blake3) {
+                changed.push(format!("the file {} is another", file.path.display()));
+            }
+        }
+        changed.dedup();
+        changed
+    }
+}
+
+fn differs(what: &str, was: &dyn Display, is: &dyn Display) -> String {
+    format!("{what} was {was} and is {is}")
+}
+
+/// The first value within another that differs, with its place and both values; what is not there is null.
+pub fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value, Value)> {
+    if let (Value::Object(was), Value::Object(is)) = (was, is) {
+        let names: BTreeSet<&String> = was.keys().chain(is.keys()).collect();
+        return names.into_iter().find_map(|name| {
+            let place = if place.is_empty() { name.clone() } else { format!("{place}.{name}") };
+            let value = |table: &Map<String, Value>| table.get(name).cloned().unwrap_or_default();
+            difference(&place, &value(was), &value(is))
+        });
+    }
+    if let (Value::Array(was), Value::Array(is)) = (was, is)
+        && was.len() == is.len()
+    {
+        let mut pairs = was.iter().zip(is).enumerate();
+        return pairs.find_map(|(position, (was, is))| difference(&format!("{place}[{position}]"), was, is));
+    }
+    (was != is).then(|| (format!("`{place}`"), was.clone(), is.clone()))
+}
+
+impl Machine {
+    /// This machine.
+    pub fn this() -> Self {
+        Self {
+            system: std::env::consts::OS.to_owned(),
+            architecture: std::env::consts::ARCH.to_owned(),
+            processors: std::thread::available_parallelism().map_or(1, usize::from),
+        }
+    }
+}
+
+impl FileRecord {
+    /// Reads a file's hash.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn of(path: &Path) -> Result<Self> {
+        let mut hasher = blake3::Hasher::new();
+        let mut file = std::fs::File::open(path).place(path.display())?;
+        std::io::copy(&mut file, &mut hasher).place(path.display())?;
+        Ok(Self { path: path.to_owned(), blake3: hasher.finalize().to_hex().to_string() })
+    }
+}
+
+/// The components and files that a run uses, collected while it is set up.
+#[derive(Debug, Default)]
+pub struct InUse {
+    components: BTreeSet<ComponentRecord>,
+    files: BTreeSet<FileRecord>,
+}
+
+impl InUse {
+    /// Notes a component with what it says of itself once it is made, and its files: those among its parameters, and the one
+    /// that a drop-in is made from.
+    ///
+    /// # Errors
+    /// Where the component does not exist, or one of its files cannot be read.
+    pub fn add(
+        &mut self,
+        catalog: &Catalog,
+        kind: Kind,
+        name: &str,
+        parameters: &Map<String, Value>,
+        info: Vec<(String, String)>,
+    ) -> Result<()> {
+        let entry = catalog.get(kind, name)?;
+        let known = self.components.iter().any(|c| c.kind == kind && c.name == name && c.info == info);
+        if !known {
+            self.components.insert(ComponentRecord {
+                kind,
+                name: name.to_owned(),
+                version: entry.description.version,
+                file: self.hashed(catalog.code_of(entry))?,
+                info,
+            });
+        }
+        if entry.base.is_some() {
+            self.add_file(&entry.file)?;
+        }
+        for value in parameters.values().filter_map(Value::as_str) {
+            let path = Path::new(value);
+            if path.is_file() {
+                self.add_file(path)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes all that a scenario uses; `info` is what its driver says of itself.
+    ///
+    /// # Errors
+    /// As for [`InUse::add`].
+    pub fn add_scenario(
+        &mut self,
+        catalog: &Catalog,
+        scenario: &Scenario,
+        info: Vec<(String, String)>,
+    ) -> Result<()> {
+        let Scenario { simulator, driver, perturbations, .. } = scenario;
+        self.add(catalog, Kind::Simulator, &simulator.name, &simulator.parameters, Vec::new())?;
+        self.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
+        self.add_perturbations(catalog, perturbations)
+    }
+
+    /// Notes perturbations with their masks.
+    ///
+    /// # Errors
+    /// As for [`InUse::add`].
+    pub fn add_perturbations(&mut self, catalog: &Catalog, applied: &[AppliedPerturbation]) -> Result<()> {
+        for perturbation in applied {
+            if let Some(Region::Mask(path)) = &perturbation.region {
+                self.add_file(Path::new(path))?;
+            }
+            let AppliedPerturbation { name, parameters, .. } = perturbation;
+            self.add(catalog, Kind::Perturbation, name, parameters, Vec::new())?;
+        }
+        Ok(())
+    }
+
+    /// Notes a file.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn add_file(&mut self, path: &Path) -> Result<()> {
+        if !self.files.iter().any(|file| file.path == path) {
+            self.files.insert(FileRecord::of(path)?);
+        }
+        Ok(())
+    }
+
+    /// The record of a file with code, which many components share and which is read once.
+    fn hashed(&self, path: &Path) -> Result<FileRecord> {
+        let known = self.components.iter().map(|component| &component.file).find(|file| file.path == path);
+        known.cloned().map_or_else(|| FileRecord::of(path), Ok)
+    }
+
+    /// The components, in order.
+    pub fn components(&self) -> Vec<ComponentRecord> {
+        self.components.iter().cloned().collect()
+    }
+
+    /// The files, in order.
+    pub fn files(&self) -> Vec<FileRecord> {
+        self.files.iter().cloned().collect()
+    }
+}

@@ -1,0 +1,75 @@
+//! Lines for people and scripts. The standard macros panic where a line cannot be written; these do not: nobody reading
+//! any more (`pdk list | head`) is no error, and anything else is one that is told at the end.
+
+use std::fmt;
+use std::io::{self, ErrorKind, Write};
+use std::sync::{Mutex, PoisonError};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use pdk_sdk::error::{Error, Result};
+
+/// The first error on standard output.
+static FAILURE: Mutex<Option<io::Error>> = Mutex::new(None);
+
+/// Stands in for the standard macro of the same name in all of pdk: `use pdk_core::println`.
+#[macro_export]
+macro_rules! println {
+    () => { $crate::output::line(format_args!("")) };
+    ($($argument:tt)*) => { $crate::output::line(format_args!($($argument)*)) };
+}
+
+/// As above, for standard error.
+#[macro_export]
+macro_rules! eprintln {
+    ($($argument:tt)*) => { $crate::output::error_line(format_args!($($argument)*)) };
+}
+
+/// Writes a line to standard output.
+pub fn line(text: fmt::Arguments<'_>) {
+    note(writeln!(io::stdout().lock(), "{text}"));
+}
+
+/// Writes bytes to standard output.
+pub fn bytes(bytes: &[u8]) {
+    note(io::stdout().lock().write_all(bytes));
+}
+
+/// Writes a line to standard error. Where that fails, there is nobody left to tell.
+pub fn error_line(text: fmt::Arguments<'_>) {
+    let _ = writeln!(io::stderr().lock(), "{text}");
+}
+
+/// Writes what is left in memory.
+///
+/// # Errors
+/// Where standard output did not take everything although somebody reads it.
+pub fn finish() -> Result<()> {
+    note(io::stdout().lock().flush());
+    match FAILURE.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        Some(error) => Err(Error::new(format!("cannot write to standard output ({error})"))),
+        None => Ok(()),
+    }
+}
+
+/// A progress bar on standard error with these numbers behind it; nothing where nobody reads along or it is no terminal.
+pub fn progress(quiet: bool, numbers: &str) -> ProgressBar {
+    let target = match quiet {
+        true => ProgressDrawTarget::hidden(),
+        // Draws nothing where standard error is no terminal.
+        false => ProgressDrawTarget::stderr(),
+    };
+    let bar = ProgressBar::with_draw_target(None, target);
+    if let Ok(style) = ProgressStyle::with_template(&format!("{{elapsed_precise}} [{{wide_bar}}] {numbers}"))
+    {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
+}
+
+fn note(written: io::Result<()>) {
+    if let Err(error) = written
+        && error.kind() != ErrorKind::BrokenPipe
+    {
+        FAILURE.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+    }
+}

@@ -1,0 +1,335 @@
+//! Finds components and makes instances of them.
+
+use std::collections::BTreeSet;
+use std::io::ErrorKind as IoErrorKind;
+use std::path::{Path, PathBuf};
+
+use pdk_sdk::abi::host::Instance;
+use pdk_sdk::config::Config;
+use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::prelude::{Dataset, Driver, Perturbation, Saliency, Search, Simulator};
+use serde_json::{Map, Value};
+
+use crate::calls::{self, Function};
+use crate::catalog::{Catalog, Entry, drop_in_name};
+use crate::loader::Plugin;
+use crate::search_path::{self, PATH_VARIABLE, SearchPath, is_script};
+
+/// Makes components from scripts. The kernel knows no script language; whoever starts it brings one along.
+pub trait Scripts: Send + Sync {
+    /// What the component in a script says of itself; none where the script is something else, such as a pipeline.
+    ///
+    /// # Errors
+    /// Where it is meant as a component and is not a valid one.
+    fn describe(&self, path: &Path) -> Result<Option<Description>>;
+
+    /// Makes an instance of the component in a script, with parameters that have been checked.
+    ///
+    /// # Errors
+    /// Where it cannot be made.
+    fn create(&self, path: &Path, config: &Config) -> Result<Instance>;
+}
+
+/// All components that were found, with what it takes to make instances of them.
+pub struct Registry {
+    catalog: Catalog,
+    /// Where the code of each component of the catalog is, by kind and name.
+    sources: Vec<((Kind, String), Source)>,
+    plugins: Vec<Plugin>,
+    scripts: Box<dyn Scripts>,
+    /// Files that were looked at.
+    seen: BTreeSet<PathBuf>,
+    /// Every folder that was looked into.
+    places: Vec<PathBuf>,
+    refused: Vec<Error>,
+}
+
+enum Source {
+    Plugin { plugin: usize, index: usize },
+    Script,
+    /// A file that another component makes a component of its own, by this parameter.
+    DropIn { parameter: String },
+}
+
+impl Registry {
+    /// Loads everything that lies in the executable's own folder, in the given folders and in the usual places, in this
+    /// order: pdk's own, the given ones, what `PDK_PLUGIN_PATH` names, the user's plugin folder; clips and the like come
+    /// last. Where two components have the same name the first one counts, so that a name of pdk's own means the same
+    /// everywhere. What cannot be used is left out and listed by [`Registry::refused`].
+    ///
+    /// # Errors
+    /// Where a given folder does not exist.
+    pub fn discover(search: &SearchPath, scripts: Box<dyn Scripts>) -> Result<Self> {
+        let given = search.plugins.iter().map(|folder| ("plugins", folder));
+        let drop_ins = search.drop_ins.iter().map(|(name, folder)| (name.as_str(), folder));
+        if let Some((name, missing)) = given.chain(drop_ins).find(|(_, folder)| !folder.exists()) {
+            return Err(Error::new(format!(
+                "the folder {} does not exist; create it or correct --{name}",
+                missing.display()
+            )));
+        }
+        // What is recorded of a run has to be found from any working directory.
+        let search = &search.absolute();
+        let mut registry = Self {
+            catalog: Catalog::default(),
+            sources: Vec::new(),
+            plugins: Vec::new(),
+            scripts,
+            seen: BTreeSet::new(),
+            places: Vec::new(),
+            refused: Vec::new(),
+        };
+        registry.add_built_in();
+        for folder in &search.plugins {
+            registry.add_place(folder);
+        }
+        for place in std::env::var_os(PATH_VARIABLE).iter().flat_map(std::env::split_paths) {
+            if place.as_os_str().is_empty() {
+                continue; // Nothing between two separators, or in a variable that is set to nothing.
+            }
+            if place.exists() {
+                registry.add_place(&place);
+            } else {
+                registry.refused.push(Error::new(format!(
+                    "{PATH_VARIABLE} names {}, which does not exist; create it or correct the variable",
+                    place.display()
+                )));
+            }
+        }
+        if let Some(place) = search_path::user_folder() {
+            registry.add_place(&place);
+        }
+        for place in &search.beside {
+            registry.add_beside(place);
+        }
+        registry.add_drop_ins(search);
+        Ok(registry)
+    }
+
+    /// What there is.
+    pub fn catalog(&self) -> &Catalog {
+        &self.catalog
+    }
+
+    /// What was found but cannot be used, one sentence each.
+    pub fn refused(&self) -> &[Error] {
+        &self.refused
+    }
+
+    /// The plugins that were loaded.
+    pub fn plugins(&self) -> &[Plugin] {
+        &self.plugins
+    }
+
+    /// Makes an instance of any kind.
+    ///
+    /// # Errors
+    /// Where there is no such component, or it refuses the parameters.
+    pub fn create(
+        &self,
+        kind: Kind,
+        name: &str,
+        parameters: &Map<String, Value>,
+    ) -> Result<(Instance, Config)> {
+        let entry = self.catalog.get(kind, name)?;
+        let config = Config::check(&entry.description, parameters)?;
+        let label = format!("{kind} `{name}`");
+        let instance = match self.source(kind, name) {
+            Some(Source::Plugin { plugin, index }) => calls::call(&label, Function::New, || {
+                self.plugins[*plugin].create(*index, config.values())
+            }),
+            Some(Source::Script) => {
+                calls::call(&label, Function::New, || self.scripts.create(&entry.file, &config))
+            }
+            Some(Source::DropIn { parameter }) => {
+                let mut parameters = config.values().clone();
+                parameters.insert(parameter.clone(), entry.file.to_string_lossy().into());
+                let base = entry.base.as_deref().unwrap_or_default();
+                self.create(kind, base, &parameters).map(|(instance, _)| instance)
+            }
+            None => Err(Error::new("it is in the catalog but has no source, which is a defect in pdk")),
+        };
+        let instance = instance.map_err(|error| error.at(&label))?;
+        if instance.kind() != kind {
+            return Err(Error::new(format!("{label} made a {}, which is a mistake in its plugin", instance.kind())));
+        }
+        Ok((instance, config))
+    }
+
+    fn source(&self, kind: Kind, name: &str) -> Option<&Source> {
+        let found = self.sources.iter().find(|((known, of), _)| *known == kind && of == name);
+        found.map(|(_, source)| source)
+    }
+
+    fn add_place(&mut self, place: &Path) {
+        if place.is_file() {
+            self.add_file(place);
+        } else {
+            self.add_folder(place, |_| true);
+        }
+    }
+
+    /// The plugins beside the executable, and the scripts that come with an installation or a source tree.
+    fn add_built_in(&mut self) {
+        if let Some(folder) = search_path::executable_folder() {
+            self.add_folder(&folder, |stem| stem.starts_with("libpdk_"));
+            self.add_folder(&folder.join("plugins"), |_| true);
+        }
+        for folder in search_path::shipped("perturbations") {
+            self.add_folder(&folder, |_| true);
+        }
+    }
+
+    /// Adds the libraries and scripts of a folder, by name; a folder that does not exist has none.
+    fn add_folder(&mut self, folder: &Path, wanted: impl Fn(&str) -> bool) {
+        self.places.push(folder.to_owned());
+        for file in self.files_of(folder) {
+            let stem = file.file_stem().unwrap_or_default().to_string_lossy();
+            let extension = file.extension().unwrap_or_default();
+            if extension == std::env::consts::DLL_EXTENSION && wanted(&stem) || is_script(&file) {
+                self.add_file(&file);
+            }
+        }
+    }
+
+    /// Adds the scripts and drop-ins of a folder that nobody named.
+    fn add_beside(&mut self, folder: &Path) {
+        let refused = self.refused.len();
+        let files = self.files_of(folder);
+        files.iter().filter(|file| is_script(file)).for_each(|file| self.add_file(file));
+        self.places.push(folder.to_owned());
+        self.refused.truncate(refused);
+    }
+
+    fn add_file(&mut self, file: &Path) {
+        let file = std::fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
+        if !self.seen.insert(file.clone()) {
+            return;
+        }
+        if is_script(&file) {
+            let name = format!("script {}", file.display());
+            match calls::call(&name, Function::Load, || self.scripts.describe(&file)) {
+                Ok(Some(description)) => self.add(description, file, None, Source::Script),
+                Ok(None) => {}
+                Err(error) => self.refused.push(error),
+            }
+            return;
+        }
+        match Plugin::load(&file) {
+            Ok(plugin) => {
+                let (number, descriptions) = (self.plugins.len(), plugin.description.components.clone());
+                self.plugins.push(plugin);
+                for (index, description) in descriptions.into_iter().enumerate() {
+                    self.add(description, file.clone(), None, Source::Plugin { plugin: number, index });
+                }
+            }
+            Err(error) => self.refused.push(error),
+        }
+    }
+
+    /// Adds the files that components ask for: in the given folders, and in those of the right name wherever plugins lie.
+    fn add_drop_ins(&mut self, search: &SearchPath) {
+        let bases: Vec<Description> =
+            self.catalog.entries().iter().map(|entry| entry.description.clone()).collect();
+        for base in bases {
+            let Some(drop_in) = &base.drop_in else { continue };
+            let given = search.drop_ins.iter().filter(|(name, _)| *name == drop_in.folder);
+            let mut folders: Vec<PathBuf> = given.map(|(_, folder)| folder.clone()).collect();
+            if drop_in.shipped {
+                folders.extend(search_path::shipped(&drop_in.folder));
+            }
+            folders.extend(self.places.iter().map(|place| place.join(&drop_in.folder)));
+            let files: Vec<_> = folders.iter().flat_map(|folder| self.files_of(folder)).collect();
+            for file in files {
+                let ending = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+                if drop_in.endings.contains(&ending) {
+                    self.add_drop_in(&base, &drop_in.parameter, file);
+                }
+            }
+        }
+    }
+
+    /// The files of a folder by name; none where there is no such folder. One that cannot be read is refused.
+    fn files_of(&mut self, folder: &Path) -> Vec<PathBuf> {
+        let paths = std::fs::read_dir(folder)
+            .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>());
+        match paths {
+            Ok(mut files) => {
+                files.retain(|file| file.is_file());
+                files.sort();
+                files
+            }
+            Err(error) if error.kind() == IoErrorKind::NotFound => Vec::new(),
+            Err(error) => {
+                let shown = folder.display();
+                self.refused.push(Error::new(format!("the folder {shown} cannot be read ({error})")));
+                Vec::new()
+            }
+        }
+    }
+
+    fn add_drop_in(&mut self, base: &Description, parameter: &str, file: PathBuf) {
+        let shown = file.file_name().unwrap_or_default().to_string_lossy();
+        let doc = format!("{}: {shown}", base.doc);
+        let mut description = Description { name: drop_in_name(&file), doc, drop_in: None, ..base.clone() };
+        description.parameters.retain(|p| p.name != parameter);
+        description.examples.clear();
+        // It is the user's own, so it is there by name.
+        description.default = false;
+        self.add(description, file, Some(base.name.clone()), Source::DropIn { parameter: parameter.to_owned() });
+    }
+
+    fn add(&mut self, description: Description, file: PathBuf, base: Option<String>, source: Source) {
+        let key = (description.kind, description.name.clone());
+        let shown = file.display().to_string();
+        match self.catalog.add(Entry { description, file, base }) {
+            Some(first) => self.refused.push(Error::new(format!(
+                "{} `{}` of {shown} is left out, because {} has one of the same name and comes first; rename {shown}",
+                key.0,
+                key.1,
+                first.file.display(),
+            ))),
+            None => self.sources.push((key, source)),
+        }
+    }
+}
+
+/// One function for each kind.
+macro_rules! create_functions {
+    ($($(#[$doc:meta])* $function:ident: $kind:ident as $trait:ident;)*) => {
+        impl Registry {
+            $(
+                $(#[$doc])*
+                ///
+                /// # Errors
+                /// Where there is no such component, or it refuses the parameters.
+                pub fn $function(
+                    &self,
+                    name: &str,
+                    parameters: &Map<String, Value>,
+                ) -> Result<(Box<dyn $trait>, Config)> {
+                    match self.create(Kind::$kind, name, parameters)? {
+                        (Instance::$kind(instance), config) => Ok((instance, config)),
+                        (other, _) => Err(Error::new(format!("`{name}` is a {}", other.kind()))),
+                    }
+                }
+            )*
+        }
+    };
+}
+
+create_functions! {
+    /// Makes a perturbation.
+    perturbation: Perturbation as Perturbation;
+    /// Makes a simulator.
+    simulator: Simulator as Simulator;
+    /// Makes a driver.
+    driver: Driver as Driver;
+    /// Opens a dataset.
+    dataset: Dataset as Dataset;
+    /// Makes a saliency method.
+    saliency: Saliency as Saliency;
+    /// Makes a search strategy.
+    search: Search as Search;
+}

@@ -1,0 +1,180 @@
+//! A session's end of the conversation with a worker, or with a pool of them.
+
+use std::io;
+use std::os::unix::process::CommandExt;
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::Sender;
+use std::time::{Duration, Instant};
+
+use pdk_core::supervisor::kill_group;
+use pdk_sdk::error::{Error, Place, Result};
+
+use crate::lines::{self, Found};
+use crate::protocol::{FromWorker, Hello, Job, Ready, ToWorker, VERSION};
+
+/// Where workers come from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Pool {
+    /// This machine: so many processes of this executable, a slot each.
+    Here(usize),
+    /// A program that speaks the worker protocol, with as many slots as it says; a shell runs the command.
+    Command(String),
+}
+
+impl Pool {
+    /// How many connections there are at most.
+    pub fn connections(&self) -> usize {
+        match self {
+            Self::Here(workers) => (*workers).max(1),
+            Self::Command(_) => 1,
+        }
+    }
+
+    fn command(&self) -> Result<Command> {
+        match self {
+            Self::Here(_) => {
+                let mut command =
+                    Command::new(std::env::current_exe().place("cannot find the pdk executable")?);
+                command.arg("worker");
+                Ok(command)
+            }
+            Self::Command(line) => {
+                let mut command = Command::new("sh");
+                command.args(["-c", line]);
+                Ok(command)
+            }
+        }
+    }
+
+    /// As it is named in errors.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Here(_) => "a worker".to_owned(),
+            Self::Command(line) => format!("the pool `{line}`"),
+        }
+    }
+}
+
+/// A process at the other end, with the slots it has.
+pub struct Connection {
+    child: Child,
+    input: Option<ChildStdin>,
+    /// Which connection it is, over the whole session.
+    pub number: u64,
+    /// The number of its first slot.
+    pub first_slot: u32,
+    /// What each slot is busy with, once the process has said how many there are.
+    pub slots: Option<Vec<Option<u64>>>,
+}
+
+impl Connection {
+    /// Starts a process and says hello. What it says comes as events.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn open<E: Send + 'static>(
+        pool: &Pool,
+        hello: &Hello,
+        number: u64,
+        first_slot: u32,
+        events: Sender<E>,
+        wrap: impl Fn(u64, Found<FromWorker>) -> E + Send + 'static,
+    ) -> Result<Self> {
+        let mut command = pool.command()?;
+        // A group of its own: what is typed at the terminal is for the session, which ends its workers itself.
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).process_group(0);
+        let mut child = command.spawn().place(format_args!("{} cannot be started", pool.name()))?;
+        let (Some(mut input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(Error::new(format!("{} has no input or output", pool.name())));
+        };
+        std::thread::Builder::new()
+            .name("worker-output".into())
+            .spawn(move || lines::read_all(output, &events, |found| wrap(number, found)))
+            .place("cannot start a thread")?;
+        // Where it is gone already, its end is noticed like any other.
+        let _ = lines::write(&mut input, &ToWorker::Hello(hello.clone()));
+        Ok(Self { child, input: Some(input), number, first_slot, slots: None })
+    }
+
+    /// Takes the answer to hello.
+    ///
+    /// # Errors
+    /// Where the other end speaks another version.
+    pub fn ready(&mut self, ready: &Ready, pool: &Pool) -> Result<()> {
+        if ready.protocol != VERSION {
+            return Err(Error::new(format!(
+                "{} speaks version {} of the worker protocol, and this pdk version {VERSION}; use the same pdk at both ends",
+                pool.name(),
+                ready.protocol
+            )));
+        }
+        if ready.slots == 0 {
+            return Err(Error::new(format!("{} says that it has no slots; it needs at least one", pool.name())));
+        }
+        self.slots = Some(vec![None; ready.slots as usize]);
+        Ok(())
+    }
+
+    /// A slot that has nothing to do.
+    pub fn free_slot(&self) -> Option<usize> {
+        self.slots.as_ref()?.iter().position(Option::is_none)
+    }
+
+    /// Gives a slot a job.
+    pub fn give(&mut self, slot: usize, job: &Job) {
+        if let Some(slots) = &mut self.slots {
+            slots[slot] = Some(job.number);
+        }
+        if let Some(input) = &mut self.input {
+            // As above.
+            let _ = lines::write(input, &ToWorker::Job(job.clone()));
+        }
+    }
+
+    /// Notes that a job is done.
+    pub fn release(&mut self, number: u64) {
+        for slot in self.slots.iter_mut().flatten().filter(|slot| **slot == Some(number)) {
+            *slot = None;
+        }
+    }
+
+    /// The jobs that its slots are busy with.
+    pub fn jobs(&self) -> Vec<u64> {
+        self.slots.iter().flatten().copied().flatten().collect()
+    }
+
+    /// Says that there are no more jobs.
+    pub fn close(&mut self) {
+        self.input = None;
+    }
+
+    /// Waits until it has left, and ends it where it does not. How it ended, in words.
+    pub fn wait(&mut self, limit: Duration) -> String {
+        let until = Instant::now() + limit;
+        loop {
+            match self.child.try_wait() {
+                Ok(Some(status)) => return status.to_string(),
+                Ok(None) if Instant::now() < until => std::thread::sleep(Duration::from_millis(1)),
+                Ok(None) | Err(_) => {
+                    let _: io::Result<()> = self.kill();
+                    return "it did not end by itself".to_owned();
+                }
+            }
+        }
+    }
+
+    /// Ends it at once, with all of its group.
+    fn kill(&mut self) -> io::Result<()> {
+        self.input = None;
+        kill_group(self.child.id());
+        self.child.kill()?;
+        self.child.wait().map(drop)
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        // It may have ended already.
+        let _ = self.kill();
+    }
+}

@@ -1,0 +1,220 @@
+//! Does jobs, one after the other, with instances and topics that it keeps as long as the next job needs the same.
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+use pdk_bus::Bus;
+use pdk_core::calls::Function;
+use pdk_core::chain::Chain;
+use pdk_core::registry::Registry;
+use pdk_model::component::ComponentSpec;
+use pdk_model::outcome::Outcome;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{ErrorKind, Result};
+use pdk_sdk::prelude::{Camera, Dataset, Driver, Simulator};
+
+use crate::drive::{Fault, Instances, Run, Witnesses};
+use crate::environment::Environment;
+use crate::evaluate::Evaluator;
+use crate::held::{Held, keep};
+use crate::protocol::{Answer, Drive, Driven, Hello, Job, Made, Make, Work};
+use crate::recent::Recent;
+use crate::recorder::Recorder;
+use crate::stages::Stopwatch;
+
+/// The folder of this process's topics, for the thread that takes them off the machine when the process has to end at once.
+pub static BUS_ROOT: Mutex<Option<PathBuf>> = Mutex::new(None);
+
+/// A worker's instances and topics.
+pub struct Engine<'a> {
+    registry: &'a Registry,
+    run: String,
+    simulator: Option<Held<dyn Simulator>>,
+    camera: Camera,
+    driver: Option<Held<dyn Driver>>,
+    evaluator: Option<Evaluator>,
+    bus: Option<(Bus, u32, u32)>,
+    recorder: Option<Recorder>,
+    recent: Recent,
+    stopwatch: Stopwatch,
+    environment: Environment,
+}
+
+impl<'a> Engine<'a> {
+    /// An engine for the run that says hello; `environment` is that from before components were loaded.
+    pub fn new(registry: &'a Registry, hello: &Hello, environment: Environment) -> Self {
+        Self {
+            registry,
+            run: hello.run.clone(),
+            simulator: None,
+            camera: Camera { width: 0, height: 0, rate: 0.0 },
+            driver: None,
+            evaluator: None,
+            bus: None,
+            recorder: None,
+            recent: Recent::default(),
+            stopwatch: Stopwatch::new(),
+            environment,
+        }
+    }
+
+    /// Does a job. `progress` is told of every frame.
+    pub fn work(&mut self, job: &Job, progress: &mut dyn FnMut(u64)) -> Answer {
+        let answer = match &job.work {
+            Work::Drive(drive) => match self.drive(drive, job, progress) {
+                Ok(driven) => Answer::Driven(driven),
+                Err(error) => Answer::Broken(error.into()),
+            },
+            Work::Evaluate(frame) => {
+                let evaluator = Evaluator::kept(&mut self.evaluator, self.registry, &frame.evaluation);
+                let evaluated = evaluator.and_then(|evaluator| evaluator.evaluate(frame.index));
+                if evaluated.as_ref().is_err_and(|error| error.kind() == ErrorKind::Panic) {
+                    // What panicked may be in any state.
+                    self.evaluator = None;
+                }
+                evaluated.map_or_else(|error| Answer::Failed(error.into()), Answer::Evaluated)
+            }
+            Work::Make(make) => {
+                self.make(make).map_or_else(|error| Answer::Failed(error.into()), Answer::Made)
+            }
+        };
+        let changed = self.environment.restore();
+        match answer {
+            Answer::Driven(driven) => Answer::Driven(Driven { warnings: changed, ..driven }),
+            other => other,
+        }
+    }
+
+    fn make(&self, make: &Make) -> Result<Made> {
+        let Make { kind, component: ComponentSpec { name, parameters } } = make;
+        let held = |component: &ComponentSpec| component.clone();
+        let component = held(&make.component);
+        let mut made = Made::default();
+        match kind {
+            Kind::Simulator => {
+                let instance = self.registry.simulator(name, parameters)?.0;
+                let mut held = Held::new(*kind, component, instance);
+                made.camera = Some(held.call(Function::Camera, None, |simulator| Ok(simulator.camera()))?);
+            }
+            Kind::Driver => {
+                let instance = self.registry.driver(name, parameters)?.0;
+                let mut held = Held::new(*kind, component, instance);
+                made.info = held.call(Function::Info, None, |driver| Ok(driver.info()))?;
+            }
+            Kind::Dataset => {
+                let instance: Box<dyn Dataset> = self.registry.dataset(name, parameters)?.0;
+                let mut held = Held::new(*kind, component, instance);
+                made.frames = Some(held.call(Function::Len, None, |dataset| Ok(dataset.len()))?);
+            }
+            Kind::Perturbation => {
+                drop(Held::new(*kind, component, self.registry.perturbation(name, parameters)?.0));
+            }
+            Kind::Saliency => drop(Held::new(*kind, component, self.registry.saliency(name, parameters)?.0)),
+            Kind::Search => drop(Held::new(*kind, component, self.registry.search(name, parameters)?.0)),
+        }
+        Ok(made)
+    }
+
+    /// Drives a scenario. A component that fails is its outcome.
+    ///
+    /// # Errors
+    /// Where the record or the routing fails.
+    fn drive(&mut self, drive: &Drive, job: &Job, progress: &mut dyn FnMut(u64)) -> Result<Driven> {
+        if let Some(path) = &drive.trace {
+            let recorder = match self.recorder.take() {
+                Some(recorder) => recorder,
+                None => Recorder::new()?,
+            };
+            recorder.start(path.clone());
+            self.recorder = Some(recorder);
+        }
+        let mut run = Run::new(drive, job.number, job.slot);
+        let fault = self.drive_through(drive, &mut run, job.slot, progress).err();
+        let error = match fault {
+            Some(Fault::Kernel(error)) => return Err(error),
+            Some(Fault::Component(error)) => Some(error),
+            None => None,
+        };
+        let recorder = self.recorder.as_ref().filter(|_| drive.trace.is_some());
+        let witnesses = Witnesses {
+            recorder,
+            recent: &mut self.recent,
+            stopwatch: &mut self.stopwatch,
+            progress: &mut |_| {},
+        };
+        let outcome: Outcome = run.into_outcome(error.as_ref(), self.camera, &witnesses);
+        if let Some(recorder) = recorder {
+            recorder.finish()?;
+        }
+        if error.is_some() {
+            // What failed may be in any state.
+            (self.simulator, self.driver) = (None, None);
+        }
+        Ok(Driven { outcome, rate: self.camera.rate, times: self.stopwatch.times(), warnings: Vec::new() })
+    }
+
+    fn drive_through(
+        &mut self,
+        drive: &Drive,
+        run: &mut Run<'_>,
+        slot: u32,
+        progress: &mut dyn FnMut(u64),
+    ) -> Result<(), Fault> {
+        let scenario = &drive.scenario;
+        let registry = self.registry;
+        let held = self.simulator.as_ref().is_some_and(|held| *held.component() == scenario.simulator);
+        self.stopwatch.start(None);
+        let simulator = keep(&mut self.simulator, Kind::Simulator, &scenario.simulator, || {
+            Ok(registry.simulator(&scenario.simulator.name, &scenario.simulator.parameters)?.0)
+        })
+        .map_err(Fault::Component)?;
+        if !held {
+            self.camera = simulator
+                .call(Function::Camera, None, |simulator| Ok(simulator.camera()))
+                .map_err(Fault::Component)?;
+        }
+        let camera = self.camera;
+        let driver = keep(&mut self.driver, Kind::Driver, &scenario.driver, || {
+            Ok(registry.driver(&scenario.driver.name, &scenario.driver.parameters)?.0)
+        })
+        .map_err(Fault::Component)?;
+        let mut chain =
+            Chain::new(registry, &scenario.perturbations, scenario.seed).map_err(Fault::Component)?;
+        let bus = topics(&mut self.bus, &self.run, slot, camera)?;
+        let recorder = self.recorder.as_ref().filter(|_| drive.trace.is_some());
+        run.drive(
+            &mut Instances { simulator, camera, chain: &mut chain, driver, bus },
+            &mut Witnesses {
+                recorder,
+                recent: &mut self.recent,
+                stopwatch: &mut self.stopwatch,
+                progress,
+            },
+        )
+    }
+}
+
+/// The topics for frames of this size, which are kept as long as the size is the same.
+fn topics<'a>(
+    kept: &'a mut Option<(Bus, u32, u32)>,
+    run: &str,
+    slot: u32,
+    camera: Camera,
+) -> Result<&'a Bus, Fault> {
+    let size = (camera.width, camera.height);
+    if kept.as_ref().is_some_and(|(_, width, height)| (*width, *height) != size) {
+        *kept = None;
+    }
+    let (bus, ..) = match kept {
+        Some(bus) => bus,
+        None => {
+            let bus = Bus::create(run, slot, size.0, size.1)?;
+            if let Ok(mut root) = BUS_ROOT.lock() {
+                *root = Some(bus.root().to_owned());
+            }
+            kept.insert((bus, size.0, size.1))
+        }
+    };
+    Ok(bus)
+}
+

@@ -1,0 +1,308 @@
+//! `pdk worker`: does jobs for a session, and answers each one whatever its components do.
+//!
+//! The worker itself calls no component. It keeps a process that does ([`loop_process`](crate::loop_process)), sees to it that this
+//! process comes back from every call and stays within its memory, and makes an answer of whatever happens to it. Then it starts
+//! another one.
+
+use std::io;
+use std::process::{ChildStdin, Command, Stdio};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use pdk_core::calls::Seen;
+use pdk_core::supervisor::{End, LOOK, Limits, Supervised};
+use pdk_model::error::ErrorKind;
+use pdk_model::outcome::{Cause, Outcome};
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_trace::writer::{Trace, part_of};
+
+use crate::lines::{self, Found};
+use crate::protocol::{Answer, Done, Driven, Drive, Failure, FromWorker, Hello, Job, ToWorker, VERSION, Work};
+use crate::stages::Times;
+
+/// How often a job is done again whose process somebody else has killed.
+const TRIES: u32 = 3;
+
+/// How long a process may take to leave that has nothing to do any more.
+const LEAVE: Duration = Duration::from_secs(10);
+
+/// Does jobs until there are no more.
+///
+/// # Errors
+/// Where the session does not speak as it should, or no process can be started.
+pub fn run() -> Result<()> {
+    let (sender, events) = mpsc::channel();
+    let from_session = sender.clone();
+    std::thread::Builder::new()
+        .name("session".into())
+        .spawn(move || lines::read_all(io::stdin().lock(), &from_session, Event::Session))
+        .place("cannot start a thread")?;
+    let Ok(Event::Session(Found::Message(ToWorker::Hello(hello)))) = events.recv() else {
+        return Err(Error::new("the session's first message has to be `hello`; see docs/worker-protocol.md"));
+    };
+    if hello.protocol != VERSION {
+        return Err(Error::new(format!(
+            "the session speaks version {} of the worker protocol, and this pdk version {VERSION}; use the same pdk at both ends",
+            hello.protocol
+        )));
+    }
+    let patience = Duration::try_from_secs_f64(hello.patience)
+        .map_err(|_| Error::new(format!("the patience is {} s, but has to be a time", hello.patience)))?;
+    let limits = Limits { patience, memory: hello.memory };
+    Worker { hello, limits, sender, events, process: None, generation: 0, introduced: false, job: None, tries: 0 }
+        .serve()
+}
+
+enum Event {
+    Session(Found<ToWorker>),
+    /// From the process of this generation: what an earlier one said last does not count.
+    Process(u64, Found<FromWorker>),
+}
+
+struct Worker {
+    hello: Hello,
+    limits: Limits,
+    sender: mpsc::Sender<Event>,
+    events: mpsc::Receiver<Event>,
+    process: Option<Process>,
+    generation: u64,
+    /// Whether the session has heard of the components.
+    introduced: bool,
+    job: Option<Job>,
+    /// How often the job was begun.
+    tries: u32,
+}
+
+struct Process {
+    supervised: Supervised,
+    input: ChildStdin,
+}
+
+impl Worker {
+    fn serve(mut self) -> Result<()> {
+        self.start()?;
+        let mut looked = Instant::now();
+        loop {
+            let event = match self.events.recv_timeout(LOOK) {
+                Ok(event) => Some(event),
+                Err(RecvTimeoutError::Timeout) => None,
+                Err(RecvTimeoutError::Disconnected) => return Ok(()),
+            };
+            match event {
+                Some(Event::Session(Found::Message(ToWorker::Job(job)))) => {
+                    self.tries = 0;
+                    self.job = Some(job);
+                    self.begin()?;
+                }
+                Some(Event::Session(Found::End)) => {
+                    self.leave();
+                    return Ok(());
+                }
+                Some(Event::Session(Found::Message(ToWorker::Hello(_)))) => {
+                    return Err(Error::new("the session says `hello` twice"));
+                }
+                Some(Event::Session(Found::Nonsense(error))) => {
+                    return Err(Error::new(format!("the session says what is not a message ({error})")));
+                }
+                Some(Event::Process(generation, found)) if generation == self.generation => self.hear(found)?,
+                Some(Event::Process(..)) | None => {}
+            }
+            if looked.elapsed() >= LOOK {
+                looked = Instant::now();
+                self.look()?;
+            }
+        }
+    }
+
+    /// Starts a process for components.
+    fn start(&mut self) -> Result<()> {
+        let executable = std::env::current_exe().place("cannot find the pdk executable")?;
+        let mut command = Command::new(executable);
+        command.args(["worker", "--components"]).stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut supervised =
+            Supervised::start(command, self.limits, true).place("cannot start a process for components")?;
+        let child = supervised.child();
+        let (Some(mut input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            return Err(Error::new("a process for components has no input or output"));
+        };
+        self.generation += 1;
+        let (generation, sender) = (self.generation, self.sender.clone());
+        std::thread::Builder::new()
+            .name("components".into())
+            .spawn(move || lines::read_all(output, &sender, |found| Event::Process(generation, found)))
+            .place("cannot start a thread")?;
+        // Where it is gone already, its end is noticed like any other.
+        let _ = lines::write(&mut input, &ToWorker::Hello(self.hello.clone()));
+        self.process = Some(Process { supervised, input });
+        Ok(())
+    }
+
+    /// Hands the job to the process.
+    fn begin(&mut self) -> Result<()> {
+        self.tries += 1;
+        if self.process.is_none() {
+            self.start()?;
+        }
+        if let (Some(process), Some(job)) = (&mut self.process, &self.job) {
+            // As above.
+            let _ = lines::write(&mut process.input, &ToWorker::Job(job.clone()));
+        }
+        Ok(())
+    }
+
+    /// Takes what the process says.
+    fn hear(&mut self, found: Found<FromWorker>) -> Result<()> {
+        match found {
+            Found::Message(FromWorker::Ready(ready)) => {
+                if !std::mem::replace(&mut self.introduced, true) {
+                    say(&FromWorker::Ready(ready))?;
+                }
+                Ok(())
+            }
+            Found::Message(FromWorker::Done(done)) => {
+                // Whatever its components write there, only the job's own answer counts.
+                if self.job.as_ref().is_some_and(|job| job.number == done.number) {
+                    self.job = None;
+                    say(&FromWorker::Done(done))?;
+                }
+                Ok(())
+            }
+            Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
+            Found::Message(progress @ FromWorker::Progress(_)) => say(&progress),
+            Found::Nonsense(_) => Ok(()),
+            Found::End => {
+                let end = match &mut self.process {
+                    // It may have closed its output and go on; without it, it is of no use.
+                    Some(process) => wait_or_kill(&mut process.supervised)?,
+                    None => return Ok(()),
+                };
+                self.ended(&end)
+            }
+        }
+    }
+
+    /// Looks after the process.
+    fn look(&mut self) -> Result<()> {
+        let Some(process) = &mut self.process else { return Ok(()) };
+        match process.supervised.look().place("cannot look after the process of the components")? {
+            // What it said last may still be on its way, and tells more than its end.
+            Some(End::Done(_) | End::Exited(_) | End::Signal(_)) | None => Ok(()),
+            Some(end) => self.ended(&end),
+        }
+    }
+
+    /// The process is over.
+    fn ended(&mut self, end: &End) -> Result<()> {
+        let Some(mut process) = self.process.take() else { return Ok(()) };
+        let calls = process.supervised.calls();
+        process.supervised.kill();
+        self.generation += 1;
+        // What it had in shared memory.
+        let _ = pdk_bus::sweep_run(&self.hello.run);
+        let Some(job) = &self.job else {
+            return match self.introduced {
+                // Nobody is waiting for it.
+                true => self.start(),
+                false => Err(Error::of(end.kind(), self.sentence(end, &calls))),
+            };
+        };
+        // A component that ends its process leaves a call behind; a kill from outside meets it anywhere.
+        let killed = *end == End::Signal(libc::SIGKILL);
+        if killed && self.tries < TRIES {
+            self.start()?;
+            return self.begin();
+        }
+        let answer = self.answer(job, end, &calls);
+        let done = Done { number: job.number, answer };
+        self.job = None;
+        say(&FromWorker::Done(done))?;
+        self.start()
+    }
+
+    fn sentence(&self, end: &End, calls: &[Seen]) -> String {
+        let remedy = match end {
+            End::Late(..) => " (the limit is raised with --set patience=SECONDS)",
+            End::Memory(_) => " (the limit is raised with --set memory=MIB)",
+            End::Signal(libc::SIGKILL) => " (killed from outside, or for want of memory)",
+            End::Done(_) | End::Exited(_) => " (a component has to return an error instead of ending its process)",
+            End::Signal(_) => "",
+        };
+        end.said(calls) + remedy
+    }
+
+    /// What becomes of a job whose process came to this end.
+    fn answer(&self, job: &Job, end: &End, calls: &[Seen]) -> Answer {
+        let (kind, message) = (end.kind(), self.sentence(end, calls));
+        let Work::Drive(drive) = &job.work else { return Answer::Failed(Failure { kind, message }) };
+        let frames = calls.iter().find_map(|call| call.frame).unwrap_or_default();
+        match write_trace(drive, &message) {
+            Ok(()) => Answer::Driven(lost(kind, message, frames)),
+            Err(error) => Answer::Broken(error.into()),
+        }
+    }
+
+    /// The session is gone, or needs no more.
+    fn leave(&mut self) {
+        let Some(process) = self.process.take() else { return };
+        let Process { mut supervised, input } = process;
+        drop(input);
+        let started = Instant::now();
+        // In the middle of a job it ends at once; else it takes leave of its components, which takes some time.
+        let limit = if self.job.is_some() { Duration::from_secs(1) } else { LEAVE };
+        while started.elapsed() < limit && matches!(supervised.look(), Ok(None)) {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        drop(supervised);
+        if let Some(Job { work: Work::Drive(Drive { trace: Some(trace), .. }), .. }) = &self.job {
+            let _ = std::fs::remove_file(part_of(trace));
+        }
+        let _ = pdk_bus::sweep_run(&self.hello.run);
+    }
+}
+
+/// How a process ended whose output is closed; where it goes on all the same, it is ended.
+fn wait_or_kill(supervised: &mut Supervised) -> Result<End> {
+    let started = Instant::now();
+    loop {
+        match supervised.look().place("cannot look after the process of the components")? {
+            Some(end) => return Ok(end),
+            None if started.elapsed() > Duration::from_secs(1) => {
+                supervised.kill();
+                return Ok(End::Exited(0));
+            }
+            None => std::thread::sleep(Duration::from_millis(1)),
+        }
+    }
+}
+
+/// The outcome of a scenario whose process was lost; its trace holds nothing but that.
+fn lost(kind: ErrorKind, message: String, frames: u64) -> Driven {
+    let outcome = Outcome {
+        success: false,
+        cause: Cause::Error,
+        error: Some(message),
+        error_kind: Some(kind),
+        time: 0.0,
+        frames,
+        skipped_frames: 0,
+        progress: 0.0,
+        mean_cross_track_error: 0.0,
+        max_cross_track_error: 0.0,
+        digest: String::new(),
+    };
+    Driven { outcome, rate: 0.0, times: Times::default(), warnings: Vec::new() }
+}
+
+/// Writes a trace in the place of one that was not completed, so that equal failures leave equal records.
+fn write_trace(drive: &Drive, message: &str) -> Result<()> {
+    let Some(path) = &drive.trace else { return Ok(()) };
+    let mut trace = Trace::create(path)?;
+    trace.event(0.0, false, &drive.name)?;
+    trace.event(0.0, true, message)?;
+    trace.finish()
+}
+
+fn say(message: &FromWorker) -> Result<()> {
+    lines::write(&mut io::stdout().lock(), message)
+}
+
