@@ -1,0 +1,16 @@
+//! The camera of a simulator.
+
+use abi_stable::StableAbi;
+use serde::{Deserialize, Serialize};
+
+/// Size and rate of a simulator's camera.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, StableAbi, Serialize, Deserialize)]
+pub struct Camera {
+    /// Frame width in pixels.
+    pub width: u32,
+    /// Frame height in pixels.
+    pub height: u32,
+    /// Frames per second of simulation time.
+    pub rate: f64,
+}
