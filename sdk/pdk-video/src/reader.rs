@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 use std::io::{BufReader, Read, Seek};
-use std::ops::RangeInclusive;
 use std::path::Path;
 
 use mp4::{MediaType, Mp4Reader, TrackType};
@@ -38,7 +37,7 @@ pub struct Reader {
     decoder: Decoder,
     track: u32,
     /// Samples still to be decoded, by number from 1.
-    samples: Samples,
+    samples: Box<dyn Iterator<Item = u32>>,
     count: u32,
     rate: f64,
     /// Bytes before each unit that hold its length.
@@ -51,12 +50,6 @@ pub struct Reader {
     /// Only frames that can be decoded on their own are read, each by itself.
     alone: bool,
 }
-
-/// No samples.
-const NONE: RangeInclusive<u32> = 1..=0;
-
-/// Samples by number. All of a long video are not kept in memory.
-type Samples = std::iter::Chain<std::vec::IntoIter<u32>, RangeInclusive<u32>>;
 
 impl Reader {
     /// Opens a file to read all of its frames.
@@ -128,17 +121,16 @@ impl Reader {
             return Err(Error::new("it has no frames"));
         }
         check_samples(track, size)?;
-        let (chosen, all) = match (few, &tables.stss) {
+        let samples: Box<dyn Iterator<Item = u32>> = match (few, &tables.stss) {
             (true, Some(alone)) if !alone.entries.is_empty() => {
                 let last = alone.entries.len() - 1;
                 let mut few = vec![alone.entries[0], alone.entries[last / 2], alone.entries[last]];
                 few.dedup();
-                (few, NONE)
+                Box::new(few.into_iter())
             }
-            (true, _) => (vec![1], NONE),
-            (false, _) => (Vec::new(), 1..=count),
+            (true, _) => Box::new(std::iter::once(1)),
+            (false, _) => Box::new(1..=count),
         };
-        let samples = chosen.into_iter().chain(all);
         Ok(Opened::Frames(Box::new(Self {
             mp4: reader,
             decoder: new_decoder()?,
