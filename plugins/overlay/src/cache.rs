@@ -1,8 +1,9 @@
 //! The folder in which keyed clips are kept between runs.
 //!
 //! A file's name is a hash of everything it depends on, so a file is never out of date. Files are written under another
-//! name and renamed when they are whole, so that several processes can fill the folder at once. When the folder grows
-//! beyond [`LARGEST`] bytes, the files that were used least recently go.
+//! name and renamed when they are whole, and one thread of one process makes a file while the others that want it wait: so
+//! several processes can fill the folder at once. When the folder grows beyond [`LARGEST`] bytes, the files that were used
+//! least recently go.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -12,12 +13,16 @@ use std::time::{Duration, SystemTime};
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
+use crate::turn::{Turn, take_turn};
+
 /// Names the folder, where it is set; the clips lie in `overlays` below it.
 pub const VARIABLE: &str = "PDK_CACHE";
 /// Bytes that the folder holds, and one clip more where a single one is larger.
 pub const LARGEST: u64 = 8 << 30;
 const ENDING: &str = "clip";
-/// A file that is being written for longer than this was left by a process that was killed.
+/// Lies beside a file while it is made.
+const TURN: &str = "turn";
+/// A file that is being made for longer than this was left by a process that was killed.
 const ABANDONED: Duration = Duration::from_secs(24 * 3600);
 
 /// The folder for keyed clips: `PDK_CACHE`, or else the user's cache folder, or else the system's folder for temporary files.
@@ -46,25 +51,61 @@ pub fn file(folder: &Path, hash: &blake3::Hash) -> PathBuf {
     folder.join(format!("{}.{ENDING}", &hash.to_hex()[..32]))
 }
 
-/// Makes a file with `write`, which gets an empty one that can be read and written. Nobody ever sees a part of it.
+/// Gives what `find` finds at a path. Where that is an error, the file is made with `write`, which gets an empty one that can
+/// be read and written, and then found. Of all threads and processes that want the file, one makes it and the others wait
+/// for that; what cannot be made for the one cannot for those who waited either.
 ///
 /// # Errors
-/// Where the folder cannot be written, with what can be done; or the error of `write`.
-pub fn create(path: &Path, write: impl FnOnce(File) -> Result<()>) -> Result<()> {
+/// Where the folder cannot be written, with what can be done; or the error of `write`, or of `find` in the end.
+pub fn find_or_create<T>(
+    path: &Path,
+    find: impl Fn() -> Result<T>,
+    write: impl FnOnce(File) -> Result<()>,
+) -> Result<T> {
+    loop {
+        if let Ok(found) = find() {
+            return Ok(found);
+        }
+        let folder = folder_of(path);
+        std::fs::create_dir_all(folder).place(unwritable(folder))?;
+        match take_turn(&path.with_extension(TURN)).place(unwritable(folder))? {
+            Turn::Ours(turn) => {
+                // It may have come into being before the turn was taken.
+                if let Ok(found) = find() {
+                    return Ok(found);
+                }
+                let made = create(path, write).and_then(|()| find());
+                if let Err(error) = &made {
+                    turn.fail(error.message());
+                }
+                return made;
+            }
+            Turn::Over => {}
+            Turn::Failed(reason) => return Err(Error::new(reason)),
+        }
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().unwrap_or(Path::new("."))
+}
+
+fn unwritable(folder: &Path) -> String {
+    format!(
+        "the folder for prepared clips {} cannot be written; {VARIABLE} can name another",
+        folder.display()
+    )
+}
+
+/// Makes a file with `write`. Nobody ever sees a part of it.
+fn create(path: &Path, write: impl FnOnce(File) -> Result<()>) -> Result<()> {
     static COUNTER: AtomicU64 = AtomicU64::new(0);
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let unwritable = || {
-        format!(
-            "the folder for prepared clips {} cannot be written; {VARIABLE} can name another",
-            folder.display()
-        )
-    };
+    let folder = folder_of(path);
     let number = COUNTER.fetch_add(1, Ordering::Relaxed);
     let unfinished = path.with_extension(format!("{}-{number}.part", std::process::id()));
-    std::fs::create_dir_all(folder).place(unwritable())?;
     let options = File::options().read(true).write(true).create(true).truncate(true).open(&unfinished);
-    let result = write(options.place(unwritable())?)
-        .and_then(|()| std::fs::rename(&unfinished, path).place(unwritable()));
+    let result = write(options.place(unwritable(folder))?)
+        .and_then(|()| std::fs::rename(&unfinished, path).place(unwritable(folder)));
     if result.is_err() {
         // The error counts, not whether its leftovers could be cleared away.
         let _ = std::fs::remove_file(&unfinished);
@@ -89,7 +130,7 @@ fn shrink(folder: &Path, kept: &Path, largest: u64) {
         let Ok(metadata) = entry.metadata() else { continue };
         let used = metadata.modified().unwrap_or(SystemTime::UNIX_EPOCH);
         let ending = path.extension().unwrap_or_default();
-        if ending == "part" && used.elapsed().is_ok_and(|age| age > ABANDONED) {
+        if (ending == "part" || ending == TURN) && used.elapsed().is_ok_and(|age| age > ABANDONED) {
             let _ = std::fs::remove_file(path);
         } else if ending == ENDING {
             files.push((used, metadata.len(), path));
@@ -107,22 +148,28 @@ fn shrink(folder: &Path, kept: &Path, largest: u64) {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::io::Write;
+    use std::sync::Mutex;
+    use std::sync::mpsc::{Receiver, Sender, channel};
+
+    use super::*;
 
     #[test]
     fn a_file_appears_whole_or_not_at_all() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new").join("a.clip");
-        let result = create(&path, |mut file| {
+        let whole = || Ok(std::fs::read(&path)?);
+        let result = find_or_create(&path, whole, |mut file| {
             file.write_all(b"half")?;
             assert!(!path.exists());
             Err(Error::new("stopped"))
         });
         assert_eq!(result.unwrap_err().to_string(), "stopped");
         assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 0);
-        create(&path, |mut file| Ok(file.write_all(b"whole")?)).unwrap();
-        assert_eq!(std::fs::read(&path).unwrap(), b"whole");
+        let found = find_or_create(&path, whole, |mut file| Ok(file.write_all(b"whole")?)).unwrap();
+        assert_eq!(found, b"whole");
+        let again = find_or_create(&path, whole, |_| panic!("it is there")).unwrap();
+        assert_eq!(again, found);
         assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
     }
 
@@ -131,7 +178,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         std::fs::write(&file, "").unwrap();
-        let error = create(&file.join("a.clip"), |_| Ok(())).unwrap_err().to_string();
+        let path = file.join("a.clip");
+        let find = || Ok(std::fs::read(&path)?);
+        let error = find_or_create(&path, find, |_| Ok(())).unwrap_err().to_string();
         assert!(
             error.contains(&file.display().to_string()) && error.contains("PDK_CACHE can name another"),
             "{error}"
@@ -152,7 +201,9 @@ mod tests {
         old("c.clip", 3);
         old("d.clip", 2);
         old("left.part", 30);
+        old("left.turn", 30);
         old("busy.part", 1);
+        old("busy.turn", 1);
         old("other", 90);
         touch(&path("b.clip"));
         shrink(folder.path(), &path("a.clip"), 20);
@@ -161,6 +212,34 @@ mod tests {
             .map(|e| e.unwrap().file_name().into_string().unwrap())
             .collect();
         left.sort();
-        assert_eq!(left, ["a.clip", "b.clip", "busy.part", "other"]);
+        assert_eq!(left, ["a.clip", "b.clip", "busy.part", "busy.turn", "other"]);
+    }
+
+    #[test]
+    fn several_files_are_made_at_once_and_each_by_one_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let (to_first, first) = channel();
+        let (to_second, second) = channel();
+        let ends = [("a.clip", to_second, first), ("b.clip", to_first, second)]
+            .map(|(name, to, from): (_, Sender<()>, Receiver<()>)| (name, Mutex::new(Some((to, from)))));
+        let make = |name: &str, ends: &Mutex<Option<(Sender<()>, Receiver<()>)>>| {
+            let path = folder.path().join(name);
+            let find = || Ok(std::fs::read(&path)?);
+            let made = find_or_create(&path, find, |mut file| {
+                // Each is done only when the other has begun.
+                let (to, from) = ends.lock().unwrap().take().expect("it is made twice");
+                to.send(()).unwrap();
+                from.recv_timeout(Duration::from_secs(20)).expect("the other waits");
+                Ok(file.write_all(name.as_bytes())?)
+            });
+            assert_eq!(made.unwrap(), name.as_bytes());
+        };
+        std::thread::scope(|scope| {
+            for (name, ends) in &ends {
+                for _ in 0..3 {
+                    scope.spawn(|| make(name, ends));
+                }
+            }
+        });
     }
 }

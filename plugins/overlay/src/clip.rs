@@ -1,28 +1,16 @@
 //! A clip as the user gives it: a video, an animated or still picture, or a folder of pictures.
 
-use std::fs::File;
-use std::io::{BufReader, Cursor, Read};
+use std::io::{BufReader, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 
-use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 use pdk_video::{Container, Input, Opened, Reader, Yuv420};
 
 use crate::ffmpeg::Ffmpeg;
+use crate::file;
+use crate::frames::Frames;
 use crate::picture::{Layout, Picture};
 use crate::pictures::{Animation, Folder};
-
-/// The decoded frames of a clip, one after the other.
-pub trait Frames {
-    /// Reads the next frame; false at the end.
-    ///
-    /// # Errors
-    /// Where the clip is damaged or cut off.
-    fn next(&mut self, into: &mut Picture) -> Result<bool>;
-
-    /// Frames per second, as far as the frames read so far tell.
-    fn rate(&self) -> f64;
-}
 
 /// The frames of an H.264 video.
 struct Video {
@@ -76,14 +64,16 @@ impl Clip {
                 hasher.update(bytes);
             }
             Self::Path(path) if path.is_dir() => {
-                for file in Folder::files(path)? {
-                    hasher.update(file.file_name().unwrap_or_default().as_encoded_bytes());
+                for picture in Folder::files(path)? {
+                    let name = picture.file_name().unwrap_or_default();
+                    hasher.update(name.as_encoded_bytes());
                     hasher.update(&[0]);
-                    hasher.update_reader(open(&file)?)?;
+                    let place = || format!("its picture `{}`", name.display());
+                    hasher.update_reader(file::open(&picture).map_err(|error| error.at(place()))?.0)?;
                 }
             }
             Self::Path(path) => {
-                hasher.update_reader(open(path)?)?;
+                hasher.update_reader(file::open(path)?.0)?;
             }
         }
         Ok(hasher.finalize())
@@ -101,10 +91,10 @@ impl Clip {
             }
             Self::Path(path) if path.is_dir() => return Ok(Box::new(Folder::open(path)?)),
             Self::Path(path) => {
+                let (mut file, size) = file::open(path)?;
                 let mut head = Vec::new();
-                open(path)?.take(4096).read_to_end(&mut head)?;
-                let file = open(path)?;
-                let size = file.metadata()?.len();
+                (&mut file).take(4096).read_to_end(&mut head)?;
+                file.rewind()?;
                 (Box::new(BufReader::new(file)), head, size)
             }
         };
@@ -113,7 +103,7 @@ impl Clip {
                 Opened::Frames(reader) => Ok(Box::new(Video { reader, frame: Yuv420::default() })),
                 Opened::OtherCodec(codec) => self.through_ffmpeg(&codec),
             },
-            Content::Picture(format) => Ok(Box::new(Animation::open(input, format)?)),
+            Content::Picture(format) => Ok(Box::new(Animation::open(input, size, format)?)),
             Content::Video(Container::Other(name)) => self.through_ffmpeg(name),
             Content::Unknown if !head.is_empty() => self.through_ffmpeg("of an unknown kind"),
             Content::Unknown => Err(Error::new("the file is empty")),
@@ -134,13 +124,6 @@ impl std::fmt::Display for Clip {
             Self::BuiltIn(name, _) => write!(f, "built-in clip `{name}`"),
         }
     }
-}
-
-fn open(path: &Path) -> Result<File> {
-    File::open(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => Error::new("it does not exist"),
-        _ => Error::from(error).at("it cannot be read"),
-    })
 }
 
 fn content(head: &[u8]) -> Content {
@@ -175,14 +158,11 @@ fn is_text(head: &[u8]) -> bool {
 /// # Errors
 /// Where the clip is damaged, or has no frames.
 pub fn some_pictures(clip: &Clip, most: usize) -> Result<Vec<Picture>> {
-    let read = || {
-        let mut frames = clip.open(true)?;
-        let mut pictures = Vec::new();
-        let mut picture = Picture::default();
-        while pictures.len() < most && frames.next(&mut picture)? {
-            pictures.push(picture.clone());
-        }
-        if pictures.is_empty() { Err(Error::new("it has no frames")) } else { Ok(pictures) }
-    };
-    read().place(clip)
+    let mut frames = clip.open(true)?;
+    let mut pictures = Vec::new();
+    let mut picture = Picture::default();
+    while pictures.len() < most && frames.next(&mut picture)? {
+        pictures.push(picture.clone());
+    }
+    if pictures.is_empty() { Err(Error::new("it has no frames")) } else { Ok(pictures) }
 }

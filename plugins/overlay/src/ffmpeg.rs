@@ -4,19 +4,23 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{ChildStdout, Command};
 
 use pdk_sdk::prelude::*;
 
-use crate::clip::Frames;
-use crate::picture::{Layout, Picture};
+use crate::frames::Frames;
+use crate::picture::{LARGEST, Layout, Picture, check_size};
+use crate::process::Process;
 
 /// Longer lines are no header.
 const LONGEST_LINE: u64 = 1000;
+/// What ffmpeg may read: files that hold their frames themselves. A playlist would name others.
+const FORMATS: &str = "matroska,mov,avi,mpeg,mpegts,mpegvideo,m4v,h264,hevc,vvc,obu,ivf,av1,vc1,ogg,flv,asf,mxf,nut,rm,dv,\
+                       yuv4mpegpipe,tiff_pipe,jpegxl_pipe";
 
 /// A running `ffmpeg` and its output.
 pub struct Ffmpeg {
-    child: Child,
+    process: Process,
     output: BufReader<ChildStdout>,
     width: usize,
     height: usize,
@@ -31,28 +35,35 @@ impl Ffmpeg {
     pub fn start(program: &Path, clip: &Path, codec: &str) -> Result<Self> {
         // A relative path could start with a dash, or read as a protocol.
         let clip = std::path::absolute(clip)?;
-        let mut child = Command::new(program)
-            .args(["-v", "error", "-nostdin", "-xerror", "-err_detect", "explode", "-i"])
+        let mut command = Command::new(program);
+        command
+            .args(["-v", "error", "-nostdin", "-xerror", "-err_detect", "explode"])
+            .args(["-protocol_whitelist", "file,pipe", "-format_whitelist", FORMATS])
+            .args(["-max_pixels", &LARGEST.to_string(), "-i"])
             .arg(&clip)
-            .args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-strict", "-1", "-f", "yuv4mpegpipe", "-"])
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .map_err(|error| match error.kind() {
-                std::io::ErrorKind::NotFound => Error::new(format!(
-                    "it is {codec}, which needs the program ffmpeg, and there is none on the PATH; install ffmpeg, or \
-                     convert the clip to MP4 with H.264"
-                )),
-                _ => Error::new(format!("it is {codec}, and the program ffmpeg, which that needs, does not start: {error}")),
-            })?;
-        let Some(output) = child.stdout.take() else { return Err(Error::new("ffmpeg has no output")) };
-        let mut decoder = Self { child, output: BufReader::new(output), width: 0, height: 0, rate: 0.0 };
+            .args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-strict", "-1", "-f", "yuv4mpegpipe", "-"]);
+        let (process, output) = Process::start(command).map_err(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => Error::new(format!(
+                "it is {codec}, which needs the program ffmpeg, and there is none on the PATH; install ffmpeg, or convert \
+                 the clip to MP4 with H.264"
+            )),
+            _ => Error::new(format!(
+                "it is {codec}, and the program ffmpeg, which that needs, does not start: {error}"
+            )),
+        })?;
+        let mut decoder = Self { process, output, width: 0, height: 0, rate: 0.0 };
         let header = decoder.line()?;
-        match decoder.read_header(&header) {
-            Some(()) => Ok(decoder),
-            None => Err(failure(&decoder.said())),
+        if header.is_empty() {
+            return Err(decoder.failure());
         }
+        decoder.read_header(&header).ok_or_else(|| {
+            Error::new(format!(
+                "ffmpeg cannot decode it whole: its output begins with `{}`, which are no frames in the form asked for",
+                header.chars().take(100).collect::<String>().escape_debug()
+            ))
+        })?;
+        check_size(decoder.width, decoder.height)?;
+        Ok(decoder)
     }
 
     fn line(&mut self) -> Result<String> {
@@ -78,26 +89,17 @@ impl Ffmpeg {
                 _ => {}
             }
         }
-        let sizes = 1..=1 << 15;
-        (sizes.contains(&self.width)
-            && sizes.contains(&self.height)
-            && self.rate.is_finite()
-            && self.rate > 0.0)
-            .then_some(())
+        let sized = self.width > 0 && self.height > 0;
+        (sized && self.rate.is_finite() && self.rate > 0.0).then_some(())
     }
 
-    /// What ffmpeg has to say, which is nothing where all goes well.
-    fn said(&mut self) -> String {
-        let mut said = Vec::new();
-        if let Some(errors) = self.child.stderr.take() {
-            // It explains an error that there is anyway.
-            let _ = errors.take(10_000).read_to_end(&mut said);
-        }
-        String::from_utf8_lossy(&said).into_owned()
+    /// Why the output ended, as ffmpeg says.
+    fn failure(&mut self) -> Error {
+        because(&self.process.finish().1)
     }
 }
 
-fn failure(said: &str) -> Error {
+fn because(said: &str) -> Error {
     let reason = said.lines().find(|line| !line.trim().is_empty()).unwrap_or("it gives no reason").trim();
     Error::new(format!("ffmpeg cannot decode it whole: {reason}"))
 }
@@ -107,14 +109,16 @@ impl Frames for Ffmpeg {
         let line = self.line()?;
         if line.is_empty() {
             // It ends well where a file was cut off, but says so.
-            let well = self.child.wait()?.success();
-            let said = self.said();
-            return if well && said.is_empty() { Ok(false) } else { Err(failure(&said)) };
+            let (well, said) = self.process.finish();
+            return if well && said.is_empty() { Ok(false) } else { Err(because(&said)) };
+        }
+        if !line.starts_with("FRAME") {
+            return Err(Error::new("ffmpeg cannot decode it whole: what it writes is no sequence of frames"));
         }
         into.reset(self.width, self.height, Layout::Yuv420);
-        match line.starts_with("FRAME") && self.output.read_exact(&mut into.data).is_ok() {
-            true => Ok(true),
-            false => Err(failure(&self.said())),
+        match self.output.read_exact(&mut into.data) {
+            Ok(()) => Ok(true),
+            Err(_) => Err(self.failure()),
         }
     }
 
@@ -123,32 +127,20 @@ impl Frames for Ffmpeg {
     }
 }
 
-impl Drop for Ffmpeg {
-    fn drop(&mut self) {
-        // It may have ended already; either way nothing is left of it.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
 #[cfg(test)]
-#[cfg(unix)]
 mod tests {
-    use super::*;
+    use std::path::PathBuf;
 
-    /// A program that does what `script` says, in place of ffmpeg. Another process writes it: a file that this one has open
-    /// for writing is inherited by whatever another test starts meanwhile, and then it cannot be run ("text file busy").
-    fn program(folder: &Path, script: &str) -> std::path::PathBuf {
-        let (text, path) = (folder.join("script"), folder.join("ffmpeg"));
-        std::fs::write(&text, format!("#!/bin/sh\n{script}\n")).unwrap();
-        let installed = Command::new("install").args(["-m", "755"]).args([&text, &path]).status().unwrap();
-        assert!(installed.success());
-        path
-    }
+    use super::*;
+    use crate::stand_in::{program, within};
 
     fn start(script: &str) -> Result<Ffmpeg> {
         let folder = tempfile::tempdir().unwrap();
         Ffmpeg::start(&program(folder.path(), script), Path::new("clip.mkv"), "Matroska or WebM")
+    }
+
+    fn message(result: Result<Ffmpeg>) -> String {
+        result.err().unwrap().to_string()
     }
 
     #[test]
@@ -168,7 +160,6 @@ mod tests {
 
     #[test]
     fn what_goes_wrong_is_said_with_its_reason() {
-        let message = |result: Result<Ffmpeg>| result.err().unwrap().to_string();
         assert_eq!(
             message(start("echo 'clip.mkv: Invalid data found' >&2; exit 1")),
             "ffmpeg cannot decode it whole: clip.mkv: Invalid data found"
@@ -180,12 +171,151 @@ mod tests {
             "it is Matroska or WebM, which needs the program ffmpeg, and there is none on the PATH; install ffmpeg, or \
              convert the clip to MP4 with H.264"
         );
-        assert!(message(start(r"printf 'YUV4MPEG2 W3 H2 F30:1 C444\n'")).starts_with("ffmpeg cannot"));
+        assert_eq!(
+            message(start(r"printf 'YUV4MPEG2 W3 H2 F30:1 C444\n'")),
+            "ffmpeg cannot decode it whole: its output begins with `YUV4MPEG2 W3 H2 F30:1 C444`, which are no frames in the \
+             form asked for"
+        );
         let mut cut =
             start(r"printf 'YUV4MPEG2 W3 H2 F30:1 C420jpeg\nFRAME\nabc'; echo 'ends early' >&2").unwrap();
         assert!(cut.next(&mut Picture::default()).unwrap_err().to_string().ends_with("ends early"));
         let mut late =
             start(r"printf 'YUV4MPEG2 W3 H2 F30:1 C420jpeg\n'; echo 'corrupt' >&2; exit 3").unwrap();
         assert!(late.next(&mut Picture::default()).unwrap_err().to_string().ends_with("corrupt"));
+    }
+
+    #[test]
+    fn a_flood_of_messages_holds_up_neither_side_and_the_last_of_it_is_told() {
+        let error = within(20, || {
+            let flood =
+                "i=0; while [ $i -lt 20000 ]; do echo \"message $i of a flood\"; i=$((i + 1)); done >&2";
+            let frame = r"printf 'FRAME\nabcdefUUVV'";
+            let header = r"printf 'YUV4MPEG2 W3 H2 F30:1 C420jpeg\n'";
+            let mut frames = start(&format!("{flood}; {header}; {frame}; {flood}; {frame}; cat")).unwrap();
+            let mut picture = Picture::default();
+            assert!(frames.next(&mut picture).unwrap() && frames.next(&mut picture).unwrap());
+            frames.next(&mut picture).unwrap_err().to_string()
+        });
+        let line = error.strip_prefix("ffmpeg cannot decode it whole: message ").unwrap();
+        let number = line.strip_suffix(" of a flood").unwrap_or_else(|| panic!("{error}"));
+        assert!(number.parse::<u32>().unwrap() > 19_900, "{error}");
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn nothing_is_left_of_it_whichever_way_it_ends() {
+        let header = r"printf 'YUV4MPEG2 W3 H2 F30:1 C420jpeg\n'";
+        for (script, refused) in [
+            // What it goes on writing is not read.
+            (r"printf 'YUV4MPEG2 W3 H2 F30:1 C444\n'; exec yes".to_owned(), "in the form asked for"),
+            (
+                r"printf 'YUV4MPEG2 W40000 H40 F30:1 C420jpeg\n'; exec yes".to_owned(),
+                "its pictures are 40000 x 40, and",
+            ),
+            (format!("{header}; exec yes"), "no sequence of frames"),
+            // Its output ends, and it does not.
+            (format!("{header}; exec sleep 60 >&-"), "it gives no reason"),
+            (format!("{header}; exec sleep 60 >&- 2>&-"), "it gives no reason"),
+            // It is dropped in the middle.
+            (format!("{header}; printf 'FRAME\\nabcdefUUVV'; exec yes FRAME"), ""),
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            let number = folder.path().join("number");
+            let path = program(folder.path(), &format!("echo $$ > '{}'; {script}", number.display()));
+            let said = within(20, move || {
+                let read = |frames: &mut Ffmpeg| frames.next(&mut Picture::default());
+                let ended =
+                    Ffmpeg::start(&path, Path::new("clip.mkv"), "x").and_then(|mut frames| read(&mut frames));
+                ended.err().map_or_else(String::new, |error| error.to_string())
+            });
+            assert!(said.contains(refused) && said.is_empty() == refused.is_empty(), "{script}: {said}");
+            assert!(!crate::stand_in::runs(&number), "{script}");
+        }
+    }
+
+    #[test]
+    fn ffmpeg_is_told_to_read_this_file_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let told = folder.path().join("told");
+        let path = program(folder.path(), &format!("printf '%s\\n' \"$@\" > '{}'", told.display()));
+        message(Ffmpeg::start(&path, Path::new("http:clip.mkv"), "Matroska or WebM"));
+        let told = std::fs::read_to_string(told).unwrap();
+        let told: Vec<&str> = told.lines().collect();
+        let input = told.iter().position(|argument| *argument == "-i").unwrap();
+        assert_eq!(Path::new(told[input + 1]), std::path::absolute("http:clip.mkv").unwrap());
+        let value =
+            |name: &str| told[told[..input].iter().position(|argument| *argument == name).unwrap() + 1];
+        assert_eq!(value("-protocol_whitelist"), "file,pipe");
+        for format in ["hls", "concat", "dash", "image2", "lavfi", "sdp", "rtsp", "tee", "imf"] {
+            assert!(value("-format_whitelist").split(',').all(|allowed| allowed != format), "{format}");
+        }
+        assert_eq!(value("-max_pixels"), LARGEST.to_string());
+    }
+
+    /// An installed ffmpeg.
+    fn installed() -> Option<PathBuf> {
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let found =
+            std::env::split_paths(&path).map(|folder| folder.join("ffmpeg")).find(|file| file.is_file());
+        if found.is_none() {
+            eprintln!("skipped: no ffmpeg on the PATH");
+        }
+        found
+    }
+
+    /// A clip of ten frames that the installed ffmpeg makes.
+    fn make(ffmpeg: &Path, size: &str, codec: &str, clip: &Path) {
+        let source = format!("color=0x00c81e:size={size}:rate=25:duration=0.4");
+        let mut command = Command::new(ffmpeg);
+        command.args(["-v", "error", "-f", "lavfi", "-i", &source, "-c:v", codec]).arg(clip);
+        assert!(command.status().unwrap().success());
+    }
+
+    #[test]
+    fn an_installed_ffmpeg_decodes_a_clip_and_refuses_what_is_too_large() {
+        let Some(ffmpeg) = installed() else { return };
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["clip.mkv", "clip.avi", "clip.nut"] {
+            let clip = folder.path().join(name);
+            make(&ffmpeg, "64x48", "ffv1", &clip);
+            let mut frames = Ffmpeg::start(&ffmpeg, &clip, "a test").unwrap();
+            let (mut picture, mut count) = (Picture::default(), 0);
+            while frames.next(&mut picture).unwrap() {
+                count += 1;
+            }
+            assert_eq!((picture.width, picture.height, frames.rate(), count), (64, 48, 25.0, 10), "{name}");
+        }
+        let clip = folder.path().join("wide.mkv");
+        make(&ffmpeg, "40000x40", "ffv1", &clip);
+        let said = within(20, {
+            let ffmpeg = ffmpeg.clone();
+            move || message(Ffmpeg::start(&ffmpeg, &clip, "a test"))
+        });
+        assert!(said.starts_with("its pictures are 40000 x 40, and"), "{said}");
+        let clip = folder.path().join("large.mkv");
+        make(&ffmpeg, "8192x4112", "ffv1", &clip);
+        let said = within(20, move || message(Ffmpeg::start(&ffmpeg, &clip, "a test")));
+        assert!(said.starts_with("ffmpeg cannot decode it whole: "), "{said}");
+    }
+
+    #[test]
+    fn an_installed_ffmpeg_follows_no_playlist() {
+        let Some(ffmpeg) = installed() else { return };
+        let folder = tempfile::tempdir().unwrap();
+        make(&ffmpeg, "64x48", "mpeg2video", &folder.path().join("other.ts"));
+        // Not taken for text, because of the byte at the end.
+        for (name, list) in [
+            ("concat.mkv", &b"ffconcat version 1.0\nfile other.ts\n# \xff\n"[..]),
+            (
+                "playlist.mkv",
+                b"#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:0.4,\nother.ts\n#EXT-X-ENDLIST\n# \xff\n",
+            ),
+        ] {
+            let clip = folder.path().join(name);
+            std::fs::write(&clip, list).unwrap();
+            let ffmpeg = ffmpeg.clone();
+            let said = within(20, move || message(Ffmpeg::start(&ffmpeg, &clip, "a test")));
+            assert!(said.contains("whitelist"), "{name}: {said}");
+        }
     }
 }

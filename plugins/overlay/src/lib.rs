@@ -3,18 +3,29 @@
 
 mod cache;
 mod clip;
+mod common;
 mod ffmpeg;
+mod file;
+mod frames;
 mod key;
 mod overlay;
 mod picture;
 mod pictures;
 mod player;
 mod prepare;
+mod process;
+#[cfg(test)]
+mod processes;
 mod published;
+#[cfg(test)]
+mod refused;
 mod scale;
+#[cfg(test)]
+mod stand_in;
 mod store;
 #[cfg(test)]
 mod tests;
+mod turn;
 
 pdk_sdk::export! {
     perturbations: [

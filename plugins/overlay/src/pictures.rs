@@ -1,21 +1,25 @@
 //! Clips made of pictures: animated GIF, PNG and WebP, still pictures, and folders of pictures.
 
 use std::collections::VecDeque;
-use std::io::{BufReader, SeekFrom};
+use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use image::codecs::gif::GifDecoder;
 use image::codecs::png::PngDecoder;
 use image::codecs::webp::WebPDecoder;
-use image::{AnimationDecoder, DynamicImage, ImageFormat, ImageReader};
+use image::{AnimationDecoder, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 use pdk_video::Input;
 
-use crate::clip::Frames;
-use crate::picture::{Layout, Picture};
+use crate::file;
+use crate::frames::Frames;
+use crate::picture::{LARGEST, LONGEST, Layout, Picture, check_size};
 
 /// Pictures a second where nothing says how many: in a folder, or in a clip whose pictures have no duration.
 const RATE: f64 = 30.0;
+/// Mebibytes that the file of a still picture may have: some of them are read whole before their size is known.
+const LARGEST_STILL: u64 = 512;
 
 /// An animation, or a still picture as an animation of one frame.
 pub struct Animation {
@@ -26,41 +30,75 @@ pub struct Animation {
 }
 
 impl Animation {
-    /// Opens a picture file.
+    /// Opens a picture file of `length` bytes.
     ///
     /// # Errors
-    /// Where it is damaged.
-    pub fn open(mut input: Box<dyn Input>, format: ImageFormat) -> Result<Self> {
+    /// Where it is damaged or too large.
+    pub fn open(mut input: Box<dyn Input>, length: u64, format: ImageFormat) -> Result<Self> {
         input.seek(SeekFrom::Start(0))?;
         let input = BufReader::new(input);
         let frames = match format {
-            ImageFormat::Gif => GifDecoder::new(input).map_err(damaged)?.into_frames(),
+            ImageFormat::Gif => limited(GifDecoder::new(input).map_err(damaged)?)?.into_frames(),
             ImageFormat::WebP => {
-                let decoder = WebPDecoder::new(input).map_err(damaged)?;
+                let decoder = limited(WebPDecoder::new(input).map_err(damaged)?)?;
                 match decoder.has_animation() {
                     true => decoder.into_frames(),
-                    false => still(DynamicImage::from_decoder(decoder).map_err(damaged)?),
+                    false => once(DynamicImage::from_decoder(decoder).map_err(damaged)?),
                 }
             }
             ImageFormat::Png => {
-                let decoder = PngDecoder::new(input).map_err(damaged)?;
+                let decoder = limited(PngDecoder::with_limits(input, limits()).map_err(damaged)?)?;
                 match decoder.is_apng().map_err(damaged)? {
                     true => decoder.apng().map_err(damaged)?.into_frames(),
-                    false => still(DynamicImage::from_decoder(decoder).map_err(damaged)?),
+                    false => once(DynamicImage::from_decoder(decoder).map_err(damaged)?),
                 }
             }
-            format => still(ImageReader::with_format(input, format).decode().map_err(damaged)?),
+            format => once(still(ImageReader::with_format(input, format), length)?),
         };
         Ok(Self { frames, count: 0, seconds: 0.0 })
     }
 }
 
-fn still(image: DynamicImage) -> image::Frames<'static> {
+fn once(image: DynamicImage) -> image::Frames<'static> {
     image::Frames::new(Box::new(std::iter::once(Ok(image::Frame::new(image.into_rgba8())))))
 }
 
-fn damaged(error: image::ImageError) -> Error {
-    Error::new(format!("it is damaged or cut off ({error}); copy it again"))
+/// Decodes a picture, or the first of an animation, from a file of `length` bytes.
+fn still<R: BufRead + Seek>(mut reader: ImageReader<R>, length: u64) -> Result<DynamicImage> {
+    if length > LARGEST_STILL << 20 {
+        return Err(Error::new(format!(
+            "it has {} MiB, and the file of a still picture may have {LARGEST_STILL} MiB; scale it down",
+            length >> 20
+        )));
+    }
+    reader.limits(limits());
+    DynamicImage::from_decoder(limited(reader.into_decoder().map_err(damaged)?)?).map_err(damaged)
+}
+
+/// Does not believe a picture that says it is as large as the world.
+fn limited<D: ImageDecoder>(mut decoder: D) -> Result<D> {
+    let (width, height) = decoder.dimensions();
+    check_size(width as usize, height as usize)?;
+    decoder.set_limits(limits()).map_err(damaged)?;
+    Ok(decoder)
+}
+
+/// What decoding may take.
+fn limits() -> Limits {
+    let mut limits = Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(LONGEST as u32), Some(LONGEST as u32));
+    // The largest picture, four times: as it is decoded, as it was before, as it is laid over that, and 16 bits instead of 8.
+    limits.max_alloc = Some(4 * 4 * LARGEST as u64);
+    limits
+}
+
+fn damaged(error: ImageError) -> Error {
+    match error {
+        ImageError::Limits(_) => Error::new(format!(
+            "its pictures are too large: those of a clip may have {LARGEST} pixels and sides of {LONGEST}; scale it down"
+        )),
+        error => Error::new(format!("it is damaged or cut off ({error}); copy it again")),
+    }
 }
 
 impl Frames for Animation {
@@ -118,13 +156,13 @@ impl Folder {
 
 impl Frames for Folder {
     fn next(&mut self, into: &mut Picture) -> Result<bool> {
-        let Some(file) = self.files.pop_front() else { return Ok(false) };
-        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let image = ImageReader::open(&file)
-            .and_then(ImageReader::with_guessed_format)
-            .map_err(|error| Error::from(error).at(format!("its picture `{name}`")))?
-            .decode()
-            .map_err(|error| damaged(error).at(format!("its picture `{name}`")))?;
+        let Some(path) = self.files.pop_front() else { return Ok(false) };
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let decode = || {
+            let (file, length) = file::open(&path)?;
+            still(ImageReader::new(BufReader::new(file)).with_guessed_format()?, length)
+        };
+        let image = decode().place(format!("its picture `{name}`"))?;
         take(image.into_rgba8(), into);
         Ok(true)
     }

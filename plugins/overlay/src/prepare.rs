@@ -1,7 +1,7 @@
 //! From a clip to a store: decode, take the screen out, bring to the size of the frame.
 
+use std::fs::File;
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
 
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
@@ -36,8 +36,7 @@ pub struct Settings {
 /// # Errors
 /// Where the clip cannot be decoded, or has no screen.
 pub fn matte(clip: &Clip, settings: &Settings) -> Result<Matte> {
-    let pictures = some_pictures(clip, PICTURES)?;
-    Matte::find(&pictures, settings.key).place(clip)
+    Matte::find(&some_pictures(clip, PICTURES)?, settings.key)
 }
 
 /// Makes sure that a clip can be decoded and has a screen, once for each clip: what was found good is noted in the cache.
@@ -45,16 +44,15 @@ pub fn matte(clip: &Clip, settings: &Settings) -> Result<Matte> {
 /// # Errors
 /// Where the clip cannot be decoded or has no screen, or the cache cannot be written.
 pub fn check(clip: &Clip, settings: &Settings, folder: &Path) -> Result<()> {
+    let hash = clip.hash().place(clip)?;
     // No frame has this size.
-    let note = cache::file(folder, &identity(&clip.hash().place(clip)?, settings, (0, 0)));
-    if note.exists() {
-        return Ok(());
-    }
-    matte(clip, settings)?;
-    cache::create(&note, |_| Ok(()))
+    let note = cache::file(folder, &identity(&hash, settings, (0, 0)));
+    let noted = || Ok(std::fs::metadata(&note).map(drop)?);
+    cache::find_or_create(&note, noted, |_| matte(clip, settings).map(drop)).place(clip)
 }
 
 /// Opens the store of a clip at one size, and makes it first where there is none or it is damaged. `hash` is the clip's.
+/// Other clips and sizes can be made at the same time; who wants the same one waits for it.
 ///
 /// # Errors
 /// Where the clip cannot be decoded or has no screen, or the cache cannot be written.
@@ -65,24 +63,24 @@ pub fn open(
     size: (usize, usize),
     folder: &Path,
 ) -> Result<Store> {
-    // One thread prepares, the others wait: they are likely to want the same clip.
-    static PREPARING: Mutex<()> = Mutex::new(());
     let path = cache::file(folder, &identity(hash, settings, size));
-    let usable = |store: &Store| (store.index().width, store.index().height) == size;
-    if let Some(store) = Store::open(&path).ok().filter(usable) {
+    let find = || {
+        let store = Store::open(&path).place(format!("what was prepared of it in {}", path.display()))?;
+        if (store.index().width, store.index().height) != size {
+            return Err(Error::new(format!(
+                "what was prepared of it in {} has another size",
+                path.display()
+            )));
+        }
         cache::touch(&path);
-        return Ok(store);
-    }
-    let _one = PREPARING.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(store) = Store::open(&path).ok().filter(usable) {
-        return Ok(store);
-    }
-    cache::create(&path, |file| {
+        Ok(store)
+    };
+    let make = |file: File| {
         let mut writer = Writer::new(file, size.0, size.1)?;
         let (rate, frames) = write(clip, settings, size, &mut writer)?;
         writer.finish(rate, frames)
-    })?;
-    Store::open(&path).place(format!("the prepared {clip} in {}", path.display()))
+    };
+    cache::find_or_create(&path, find, make).place(clip)
 }
 
 /// Removes the store of a clip, so that it is made anew.
@@ -112,11 +110,11 @@ fn write(
         Matte::Alpha => None,
         Matte::Screen(screen) => Some(Keyer::new(screen)),
     };
-    let mut frames = clip.open(false).place(clip)?;
+    let mut frames = clip.open(false)?;
     let mut picture = Picture::default();
     let (mut samples, mut scaler) = (Samples::default(), Scaler::default());
     let (mut rgba, mut colours, mut alphas) = (Vec::new(), Vec::new(), Vec::new());
-    while frames.next(&mut picture).place(clip)? {
+    while frames.next(&mut picture)? {
         let from = match &keyer {
             None => {
                 premultiply(&picture, &mut rgba);
@@ -140,10 +138,10 @@ fn write(
     }
     let (rate, count) = (frames.rate(), writer.len());
     if count == 0 {
-        return Err(Error::new("it has no frames")).place(clip);
+        return Err(Error::new("it has no frames"));
     }
     if !(rate.is_finite() && rate > 0.0) {
-        return Err(Error::new("its frame rate is not given")).place(clip);
+        return Err(Error::new("its frame rate is not given"));
     }
     fade(writer, count, fade_length(count, rate))?;
     Ok((rate, count))

@@ -3,7 +3,7 @@
 use pdk_sdk::prelude::*;
 
 use crate::clip::Clip;
-use crate::overlay::{fit, fit_of, motion_of, with_common, with_motion};
+use crate::common::{fit, fit_of, motion_of, with_common, with_motion};
 use crate::player::{Motion, Player};
 use crate::prepare::Settings;
 

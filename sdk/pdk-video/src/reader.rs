@@ -1,8 +1,7 @@
 //! Decodes H.264 from MP4 files.
 
 use std::collections::VecDeque;
-use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use mp4::{MediaType, Mp4Reader, TrackType};
@@ -12,6 +11,8 @@ use openh264::formats::YUVSource;
 use pdk_sdk::prelude::*;
 
 use crate::convert::Yuv420;
+use crate::file::regular_file;
+use crate::index::{CUT_OFF, check_boxes, check_samples};
 
 /// Profiles that the decoder knows: Baseline, Main, Extended and High. The others have more bits or more chroma.
 const PROFILES: [u8; 4] = [66, 77, 88, 100];
@@ -36,7 +37,7 @@ pub struct Reader {
     decoder: Decoder,
     track: u32,
     /// Samples still to be decoded, by number from 1.
-    samples: VecDeque<u32>,
+    samples: Box<dyn Iterator<Item = u32>>,
     count: u32,
     rate: f64,
     /// Bytes before each unit that hold its length.
@@ -56,8 +57,7 @@ impl Reader {
     /// # Errors
     /// Where it cannot be read, is no MP4 file, is cut off, or has no video that can be decoded here.
     pub fn open_file(path: &Path) -> Result<Box<Self>> {
-        let file = File::open(path)?;
-        let size = file.metadata()?.len();
+        let (file, size) = regular_file(path)?;
         match Self::open(Box::new(BufReader::new(file)), size, false)? {
             Opened::Frames(reader) => Ok(reader),
             Opened::OtherCodec(codec) => Err(only_h264(&codec)),
@@ -120,15 +120,16 @@ impl Reader {
         if count == 0 || seconds <= 0.0 {
             return Err(Error::new("it has no frames"));
         }
-        let samples = match (few, &tables.stss) {
+        check_samples(track, size)?;
+        let samples: Box<dyn Iterator<Item = u32>> = match (few, &tables.stss) {
             (true, Some(alone)) if !alone.entries.is_empty() => {
                 let last = alone.entries.len() - 1;
                 let mut few = vec![alone.entries[0], alone.entries[last / 2], alone.entries[last]];
                 few.dedup();
-                few.into()
+                Box::new(few.into_iter())
             }
-            (true, _) => [1].into(),
-            (false, _) => (1..=count).collect(),
+            (true, _) => Box::new(std::iter::once(1)),
+            (false, _) => Box::new(1..=count),
         };
         Ok(Opened::Frames(Box::new(Self {
             mp4: reader,
@@ -182,7 +183,7 @@ impl Reader {
     /// # Errors
     /// Where the file is damaged or cut off.
     pub fn next(&mut self, into: &mut Yuv420) -> Result<bool> {
-        while let Some(sample) = self.samples.pop_front() {
+        while let Some(sample) = self.samples.next() {
             self.read_packet(sample)?;
             if self.alone {
                 self.decoder = new_decoder()?;
@@ -251,70 +252,6 @@ pub fn only_h264(kind: &str) -> Error {
         "it is {kind}, but only H.264 in MP4 can be read; convert it, such as with `ffmpeg -i VIDEO -c:v libx264 \
          -pix_fmt yuv420p OUT.mp4`"
     ))
-}
-
-const UNKNOWN: &str = "MP4 or QuickTime of a kind that the built-in reader does not know";
-
-/// Looks at the sizes of all boxes before anything is read from them, because the reader would go round in circles in one
-/// of size 0. Returns what the file is where the reader would not understand it.
-fn check_boxes(input: &mut Box<dyn Input>, size: u64) -> Result<Option<String>> {
-    let mut index = false;
-    // Where the boxes to look at begin and end, and whether that is the whole file.
-    let mut spans = vec![(0, size, true)];
-    while let Some((mut at, end, file)) = spans.pop() {
-        while at < end {
-            let Some((name, header, length)) = box_at(input, at, end)? else {
-                return match file {
-                    true => Err(Error::new(CUT_OFF)),
-                    false => Ok(Some(format!("{UNKNOWN} (a box has an impossible size)"))),
-                };
-            };
-            // The last box of a file may go on to its end without saying how long it is.
-            let length = if file && length == 0 { end - at } else { length };
-            if at + length > end && file {
-                return Err(Error::new(CUT_OFF));
-            }
-            if length < header || at + length > end {
-                return Ok(Some(format!("{UNKNOWN} (a box has an impossible size)")));
-            }
-            index |= &name == b"moov";
-            // Boxes that consist of boxes, some behind a version.
-            match &name {
-                b"moov" | b"trak" | b"mdia" | b"minf" | b"stbl" | b"dinf" | b"mvex" | b"moof" | b"traf"
-                | b"udta" => {
-                    spans.push((at + header, at + length, false));
-                }
-                b"meta" => spans.push((at + header + 4, at + length, false)),
-                _ => {}
-            }
-            at += length;
-        }
-    }
-    input.seek(SeekFrom::Start(0))?;
-    if index { Ok(None) } else { Err(Error::new(CUT_OFF)) }
-}
-
-const CUT_OFF: &str = "it is cut off: its frames or their index are missing in part; copy it again";
-
-/// The name, the length of the header and the length of the box at a place; none where there is no room for a header.
-fn box_at(input: &mut Box<dyn Input>, at: u64, end: u64) -> Result<Option<([u8; 4], u64, u64)>> {
-    if end - at < 8 {
-        return Ok(None);
-    }
-    let mut head = [0; 8];
-    input.seek(SeekFrom::Start(at))?;
-    input.read_exact(&mut head)?;
-    let [a, b, c, d, name @ ..] = head;
-    let length = u64::from(u32::from_be_bytes([a, b, c, d]));
-    if length != 1 {
-        return Ok(Some((name, 8, length)));
-    }
-    if end - at < 16 {
-        return Ok(None);
-    }
-    let mut long = [0; 8];
-    input.read_exact(&mut long)?;
-    Ok(Some((name, 16, u64::from_be_bytes(long).min(u64::MAX / 2))))
 }
 
 fn new_decoder() -> Result<Decoder> {
