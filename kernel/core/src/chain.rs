@@ -54,7 +54,7 @@ impl Chain {
             let number = seen.entry(applied.name.as_str()).or_insert(0u64);
             let key = |what: &str| seed::key(seed, &format!("{what}/{}", applied.name), *number);
             links.push(Link {
-                label: format!("perturbation `{}`", applied.short()),
+                label: format!("perturbation `{}`", applied.short_name()),
                 instance: Some(instance),
                 names: description.parameters.iter().map(|p| p.name.clone()).collect(),
                 description,

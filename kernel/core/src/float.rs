@@ -33,8 +33,9 @@ mod mode {
         unsafe { asm!("stmxcsr [{}]", in(reg) &raw mut found, options(nostack)) };
         let changed = found & !FLAGS != USUAL;
         if changed {
+            let usual = USUAL;
             // SAFETY: loads the value that the system gives every thread at its start.
-            unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const USUAL, options(nostack)) };
+            unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const usual, options(nostack)) };
         }
         changed
     }
