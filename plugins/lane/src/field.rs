@@ -197,7 +197,8 @@ mod tests {
 
     #[test]
     fn the_field_agrees_with_the_path() {
-        let road = Road::from_angles(&[0.0, 30.0, -35.0, -35.0, 20.0, 35.0, 35.0, 0.0], 25.0, &[]).unwrap();
+        let road =
+            Road::from_angles(&[0.0, 30.0, -35.0, -35.0, 20.0, 35.0, 35.0, 0.0], &[25.0; 8], &[]).unwrap();
         let field = Field::new(&road.path);
         let (mut worst, mut asked) = (0.0f64, 0);
         for step in 0..1700 {
@@ -221,7 +222,7 @@ mod tests {
     #[test]
     fn no_road_appears_where_there_is_none() {
         // Two parts of a road side by side: between them the nearest one changes.
-        let road = Road::from_angles(&[0.0, 0.0, 60.0, 60.0, 60.0, 0.0, 0.0], 20.0, &[]).unwrap();
+        let road = Road::from_angles(&[0.0, 0.0, 60.0, 60.0, 60.0, 0.0, 0.0], &[20.0; 7], &[]).unwrap();
         let field = Field::new(&road.path);
         let (path, lead_in) = continued(&road.path);
         let centre = |lateral: f64| lateral - crate::section::ROAD_CENTRE;
@@ -244,7 +245,7 @@ mod tests {
 
     #[test]
     fn far_from_the_road_there_is_nothing() {
-        let road = Road::from_angles(&[0.0; 8], 25.0, &[]).unwrap();
+        let road = Road::from_angles(&[0.0; 8], &[25.0; 8], &[]).unwrap();
         let field = Field::new(&road.path);
         assert_eq!(field.at(-1.0, 5.0), None);
         assert_eq!(field.at(f32::NAN, 5.0), None);

@@ -35,18 +35,6 @@ pub fn catmull_rom(p: [Point; 4], share: f64) -> Point {
     points[0]
 }
 
-/// A spline through all nodes but the first and the last, which only shape its ends: `per_segment` points from each node
-/// to the next, both included, joints not repeated.
-pub fn spline(nodes: &[Point], per_segment: usize) -> Vec<Point> {
-    let mut points = Vec::new();
-    for (segment, p) in nodes.windows(4).enumerate() {
-        for step in usize::from(segment > 0)..per_segment {
-            points.push(catmull_rom([p[0], p[1], p[2], p[3]], step as f64 / (per_segment - 1) as f64));
-        }
-    }
-    points
-}
-
 /// A finely divided curve, measured along its length.
 #[derive(Debug, Clone)]
 pub struct Path {
@@ -187,19 +175,11 @@ mod tests {
         assert_eq!(catmull_rom(p, 0.0), p[1]);
         let end = catmull_rom(p, 1.0);
         assert!(distance(end, p[2]) < 1e-12);
-        let straight = spline(&[[0.0, -25.0], [0.0, 0.0], [0.0, 25.0], [0.0, 50.0], [0.0, 75.0]], 20);
-        assert_eq!(straight.len(), 39);
-        for (i, point) in straight.iter().enumerate() {
-            assert!(point[0] == 0.0 && (point[1] - 50.0 * i as f64 / 38.0).abs() < 1e-9, "{i} {point:?}");
+        let straight = Path::through(&[[0.0, 0.0], [0.0, 25.0], [0.0, 50.0]], 0.25);
+        assert_eq!(straight.length(), 50.0);
+        for (i, point) in straight.points().iter().enumerate() {
+            assert!(point[0] == 0.0 && (point[1] - 0.25 * i as f64).abs() < 1e-9, "{i} {point:?}");
         }
-    }
-
-    #[test]
-    fn ten_nodes_make_134_points() {
-        let nodes: Vec<Point> = (0..10).map(|i| [0.0, 25.0 * (i as f64 - 1.0)]).collect();
-        let points = spline(&nodes, 20);
-        assert_eq!(points.len(), 134);
-        assert!((Path::through(&points, 0.25).length() - 175.0).abs() < 1e-9);
     }
 
     #[test]

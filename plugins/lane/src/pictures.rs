@@ -29,7 +29,7 @@ fn frames_to_look_at() {
         for seed in 1..=2 {
             let mut simulator = lane_with(parameters.clone()).unwrap();
             let (width, height) = (simulator.camera().width as usize, simulator.camera().height as usize);
-            let mut state = simulator.reset(&scenario(road.clone(), seed)).unwrap();
+            let mut state = simulator.reset(&scenario(road.clone(), seed), 0).unwrap();
             let mut frame = FrameBuf::new(width, height);
             for step in 0..280 {
                 if step % 70 == 0 {
@@ -39,8 +39,7 @@ fn frames_to_look_at() {
                     image::save_buffer(name, frame.data(), width, height, image::ExtendedColorType::Rgb8)
                         .unwrap();
                 }
-                simulator.act(guide(&simulator, &state)).unwrap();
-                state = simulator.state().unwrap();
+                state = simulator.act(guide(&simulator, &state)).unwrap();
             }
         }
     }
@@ -51,15 +50,14 @@ fn frames_to_look_at() {
 fn time_per_frame() {
     for (width, height) in [(320, 160), (320, 240), (640, 480)] {
         let mut simulator = lane(width, height);
-        let mut state = simulator.reset(&scenario(Value::Null, 1)).unwrap();
+        let mut state = simulator.reset(&scenario(Value::Null, 1), 0).unwrap();
         let mut frame = FrameBuf::new(width, height);
         let mut times = Vec::new();
         for _ in 0..400 {
             let start = Instant::now();
             simulator.frame(frame.as_mut()).unwrap();
             times.push(start.elapsed().as_secs_f64() * 1e3);
-            simulator.act(guide(&simulator, &state)).unwrap();
-            state = simulator.state().unwrap();
+            state = simulator.act(guide(&simulator, &state)).unwrap();
         }
         times.sort_by(f64::total_cmp);
         println!(
@@ -71,6 +69,6 @@ fn time_per_frame() {
     let mut simulator = lane(320, 240);
     println!("new: {:.1} ms", start.elapsed().as_secs_f64() * 1e3);
     let start = Instant::now();
-    simulator.reset(&scenario(Value::Null, 1)).unwrap();
+    simulator.reset(&scenario(Value::Null, 1), 0).unwrap();
     println!("reset: {:.1} ms", start.elapsed().as_secs_f64() * 1e3);
 }

@@ -97,7 +97,8 @@ mod tests {
 
     #[test]
     fn places_in_between_are_those_of_the_field() {
-        let road = Road::from_angles(&[0.0, 35.0, -35.0, 35.0, -35.0, 35.0, 35.0, 0.0], 25.0, &[]).unwrap();
+        let road =
+            Road::from_angles(&[0.0, 35.0, -35.0, 35.0, -35.0, 35.0, 35.0, 0.0], &[25.0; 8], &[]).unwrap();
         let field = Field::new(&road.path);
         let mut compared = 0;
         for step in 0..300 {

@@ -1,27 +1,20 @@
 //! The road: from what a scenario says to the centre line of the driven lane.
 //!
-//! A road is `{"angles": [0, 10, -20], "segment": 25}`, `{"waypoints": [[x, height, z], ...]}`, or null for random
-//! angles. All of them describe the centre line of the driven lane, the right one of two; the vehicle starts on it.
+//! A road is `{"angles": [0, 10, -20], "segment": 25}`, in which `segment` may also be a list with a length for each angle,
+//! `{"waypoints": [[x, height, z], ...]}`, or null for random angles. All of them describe the centre line of the driven
+//! lane, the right one of two; the vehicle starts on it. Angles are laid out by `pdk_road`, as everywhere in pdk.
 
+use pdk_road::POINTS_PER_SEGMENT;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Map, Value};
 
-use crate::path::{Path, Point, distance, spline};
+use crate::path::{Path, Point, distance};
 use crate::profile::Profile;
 use crate::section;
 
-/// Points on the spline from one node to the next, both included.
-const POINTS_PER_SEGMENT: usize = 20;
-/// Number of angles of a random road.
-const RANDOM_ANGLES: usize = 8;
 /// Largest angle of a random road in degrees: that of the published study.
 const RANDOM_ANGLE: i32 = 35;
-/// Length of a segment where the scenario names none, in metres.
-const DEFAULT_SEGMENT: f64 = 25.0;
-/// Largest angle accepted, in degrees.
-const LARGEST_ANGLE: f64 = 90.0;
-/// Most angles, and most waypoints, of a road.
-const MOST_ANGLES: usize = 200;
+/// Most waypoints of a road.
 const MOST_WAYPOINTS: usize = 10_000;
 /// Shortest and longest road in metres.
 const LENGTHS: (f64, f64) = (10.0, 5_000.0);
@@ -71,7 +64,7 @@ impl Road {
             (Some(angles), None) => {
                 let angles = read_angles(angles)?;
                 let heights = read_heights(fields, angles.len())?;
-                Self::from_angles(&angles, read_segment(fields)?, &heights)
+                Self::from_angles(&angles, &read_lengths(fields, angles.len())?, &heights)
             }
             (None, Some(_)) if fields.contains_key("segment") => Err(Error::new(
                 "the road has `segment` beside `waypoints`; it belongs to `angles`: remove it",
@@ -91,12 +84,11 @@ impl Road {
 
     /// A road with random angles that can be driven.
     fn random(seed: u64) -> Result<Self> {
-        let mut random = pdk_sdk::seed::key(seed, "lane road", 0, 0).sequence();
+        let mut random = pdk_sdk::seed::key(seed, "lane road", 0).sequence();
         let mut refused = Error::new("no road was tried");
         for _ in 0..1000 {
-            let angles: Vec<f64> =
-                (0..RANDOM_ANGLES).map(|_| f64::from(random.between(-RANDOM_ANGLE, RANDOM_ANGLE))).collect();
-            match Self::from_angles(&angles, DEFAULT_SEGMENT, &[]) {
+            let angles = pdk_road::random_angles(&mut random, pdk_road::NODES, RANDOM_ANGLE);
+            match Self::from_angles(&angles, &[pdk_road::SEGMENT; pdk_road::NODES], &[]) {
                 Ok(road) => return Ok(road),
                 Err(error) => refused = error,
             }
@@ -104,21 +96,14 @@ impl Road {
         Err(refused.at(format!("seed {seed} gives no road that can be driven")))
     }
 
-    /// The road whose node `i + 1` lies `segment` metres from the one before, turned by angle `i` in degrees, clockwise. The
+    /// The road whose node `i + 1` lies `lengths[i]` metres from the one before, turned by angle `i` in degrees, clockwise. The
     /// first node is 0 m high, the others have `heights` in metres; where there are none, the road is flat.
     ///
     /// # Errors
     /// As [`Road::new`].
-    pub fn from_angles(angles: &[f64], segment: f64, heights: &[f64]) -> Result<Self> {
-        // The first node lies behind the start, so that the road leaves towards +z.
-        let mut nodes: Vec<Point> = vec![[0.0, -segment], [0.0, 0.0]];
-        let (mut at, mut heading) = ([0.0, 0.0], 0.0f64);
-        for angle in angles {
-            heading += angle.to_radians();
-            at = [at[0] + segment * libm::sin(heading), at[1] + segment * libm::cos(heading)];
-            nodes.push(at);
-        }
-        let points = spline(&nodes, POINTS_PER_SEGMENT);
+    pub fn from_angles(angles: &[f64], lengths: &[f64], heights: &[f64]) -> Result<Self> {
+        let road =
+            pdk_road::Road::from_angles(angles, lengths).map_err(|error| Error::new(error).at("the road"))?;
         let height = |i: usize| {
             let node = i / (POINTS_PER_SEGMENT - 1);
             let share = (i % (POINTS_PER_SEGMENT - 1)) as f64 / (POINTS_PER_SEGMENT - 1) as f64;
@@ -128,7 +113,9 @@ impl Road {
             };
             of(node) + (of(node + 1) - of(node)) * share
         };
-        Self::from_waypoints(points.into_iter().enumerate().map(|(i, [x, z])| [x, height(i), z]).collect())
+        Self::from_waypoints(
+            road.waypoints.into_iter().enumerate().map(|(i, [x, z])| [x, height(i), z]).collect(),
+        )
     }
 
     fn from_waypoints(waypoints: Vec<[f64; 3]>) -> Result<Self> {
@@ -226,47 +213,35 @@ fn check_crossings(path: &Path) -> Result<()> {
 }
 
 fn read_angles(value: &Value) -> Result<Vec<f64>> {
-    let expected = "`angles` of the road has to be a list of degrees, as in [0, 10, -20]";
-    let Value::Array(items) = value else {
-        return Err(Error::new(format!("{expected}, and is {}", shortened(value))));
-    };
-    if !(2..=MOST_ANGLES).contains(&items.len()) {
-        return Err(Error::new(format!(
-            "`angles` of the road has {} numbers, but needs 2 to {MOST_ANGLES}",
-            items.len()
-        )));
-    }
-    items
-        .iter()
-        .enumerate()
-        .map(|(i, item)| match item.as_f64() {
-            Some(angle) if angle.abs() <= LARGEST_ANGLE => Ok(angle),
-            Some(angle) => Err(Error::new(format!(
-                "angle {i} of the road is {angle} degrees, but has to be from -{LARGEST_ANGLE} to {LARGEST_ANGLE}"
-            ))),
-            None => Err(Error::new(format!("{expected}, and number {i} is {}", shortened(item)))),
-        })
-        .collect()
+    read_numbers(value).ok_or_else(|| {
+        Error::new(format!(
+            "`angles` of the road is {}, but has to be a list of degrees, as in [0, 10, -20]",
+            shortened(value)
+        ))
+    })
 }
 
-fn read_segment(fields: &Map<String, Value>) -> Result<f64> {
-    match fields.get("segment") {
-        None => Ok(DEFAULT_SEGMENT),
-        Some(value) => match value.as_f64() {
-            Some(length) if (5.0..=200.0).contains(&length) => Ok(length),
-            _ => Err(Error::new(format!(
-                "`segment` of the road is {}, but has to be a length from 5 to 200 m",
-                shortened(value)
-            ))),
-        },
-    }
+fn read_lengths(fields: &Map<String, Value>, angles: usize) -> Result<Vec<f64>> {
+    let Some(value) = fields.get("segment") else { return Ok(vec![pdk_road::SEGMENT; angles]) };
+    let lengths = match value.as_f64() {
+        Some(length) => Some(vec![length; angles]),
+        None => read_numbers(value),
+    };
+    lengths.ok_or_else(|| {
+        Error::new(format!(
+            "`segment` of the road is {}, but has to be a length in metres, or a list with one for each angle",
+            shortened(value)
+        ))
+    })
+}
+
+fn read_numbers(value: &Value) -> Option<Vec<f64>> {
+    value.as_array()?.iter().map(Value::as_f64).collect()
 }
 
 fn read_heights(fields: &Map<String, Value>, nodes: usize) -> Result<Vec<f64>> {
     let Some(value) = fields.get("heights") else { return Ok(Vec::new()) };
-    let heights: Option<Vec<f64>> =
-        value.as_array().and_then(|heights| heights.iter().map(Value::as_f64).collect());
-    match heights {
+    match read_numbers(value) {
         Some(heights) if heights.len() == nodes && heights.iter().all(|h| h.abs() <= 1000.0) => Ok(heights),
         _ => Err(Error::new(format!(
             "`heights` of the road is {}, but has to be a list of {nodes} heights in metres from -1000 to 1000, one for each angle",
@@ -290,9 +265,7 @@ fn read_waypoints(value: &Value) -> Result<Vec<[f64; 3]>> {
         .iter()
         .enumerate()
         .map(|(i, item)| {
-            let numbers: Option<Vec<f64>> =
-                item.as_array().and_then(|point| point.iter().map(Value::as_f64).collect());
-            match numbers.as_deref() {
+            match read_numbers(item).as_deref() {
                 // Beyond 100 km positions lose the precision that the renderer needs.
                 Some(&[x, height, z]) if [x, height, z].iter().all(|v| v.abs() <= 100_000.0) => {
                     Ok([x, height, z])
@@ -333,6 +306,30 @@ mod tests {
         assert!((175.0..178.0).contains(&road.path.length()), "{}", road.path.length());
         let straight = Road::new(&json!({"angles": [0, 0, 0, 0, 0, 0, 0, 0]}), 0).unwrap();
         assert!((straight.path.length() - 175.0).abs() < 1e-9);
+    }
+
+    /// So whoever makes a road with `pdk_road` can give its angles and lengths, in place of its waypoints.
+    #[test]
+    fn the_short_form_is_the_road_of_pdk_road() {
+        let angles = [0.0, 12.5, -30.0, 20.0, 35.0];
+        for (segment, lengths) in [
+            (Value::Null, [25.0; 5]),
+            (json!(17.5), [17.5; 5]),
+            (json!([20, 35.5, 150, 30, 400]), [20.0, 35.5, 150.0, 30.0, 400.0]),
+        ] {
+            let mut road = json!({"angles": angles});
+            if !segment.is_null() {
+                road["segment"] = segment;
+            }
+            let road = Road::new(&road, 0).unwrap();
+            let expected = pdk_road::Road::from_angles(&angles, &lengths).unwrap();
+            let waypoints: Vec<_> = expected.waypoints.iter().map(|&[x, z]| [x, 0.0, z]).collect();
+            assert_eq!(road.waypoints, waypoints);
+            let given = Road::new(&json!({"waypoints": waypoints}), 0).unwrap();
+            assert_eq!(road.path.points(), given.path.points());
+            // Both measure along a curve, one in coarse pieces.
+            assert!((road.path.length() / expected.length() - 1.0).abs() < 1e-3);
+        }
     }
 
     #[test]
@@ -387,17 +384,25 @@ mod tests {
             ),
             (
                 json!({"angles": 4}),
-                "`angles` of the road has to be a list of degrees, as in [0, 10, -20], and is 4",
+                "`angles` of the road is 4, but has to be a list of degrees, as in [0, 10, -20]",
             ),
-            (json!({"angles": [0]}), "`angles` of the road has 1 numbers, but needs 2 to 200"),
+            (json!({"angles": [0]}), "the road: a road needs 2 to 200 angles, but is given 1"),
             (
                 json!({"angles": [0, "1"]}),
-                "`angles` of the road has to be a list of degrees, as in [0, 10, -20], and number 1 is \"1\"",
+                "`angles` of the road is [0,\"1\"], but has to be a list of degrees, as in [0, 10, -20]",
             ),
-            (json!({"angles": [0, 91]}), "angle 1 of the road is 91 degrees, but has to be from -90 to 90"),
+            (json!({"angles": [0, 91]}), "the road: angle 2 is 91 degrees, but has to be from -90 to 90"),
             (
-                json!({"angles": [0, 0], "segment": 4}),
-                "`segment` of the road is 4, but has to be a length from 5 to 200 m",
+                json!({"angles": [0, 0], "segment": 0.5}),
+                "the road: segment 1 is 0.5 m long, but has to be from 1 to 1000 m",
+            ),
+            (
+                json!({"angles": [0, 0], "segment": [25]}),
+                "the road: there are 1 segment lengths for 2 angles; give one length for each",
+            ),
+            (
+                json!({"angles": [0, 0], "segment": [25, null]}),
+                "`segment` of the road is [25,null], but has to be a length in metres, or a list with one for each angle",
             ),
             (
                 json!({"waypoints": [[0, 0, 0], [1, 2]]}),

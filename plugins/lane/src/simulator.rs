@@ -52,6 +52,7 @@ impl Component for Lane {
     fn description() -> Description {
         let mounting = Mounting::default();
         Description::simulator("lane", "A two-lane road through grassland, built in: nothing to install")
+            .version(2)
             .parameter(
                 Parameter::integer("width", 320, "width of the camera's frames")
                     .range(1.0, 4096.0)
@@ -145,7 +146,7 @@ impl Component for Lane {
             )));
         }
         // The texture is the same in all scenarios; what differs between them comes from the scenario's seed.
-        let mut random = pdk_sdk::seed::key(0, "lane texture", 0, 0).sequence();
+        let mut random = pdk_sdk::seed::key(0, "lane texture", 0).sequence();
         let markings = Markings::named(config.text("markings"));
         let mounting = Mounting {
             height: config.number("camera_height"),
@@ -167,11 +168,6 @@ impl Component for Lane {
 
 #[cfg(test)]
 impl Lane {
-    /// The state, without drawing a frame.
-    pub fn state(&self) -> Option<State> {
-        self.drive.as_ref().map(|drive| drive.state(self.camera.rate))
-    }
-
     /// The point of the driven lane so many metres ahead of the vehicle.
     pub fn ahead_on_lane(&self, distance: f64) -> [f64; 2] {
         self.drive.as_ref().map_or([0.0; 2], |d| d.road.path.point_at(d.located.along + distance))
@@ -183,11 +179,11 @@ impl Simulator for Lane {
         self.camera
     }
 
-    fn reset(&mut self, scenario: &Scenario) -> Result<State> {
+    fn reset(&mut self, scenario: &Scenario, _slot: u32) -> Result<State> {
         let road = Road::new(&scenario.road, scenario.seed)?;
-        let mut random = pdk_sdk::seed::key(scenario.seed, "lane scene", 0, 0).sequence();
+        let mut random = pdk_sdk::seed::key(scenario.seed, "lane scene", 0).sequence();
         let scene = Scene::new(&road.path, &self.light, &mut random);
-        let mut random = pdk_sdk::seed::key(scenario.seed, "lane traffic", 0, 0).sequence();
+        let mut random = pdk_sdk::seed::key(scenario.seed, "lane traffic", 0).sequence();
         let traffic = Traffic::new(self.traffic, road.path.length(), FRONT, &mut random);
         self.renderer.prepare(&scene, traffic.count());
         let [dx, dz] = road.path.direction(0);
@@ -224,7 +220,7 @@ impl Simulator for Lane {
         Ok(drive.state(self.camera.rate))
     }
 
-    fn act(&mut self, control: Control) -> Result<()> {
+    fn act(&mut self, control: Control) -> Result<State> {
         let drive = self.drive.as_mut().ok_or_else(not_started)?;
         for (name, value) in [("steering", control.steering), ("throttle", control.throttle)] {
             if !value.is_finite() {
@@ -239,7 +235,7 @@ impl Simulator for Lane {
         drive.vehicle.advance(control, 1.0 / self.camera.rate, slope, self.speed_limit);
         drive.frames += 1;
         drive.arrive(before, self.camera.rate);
-        Ok(())
+        Ok(drive.state(self.camera.rate))
     }
 
     fn waypoints(&self) -> Vec<[f64; 3]> {

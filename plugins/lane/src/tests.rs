@@ -1,5 +1,6 @@
 //! Tests of the simulator as a whole, and of the loop of simulator and driver.
 
+use pdk_sdk::model::component::ComponentSpec;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Map, Value, json};
 
@@ -18,7 +19,8 @@ pub fn lane_with(parameters: Value) -> Result<Lane> {
 
 /// A scenario of half a minute.
 pub fn scenario(road: Value, seed: u64) -> Scenario {
-    Scenario { index: 0, seed, road, duration: 30.0 }
+    let component = ComponentSpec::new;
+    Scenario { seed, road, ..Scenario::new(component("lane"), component("lane_keeper")) }
 }
 
 /// Follows the lane by what only a test may know: the true state. Steers towards a point ahead, by pure pursuit.
@@ -63,19 +65,18 @@ fn drive(
     let mut driver = keeper(json!({}));
     let camera = simulator.camera();
     let mut frame = FrameBuf::new(camera.width as usize, camera.height as usize);
-    let mut state = simulator.reset(&scenario(road, seed)).unwrap();
+    let mut state = simulator.reset(&scenario(road, seed), 0).unwrap();
     driver.reset().unwrap();
     let (mut sum, mut steps, mut worst, mut slowest) = (0.0, 0u64, 0.0f64, f64::INFINITY);
     while state.time < 45.0 && !state.finished && !state.lane_departure {
         state = simulator.frame(frame.as_mut()).unwrap();
         disturb(steps, frame.as_mut());
         let cx = DriveContext { frame_index: steps, time: state.time, speed: state.speed };
-        simulator.act(driver.drive(frame.as_ref(), &cx).unwrap()).unwrap();
+        let next = simulator.act(driver.drive(frame.as_ref(), &cx).unwrap()).unwrap();
         sum += state.cross_track_error.abs();
         worst = worst.max(state.cross_track_error.abs());
         slowest = slowest.min(state.speed);
         steps += 1;
-        let next = simulator.state().unwrap();
         assert!(next.progress >= state.progress, "progress went back at {} s", next.time);
         state = next;
     }
@@ -180,10 +181,9 @@ fn blur(frame: &mut FrameMut<'_>, radius: usize) {
 /// The frame of a simulator after some steps of a scenario.
 fn frame_after(simulator: &mut Lane, seed: u64, steps: usize) -> FrameBuf {
     let camera = simulator.camera();
-    let mut state = simulator.reset(&scenario(Value::Null, seed)).unwrap();
+    let mut state = simulator.reset(&scenario(Value::Null, seed), 0).unwrap();
     for _ in 0..steps {
-        simulator.act(guide(simulator, &state)).unwrap();
-        state = simulator.state().unwrap();
+        state = simulator.act(guide(simulator, &state)).unwrap();
     }
     let mut frame = FrameBuf::new(camera.width as usize, camera.height as usize);
     simulator.frame(frame.as_mut()).unwrap();
@@ -203,6 +203,26 @@ fn the_same_seed_gives_the_same_bytes_whatever_came_before() {
     used.frame(again.as_mut()).unwrap();
     assert_eq!(again, expected);
     assert_eq!(std::thread::spawn(|| frame_after(&mut lane(160, 120), 7, 40)).join().unwrap(), expected);
+}
+
+#[test]
+fn a_step_returns_the_state_of_the_next_frame_and_the_slot_changes_nothing() {
+    let road = json!({"angles": [0, 20, -30, 10], "heights": [0, 2, 1, 0]});
+    let parameters = json!({"width": 16, "height": 8, "vehicle_ahead": 9, "vehicle_ahead_speed": 4});
+    let mut frame = FrameBuf::new(16, 8);
+    let runs = [0, 7].map(|slot| {
+        let mut simulator = lane_with(parameters.clone()).unwrap();
+        let mut states = vec![simulator.reset(&scenario(road.clone(), 2), slot).unwrap()];
+        // Off the lane, and into the vehicle ahead, so that everything in the state changes.
+        for step in 0..200 {
+            assert_eq!(simulator.frame(frame.as_mut()).unwrap(), states[step]);
+            states.push(simulator.act(Control { steering: 0.02, throttle: 0.4 }).unwrap());
+        }
+        states
+    });
+    assert_eq!(runs[0], runs[1]);
+    let ever = |flag: usize| runs[0].iter().any(|state| state.flags()[flag]);
+    assert!(ever(0) && ever(1), "{:?}", runs[0].last());
 }
 
 #[test]
@@ -227,7 +247,7 @@ fn every_pixel_is_drawn_whatever_was_there() {
 #[test]
 fn sky_is_above_and_asphalt_between_the_lines_below() {
     let mut simulator = lane(320, 240);
-    simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0]}), 1)).unwrap();
+    simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0]}), 1), 0).unwrap();
     let mut frame = FrameBuf::new(320, 240);
     simulator.frame(frame.as_mut()).unwrap();
     let frame = frame.as_ref();
@@ -271,11 +291,10 @@ fn frames_of_any_size_can_be_drawn() {
 fn cross_track_error_is_positive_to_the_right_and_departs_at_two_metres() {
     for side in [1.0, -1.0] {
         let mut simulator = lane(16, 12);
-        let mut state = simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0, 0]}), 0)).unwrap();
+        let mut state = simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0, 0]}), 0), 0).unwrap();
         assert!(state.cross_track_error.abs() < 1e-9 && !state.lane_departure);
         while !state.lane_departure {
-            simulator.act(Control { steering: 0.1 * side, throttle: 0.0 }).unwrap();
-            state = simulator.state().unwrap();
+            state = simulator.act(Control { steering: 0.1 * side, throttle: 0.0 }).unwrap();
             assert_eq!(state.lane_departure, state.cross_track_error.abs() > 2.0);
             assert!(state.time < 10.0);
         }
@@ -289,11 +308,10 @@ fn a_straight_road_is_finished_on_time() {
     let mut simulator =
         lane_with(json!({"width": 8, "height": 6, "initial_speed": 10, "speed_limit": 10})).unwrap();
     let road = json!({"waypoints": [[5, 2, 5], [5, 2, 105]]});
-    let mut state = simulator.reset(&scenario(road, 0)).unwrap();
+    let mut state = simulator.reset(&scenario(road, 0), 0).unwrap();
     assert_eq!((state.position, state.speed, state.progress), ([5.0, 2.0, 5.0], 10.0, 0.0));
     while !state.finished {
-        simulator.act(Control { steering: 0.0, throttle: 1.0 }).unwrap();
-        state = simulator.state().unwrap();
+        state = simulator.act(Control { steering: 0.0, throttle: 1.0 }).unwrap();
     }
     assert!((state.time - 10.0).abs() < 0.04 && state.progress == 1.0, "{state:?}");
     assert_eq!(simulator.waypoints(), [[5.0, 2.0, 5.0], [5.0, 2.0, 105.0]]);
@@ -309,9 +327,9 @@ fn misuse_is_refused_with_a_sentence() {
     );
     assert!(simulator.act(Control::default()).is_err());
     assert!(simulator.waypoints().is_empty());
-    let error = simulator.reset(&scenario(json!({"angle": 1}), 0)).unwrap_err().to_string();
+    let error = simulator.reset(&scenario(json!({"angle": 1}), 0), 0).unwrap_err().to_string();
     assert!(error.starts_with("the road has an unknown key `angle`"), "{error}");
-    simulator.reset(&scenario(Value::Null, 0)).unwrap();
+    simulator.reset(&scenario(Value::Null, 0), 0).unwrap();
     assert_eq!(
         simulator.frame(frame.as_mut()).unwrap_err().to_string(),
         "it was given a 8x7 frame, but its camera delivers 8x6"
@@ -330,7 +348,7 @@ fn misuse_is_refused_with_a_sentence() {
 #[test]
 fn without_a_lane_the_steering_decays_and_the_vehicle_rolls() {
     let mut simulator = lane(320, 240);
-    simulator.reset(&scenario(json!({"angles": [30, 30, 0, 0]}), 0)).unwrap();
+    simulator.reset(&scenario(json!({"angles": [30, 30, 0, 0]}), 0), 0).unwrap();
     let mut frame = FrameBuf::new(320, 240);
     simulator.frame(frame.as_mut()).unwrap();
     let mut driver = keeper(json!({}));
@@ -372,7 +390,7 @@ fn hills_can_be_driven_and_show_in_the_state() {
     let mut simulator = lane_with(json!({"initial_speed": 8})).unwrap();
     let outcome = drive(&mut simulator, road, 1, |_, _| {});
     assert!(outcome.finished && outcome.mean < 0.5, "{outcome:?}");
-    let height = simulator.state().unwrap().position[1];
+    let height = simulator.frame(FrameBuf::new(320, 160).as_mut()).unwrap().position[1];
     assert!((height - 2.0).abs() < 0.2, "{height}");
 }
 
@@ -380,13 +398,12 @@ fn hills_can_be_driven_and_show_in_the_state() {
 fn a_vehicle_that_is_not_heeded_is_hit() {
     let parameters = json!({"vehicle_ahead": 12, "vehicle_ahead_speed": 4, "width": 16, "height": 8});
     let mut simulator = lane_with(parameters).unwrap();
-    let mut state = simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0, 0, 0]}), 1)).unwrap();
+    let mut state = simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0, 0, 0]}), 1), 0).unwrap();
     assert!((state.vehicle_ahead - 12.0).abs() < 1e-9 && !state.collision);
     let mut before = f64::INFINITY;
     while !state.collision {
-        simulator.act(Control { steering: 0.0, throttle: 0.3 }).unwrap();
         before = state.vehicle_ahead;
-        state = simulator.state().unwrap();
+        state = simulator.act(Control { steering: 0.0, throttle: 0.3 }).unwrap();
         assert!(state.time < 20.0 && !state.finished, "{state:?}");
     }
     assert!(before < 1.0 && state.vehicle_ahead == 0.0, "{before} {state:?}");
@@ -396,7 +413,7 @@ fn a_vehicle_that_is_not_heeded_is_hit() {
 fn a_vehicle_ahead_shows() {
     let with = |parameters: Value| {
         let mut simulator = lane_with(parameters).unwrap();
-        simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0]}), 1)).unwrap();
+        simulator.reset(&scenario(json!({"angles": [0, 0, 0, 0]}), 1), 0).unwrap();
         let mut frame = FrameBuf::new(320, 160);
         simulator.frame(frame.as_mut()).unwrap();
         frame
@@ -416,13 +433,12 @@ fn a_wandering_driver_visits_both_sides_of_its_lane() {
     let mut simulator = lane(160, 80);
     let mut driver = keeper(json!({"wander": 1.2}));
     let mut frame = FrameBuf::new(160, 80);
-    let mut state = simulator.reset(&scenario(Value::Null, 4)).unwrap();
+    let mut state = simulator.reset(&scenario(Value::Null, 4), 0).unwrap();
     let (mut left, mut right) = (0.0f64, 0.0f64);
     while !state.finished {
         simulator.frame(frame.as_mut()).unwrap();
         let cx = DriveContext { time: state.time, speed: state.speed, ..DriveContext::default() };
-        simulator.act(driver.drive(frame.as_ref(), &cx).unwrap()).unwrap();
-        state = simulator.state().unwrap();
+        state = simulator.act(driver.drive(frame.as_ref(), &cx).unwrap()).unwrap();
         assert!(!state.lane_departure && state.time < 40.0, "{state:?}");
         left = left.min(state.cross_track_error);
         right = right.max(state.cross_track_error);
@@ -437,10 +453,9 @@ fn long_steps_lose_neither_the_road_nor_a_collision() {
     for (rate, speed) in [(1.0, 20.0), (2.0, 30.0), (3.0, 38.0)] {
         let parameters = json!({"rate": rate, "initial_speed": speed, "speed_limit": 40, "oncoming": 0});
         let mut simulator = lane_with(parameters).unwrap();
-        let mut state = simulator.reset(&scenario(straight.clone(), 1)).unwrap();
+        let mut state = simulator.reset(&scenario(straight.clone(), 1), 0).unwrap();
         while !state.finished {
-            simulator.act(Control { steering: 0.0, throttle: 0.2 }).unwrap();
-            state = simulator.state().unwrap();
+            state = simulator.act(Control { steering: 0.0, throttle: 0.2 }).unwrap();
             assert!(!state.lane_departure && state.cross_track_error.abs() < 0.1, "{rate}: {state:?}");
             assert!(state.time < 30.0);
         }
@@ -448,8 +463,7 @@ fn long_steps_lose_neither_the_road_nor_a_collision() {
     // 30 m a step, past a vehicle that is 4.4 m long.
     let parameters = json!({"rate": 1, "initial_speed": 30, "speed_limit": 40, "vehicle_ahead": 20, "vehicle_ahead_speed": 1});
     let mut simulator = lane_with(parameters).unwrap();
-    simulator.reset(&scenario(straight, 1)).unwrap();
-    simulator.act(Control { steering: 0.0, throttle: 1.0 }).unwrap();
-    let state = simulator.state().unwrap();
+    simulator.reset(&scenario(straight, 1), 0).unwrap();
+    let state = simulator.act(Control { steering: 0.0, throttle: 1.0 }).unwrap();
     assert!(state.collision && !state.lane_departure, "{state:?}");
 }

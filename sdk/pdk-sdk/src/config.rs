@@ -3,7 +3,7 @@
 use serde_json::{Map, Value};
 
 use crate::describe::{Description, LEVELS, Parameter, ParameterType, between_levels};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 
 /// Checked values of a component's parameters.
 #[derive(Debug, Clone, Default)]
@@ -36,7 +36,7 @@ impl Config {
                 }
                 None if parameter.levels.is_some() || !effective => {}
                 None if parameter.default.is_null() && !matches!(parameter.kind, ParameterType::Json) => {
-                    return Err(Error::new(format!(
+                    return Err(mistake(format!(
                         "{} `{}` needs the parameter `{}` ({})",
                         description.kind, description.name, parameter.name, parameter.doc
                     )));
@@ -115,7 +115,7 @@ fn has_effect(description: &Description, parameter: &Parameter, given: &Map<Stri
 
 fn without_effect(description: &Description, parameter: &Parameter) -> Error {
     let condition = parameter.only_for.as_ref().map(ToString::to_string).unwrap_or_default();
-    Error::new(format!(
+    mistake(format!(
         "{} `{}`: parameter `{}` has an effect only with {condition}; set that too, or leave it out",
         description.kind, description.name, parameter.name
     ))
@@ -123,7 +123,7 @@ fn without_effect(description: &Description, parameter: &Parameter) -> Error {
 
 fn unknown_parameter(description: &Description, name: &str) -> Error {
     let known: Vec<_> = description.parameters.iter().map(|p| p.name.as_str()).collect();
-    Error::new(if known.is_empty() {
+    mistake(if known.is_empty() {
         format!("{} `{}` has no parameters, so `{name}` cannot be set", description.kind, description.name)
     } else {
         format!(
@@ -139,14 +139,14 @@ fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
     // What follows the intensity may be given a course of its own.
     if let (Some(_), Value::Array(levels)) = (&parameter.levels, value) {
         if levels.len() != LEVELS {
-            return Err(Error::new(format!(
+            return Err(mistake(format!(
                 "parameter `{}` has a list of {} values, but has to have one for each of the {LEVELS} levels",
                 parameter.name,
                 levels.len()
             )));
         }
         return levels.iter().try_for_each(|level| match level {
-            Value::Array(_) => Err(Error::new(format!(
+            Value::Array(_) => Err(mistake(format!(
                 "parameter `{}` has lists in its list, but has to have a number for each level",
                 parameter.name
             ))),
@@ -154,7 +154,7 @@ fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
         });
     }
     let wrong = |expected: String| {
-        Err(Error::new(format!("parameter `{}` is {value}, but has to be {expected}", parameter.name)))
+        Err(mistake(format!("parameter `{}` is {value}, but has to be {expected}", parameter.name)))
     };
     match &parameter.kind {
         ParameterType::Number { min, max } => match value.as_f64() {
@@ -179,6 +179,11 @@ fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
         ParameterType::Path => wrong("a path".into()),
         ParameterType::Json => Ok(()),
     }
+}
+
+/// Something that only the user can correct.
+fn mistake(sentence: String) -> Error {
+    Error::of(ErrorKind::Configuration, sentence)
 }
 
 fn range_text(min: f64, max: f64, lowest: f64, highest: f64) -> String {

@@ -1,13 +1,11 @@
 //! How a component describes itself. Lists, help, error messages, Lua types and reference pages all derive from it.
 
+pub use pdk_model::level::LEVELS;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::config::Config;
 use crate::error::Result;
-
-/// The number of published intensity levels: 0, 1, 2, 3 and 4.
-pub const LEVELS: usize = 5;
 
 /// What every component has, whatever its kind.
 pub trait Component: Sized {

@@ -1,8 +1,8 @@
 //! Drivers: the models under test.
 
 use abi_stable::StableAbi;
+pub use pdk_model::control::Control;
 use pdk_ops::Frame;
-use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 
@@ -39,14 +39,4 @@ pub struct DriveContext {
     pub time: f64,
     /// The vehicle's speed in metres per second; not a number where it is not known, as in a dataset.
     pub speed: f64,
-}
-
-/// What a driver decides.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Default, StableAbi, Serialize, Deserialize)]
-pub struct Control {
-    /// -1 (full left) to 1 (full right).
-    pub steering: f64,
-    /// -1 (full brake) to 1 (full throttle).
-    pub throttle: f64,
 }

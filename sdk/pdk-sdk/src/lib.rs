@@ -34,14 +34,14 @@
 //! ```
 //!
 //! The SDK takes care of the rest: the interface that crosses the library boundary and its version check, panics
-//! (they become errors inside the plugin and never reach the host), parameter checks, and the [`testing`] kit.
+//! (they become errors inside the plugin and never reach the host), parameter checks, and the [`testing`] kit. The values
+//! that components take and return, such as scenarios, states and controls, are those of [`model`].
 
 pub mod abi;
 pub mod config;
 pub mod dataset;
 pub mod describe;
 pub mod driver;
-pub mod error;
 mod export;
 pub mod perturbation;
 pub mod saliency;
@@ -50,6 +50,8 @@ pub mod seed;
 pub mod simulator;
 pub mod testing;
 
+pub use pdk_model as model;
+pub use pdk_model::error;
 pub use pdk_ops as ops;
 pub use serde_json;
 
@@ -62,7 +64,7 @@ pub mod prelude {
     pub use crate::dataset::{Dataset, Entry};
     pub use crate::describe::{Component, Description, Kind, Parameter, Temporal};
     pub use crate::driver::{Control, DriveContext, Driver};
-    pub use crate::error::{Error, Result};
+    pub use crate::error::{Error, ErrorKind, Result};
     pub use crate::perturbation::{Context, Perturbation};
     pub use crate::saliency::{HeatmapMut, Saliency};
     pub use crate::search::{Candidate, Evaluated, Search};

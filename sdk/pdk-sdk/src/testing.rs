@@ -18,13 +18,14 @@
 //! pdk_sdk::testing::perturbation::<Mirror>();
 //! ```
 
+use pdk_model::component::ComponentSpec;
 use pdk_ops::{Frame, FrameBuf, FrameMut, Key};
 use serde_json::{Map, Value};
 
 use crate::config::{Config, frame_values};
 use crate::dataset::Dataset;
 use crate::describe::{Component, Description, LEVELS};
-use crate::driver::{DriveContext, Driver};
+use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, Result};
 use crate::perturbation::{Context, Perturbation};
 use crate::saliency::{HeatmapMut, Saliency};
@@ -160,37 +161,37 @@ pub fn check_driver(config: &Config, make: Make<'_, dyn Driver>) -> Result<()> {
         for frame_index in 0..3 {
             let cx = DriveContext { frame_index, time: frame_index as f64 / 30.0, speed: 8.0 };
             let control = driver.drive(frame.as_ref(), &cx)?;
-            ensure(control.steering.is_finite() && control.throttle.is_finite(), || {
-                format!(
-                    "it steers {} with throttle {}, which is no control",
-                    control.steering, control.throttle
-                )
-            })?;
+            control.checked()?;
             run.push(control);
         }
     }
     ensure(runs[0] == runs[1], || "after a reset it decides differently on the same frames".to_owned())
 }
 
-/// Checks that a simulator renders, moves, and does the same again after a reset.
+/// Checks that a simulator renders, moves, returns after each step the state that the next frame has, and does the same again
+/// after a reset.
 ///
 /// # Errors
 /// The first check that fails.
 pub fn check_simulator(config: &Config, make: Make<'_, dyn Simulator>) -> Result<()> {
     let mut simulator = make(config)?;
     let camera = simulator.camera();
-    let scenario = Scenario { index: 0, seed: 1, road: Value::Null, duration: 10.0 };
+    let component = ComponentSpec::new;
+    let scenario =
+        Scenario { seed: 1, duration: 10.0, ..Scenario::new(component("simulator"), component("driver")) };
     let mut runs = [Vec::new(), Vec::new()];
     for run in &mut runs {
-        simulator.reset(&scenario)?;
-        for _ in 0..5 {
+        let mut expected = simulator.reset(&scenario, 0)?;
+        for step in 0..5 {
             let mut frame = FrameBuf::new(camera.width as usize, camera.height as usize);
             let state = simulator.frame(frame.as_mut())?;
-            ensure(state.time.is_finite() && state.position.iter().all(|p| p.is_finite()), || {
-                "its state holds numbers that are not finite".to_owned()
+            ensure(state.is_finite(), || "its state holds numbers that are not finite".to_owned())?;
+            ensure(state == expected, || match step {
+                0 => "the state of its first frame is not the one that reset returned".to_owned(),
+                _ => "the state of a frame is not the one that act returned before it".to_owned(),
             })?;
             run.push((frame, state));
-            simulator.act(crate::driver::Control { steering: 0.1, throttle: 0.5 })?;
+            expected = simulator.act(Control { steering: 0.1, throttle: 0.5 })?;
         }
     }
     let [first, second] = &runs;
@@ -252,6 +253,7 @@ pub fn check_dataset(config: &Config, make: Make<'_, dyn Dataset>) -> Result<()>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulator::{Camera, State};
 
     /// Breaks one rule, as told.
     struct Rogue(&'static str, u8);
@@ -294,5 +296,42 @@ mod tests {
         assert!(check("remembers").unwrap_err().to_string().contains("alone and after others"));
         assert!(check("leaves a pixel").unwrap_err().to_string().contains("has to be written"));
         assert!(check("ignores the stride").unwrap_err().to_string().contains("stride"));
+    }
+    /// A vehicle that moves a metre a step; breaks one rule, as told.
+    struct Road(&'static str, State);
+
+    impl Simulator for Road {
+        fn camera(&self) -> Camera {
+            Camera { width: 4, height: 3, rate: 20.0 }
+        }
+
+        fn reset(&mut self, _: &Scenario, _: u32) -> Result<State> {
+            self.1 = State::default();
+            Ok(if self.0 == "starts elsewhere" { State { speed: 1.0, ..self.1 } } else { self.1 })
+        }
+
+        fn frame(&mut self, mut into: FrameMut<'_>) -> Result<State> {
+            into.rows_mut().for_each(|row| row.fill(7));
+            Ok(if self.0 == "loses itself" { State { heading: f64::NAN, ..self.1 } } else { self.1 })
+        }
+
+        fn act(&mut self, _: Control) -> Result<State> {
+            let before = self.1;
+            self.1.time += if self.0 == "stands still" { 0.0 } else { 0.05 };
+            Ok(if self.0 == "lags" { before } else { self.1 })
+        }
+    }
+
+    #[test]
+    fn every_broken_rule_of_a_simulator_is_found() {
+        let check = |rule| {
+            let mut make = |_: &Config| Ok(Box::new(Road(rule, State::default())) as Box<dyn Simulator>);
+            check_simulator(&Config::default(), &mut make).map_err(|error| error.to_string())
+        };
+        assert_eq!(check("keeps them all"), Ok(()));
+        assert!(check("lags").unwrap_err().contains("not the one that act returned"));
+        assert!(check("starts elsewhere").unwrap_err().contains("not the one that reset returned"));
+        assert!(check("loses itself").unwrap_err().contains("not finite"));
+        assert!(check("stands still").unwrap_err().contains("does not go on"));
     }
 }

@@ -63,7 +63,7 @@ impl Simulator for Misbehaving {
         }
     }
 
-    fn reset(&mut self, _scenario: &Scenario) -> Result<State> {
+    fn reset(&mut self, _scenario: &Scenario, _slot: u32) -> Result<State> {
         self.manner.reach("reset");
         self.step = 0;
         Ok(self.state())
@@ -77,10 +77,10 @@ impl Simulator for Misbehaving {
         Ok(self.state())
     }
 
-    fn act(&mut self, _control: Control) -> Result<()> {
+    fn act(&mut self, _control: Control) -> Result<State> {
         self.manner.reach_frame("act", self.step);
         self.step += 1;
-        Ok(())
+        Ok(self.state())
     }
 
     fn waypoints(&self) -> Vec<[f64; 3]> {

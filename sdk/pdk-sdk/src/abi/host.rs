@@ -1,6 +1,6 @@
 //! The host's side of the boundary: raw components as the traits of the SDK.
 
-use abi_stable::std_types::{RBox, RResult, RString};
+use abi_stable::std_types::RBox;
 use pdk_ops::{Frame, FrameBuf, FrameMut};
 
 use super::{
@@ -10,7 +10,7 @@ use super::{
 use crate::dataset::{Dataset, Entry};
 use crate::describe::Kind;
 use crate::driver::{Control, DriveContext, Driver};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::perturbation::{Context, Perturbation};
 use crate::saliency::{HeatmapMut, Saliency};
 use crate::search::{Candidate, Evaluated, Search};
@@ -57,10 +57,11 @@ pub fn instance(raw: RawComponent) -> Result<Instance> {
             let camera = result(raw.camera())?;
             let usable = |length: u32| (1..=1 << 14).contains(&length);
             if !usable(camera.width) || !usable(camera.height) || !(0.01..=100_000.0).contains(&camera.rate) {
-                return Err(Error::new(format!(
+                let sentence = format!(
                     "the simulator's camera has {}x{} pixels at {:?} frames a second, which is out of range",
                     camera.width, camera.height, camera.rate
-                )));
+                );
+                return Err(Error::of(ErrorKind::Nonsense, sentence));
             }
             Instance::Simulator(Box::new(HostSimulator { raw, camera, waypoints: Vec::new() }))
         }
@@ -79,10 +80,7 @@ pub fn instance(raw: RawComponent) -> Result<Instance> {
 
 /// Turns an outcome into a result.
 pub fn result<T>(outcome: Outcome<T>) -> Result<T> {
-    match outcome {
-        RResult::ROk(value) => Ok(value),
-        RResult::RErr(message) => Err(Error::new(RString::into_string(message))),
-    }
+    outcome.into_result().map_err(Error::from)
 }
 
 struct HostPerturbation(RawPerturbation_TO<'static, RBox<()>>);
@@ -115,11 +113,11 @@ impl Simulator for HostSimulator {
         self.camera
     }
 
-    fn reset(&mut self, scenario: &Scenario) -> Result<State> {
+    fn reset(&mut self, scenario: &Scenario, slot: u32) -> Result<State> {
         // Where this one cannot be built, the road of the one before must not pass for its own.
         self.waypoints.clear();
         let scenario = serde_json::to_string(scenario)?;
-        let state = result(self.raw.reset(scenario.as_str().into()))?;
+        let state = result(self.raw.reset(scenario.as_str().into(), slot))?;
         self.waypoints = result(self.raw.waypoints())?.into();
         Ok(state)
     }
@@ -128,7 +126,7 @@ impl Simulator for HostSimulator {
         result(self.raw.frame(RawFrameMut::new(&mut into)))
     }
 
-    fn act(&mut self, control: Control) -> Result<()> {
+    fn act(&mut self, control: Control) -> Result<State> {
         result(self.raw.act(control))
     }
 

@@ -17,6 +17,7 @@ use abi_stable::std_types::{RBox, RResult, RStr, RString, RVec};
 use pdk_ops::{Frame, FrameMut};
 
 use crate::driver::{Control, DriveContext};
+use crate::error::{Error, ErrorKind};
 use crate::simulator::{Camera, State};
 
 pub mod host;
@@ -31,11 +32,29 @@ pub const VERSION_SYMBOL: &str = "pdk_plugin_sdk_version";
 /// The type of the function behind [`VERSION_SYMBOL`].
 pub type VersionFn = extern "C" fn() -> *const c_char;
 
-/// With this an error begins where the component panicked, now or earlier: such an instance is of no more use.
-pub const PANICKED: &str = "the plugin panicked";
+/// What a call returns: a value or an error.
+pub type Outcome<T> = RResult<T, RawError>;
 
-/// What a call returns: a value, or one sentence.
-pub type Outcome<T> = RResult<T, RString>;
+/// What [`Error`](crate::error::Error) holds.
+#[repr(C)]
+#[derive(StableAbi)]
+pub struct RawError {
+    /// The code of its kind: a number, because one that no kind has must do no harm.
+    kind: u8,
+    message: RString,
+}
+
+impl From<Error> for RawError {
+    fn from(error: Error) -> Self {
+        Self { kind: error.kind().code(), message: error.message().into() }
+    }
+}
+
+impl From<RawError> for Error {
+    fn from(raw: RawError) -> Self {
+        Error::of(ErrorKind::from_code(raw.kind), RString::into_string(raw.message))
+    }
+}
 
 /// A frame to read.
 #[repr(C)]
@@ -146,11 +165,11 @@ pub trait RawSimulator: Send {
     /// Size and rate of the camera.
     fn camera(&mut self) -> Outcome<Camera>;
     /// Puts the vehicle at the start of a scenario, given as JSON.
-    fn reset(&mut self, scenario: RStr<'_>) -> Outcome<State>;
+    fn reset(&mut self, scenario: RStr<'_>, slot: u32) -> Outcome<State>;
     /// Writes what the camera sees.
     fn frame(&mut self, into: RawFrameMut) -> Outcome<State>;
     /// Applies a control.
-    fn act(&mut self, control: Control) -> Outcome<()>;
+    fn act(&mut self, control: Control) -> Outcome<State>;
     /// The centre line of the driven lane.
     #[sabi(last_prefix_field)]
     fn waypoints(&mut self) -> Outcome<RVec<[f64; 3]>>;
@@ -244,4 +263,19 @@ pub struct PluginDescription {
     pub version: String,
     /// Its components.
     pub components: Vec<crate::describe::Description>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_crosses_the_boundary_with_its_kind() {
+        for kind in ErrorKind::ALL {
+            let error = Error::of(kind, "it is gone");
+            assert_eq!(Error::from(RawError::from(error.clone())), error);
+        }
+        let unknown = RawError { kind: 77, message: "from another time".into() };
+        assert_eq!(Error::from(unknown), Error::new("from another time"));
+    }
 }

@@ -12,20 +12,22 @@ use pdk_ops::Key;
 use serde_json::{Map, Value};
 
 use super::{
-    Outcome, PANICKED, PluginDescription, PluginModule, PluginModuleRef, RawComponent, RawContext,
-    RawDataset, RawDataset_TO, RawDriver, RawDriver_TO, RawEntry, RawFrame, RawFrameMut, RawHeatmap,
-    RawPerturbation, RawPerturbation_TO, RawSaliency, RawSaliency_TO, RawSearch, RawSearch_TO, RawSimulator,
-    RawSimulator_TO,
+    Outcome, PluginDescription, PluginModule, PluginModuleRef, RawComponent, RawContext, RawDataset,
+    RawDataset_TO, RawDriver, RawDriver_TO, RawEntry, RawFrame, RawFrameMut, RawHeatmap, RawPerturbation,
+    RawPerturbation_TO, RawSaliency, RawSaliency_TO, RawSearch, RawSearch_TO, RawSimulator, RawSimulator_TO,
 };
 use crate::config::Config;
 use crate::dataset::Dataset;
 use crate::describe::{Component, Description};
 use crate::driver::{Control, DriveContext, Driver};
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::perturbation::{Context, Perturbation};
 use crate::saliency::{HeatmapMut, Saliency};
 use crate::search::Search;
 use crate::simulator::{Camera, Simulator, State};
+
+/// With this the error of a panic begins.
+const PANICKED: &str = "the plugin panicked";
 
 /// One line of a plugin's table of components.
 pub struct Registration {
@@ -146,14 +148,14 @@ fn guard<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
         // A payload may itself panic when it is dropped.
         std::mem::forget(payload);
         let place = PANIC_PLACE.with(|slot| slot.borrow().clone());
-        Err(Error::new(format!("{PANICKED}{place}: {message}")))
+        Err(Error::of(ErrorKind::Panic, format!("{PANICKED}{place}: {message}")))
     })
 }
 
 fn outcome<T>(result: Result<T>) -> Outcome<T> {
     match result {
         Ok(value) => ROk(value),
-        Err(error) => RErr(error.message().into()),
+        Err(error) => RErr(error.into()),
     }
 }
 
@@ -173,7 +175,8 @@ impl<T> Guarded<T> {
 
     fn call<R>(&mut self, work: impl FnOnce(&mut T, &[String]) -> Result<R>) -> Outcome<R> {
         if self.broken {
-            return RErr(format!("{PANICKED} earlier, so this instance is no longer used").into());
+            let sentence = format!("{PANICKED} earlier, so this instance is no longer used");
+            return outcome(Err(Error::of(ErrorKind::Panic, sentence)));
         }
         // Stays set where `work` panics.
         self.broken = true;
@@ -234,8 +237,8 @@ impl<T: Simulator> RawSimulator for Guarded<T> {
         self.call(|component, _| Ok(component.camera()))
     }
 
-    fn reset(&mut self, scenario: RStr<'_>) -> Outcome<State> {
-        self.call(|component, _| component.reset(&serde_json::from_str(scenario.as_str())?))
+    fn reset(&mut self, scenario: RStr<'_>, slot: u32) -> Outcome<State> {
+        self.call(|component, _| component.reset(&serde_json::from_str(scenario.as_str())?, slot))
     }
 
     fn frame(&mut self, into: RawFrameMut) -> Outcome<State> {
@@ -243,7 +246,7 @@ impl<T: Simulator> RawSimulator for Guarded<T> {
         self.call(|component, _| component.frame(unsafe { into.get()? }))
     }
 
-    fn act(&mut self, control: Control) -> Outcome<()> {
+    fn act(&mut self, control: Control) -> Outcome<State> {
         self.call(|component, _| component.act(control))
     }
 
@@ -319,3 +322,23 @@ pub const SDK_VERSION: &std::ffi::CStr =
         Ok(version) => version,
         Err(_) => panic!("a version has no NUL"),
     };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_an_error_of_its_own_kind_and_so_is_what_follows_it() {
+        let mut guarded = Guarded::new((), Vec::new());
+        assert_eq!(guarded.call(|(), _| Ok(3)).into_result().map_err(Error::from), Ok(3));
+        let error = |outcome: Outcome<()>| Error::from(outcome.into_result().err().unwrap());
+        let failed = error(guarded.call(|(), _| Err(Error::of(ErrorKind::Lost, "it is gone"))));
+        assert_eq!(failed, Error::of(ErrorKind::Lost, "it is gone"));
+        let first = error(guarded.call(|(), _| panic!("as asked to")));
+        let second = error(guarded.call(|(), _| Ok(())));
+        for (error, end) in [(first, "plugin.rs:"), (second, "earlier, so this instance is no longer used")] {
+            assert_eq!(error.kind(), ErrorKind::Panic);
+            assert!(error.message().starts_with(PANICKED) && error.message().contains(end), "{error}");
+        }
+    }
+}
