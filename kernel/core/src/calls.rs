@@ -303,9 +303,8 @@ impl Observed {
 impl Drop for Observed {
     fn drop(&mut self) {
         // SAFETY: the page was mapped by `new`, nobody else refers to it, and it is not used after this.
-        let _ = unsafe {
-            rustix::mm::munmap(std::ptr::from_ref(self.page).cast_mut().cast(), size_of::<Page>())
-        };
+        let _ =
+            unsafe { rustix::mm::munmap(std::ptr::from_ref(self.page).cast_mut().cast(), size_of::<Page>()) };
     }
 }
 

@@ -33,8 +33,9 @@ pub struct Entry {
 impl Catalog {
     /// Where a component stands, or would.
     fn place(&self, kind: Kind, name: &str) -> std::result::Result<usize, usize> {
-        self.entries
-            .binary_search_by(|entry| (entry.description.kind, entry.description.name.as_str()).cmp(&(kind, name)))
+        self.entries.binary_search_by(|entry| {
+            (entry.description.kind, entry.description.name.as_str()).cmp(&(kind, name))
+        })
     }
 
     /// Adds a component, unless there is one of its kind and name, which is returned then.

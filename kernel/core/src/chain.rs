@@ -125,8 +125,10 @@ impl Link {
         // A plugin that leaves pixels out must not show what happened to lie there: that depends on what was computed before.
         dst.rows_mut().for_each(|row| row.fill(0));
         let Some(instance) = &mut self.instance else { return Ok(()) };
-        calls::call_at(&self.label, Function::Apply, frame_index, || instance.apply(src, dst.reborrow(), &cx))
-            .map_err(|error| error.at(&self.label))?;
+        calls::call_at(&self.label, Function::Apply, frame_index, || {
+            instance.apply(src, dst.reborrow(), &cx)
+        })
+        .map_err(|error| error.at(&self.label))?;
         if let Some(mask) = &mut self.mask {
             mask.restore(src, dst);
         }

@@ -91,7 +91,9 @@ impl RunDirectory {
     pub fn manifest(&self) -> Result<Option<Manifest>> {
         let path = self.path.join(MANIFEST);
         match path.is_file() {
-            true => Ok(Some(serde_json::from_slice(&fs::read(&path).place(path.display())?).place(path.display())?)),
+            true => Ok(Some(
+                serde_json::from_slice(&fs::read(&path).place(path.display())?).place(path.display())?,
+            )),
             false => Ok(None),
         }
     }
@@ -170,7 +172,8 @@ impl RunDirectory {
     /// Removes what processes that ended early left in the folder of the traces.
     pub fn remove_partial_traces(&self) {
         let entries = fs::read_dir(self.path.join(TRACES)).into_iter().flatten().flatten();
-        let partial = entries.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "part"));
+        let partial =
+            entries.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "part"));
         for path in partial {
             // What cannot be removed is in nobody's way: it is written anew.
             let _ = fs::remove_file(path);

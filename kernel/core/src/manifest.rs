@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
+use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::region::Region;
 use pdk_model::scenario::Scenario;
-use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Place, Result};
 use serde::{Deserialize, Serialize};

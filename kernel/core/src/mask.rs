@@ -169,6 +169,12 @@ mod tests {
 
     #[test]
     fn an_image_that_is_not_there_is_named() {
-        assert!(Mask::new(&Region::Mask("/no/such.png".into())).err().unwrap().to_string().contains("/no/such.png"));
+        assert!(
+            Mask::new(&Region::Mask("/no/such.png".into()))
+                .err()
+                .unwrap()
+                .to_string()
+                .contains("/no/such.png")
+        );
     }
 }

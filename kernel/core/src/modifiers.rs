@@ -101,7 +101,8 @@ mod tests {
         for modifier in MODIFIERS {
             for example in modifier.examples {
                 let text = format!("fog,{}={example}", modifier.name);
-                let spec = AppliedPerturbation::parse(&text).unwrap_or_else(|error| panic!("{text}: {error}"));
+                let spec =
+                    AppliedPerturbation::parse(&text).unwrap_or_else(|error| panic!("{text}: {error}"));
                 assert!(spec.parameters.is_empty(), "{text} sets a parameter");
                 assert_ne!(spec, AppliedPerturbation::parse("fog").unwrap(), "{text} changes nothing");
             }
@@ -110,8 +111,9 @@ mod tests {
 
     #[test]
     fn all_that_can_be_recorded_is_told() {
-        let spec =
-            AppliedPerturbation::parse(r#"fog@1,probability=0.5,region={"box":[0,0.5,1,1]},draws=per_frame,own=3"#);
+        let spec = AppliedPerturbation::parse(
+            r#"fog@1,probability=0.5,region={"box":[0,0.5,1,1]},draws=per_frame,own=3"#,
+        );
         let recorded = serde_json::to_value(spec.unwrap()).unwrap();
         let told = MODIFIERS.map(|modifier| modifier.name);
         for key in

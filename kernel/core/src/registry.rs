@@ -46,10 +46,15 @@ pub struct Registry {
 }
 
 enum Source {
-    Plugin { plugin: usize, index: usize },
+    Plugin {
+        plugin: usize,
+        index: usize,
+    },
     Script,
     /// A file that another component makes a component of its own, by this parameter.
-    DropIn { parameter: String },
+    DropIn {
+        parameter: String,
+    },
 }
 
 impl Registry {
@@ -136,9 +141,9 @@ impl Registry {
         let config = Config::check(&entry.description, parameters)?;
         let label = format!("{kind} `{name}`");
         let instance = match self.source(kind, name) {
-            Some(Source::Plugin { plugin, index }) => calls::call(&label, Function::New, || {
-                self.plugins[*plugin].create(*index, config.values())
-            }),
+            Some(Source::Plugin { plugin, index }) => {
+                calls::call(&label, Function::New, || self.plugins[*plugin].create(*index, config.values()))
+            }
             Some(Source::Script) => {
                 calls::call(&label, Function::New, || self.scripts.create(&entry.file, &config))
             }
@@ -152,7 +157,10 @@ impl Registry {
         };
         let instance = instance.map_err(|error| error.at(&label))?;
         if instance.kind() != kind {
-            return Err(Error::new(format!("{label} made a {}, which is a mistake in its plugin", instance.kind())));
+            return Err(Error::new(format!(
+                "{label} made a {}, which is a mistake in its plugin",
+                instance.kind()
+            )));
         }
         Ok((instance, config))
     }
@@ -277,7 +285,12 @@ impl Registry {
         description.examples.clear();
         // It is the user's own, so it is there by name.
         description.default = false;
-        self.add(description, file, Some(base.name.clone()), Source::DropIn { parameter: parameter.to_owned() });
+        self.add(
+            description,
+            file,
+            Some(base.name.clone()),
+            Source::DropIn { parameter: parameter.to_owned() },
+        );
     }
 
     fn add(&mut self, description: Description, file: PathBuf, base: Option<String>, source: Source) {

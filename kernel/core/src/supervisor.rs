@@ -164,7 +164,9 @@ impl End {
             calls => calls.iter().map(ToString::to_string).collect::<Vec<_>>().join(" or "),
         };
         match self {
-            End::Done(code) | End::Exited(code) => format!("{culprit} ended the process with exit code {code}"),
+            End::Done(code) | End::Exited(code) => {
+                format!("{culprit} ended the process with exit code {code}")
+            }
             End::Signal(signal) => format!("{culprit} was ended by {}", SignalName(*signal)),
             End::Late(call, patience) => format!("{call} has not come back for {} s", patience.as_secs_f64()),
             End::Memory(limit) => format!("{culprit} took more than {limit} MiB of memory"),
@@ -222,7 +224,8 @@ mod tests {
         let leader = process.child().id();
         std::thread::sleep(Duration::from_millis(100));
         let members = || {
-            let tasks = std::fs::read_dir("/proc").unwrap().filter_map(|e| e.ok()?.file_name().into_string().ok());
+            let tasks =
+                std::fs::read_dir("/proc").unwrap().filter_map(|e| e.ok()?.file_name().into_string().ok());
             tasks
                 .filter_map(|task| std::fs::read_to_string(format!("/proc/{task}/stat")).ok())
                 .filter(|stat| {

@@ -109,7 +109,10 @@ impl Connection {
             )));
         }
         if ready.slots == 0 {
-            return Err(Error::new(format!("{} says that it has no slots; it needs at least one", pool.name())));
+            return Err(Error::new(format!(
+                "{} says that it has no slots; it needs at least one",
+                pool.name()
+            )));
         }
         self.slots = Some(vec![None; ready.slots as usize]);
         Ok(())

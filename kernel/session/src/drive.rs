@@ -165,7 +165,9 @@ impl<'a> Run<'a> {
         let mut loan = bus.loan_frame(Topic::Raw, stamp)?;
         let target = FrameMut::new(&mut loan, width, height).map_err(wrong_size)?;
         let state = stopwatch
-            .measure(Stage::Simulator, || simulator.call(Function::Frame, Some(sequence), |s| s.frame(target)))
+            .measure(Stage::Simulator, || {
+                simulator.call(Function::Frame, Some(sequence), |s| s.frame(target))
+            })
             .map_err(Fault::Component)?;
         self.check(&state, simulator, camera.rate)?;
         let raw = loan.publish()?;
@@ -277,7 +279,10 @@ impl<'a> Run<'a> {
             Err(Fault::Component(Error::of(ErrorKind::Nonsense, sentence).at(simulator.label())))
         };
         if !state.is_finite() {
-            return nonsense(format!("its state in frame {} holds numbers that are not finite", self.sequence));
+            return nonsense(format!(
+                "its state in frame {} holds numbers that are not finite",
+                self.sequence
+            ));
         }
         let limit = PATIENT_FRAMES + PATIENT_FACTOR * expected_frames(&self.drive.scenario, rate);
         if self.frames > limit {

@@ -184,12 +184,7 @@ impl<'a> Engine<'a> {
         let recorder = self.recorder.as_ref().filter(|_| drive.trace.is_some());
         run.drive(
             &mut Instances { simulator, camera, chain: &mut chain, driver, bus },
-            &mut Witnesses {
-                recorder,
-                recent: &mut self.recent,
-                stopwatch: &mut self.stopwatch,
-                progress,
-            },
+            &mut Witnesses { recorder, recent: &mut self.recent, stopwatch: &mut self.stopwatch, progress },
         )
     }
 }
@@ -217,4 +212,3 @@ fn topics<'a>(
     };
     Ok(bus)
 }
-

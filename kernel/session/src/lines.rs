@@ -59,4 +59,3 @@ pub fn read_all<T: DeserializeOwned, E>(from: impl Read, events: &Sender<E>, wra
         }
     }
 }
-

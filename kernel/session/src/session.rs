@@ -448,7 +448,9 @@ impl Inner {
     fn admit(&mut self, ticket: Ticket, submission: &Submission) -> Result<Option<Work>> {
         let id = submission.scenario.id();
         let Some((directory, ledger)) = &self.record else {
-            return Err(Error::new("a scenario was submitted before the record was opened, which is a defect in pdk"));
+            return Err(Error::new(
+                "a scenario was submitted before the record was opened, which is a defect in pdk",
+            ));
         };
         if let Some(number) = self.scenarios.get(&id)
             && let Some(task) = self.tasks.get_mut(number)
@@ -471,9 +473,14 @@ impl Inner {
     /// Gives what waits to slots that have nothing to do, and starts workers while there are too few.
     fn give(&mut self) -> Result<()> {
         while let Some(number) = self.queue.front().copied() {
-            let free = self.connections.iter().enumerate().find_map(|(c, connection)| Some((c, connection.free_slot()?)));
+            let free = self
+                .connections
+                .iter()
+                .enumerate()
+                .find_map(|(c, connection)| Some((c, connection.free_slot()?)));
             let Some((place, slot)) = free else {
-                let starting = self.connections.iter().filter(|connection| connection.slots.is_none()).count();
+                let starting =
+                    self.connections.iter().filter(|connection| connection.slots.is_none()).count();
                 if starting < self.queue.len() && self.connections.len() < self.options.pool.connections() {
                     self.connect()?;
                     continue;
@@ -666,4 +673,3 @@ fn line_of(submission: &Submission, outcome: Outcome) -> Line {
     let Submission { scenario, name, images_every } = submission.clone();
     Line { id: scenario.id(), name, scenario, images_every, outcome }
 }
-

@@ -126,11 +126,7 @@ impl Stopwatch {
             let classes = counts.0.iter().enumerate().filter(|(_, count)| **count > 0);
             classes.map(|(class, count)| (class as u32, u64::from(*count))).collect()
         };
-        Times {
-            steps: self.steps,
-            overruns: self.overruns,
-            counts: self.counts.each_ref().map(occupied),
-        }
+        Times { steps: self.steps, overruns: self.overruns, counts: self.counts.each_ref().map(occupied) }
     }
 }
 
@@ -168,8 +164,9 @@ impl Times {
 
     /// Median and 99th percentile of each stage.
     pub fn summary(&self) -> LoopTimes {
-        let [simulator, perturbation, driver, kernel] = self.counts.each_ref().map(|counts| {
-            StageTimes { median_microseconds: quantile(counts, 0.5), p99_microseconds: quantile(counts, 0.99) }
+        let [simulator, perturbation, driver, kernel] = self.counts.each_ref().map(|counts| StageTimes {
+            median_microseconds: quantile(counts, 0.5),
+            p99_microseconds: quantile(counts, 0.99),
         });
         LoopTimes { steps: self.steps, overruns: self.overruns, simulator, perturbation, driver, kernel }
     }
@@ -250,8 +247,13 @@ mod tests {
         let times = |range: std::ops::RangeInclusive<u64>| {
             let mut counts = Counts::new();
             range.for_each(|v| counts.add(Duration::from_micros(v)));
-            let occupied: Vec<_> =
-                counts.0.iter().enumerate().filter(|(_, n)| **n > 0).map(|(c, n)| (c as u32, u64::from(*n))).collect();
+            let occupied: Vec<_> = counts
+                .0
+                .iter()
+                .enumerate()
+                .filter(|(_, n)| **n > 0)
+                .map(|(c, n)| (c as u32, u64::from(*n)))
+                .collect();
             Times { steps: 1, overruns: 0, counts: std::array::from_fn(|_| occupied.clone()) }
         };
         let mut sum = times(501..=1000);

@@ -17,7 +17,9 @@ use pdk_sdk::error::{Error, Place, Result};
 use pdk_trace::writer::{Trace, part_of};
 
 use crate::lines::{self, Found};
-use crate::protocol::{Answer, Done, Driven, Drive, Failure, FromWorker, Hello, Job, ToWorker, VERSION, Work};
+use crate::protocol::{
+    Answer, Done, Drive, Driven, Failure, FromWorker, Hello, Job, ToWorker, VERSION, Work,
+};
 use crate::stages::Times;
 
 /// How often a job is done again whose process somebody else has killed.
@@ -49,8 +51,18 @@ pub fn run() -> Result<()> {
     let patience = Duration::try_from_secs_f64(hello.patience)
         .map_err(|_| Error::new(format!("the patience is {} s, but has to be a time", hello.patience)))?;
     let limits = Limits { patience, memory: hello.memory };
-    Worker { hello, limits, sender, events, process: None, generation: 0, introduced: false, job: None, tries: 0 }
-        .serve()
+    Worker {
+        hello,
+        limits,
+        sender,
+        events,
+        process: None,
+        generation: 0,
+        introduced: false,
+        job: None,
+        tries: 0,
+    }
+    .serve()
 }
 
 enum Event {
@@ -104,7 +116,9 @@ impl Worker {
                 Some(Event::Session(Found::Nonsense(error))) => {
                     return Err(Error::new(format!("the session says what is not a message ({error})")));
                 }
-                Some(Event::Process(generation, found)) if generation == self.generation => self.hear(found)?,
+                Some(Event::Process(generation, found)) if generation == self.generation => {
+                    self.hear(found)?
+                }
                 Some(Event::Process(..)) | None => {}
             }
             if looked.elapsed() >= LOOK {
@@ -224,7 +238,9 @@ impl Worker {
             End::Late(..) => " (the limit is raised with --set patience=SECONDS)",
             End::Memory(_) => " (the limit is raised with --set memory=MIB)",
             End::Signal(libc::SIGKILL) => " (killed from outside, or for want of memory)",
-            End::Done(_) | End::Exited(_) => " (a component has to return an error instead of ending its process)",
+            End::Done(_) | End::Exited(_) => {
+                " (a component has to return an error instead of ending its process)"
+            }
             End::Signal(_) => "",
         };
         end.said(calls) + remedy
@@ -305,4 +321,3 @@ fn write_trace(drive: &Drive, message: &str) -> Result<()> {
 fn say(message: &FromWorker) -> Result<()> {
     lines::write(&mut io::stdout().lock(), message)
 }
-
