@@ -70,7 +70,7 @@ pub struct Stamp {
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 #[type_name("PdkFrameHeader")]
 pub struct FrameHeader {
-    /// The run, as [`run_hash`] of its id. The id itself is part of the service name.
+    /// The run, as [`run_hash`] of its id. The id itself is the name of the folder in which the root lies.
     pub run: u64,
     /// Number of the scenario within the run, from 0.
     pub scenario: u64,
@@ -84,8 +84,8 @@ pub struct FrameHeader {
     /// When the message was sent: nanoseconds of the monotonic clock, comparable between the processes of
     /// one machine.
     pub sent_at: u64,
-    /// The loop within the run, from 0.
-    pub lane: u32,
+    /// The slot of the loop within the run, from 0.
+    pub slot: u32,
     /// Width in pixels of the frames of this loop.
     pub width: u32,
     /// Height in pixels of the frames of this loop.
