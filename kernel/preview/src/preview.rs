@@ -4,15 +4,17 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use image::RgbImage;
 use indicatif::ProgressBar;
+use pdk_core::catalog::{Catalog, Entry};
+use pdk_core::chain::Chain;
+use pdk_core::registry::Registry;
+use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind, LEVELS, Temporal};
 use pdk_sdk::error::Result;
 use pdk_sdk::prelude::FrameBuf;
 use serde_json::{Map, Value};
 
-use crate::chain::{Chain, Level, MAX_INTENSITY, Spec};
 use crate::picture::{self, Block};
-use crate::registry::{Component, Registry};
 
 /// The moment at which a perturbation is shown in seconds: those that move have begun to.
 const MOMENT: f64 = 2.0;
@@ -36,29 +38,29 @@ pub struct Options {
 pub struct Shown {
     /// What the perturbation says of itself.
     pub description: Description,
-    spec: Spec,
+    applied: AppliedPerturbation,
     /// Whether the user names a level, at which alone it is shown then.
     one_level: bool,
 }
 
 impl Shown {
     /// It at its own level, or at this one where the user names none.
-    pub fn at(&self, level: f64) -> Spec {
+    pub fn at(&self, level: f64) -> AppliedPerturbation {
         match self.one_level {
-            true => self.spec.clone(),
-            false => Spec { level: Level::Constant(level), ..self.spec.clone() },
+            true => self.applied.clone(),
+            false => self.applied.clone().at_level(level),
         }
     }
 
     /// What a row of pictures shows.
-    fn levels(&self) -> Vec<Spec> {
+    fn levels(&self) -> Vec<AppliedPerturbation> {
         let count = if self.one_level { 1 } else { LEVELS };
         (0..count).map(|level| self.at(level as f64)).collect()
     }
 
     fn label(&self) -> String {
         let Description { family, temporal, default, .. } = &self.description;
-        let name = if self.one_level { self.spec.to_string() } else { self.spec.label() };
+        let name = if self.one_level { self.applied.to_string() } else { self.applied.label() };
         let temporal = if *temporal == Temporal::Dynamic { ", dynamic" } else { "" };
         let set = if *default { "" } else { ", by name only" };
         format!("{name}  ({family}{temporal}{set})")
@@ -67,35 +69,34 @@ impl Shown {
 
 /// The perturbations that can be shown without setting anything, or with an example of their own, by family and name: the
 /// default set with the files of the user's that are perturbations, or all.
-pub fn usable(registry: &Registry, all: bool) -> Vec<Description> {
-    let wanted = |component: &&Component| {
-        all || component.description.default || registry.base_of(component).is_some()
-    };
-    let found = registry.of_kind(Kind::Perturbation).filter(wanted).map(|component| &component.description);
+pub fn usable(catalog: &Catalog, all: bool) -> Vec<Description> {
+    let wanted = |entry: &&Entry| all || entry.description.default || entry.base.is_some();
+    let found = catalog.of_kind(Kind::Perturbation).filter(wanted).map(|entry| &entry.description);
     let mut usable: Vec<Description> = found.filter(|found| settings(found).is_some()).cloned().collect();
     usable.sort_by(|a, b| (&a.family, &a.name).cmp(&(&b.family, &b.name)));
     usable
 }
 
-/// The perturbations to show: those that are named as for [`Spec::parse`], or those that are [`usable`].
+/// The perturbations to show: those that are named as for [`AppliedPerturbation::parse`], or those that are [`usable`].
 ///
 /// # Errors
 /// Where one of the names is no perturbation, or what stands behind it cannot be read.
-pub fn chosen(registry: &Registry, named: &[String], all: bool) -> Result<Vec<Shown>> {
+pub fn chosen(catalog: &Catalog, named: &[String], all: bool) -> Result<Vec<Shown>> {
     if named.is_empty() {
         let shown = |description: Description| {
             let parameters = settings(&description).unwrap_or_default();
-            let spec = Spec { parameters, ..Spec::new(&description.name, 0.0) };
-            Shown { description, spec, one_level: false }
+            let applied =
+                AppliedPerturbation { parameters, ..AppliedPerturbation::new(&description.name, 0.0) };
+            Shown { description, applied, one_level: false }
         };
-        return Ok(usable(registry, all).into_iter().map(shown).collect());
+        return Ok(usable(catalog, all).into_iter().map(shown).collect());
     }
     let shown = |text: &String| {
-        let spec = Spec::parse(text, 0.0)?;
-        // What is the same whatever the default is has a level of its own.
-        let one_level = spec == Spec::parse(text, MAX_INTENSITY)?;
-        let description = registry.get(Kind::Perturbation, &spec.name)?.description.clone();
-        Ok(Shown { description, spec, one_level })
+        let applied = AppliedPerturbation::parse(text)?;
+        // What can be read as it is, but not as one whose levels come from elsewhere, has a level of its own.
+        let one_level = AppliedPerturbation::from_json_without_level(&text.as_str().into()).is_err();
+        let description = catalog.get(Kind::Perturbation, &applied.name)?.description.clone();
+        Ok(Shown { description, applied, one_level })
     };
     named.iter().map(shown).collect()
 }
@@ -114,12 +115,12 @@ fn settings(description: &Description) -> Option<Map<String, Value>> {
 /// Where it cannot be perturbed.
 pub fn perturbed(
     registry: &Registry,
-    spec: &Spec,
+    applied: &AppliedPerturbation,
     source: &FrameBuf,
     seed: u64,
     time: f64,
 ) -> Result<FrameBuf> {
-    let mut chain = Chain::new(registry, std::slice::from_ref(spec), seed, 0)?;
+    let mut chain = Chain::new(registry, std::slice::from_ref(applied), seed)?;
     let mut target = FrameBuf::new(source.width(), source.height());
     chain.apply(source.as_ref(), target.as_mut(), (time * RATE).round() as u64, time)?;
     Ok(target)
@@ -143,8 +144,8 @@ pub fn rows(
             loop {
                 let index = next.fetch_add(1, Ordering::Relaxed);
                 let Some(shown) = chosen.get(index) else { return rows };
-                let pictures = shown.levels().into_iter().map(|spec| {
-                    let frame = perturbed(registry, &spec, source, options.seed, MOMENT)?;
+                let pictures = shown.levels().into_iter().map(|applied| {
+                    let frame = perturbed(registry, &applied, source, options.seed, MOMENT)?;
                     Ok(picture::scaled(&frame, options.picture_width))
                 });
                 rows.push((index, pictures.collect()));
@@ -178,13 +179,13 @@ pub fn rows(
 /// Where the perturbation fails.
 pub fn over_time(
     registry: &Registry,
-    spec: &Spec,
+    applied: &AppliedPerturbation,
     source: &FrameBuf,
     options: &Options,
     count: usize,
     interval: f64,
 ) -> Result<Vec<RgbImage>> {
-    let mut chain = Chain::new(registry, std::slice::from_ref(spec), options.seed, 0)?;
+    let mut chain = Chain::new(registry, std::slice::from_ref(applied), options.seed)?;
     let mut target = FrameBuf::new(source.width(), source.height());
     (0..count)
         .map(|number| {
@@ -201,6 +202,46 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+
+    /// A catalog with fog, which everybody has, and frost, which has to be named.
+    fn catalog() -> Catalog {
+        let mut catalog = Catalog::default();
+        for (name, default) in [("fog", true), ("frost", false)] {
+            let description =
+                Description { default, ..Description::perturbation(name, "x").family("weather") };
+            catalog.add(Entry { description, file: "plugin".into(), base: None });
+        }
+        catalog
+    }
+
+    #[test]
+    fn a_level_that_is_named_is_the_only_one_shown() {
+        let levels = |text: &str| {
+            let shown = chosen(&catalog(), &[text.to_owned()], false).unwrap();
+            shown[0].levels().iter().map(|applied| applied.level.constant()).collect::<Vec<_>>()
+        };
+        let all: Vec<_> = (0..LEVELS).map(|level| Some(level as f64)).collect();
+        assert_eq!(levels("fog"), all);
+        assert_eq!(levels("fog,probability=0.5"), all);
+        assert_eq!(levels("fog@2"), [Some(2.0)]);
+        // Also where it is the one that would be taken without a name.
+        assert_eq!(levels(&format!("frost@{}", pdk_model::level::DEFAULT_LEVEL)).len(), 1);
+        assert_eq!(levels("fog,level=3,probability=0.5"), [Some(3.0)]);
+        let error = chosen(&catalog(), &["fok".to_owned()], false).err().unwrap();
+        assert!(error.message().contains("`fog`"), "{error}");
+    }
+
+    #[test]
+    fn the_default_set_and_files_of_the_users_are_shown_unless_all_are_wanted() {
+        let mut catalog = catalog();
+        let description = Description { default: false, ..Description::perturbation("sticker", "x") };
+        catalog.add(Entry { description, file: "sticker.png".into(), base: Some("overlay".into()) });
+        let names = |all: bool| {
+            chosen(&catalog, &[], all).unwrap().into_iter().map(|s| s.description.name).collect::<Vec<_>>()
+        };
+        assert_eq!(names(false), ["sticker", "fog"]);
+        assert_eq!(names(true), ["sticker", "fog", "frost"]);
+    }
 
     #[test]
     fn what_needs_a_file_is_shown_with_its_example() {

@@ -6,9 +6,7 @@ use image::{Rgb, RgbImage, imageops};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::FrameBuf;
 
-mod text;
-
-pub use text::{LINE_HEIGHT, draw as draw_text, draw_in as draw_text_in};
+use crate::text::{self, LINE_HEIGHT};
 
 /// White paper.
 pub const PAPER: Rgb<u8> = Rgb([255, 255, 255]);
@@ -77,11 +75,11 @@ pub fn sheet(heading: &str, blocks: &[Block], columns: u32) -> Result<RgbImage> 
     let top = MARGIN + LINE_HEIGHT + GAP;
     let width = MARGIN * 2 + columns * block_width + (columns - 1) * MARGIN;
     let mut sheet = RgbImage::from_pixel(width, top + rows * block_height + MARGIN, PAPER);
-    draw_text(&mut sheet, MARGIN, MARGIN, heading);
+    text::draw(&mut sheet, MARGIN, MARGIN, heading);
     for (position, block) in blocks.iter().enumerate() {
         let (column, line) = (position as u32 / rows, position as u32 % rows);
         let (x, y) = (MARGIN + column * (block_width + MARGIN), top + line * block_height);
-        draw_text(&mut sheet, x, y, &block.label);
+        text::draw(&mut sheet, x, y, &block.label);
         imageops::replace(&mut sheet, &block.row, i64::from(x), i64::from(y + LINE_HEIGHT));
     }
     Ok(sheet)
