@@ -3,6 +3,7 @@
 
 use std::{fs, io, path::PathBuf, process::ExitCode, time::Duration};
 
+use pdk_model::state::State;
 use pdk_bus::{FrameSample, LATEST, Message, Tap, Topic, monotonic_nanoseconds};
 
 const USAGE: &str = "\
@@ -117,13 +118,13 @@ fn print(tap: &Tap, message: &Message) {
             format!("steering {:+.3} throttle {:+.3}", control.steering, control.throttle)
         }
         Message::State(_, state) => format!(
-            "x {:.2} y {:.2} z {:.2} speed {:.2} m/s cross-track {:+.3} m flags {:03b}",
+            "x {:.2} y {:.2} z {:.2} speed {:.2} m/s cross-track {:+.3} m {}",
             state.position[0],
             state.position[1],
             state.position[2],
             state.speed,
             state.cross_track_error,
-            state.flags
+            flags(state)
         ),
     };
     println!(
@@ -143,4 +144,10 @@ fn save(frame: &FrameSample, path: &PathBuf) -> io::Result<()> {
     let unfinished = path.with_extension("ppm.part");
     fs::write(&unfinished, bytes)?;
     fs::rename(&unfinished, path)
+}
+
+/// The flags that are set, by name.
+fn flags(state: &State) -> String {
+    let set = State::FLAGS.iter().zip(state.flags()).filter(|(_, set)| *set);
+    set.map(|(name, _)| *name).collect::<Vec<_>>().join(" ")
 }

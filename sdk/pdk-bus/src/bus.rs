@@ -6,11 +6,13 @@ use std::{
     time::Duration,
 };
 
+use pdk_model::{control::Control, state::State};
+
 use crate::{
     base::base,
     error::{Error, Result},
     layout::SHARED_MEMORY,
-    message::{ControlMessage, FORMAT_RGB8, FrameHeader, Stamp, StateMessage, Topic, run_hash},
+    message::{FORMAT_RGB8, FrameHeader, Stamp, Topic, run_hash},
     root::{Root, living},
     service::config,
     topics::{FRAMES_PER_TOPIC, FrameLoan, Topics},
@@ -115,16 +117,16 @@ impl Bus {
     ///
     /// # Errors
     /// Where the topic's memory is damaged.
-    pub fn publish_control(&self, stamp: Stamp, message: ControlMessage) -> Result<()> {
-        self.topics.control.send(self.stamped(stamp), message)
+    pub fn publish_control(&self, stamp: Stamp, control: Control) -> Result<()> {
+        self.topics.control.send(self.stamped(stamp), control.into())
     }
 
     /// Sends what the vehicle did.
     ///
     /// # Errors
     /// Where the topic's memory is damaged.
-    pub fn publish_state(&self, stamp: Stamp, message: StateMessage) -> Result<()> {
-        self.topics.state.send(self.stamped(stamp), message)
+    pub fn publish_state(&self, stamp: Stamp, state: State) -> Result<()> {
+        self.topics.state.send(self.stamped(stamp), state.into())
     }
 
     fn stamped(&self, stamp: Stamp) -> FrameHeader {

@@ -27,8 +27,9 @@
 //! `tap --list` of the examples prints the roots.
 //!
 //! The services are `pdk/raw`, `pdk/perturbed`, `pdk/control` and `pdk/state`: publish-subscribe, user header
-//! `PdkFrameHeader`, payload a slice of `u8` for the frames, `PdkControl` and `PdkState` for the others, with the
-//! fields in the order given here.
+//! `PdkFrameHeader`, payload a slice of `u8` for the frames, `PdkControl` (the numbers of a control as 64-bit
+//! floating-point numbers, in the order of `pdk_model::control::Control::NUMBERS`) and `PdkState` (those of a state, in the order of
+//! `pdk_model::state::State::NUMBERS`, then 32 bits of flags in the order of `State::FLAGS`, the lowest first, and 32 bits of 0).
 
 mod base;
 mod bus;
@@ -50,7 +51,7 @@ pub use bus::Bus;
 pub use error::{Error, Result};
 pub use layout::LATEST;
 pub use link::Message;
-pub use message::{ControlMessage, FORMAT_RGB8, FrameHeader, Stamp, StateMessage, Topic, run_hash};
+pub use message::{FORMAT_RGB8, FrameHeader, Stamp, Topic, run_hash};
 pub use removal::remove;
 pub use service::monotonic_nanoseconds;
 pub use sweep::{sweep, sweep_run};

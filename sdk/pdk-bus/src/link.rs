@@ -10,6 +10,8 @@ use std::{
 
 use iceoryx2::{node::Node, port::ReceiveError};
 
+use pdk_model::{control::Control, state::State};
+
 use crate::{
     error::{Error, Result},
     layout::{CONFIG_FILE, TAPS_FILE, prefix},
@@ -32,9 +34,9 @@ pub enum Message {
     /// From [`Topic::Raw`] or [`Topic::Perturbed`]: a view of the shared memory, not a copy.
     Frame(FrameSample),
     /// From [`Topic::Control`].
-    Control(FrameHeader, ControlMessage),
+    Control(FrameHeader, Control),
     /// From [`Topic::State`].
-    State(FrameHeader, StateMessage),
+    State(FrameHeader, State),
 }
 
 impl Message {
@@ -89,8 +91,8 @@ impl Link {
     pub(crate) fn receive(&self) -> Result<Option<Message>, ReceiveError> {
         Ok(match &self.port {
             Port::Frame(port) => port.receive()?.map(|sample| Message::Frame(FrameSample { sample })),
-            Port::Control(port) => port.receive()?.map(|s| Message::Control(*s.user_header(), *s.payload())),
-            Port::State(port) => port.receive()?.map(|s| Message::State(*s.user_header(), *s.payload())),
+            Port::Control(port) => port.receive()?.map(|s| Message::Control(*s.user_header(), (*s.payload()).into())),
+            Port::State(port) => port.receive()?.map(|s| Message::State(*s.user_header(), (*s.payload()).into())),
         })
     }
 }

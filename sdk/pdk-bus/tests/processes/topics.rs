@@ -5,8 +5,9 @@ use std::{
     time::{Duration, Instant},
 };
 
+use pdk_model::{control::Control, state::State};
 use pdk_bus::{
-    Bus, ControlMessage, LATEST, Message, SlotTopics, StateMessage, Tap, Topic, monotonic_nanoseconds,
+    Bus, LATEST, Message, SlotTopics, Tap, Topic, monotonic_nanoseconds,
     run_hash,
 };
 
@@ -168,11 +169,12 @@ fn control_and_state_arrive_with_the_stamp_of_their_frame() {
     let bus = Bus::create(&run, 2, WIDTH, HEIGHT).unwrap();
     let mut control = Tap::open(&run, 2, Topic::Control, SOON).unwrap();
     let mut state = Tap::open(&run, 2, Topic::State, SOON).unwrap();
-    let answer = ControlMessage { steering: -0.25, throttle: 0.5 };
-    let seen = StateMessage {
+    let answer = Control { steering: -0.25, throttle: 0.5 };
+    let seen = State {
         position: [1.0, 2.0, 3.0],
         speed: 8.5,
-        flags: StateMessage::LANE_DEPARTURE | StateMessage::FINISHED,
+        lane_departure: true,
+        finished: true,
         ..Default::default()
     };
     bus.publish_control(stamp(7), answer).unwrap();
