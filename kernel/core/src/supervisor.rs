@@ -9,7 +9,7 @@ use std::time::Duration;
 use pdk_model::error::ErrorKind;
 use rustix::process::{Pid, Signal};
 
-use crate::calls::{Observed, PAGE_VARIABLE, Seen};
+use crate::calls::{Function, Observed, PAGE_VARIABLE, Seen};
 
 /// How long a component may take for one call, unless the user says otherwise.
 pub const DEFAULT_PATIENCE: Duration = Duration::from_secs(60);
@@ -85,9 +85,15 @@ impl Supervised {
         if let Some(status) = self.child.try_wait()? {
             return Ok(Some(self.ended(status)));
         }
-        if let Some(call) = self.calls.calls().into_iter().find(|call| call.lasting > self.limits.patience) {
+        let limit = |call: &Seen| match call.function {
+            // Nothing that a user asked for is done there.
+            Function::Load => self.limits.patience.min(DEFAULT_PATIENCE),
+            _ => self.limits.patience,
+        };
+        if let Some(call) = self.calls.calls().into_iter().find(|call| call.lasting > limit(call)) {
+            let patience = limit(&call);
             self.kill();
-            return Ok(Some(End::Late(call, self.limits.patience)));
+            return Ok(Some(End::Late(call, patience)));
         }
         if resident(self.child.id()).is_some_and(|memory| memory > self.limits.memory) {
             self.kill();

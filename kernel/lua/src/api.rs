@@ -1,7 +1,7 @@
 //! How functions and classes are registered and documented.
 //!
 //! What a script can use is listed once, in tables of these types. The same tables install it in a virtual machine and
-//! write the type definitions for editors ([`super::types`]), so the two cannot differ.
+//! write the type definitions for editors ([`crate::types`]), so the two cannot differ.
 
 use mlua::{Function, Lua, UserDataRegistry};
 

@@ -2,7 +2,7 @@
 
 use mlua::Value;
 
-use super::failure::type_of;
+use crate::failure::type_of;
 
 /// A finite number. `call` is how the script calls the function: `image:blur`.
 pub(super) fn number(call: &str, name: &str, value: &Value) -> mlua::Result<f64> {

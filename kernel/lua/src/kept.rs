@@ -9,8 +9,9 @@ use std::ffi::{CStr, c_int, c_void};
 use mlua::{Function, Lua, Table, Value, ffi};
 use pdk_sdk::error::Result;
 
-use super::LuaPerturbation;
-use super::image::{LuaImage, buffer_bytes};
+use crate::buffers::buffer_bytes;
+use crate::image::LuaImage;
+use crate::perturbation::LuaPerturbation;
 
 /// The most variables and entries of tables that are looked at.
 const MOST: usize = 20_000;
@@ -200,7 +201,7 @@ fn written(value: &Value) -> String {
 mod tests {
     use pdk_sdk::serde_json::json;
 
-    use crate::lua::perturbation::tests::{key, make, picture, run};
+    use crate::perturbation::tests::{key, make, picture, run};
     use pdk_sdk::perturbation::Context;
 
     /// What changes between the second and the third frame of a script.

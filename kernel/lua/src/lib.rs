@@ -6,36 +6,47 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | [`sandbox`] | the virtual machine and its limits |
+//! | [`sandbox`] | the virtual machine |
+//! | [`limits`] | how much memory and time a script may use |
 //! | `watchdog` | ends calls that use up their time |
 //! | `failure` | turns whatever a script raises into one sentence |
 //! | `arithmetic` | mathematical functions that give the same bits everywhere |
 //! | `power` | refuses the uses of `^` that would not |
-//! | [`api`] | how functions and classes are registered and documented |
+//! | [`api`] | how functions and classes are registered |
+//! | [`types`] | the type definition file, written from what is registered |
 //! | `arguments` | the arguments of host functions, checked |
+//! | `buffers` | the bytes of Luau's buffers, in place |
 //! | [`image`] | the image a script edits, and the operations on it |
 //! | [`random`] | the random numbers a script draws |
 //! | [`declaration`] | the table by which a script describes its perturbation |
+//! | `absent` | what pipelines have and perturbations do not |
 //! | [`perturbation`] | a script as a perturbation |
 //! | [`kept`] | what a script keeps from one frame to the next, found when it is checked |
-//! | [`types`] | the type definition file |
+//! | [`scripts`] | components from scripts, for the registry |
 
+mod absent;
 pub mod api;
 mod arguments;
 mod arithmetic;
+mod buffers;
 pub mod declaration;
 mod failure;
 pub mod image;
 pub mod kept;
+pub mod limits;
 pub mod perturbation;
 mod power;
 pub mod random;
 pub mod sandbox;
+pub mod scripts;
 pub mod types;
 mod watchdog;
 
-pub use api::{ApiClass, ApiFunction, ApiMethod, ApiProperty, ApiRecord, ApiTable};
+pub use api::{ApiClass, ApiField, ApiFunction, ApiMethod, ApiProperty, ApiRecord, ApiTable};
 pub use kept::Kept;
-pub use perturbation::{LuaPerturbation, create, description, open};
-pub use sandbox::{Limits, Sandbox};
+pub use limits::Limits;
+pub use perturbation::{LuaPerturbation, description, open, perturbation_api};
+pub use sandbox::Sandbox;
+pub use scripts::LuaScripts;
+pub use types::{Declare, definitions};
 pub use watchdog::without_clock;

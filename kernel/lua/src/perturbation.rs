@@ -3,58 +3,117 @@
 use std::path::Path;
 
 use mlua::{AnyUserData, Function, Lua, LuaString, Table, Value};
+use pdk_core::suggest;
 use pdk_sdk::config::{Config, frame_values};
 use pdk_sdk::describe::{Description, ParameterType};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::ops::{Frame, FrameMut, Key};
 use pdk_sdk::perturbation::{Context, Perturbation};
 
-use super::declaration::{self, CONTEXT, Declaration};
-use super::failure::type_of;
-use super::image::LuaImage;
-use super::random::LuaRandom;
-use super::sandbox::{Limits, Sandbox};
-use crate::suggest;
+use crate::absent::{self, Reached};
+use crate::declaration::{self, CONTEXT, Declaration, PARAMETER, PERTURBATION};
+use crate::failure::type_of;
+use crate::image::{ImageClass, LuaImage};
+use crate::limits::Limits;
+use crate::random::{LuaRandom, RANDOM};
+use crate::sandbox::Sandbox;
+use crate::types::Declare;
+
+/// What the script of a perturbation sees besides Luau's own library, in the order of the type definition file.
+pub fn perturbation_api() -> Vec<&'static dyn Declare> {
+    vec![&PERTURBATION, &PARAMETER, &CONTEXT, &ImageClass, &RANDOM]
+}
+
+/// What a script turned out to be.
+pub(crate) enum Script {
+    /// It returned a table with `apply`.
+    Perturbation(Box<Declaration>),
+    /// It reached for what only pipelines have.
+    Pipeline,
+    /// It returned this.
+    Other(Value),
+}
 
 /// Reads the description of the perturbation in a file.
 ///
 /// # Errors
-/// Where the file cannot be read, is no valid script, or returns something other than a perturbation.
+/// Where the file cannot be read, is no valid script, or is something other than a perturbation.
 pub fn description(path: &Path) -> Result<Description> {
     let source = std::fs::read(path).place(path.display())?;
-    let script = path.display().to_string();
-    let sandbox = Sandbox::new(Limits::from_environment()?)?;
-    declare(&sandbox, &script, &source, stem(path)).map(|declaration| declaration.description)
+    let machine = Machine::new(Limits::of_perturbation()?)?;
+    machine
+        .declare(&path.display().to_string(), &source, stem(path))
+        .map(|declaration| declaration.description)
+}
+
+/// Finds out what a script is.
+///
+/// # Errors
+/// Where the file cannot be read, the script fails, or it returns a table with `apply` that is no valid perturbation.
+pub(crate) fn look_at(path: &Path) -> Result<Script> {
+    let source = std::fs::read(path).place(path.display())?;
+    let machine = Machine::new(Limits::of_perturbation()?)?;
+    machine.look_at(&path.display().to_string(), &source, stem(path))
 }
 
 /// Makes an instance of the perturbation in a file. `config` has been checked against its description.
 ///
 /// # Errors
 /// As [`description`].
-pub fn create(path: &Path, config: &Config) -> Result<Box<dyn Perturbation>> {
-    Ok(Box::new(open(path, config)?))
-}
-
-/// As [`create`], for those who want to know more of it than that it is a perturbation.
-///
-/// # Errors
-/// As [`description`].
 pub fn open(path: &Path, config: &Config) -> Result<LuaPerturbation> {
     let source = std::fs::read(path).place(path.display())?;
     let script = path.display().to_string();
-    let limits = Limits::from_environment()?;
-    LuaPerturbation::new(&script, &source, stem(path), config.clone(), limits)
+    LuaPerturbation::new(&script, &source, stem(path), config.clone(), Limits::of_perturbation()?)
 }
 
 fn stem(path: &Path) -> &str {
     path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default()
 }
 
-/// Runs a script and checks the table it returns.
-fn declare(sandbox: &Sandbox, script: &str, source: &[u8], stem: &str) -> Result<Declaration> {
-    let chunk = sandbox.load(script, source)?;
-    let returned = sandbox.call(script, &chunk, ())?;
-    declaration::read(&returned, stem).map_err(|error| error.at(script))
+/// A virtual machine for the script of a perturbation.
+struct Machine {
+    sandbox: Sandbox,
+    reached: Reached,
+}
+
+impl Machine {
+    fn new(limits: Limits) -> Result<Self> {
+        let mut reached = Reached::default();
+        let sandbox = Sandbox::with_api(limits, |lua| {
+            reached = absent::install(lua)?;
+            Ok(())
+        })?;
+        Ok(Self { sandbox, reached })
+    }
+
+    /// Runs a script, which may be anything.
+    fn look_at(&self, script: &str, source: &[u8], stem: &str) -> Result<Script> {
+        let chunk = self.sandbox.load(script, source)?;
+        self.reached.forget();
+        let returned = match self.sandbox.call(script, &chunk, ()) {
+            Err(_) if self.reached.get() => return Ok(Script::Pipeline),
+            returned => returned?,
+        };
+        match &returned {
+            Value::Table(table) if declaration::has_apply(table)? => {
+                let declaration = declaration::read(&returned, stem).map_err(|error| error.at(script))?;
+                Ok(Script::Perturbation(Box::new(declaration)))
+            }
+            _ => Ok(Script::Other(returned)),
+        }
+    }
+
+    /// Runs a script, which has to be a perturbation.
+    fn declare(&self, script: &str, source: &[u8], stem: &str) -> Result<Declaration> {
+        match self.look_at(script, source, stem)? {
+            Script::Perturbation(declaration) => Ok(*declaration),
+            Script::Pipeline => Err(Error::new(format!(
+                "is a pipeline, but a perturbation is expected here; run it with `pdk run {script}`, or move it elsewhere"
+            ))
+            .at(script)),
+            Script::Other(returned) => declaration::read(&returned, stem).map_err(|error| error.at(script)),
+        }
+    }
 }
 
 /// A perturbation written in Lua, in a virtual machine of its own.
@@ -80,8 +139,9 @@ impl LuaPerturbation {
     /// # Errors
     /// Where it is no valid script or returns something other than a perturbation.
     pub fn new(script: &str, source: &[u8], stem: &str, config: Config, limits: Limits) -> Result<Self> {
-        let sandbox = Sandbox::new(limits)?;
-        let Declaration { description, apply } = declare(&sandbox, script, source, stem)?;
+        let machine = Machine::new(limits)?;
+        let Declaration { description, apply } = machine.declare(script, source, stem)?;
+        let sandbox = machine.sandbox;
         let cx = sandbox.make(script, |lua| ScriptContext::new(lua, &description, &config))?;
         Ok(Self {
             script: script.to_owned(),

@@ -3,9 +3,9 @@
 use mlua::{UserData, UserDataMethods, UserDataRegistry, Value};
 use pdk_sdk::ops::Random;
 
-use super::api::{ApiClass, ApiMethod};
-use super::arguments::{number, whole, wrong};
-use super::image::buffer_bytes;
+use crate::api::{ApiClass, ApiMethod};
+use crate::arguments::{number, whole, wrong};
+use crate::buffers::buffer_bytes;
 
 /// A stream of random numbers in a script.
 pub struct LuaRandom(pub Random);

@@ -12,86 +12,18 @@
 
 use std::ffi::c_int;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::time::Duration;
 
 use mlua::chunk::{ChunkMode, Compiler};
 use mlua::{Function, IntoLuaMulti, Lua, LuaOptions, MultiValue, StdLib, Value, ffi};
+use pdk_core::eprintln;
 use pdk_sdk::error::{Error, Result};
 
-use super::watchdog::Registration;
-use super::{arithmetic, failure, power};
+use crate::limits::{Limits, MEMORY_VARIABLE, TIME_VARIABLE};
+use crate::watchdog::Registration;
+use crate::{arithmetic, failure, power};
 
 /// The largest script, in bytes. The compiler's own memory is not limited, but proportional to this.
 const LARGEST_SCRIPT: usize = 1 << 20;
-
-/// The environment variable that sets the time limit, in seconds.
-pub const TIME_VARIABLE: &str = "PDK_SCRIPT_SECONDS";
-/// The environment variable that sets the memory limit, in MiB.
-pub const MEMORY_VARIABLE: &str = "PDK_SCRIPT_MEGABYTES";
-
-/// What a script may use.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Limits {
-    /// Memory of the whole virtual machine, images included; see [`Limits::for_frame`].
-    pub memory_bytes: usize,
-    /// Time of one call.
-    pub time: Duration,
-}
-
-impl Default for Limits {
-    /// 256 MiB and one second.
-    fn default() -> Self {
-        Self { memory_bytes: 256 << 20, time: Duration::from_secs(1) }
-    }
-}
-
-/// Images as large as the frame that a perturbation may have besides [`Limits::memory_bytes`].
-const IMAGES: usize = 4;
-/// Frames with more pixels than this get more time.
-const USUAL_PIXELS: usize = 1 << 20;
-
-impl Limits {
-    /// The limits of a perturbation for a frame of this size: four images as large as the frame do not count against the
-    /// memory, and a frame with more than a megapixel has as many times the time.
-    pub fn for_frame(self, width: usize, height: usize) -> Self {
-        let pixels = width.saturating_mul(height);
-        let factor = (pixels as f64 / USUAL_PIXELS as f64).max(1.0);
-        let seconds = self.time.as_secs_f64() * factor;
-        Self {
-            memory_bytes: self.memory_bytes.saturating_add(pixels.saturating_mul(3 * IMAGES)),
-            time: if factor > 1.0 {
-                Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
-            } else {
-                self.time
-            },
-        }
-    }
-
-    /// The default limits, or what the environment variables [`TIME_VARIABLE`] and [`MEMORY_VARIABLE`] say.
-    ///
-    /// # Errors
-    /// Where a variable is set to something other than a positive number.
-    pub fn from_environment() -> Result<Self> {
-        let mut limits = Self::default();
-        if let Some(seconds) = positive_variable(TIME_VARIABLE)? {
-            limits.time = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
-        }
-        if let Some(megabytes) = positive_variable(MEMORY_VARIABLE)? {
-            limits.memory_bytes = (megabytes * f64::from(1 << 20)) as usize;
-        }
-        Ok(limits)
-    }
-}
-
-fn positive_variable(name: &str) -> Result<Option<f64>> {
-    let Some(text) = std::env::var_os(name) else { return Ok(None) };
-    match text.to_str().and_then(|text| text.trim().parse::<f64>().ok()) {
-        Some(number) if number > 0.0 => Ok(Some(number)),
-        _ => Err(Error::new(format!(
-            "the environment variable {name} is {text:?}, but has to be a positive number"
-        ))),
-    }
-}
 
 /// A virtual machine for one script.
 pub struct Sandbox {

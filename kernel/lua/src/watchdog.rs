@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use mlua::{Lua, ffi};
 use pdk_sdk::error::{Error, Result};
 
-use super::failure;
+use crate::failure;
 
 /// How often deadlines are looked at.
 const PERIOD: Duration = Duration::from_millis(5);

@@ -4,7 +4,7 @@
 use pdk_sdk::error::{Error, Result};
 use serde_json::{Map, Value};
 
-use crate::suggest;
+use pdk_core::suggest;
 
 /// A table whose fields are taken.
 pub struct Fields {
@@ -26,7 +26,7 @@ impl Fields {
             Value::Array(list) if list.is_empty() => Map::new(),
             other => {
                 return Err(Error::new(format!(
-                    "{table}: {other} is no table; write {{ field = value, ... }}"
+                    "{table}: {other} is not a table; write {{ field = value, ... }}"
                 )));
             }
         };
@@ -37,6 +37,19 @@ impl Fields {
             )));
         }
         Ok(Self { table, fields })
+    }
+
+    /// What errors call the table.
+    pub fn table(&self) -> &str {
+        &self.table
+    }
+
+    /// What a text in a field stands for.
+    ///
+    /// # Errors
+    /// Where it stands for nothing, with the table.
+    pub fn read<T: std::str::FromStr<Err = Error>>(&self, text: &str) -> Result<T> {
+        text.parse().map_err(|error: Error| error.at(&self.table))
     }
 
     /// A field of any type; null where it is not set.
@@ -155,7 +168,7 @@ mod tests {
         );
         let unknown = |value| Fields::new("pdk.x", value, &known).err().unwrap().to_string();
         assert_eq!(unknown(json!({"numbr": 1})), "pdk.x: there is no field `numbr`; did you mean `number`?");
-        assert_eq!(unknown(json!(7)), "pdk.x: 7 is no table; write { field = value, ... }");
+        assert_eq!(unknown(json!(7)), "pdk.x: 7 is not a table; write { field = value, ... }");
     }
 
     #[test]

@@ -1,36 +1,32 @@
-//! What a pipeline does through the global `pdk`: it collects settings, drives, evaluates, and keeps the record.
+//! What stands behind the global `pdk` of one pipeline: its settings, the session, and the record.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 
+use indicatif::ProgressBar;
+use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SUMMARY};
+use pdk_core::ledger::{Ledger, Line};
+use pdk_core::manifest::{InUse, Machine, Manifest, Module, Pipeline};
+use pdk_core::{output, println};
+use pdk_model::component::ComponentSpec;
+use pdk_model::outcome::Cause;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
+use pdk_session::protocol::{Evaluation, Made};
+use pdk_session::session::{Reply, Session, Submission, Ticket};
+use pdk_session::stages::LoopTimes;
 use serde_json::{Map, Value, json};
 
-use super::settings::{self, COMMON, Override};
-use super::{report, road, speed, table};
-use crate::chain::Spec;
-use crate::component::ComponentSpec;
-use crate::drive::{self, Cause, Outcome};
-use crate::evaluate;
-use crate::output;
-use crate::record::manifest::{InUse, Machine, Manifest, Pipeline};
-use crate::record::{MANIFEST, PERFORMANCE, Recorded, RunDirectory, SUMMARY};
-use crate::registry::Registry;
-use crate::watchdog::{self, Patience};
+use crate::evaluation::{self, Results};
+use crate::requests::{DatasetSpec, Defaults, Evaluate};
+use crate::settings::{self, COMMON, Common, Override};
+use crate::{road, table, tables};
 
 /// The folder for records where the user names none.
 const RUNS: &str = "runs";
-
-/// How a pipeline is run.
-#[derive(Debug, Clone, Default)]
-pub struct Options {
-    /// What the command line sets, in order.
-    pub overrides: Vec<Override>,
-    /// Whether nobody reads along: then there are no progress bars and no tables.
-    pub quiet: bool,
-}
 
 /// What a run came to.
 #[derive(Debug, Clone)]
@@ -39,6 +35,8 @@ pub struct Finished {
     pub record: Option<PathBuf>,
     /// The table at the end.
     pub summary: Value,
+    /// How fast it went, a line each, for people.
+    pub speed: Vec<String>,
     /// What did not go well without ending the run, one sentence each.
     pub warnings: Vec<String>,
     /// Why the run counts as failed: an error of the script, or one that did not end it.
@@ -47,100 +45,96 @@ pub struct Finished {
 
 /// The state behind the global `pdk` of one pipeline.
 pub struct Host {
-    registry: Arc<Registry>,
+    session: Session,
     pipeline: Pipeline,
-    options: Options,
-    settings: Option<Value>,
+    /// The modules that were required so far.
+    modules: Box<dyn Fn() -> Vec<Module> + Send>,
+    /// The folders that were named on the command line, for the manifest.
+    given: (Vec<PathBuf>, Vec<PathBuf>),
     common: Common,
+    overrides: Vec<Override>,
+    quiet: bool,
+    settings: Option<Value>,
     directory: Option<RunDirectory>,
-    /// What an earlier process left in the folder; its outcomes are taken out as the pipeline comes to them.
-    recorded: Option<Recorded>,
-    /// How many outcomes were taken from there.
-    kept: usize,
+    /// The manifest that an earlier process left in the folder.
+    earlier: Option<Manifest>,
+    manifest: Option<Value>,
     in_use: InUse,
-    outcomes: Vec<Value>,
+    /// What components said when they were made, by kind and what they were made from.
+    made: BTreeMap<(Kind, String), Made>,
+    /// For each ticket the number of its scenario, and how many frames that may have.
+    submitted: BTreeMap<Ticket, (usize, u64)>,
+    /// The numbers of the scenarios, in the order in which they were submitted first, which is that of the ledger in the end.
+    numbers: BTreeMap<ScenarioId, usize>,
+    outcomes: BTreeMap<Ticket, Value>,
     evaluations: Vec<Value>,
-    /// The number of the next scenario; it goes on where a drive failed, so that no trace is written twice.
-    next_scenario: u64,
-    /// The number of the next evaluation, for the same reason.
-    next_evaluation: u64,
-    performance: Vec<Value>,
+    evaluation_times: Vec<Value>,
+    results: Option<Results>,
+    speed: Vec<String>,
     warnings: Vec<String>,
-    failed_scenarios: Vec<String>,
+    failed: Vec<String>,
+    /// Outcomes that were in the ledger already.
+    kept: usize,
+    progress: ProgressBar,
+    /// Frames that scenarios did not need.
+    spared: u64,
     started: SystemTime,
 }
 
-/// The settings that every pipeline understands.
-struct Common {
-    seed: u64,
-    threads: usize,
-    out: Option<PathBuf>,
-    patience: Duration,
-}
-
-impl Common {
-    fn read(overrides: &[Override]) -> Result<Self> {
-        let mut common = Self {
-            seed: 0,
-            threads: std::thread::available_parallelism().map_or(1, usize::from),
-            out: None,
-            patience: watchdog::DEFAULT_PATIENCE,
-        };
-        for Override { key, value } in overrides {
-            let wrong = |expected: &str| Error::new(format!("--set {key}: `{value}` is no {expected}"));
-            match key.as_str() {
-                "seed" => common.seed = value.parse().map_err(|_| wrong("whole number of at least 0"))?,
-                "threads" => {
-                    common.threads = value
-                        .parse()
-                        .ok()
-                        .filter(|&n| n > 0)
-                        .ok_or_else(|| wrong("whole number of at least 1"))?;
-                }
-                "out" => common.out = Some(PathBuf::from(value)),
-                "patience" => {
-                    let seconds = value.parse().ok().filter(|&seconds: &f64| seconds > 0.0);
-                    common.patience = seconds
-                        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
-                        .ok_or_else(|| wrong("positive number of seconds"))?;
-                }
-                _ => {}
-            }
-        }
-        Ok(common)
-    }
+/// What it takes to make a host.
+pub struct Parts {
+    /// The session.
+    pub session: Session,
+    /// The pipeline.
+    pub pipeline: Pipeline,
+    /// Tells which modules were required so far.
+    pub modules: Box<dyn Fn() -> Vec<Module> + Send>,
+    /// The folders that `--plugins` and `--overlays` named.
+    pub given: (Vec<PathBuf>, Vec<PathBuf>),
+    /// The settings that every pipeline has.
+    pub common: Common,
+    /// What `--set` puts in the place of the pipeline's own settings.
+    pub overrides: Vec<Override>,
+    /// Whether nobody reads along: then there are no progress bars and no tables.
+    pub quiet: bool,
 }
 
 impl Host {
     /// The host for one pipeline.
-    ///
-    /// # Errors
-    /// Where a setting that every pipeline understands has a wrong value.
-    pub fn new(registry: Arc<Registry>, pipeline: Pipeline, options: Options) -> Result<Self> {
-        let common = Common::read(&options.overrides)?;
-        Ok(Self {
-            registry,
+    pub fn new(parts: Parts) -> Self {
+        let Parts { session, pipeline, modules, given, common, overrides, quiet } = parts;
+        Self {
+            session,
             pipeline,
-            options,
-            settings: None,
+            modules,
+            given,
             common,
+            overrides,
+            quiet,
+            settings: None,
             directory: None,
-            recorded: None,
-            kept: 0,
+            earlier: None,
+            manifest: None,
             in_use: InUse::default(),
-            outcomes: Vec::new(),
+            made: BTreeMap::new(),
+            submitted: BTreeMap::new(),
+            numbers: BTreeMap::new(),
+            outcomes: BTreeMap::new(),
             evaluations: Vec::new(),
-            next_scenario: 0,
-            next_evaluation: 0,
-            performance: Vec::new(),
+            evaluation_times: Vec::new(),
+            results: None,
+            speed: Vec::new(),
             warnings: Vec::new(),
-            failed_scenarios: Vec::new(),
+            failed: Vec::new(),
+            kept: 0,
+            progress: output::progress(quiet, "{pos}/{len} frames, {per_sec}, {eta} left"),
+            spared: 0,
             started: SystemTime::now(),
-        })
+        }
     }
 
     /// `pdk.settings`: the defaults with what the command line puts in their place.
-    pub(super) fn settings(&mut self, defaults: Value) -> Result<Value> {
+    pub(crate) fn settings(&mut self, defaults: Value) -> Result<Value> {
         if self.settings.is_some() {
             return Err(Error::new("pdk.settings may be called once; put all settings into one table"));
         }
@@ -154,156 +148,231 @@ impl Host {
                 "pdk.settings has to come before the first pdk.drive or pdk.evaluate, because the record begins there",
             ));
         }
-        let settings = settings::apply(defaults, &self.own_overrides())?;
+        let settings = settings::apply(defaults, &self.overrides)?;
         self.settings = Some(settings.clone());
         Ok(settings)
     }
 
-    /// The overrides that are not of the common settings.
-    fn own_overrides(&self) -> Vec<Override> {
-        let common = |o: &&Override| !COMMON.iter().any(|(name, _)| *name == o.key);
-        self.options.overrides.iter().filter(common).cloned().collect()
+    /// What scenarios have where nobody says it.
+    pub(crate) fn defaults(&self) -> Defaults {
+        Defaults::new(self.common.seed)
     }
 
-    /// `pdk.drive`: the closed loop.
-    pub(super) fn drive(&mut self, request: Value) -> Result<Value> {
-        let plan = drive::Plan::from_json(request)?;
-        let registry = Arc::clone(&self.registry);
-        let perturbations = plan.scenarios.iter().flat_map(|scenario| &scenario.perturbations);
-        self.begin([(Kind::Simulator, &plan.simulator), (Kind::Driver, &plan.driver)], perturbations)?;
-        let directory = self.directory()?;
-        let settings = drive::Settings {
-            seed: self.common.seed,
-            threads: self.common.threads,
-            patience: Patience::of_run(self.common.patience),
-            run_id: drive::run_id(directory.path()),
+    /// Submits scenarios, after making sure that their components can be made.
+    pub(crate) fn submit(&mut self, submissions: Vec<Submission>) -> Result<Vec<Ticket>> {
+        for Submission { scenario, .. } in &submissions {
+            self.check(scenario)?;
+        }
+        self.begin()?;
+        let mut tickets = Vec::with_capacity(submissions.len());
+        for submission in submissions {
+            let Scenario { simulator, duration, .. } = &submission.scenario;
+            let expected = (duration * self.rate(&simulator.clone())?).ceil() as u64 + 1;
+            self.progress.set_length(self.progress.length().unwrap_or(0) + expected);
+            let count = self.numbers.len();
+            let number = *self.numbers.entry(submission.scenario.id()).or_insert(count);
+            let ticket = self.session.submit(submission);
+            self.submitted.insert(ticket, (number, expected));
+            tickets.push(ticket);
+        }
+        Ok(tickets)
+    }
+
+    /// Waits for an outcome.
+    pub(crate) fn wait(&mut self, ticket: Ticket) -> Result<Value> {
+        if let Some(row) = self.outcomes.get(&ticket) {
+            return Ok(row.clone());
+        }
+        let (progress, spared) = (&self.progress, self.spared);
+        let reply = self.session.wait(ticket, &mut |frames| progress.set_position(frames + spared));
+        self.take(ticket, reply)
+    }
+
+    /// Waits for the next of several outcomes, as they come; none where there is none left.
+    pub(crate) fn next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<(Ticket, Value)>> {
+        let (progress, spared) = (&self.progress, self.spared);
+        let next = self.session.next(among, &mut |frames| progress.set_position(frames + spared))?;
+        let Some((ticket, reply)) = next else { return Ok(None) };
+        Ok(Some((ticket, self.take(ticket, reply)?)))
+    }
+
+    fn take(&mut self, ticket: Ticket, reply: Result<Reply>) -> Result<Value> {
+        let (number, expected) = self.submitted.get(&ticket).copied().unwrap_or_default();
+        let reply = reply.inspect_err(|_| self.progress.finish_and_clear())?;
+        let Reply::Recorded(line, known) = reply else {
+            return Err(Error::new("a scenario came to something else, which is a defect in pdk"));
         };
-        let first_index = self.next_scenario;
-        self.next_scenario += plan.scenarios.len() as u64;
-        let recorded = self.take_recorded(&plan, first_index)?;
-        let driven = plan.scenarios.len() - recorded.len();
-        let progress = output::progress(self.options.quiet, "{pos}/{len} frames, {per_sec}, {eta} left");
-        let (outcomes, performance) =
-            drive::drive(&registry, &plan, &settings, first_index, &directory, recorded, &progress)?;
-        let overruns = performance.stages.overruns;
-        if overruns > 0 {
-            self.warnings.push(format!(
-                "{overruns} of {} steps took longer than a frame lasts; {PERFORMANCE} has the times of the stages",
-                performance.stages.steps
-            ));
+        let driven = if known { 0 } else { line.outcome.frames };
+        self.spared += expected.saturating_sub(driven);
+        self.kept += usize::from(known);
+        let row = outcome_row(&line, number);
+        if line.outcome.cause == Cause::Error {
+            let error = line.outcome.error.as_deref().unwrap_or_default();
+            self.failed.push(format!("scenario {number} `{}`: {error}", line.name));
         }
-        let rows: Vec<Value> = outcomes.iter().map(outcome_row).collect();
-        for outcome in outcomes.iter().filter(|outcome| outcome.cause == Cause::Error) {
-            let error = outcome.error.as_deref().unwrap_or_default();
-            self.failed_scenarios
-                .push(format!("scenario {} `{}`: {error}", outcome.index, outcome.scenario.name));
+        self.outcomes.insert(ticket, row.clone());
+        if self.outcomes.len() == self.submitted.len() {
+            self.progress.set_length(0);
+            self.progress.reset();
         }
-        self.outcomes.extend(rows.iter().cloned());
-        if driven > 0 {
-            self.say_speed(speed::of_drive(&performance));
-            self.performance.push(json!({ "drive": performance }));
-        }
-        Ok(Value::Array(rows))
+        Ok(row)
     }
 
-    /// The outcomes of a plan that an earlier process recorded.
-    fn take_recorded(&mut self, plan: &drive::Plan, first_index: u64) -> Result<Vec<Outcome>> {
-        let Some(recorded) = &mut self.recorded else { return Ok(Vec::new()) };
-        let mut taken = Vec::new();
-        for (index, scenario) in (first_index..).zip(&plan.scenarios) {
-            if let Some(outcome) = recorded.outcomes.remove(&index) {
-                drive::check_recorded(plan, scenario, &outcome).inspect_err(|_| self.directory = None)?;
-                taken.push(outcome);
-            }
+    /// `pdk.drive`: submits all, and waits for all.
+    pub(crate) fn drive(&mut self, request: Value) -> Result<Value> {
+        let submissions = self.defaults().drive(request)?;
+        let tickets = self.submit(submissions)?;
+        tickets.into_iter().map(|ticket| self.wait(ticket)).collect::<Result<_>>().map(Value::Array)
+    }
+
+    /// Frames a second of a simulator's camera.
+    pub(crate) fn rate(&mut self, simulator: &ComponentSpec) -> Result<f64> {
+        let made = self.make(Kind::Simulator, simulator)?;
+        made.camera.map(|camera| camera.rate).ok_or_else(|| {
+            Error::new(format!("the simulator `{}` did not tell its camera, which is a defect in pdk", simulator.name))
+        })
+    }
+
+    /// What a component is like; each is made once.
+    fn make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
+        let key = (kind, serde_json::to_string(component)?);
+        if let Some(made) = self.made.get(&key) {
+            return Ok(made.clone());
         }
-        self.kept += taken.len();
-        if !self.options.quiet && !taken.is_empty() {
-            println!(
-                "{} of {} scenarios are in the record already; {}",
-                taken.len(),
-                plan.scenarios.len(),
-                match plan.scenarios.len() - taken.len() {
-                    0 => "nothing is left to drive".to_owned(),
-                    left => format!("driving the other {left}"),
-                }
-            );
+        let made = self.session.make(kind, component)?;
+        self.made.insert(key, made.clone());
+        Ok(made)
+    }
+
+    /// Makes sure that a scenario's components can be made, and notes them.
+    fn check(&mut self, scenario: &Scenario) -> Result<()> {
+        self.make(Kind::Simulator, &scenario.simulator)?;
+        let info = self.make(Kind::Driver, &scenario.driver)?.info;
+        self.check_perturbations(&scenario.perturbations)?;
+        self.in_use.add_scenario(self.session.catalog(), scenario, info)
+    }
+
+    fn check_perturbations(&mut self, applied: &[AppliedPerturbation]) -> Result<()> {
+        for AppliedPerturbation { name, parameters, .. } in applied {
+            let component = ComponentSpec { name: name.clone(), parameters: parameters.clone() };
+            self.make(Kind::Perturbation, &component)?;
         }
-        Ok(taken)
+        Ok(())
     }
 
     /// `pdk.evaluate`: the offline loop.
-    pub(super) fn evaluate(&mut self, request: Value) -> Result<Value> {
-        let plan = evaluate::Plan::from_json(request)?;
-        let registry = Arc::clone(&self.registry);
-        let (reader, _) = evaluate::open_dataset(&registry, &plan.dataset, self.common.patience)?;
-        self.begin([(Kind::Dataset, &reader), (Kind::Driver, &plan.driver)], &plan.cells)?;
-        let directory = self.directory()?;
-        let settings = evaluate::Settings {
-            seed: self.common.seed,
-            threads: self.common.threads,
-            patience: self.common.patience,
-            number: self.next_evaluation,
+    pub(crate) fn evaluate(&mut self, request: Value) -> Result<Value> {
+        let Evaluate { dataset, driver, cells, frames } = Evaluate::from_json(request)?;
+        let (reader, available) = self.open_dataset(&dataset)?;
+        let info = self.make(Kind::Driver, &driver)?.info;
+        self.check_perturbations(&cells)?;
+        let catalog = self.session.catalog();
+        self.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;
+        self.in_use.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
+        self.in_use.add_perturbations(catalog, &cells)?;
+        self.begin()?;
+        let results = match &mut self.results {
+            Some(results) => results,
+            None => {
+                let folder = self.directory.as_ref().map(RunDirectory::path).unwrap_or(Path::new(""));
+                self.results.insert(Results::open(&folder.join(RESULTS))?)
+            }
         };
-        self.next_evaluation += 1;
-        let progress = output::progress(self.options.quiet, "{pos}/{len} frames, {eta} left");
-        let (summary, performance) = evaluate::evaluate(&registry, &plan, &settings, &directory, &progress)?;
+        let frames = frames.unwrap_or(usize::MAX).min(available);
+        let bar = output::progress(self.quiet, "{pos}/{len} frames, {eta} left");
+        bar.set_length(frames as u64);
+        let job = evaluation::Job {
+            evaluation: Evaluation { dataset: reader, driver, perturbations: cells, seed: self.common.seed },
+            frames,
+            number: self.evaluations.len() as u64,
+            workers: self.common.workers,
+            results,
+            progress: &mut |done| bar.set_position(done),
+        };
+        let evaluated = evaluation::evaluate(&mut self.session, job);
+        bar.finish_and_clear();
+        let (summary, performance) = evaluated?;
         for bad in &summary.bad_frames {
             self.warnings.push(format!("{} was left out: {}", bad.frame, bad.error));
         }
         let summary = serde_json::to_value(summary)?;
         self.evaluations.push(summary.clone());
-        self.say_speed(speed::of_evaluation(&performance));
-        self.performance.push(json!({ "evaluate": performance }));
+        if performance.perturbed_frames > 0 {
+            self.speed.push(format!(
+                "{} perturbed frames in {:.1} s: {:.0} a second",
+                performance.perturbed_frames, performance.wall_seconds, performance.frames_per_second
+            ));
+        }
+        self.evaluation_times.push(serde_json::to_value(performance)?);
         Ok(summary)
     }
 
-    /// One line for people, who should not have to look for the speed in the record.
-    fn say_speed(&self, line: String) {
-        if !self.options.quiet {
-            println!("{line}");
+    /// The reader of a dataset, and how many frames it finds.
+    fn open_dataset(&mut self, dataset: &DatasetSpec) -> Result<(ComponentSpec, usize)> {
+        let frames = |made: Made| made.frames.unwrap_or_default();
+        let path = match dataset {
+            DatasetSpec::Reader(reader) => return Ok((reader.clone(), frames(self.make(Kind::Dataset, reader)?))),
+            DatasetSpec::Path(path) => path,
+        };
+        let readers: Vec<String> =
+            self.session.catalog().of_kind(Kind::Dataset).map(|entry| entry.description.name.clone()).collect();
+        let mut reasons = Vec::new();
+        for name in readers {
+            let parameters = Map::from_iter([("path".to_owned(), Value::String(path.clone()))]);
+            let reader = ComponentSpec { name, parameters };
+            match self.make(Kind::Dataset, &reader) {
+                Ok(made) => return Ok((reader, frames(made))),
+                Err(error) => reasons.push(error.to_string()),
+            }
         }
+        Err(Error::new(match reasons.is_empty() {
+            true => format!("cannot open the dataset {path}: no dataset reader is installed"),
+            false => format!("cannot open the dataset {path}: {}", reasons.join("; ")),
+        }))
     }
 
     /// `pdk.show`: a table of what `pdk.drive` or `pdk.evaluate` returned.
-    pub(super) fn show(&self, result: &Value) -> Result<()> {
+    pub(crate) fn show(&self, result: &Value) -> Result<()> {
         let text = table::render(result)?;
-        if !self.options.quiet {
-            println!("{text}");
-        }
+        self.print(&text);
         Ok(())
     }
 
     /// `pdk.table`: a table of the pipeline's own making.
-    pub(super) fn table(&self, request: &Value) -> Result<()> {
-        let text = report::render(&request["first"], &request["second"])?;
-        if !self.options.quiet {
-            println!("{text}");
-        }
+    pub(crate) fn table(&self, header: &Value, rows: &Value) -> Result<()> {
+        let text = tables::render(header, rows)?;
+        self.print(&text);
         Ok(())
     }
 
+    fn print(&self, text: &str) {
+        if !self.quiet {
+            self.progress.suspend(|| println!("{text}"));
+        }
+    }
+
     /// `pdk.save`: a file in the record.
-    pub(super) fn save(&self, request: &Value) -> Result<()> {
-        let name = report::checked_name(&request["first"])?;
+    pub(crate) fn save(&self, name: &Value, value: &Value) -> Result<()> {
+        let name = tables::checked_name(name)?;
         let directory = self.directory.as_ref().ok_or_else(|| {
             Error::new("pdk.save has to come after the first pdk.drive or pdk.evaluate, because the record begins there")
         })?;
-        directory.write_json(name, &report::sorted(&request["second"]))
+        directory.write_json(name, value)
     }
 
     /// `pdk.road`: a road for scenarios.
-    pub(super) fn road(&self, request: Value) -> Result<Value> {
+    pub(crate) fn road(&self, request: Value) -> Result<Value> {
         road::make(request, self.common.seed)
     }
 
     /// `pdk.perturbations`: the names of the perturbations, all or those of the default set.
-    pub(super) fn perturbations(&self, all: bool) -> Vec<String> {
-        let wanted = self.registry.of_kind(Kind::Perturbation).filter(|c| all || c.description.default);
-        wanted.map(|component| component.description.name.clone()).collect()
+    pub(crate) fn perturbations(&self, all: bool) -> Vec<String> {
+        let wanted = self.session.catalog().of_kind(Kind::Perturbation);
+        wanted.filter(|c| all || c.description.default).map(|c| c.description.name.clone()).collect()
     }
 
     /// `pdk.path`: a path that counts from the pipeline's folder.
-    pub(super) fn path(&self, relative: &str) -> String {
+    pub(crate) fn path(&self, relative: &str) -> String {
         let folder = self.pipeline.path.parent().unwrap_or(Path::new(""));
         folder.join(relative).to_string_lossy().into_owned()
     }
@@ -313,70 +382,30 @@ impl Host {
         match self.settings {
             Some(_) => Ok(()),
             // Says that the setting does not exist.
-            None => settings::apply(Value::Object(Map::new()), &self.own_overrides()).map(drop),
+            None => settings::apply(Value::Object(Map::new()), &self.overrides).map(drop),
         }
     }
 
-    /// Completes the record after the pipeline has come to its end, or to an error. Of several failures the first in this
-    /// order is reported: that of the script, that of the record, those of scenarios, a setting that the pipeline does not
-    /// have.
-    pub fn finish(&mut self, script: Result<()>) -> Finished {
-        let summary = json!({ "outcomes": self.outcomes, "evaluations": self.evaluations });
-        let written = self.directory.as_ref().map_or(Ok(()), |directory| {
-            directory.write_json(SUMMARY, &summary)?;
-            // The times of the process that drove are worth more than those of one that did not.
-            if self.kept > 0 && self.performance.is_empty() && directory.path().join(PERFORMANCE).is_file() {
-                return Ok(());
-            }
-            let started = self.started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
-            let performance = json!({ "started_unix_seconds": started, "steps": self.performance });
-            directory.write_json(PERFORMANCE, &performance)
-        });
-        let scenarios = self.failed_scenarios.first().map(|first| {
-            Error::new(format!(
-                "{} of {} scenarios could not be driven because a component failed; the first: {first}",
-                self.failed_scenarios.len(),
-                self.outcomes.len()
-            ))
-        });
-        let left = self.recorded.as_ref().and_then(|recorded| recorded.outcomes.keys().next()).map(|index| {
-            Error::new(format!(
-                "the record holds scenario {index}, which the pipeline did not drive; choose another folder with --out"
-            ))
-        });
-        let failures = [script.err(), written.err(), left, scenarios, self.check_overrides().err()];
-        Finished {
-            record: self.directory.as_ref().map(|directory| directory.path().to_owned()),
-            summary,
-            warnings: std::mem::take(&mut self.warnings),
-            failure: failures.into_iter().flatten().next(),
-        }
-    }
-
-    /// Notes what is used from here on, and writes it down before anything is computed.
-    fn begin<'a>(
-        &mut self,
-        components: [(Kind, &ComponentSpec); 2],
-        perturbations: impl IntoIterator<Item = &'a Spec>,
-    ) -> Result<()> {
+    /// Writes down what is used from here on, before anything is computed with it.
+    fn begin(&mut self) -> Result<()> {
         self.check_overrides()?;
-        let patience = Patience::of_run(self.common.patience);
-        self.in_use.add_all(&self.registry, components, perturbations, patience)?;
+        let first = self.directory.is_none();
+        let directory = self.open_directory()?;
+        self.pipeline.modules = (self.modules)();
         let manifest = Manifest {
             pdk: env!("CARGO_PKG_VERSION").to_owned(),
             seed: self.common.seed,
             pipeline: self.pipeline.clone(),
             settings: self.settings.clone().unwrap_or_default(),
-            plugins: self.registry.given().plugins.clone(),
-            overlays: self.registry.given().drop_ins.iter().map(|(_, folder)| folder.clone()).collect(),
+            plugins: self.given.0.clone(),
+            overlays: self.given.1.clone(),
             components: self.in_use.components(),
             files: self.in_use.files(),
             machine: Machine::this(),
         };
-        let directory = self.directory()?;
-        let manifest = match &self.recorded {
+        let manifest = match &self.earlier {
             None => manifest,
-            Some(recorded) => manifest.continuing(&recorded.manifest).map_err(|difference| {
+            Some(earlier) => manifest.continuing(earlier).map_err(|difference| {
                 // What another run recorded stays as it is.
                 self.directory = None;
                 Error::new(format!(
@@ -385,29 +414,105 @@ impl Host {
                 ))
             })?,
         };
-        directory.write_json(MANIFEST, &manifest)
+        let manifest = serde_json::to_value(manifest)?;
+        if self.manifest.as_ref() != Some(&manifest) {
+            directory.write_json(MANIFEST, &manifest)?;
+            self.manifest = Some(manifest);
+        }
+        if first {
+            directory.remove_partial_traces();
+            let ledger = Ledger::open(&directory)?;
+            self.session.record(directory, ledger);
+        }
+        Ok(())
     }
 
     /// The folder of the record, which is made when it is first needed.
-    fn directory(&mut self) -> Result<RunDirectory> {
+    fn open_directory(&mut self) -> Result<RunDirectory> {
         if let Some(directory) = &self.directory {
             return Ok(directory.clone());
         }
         let directory = match &self.common.out {
             Some(path) => RunDirectory::create(path),
             None => RunDirectory::create_first(folders(&self.pipeline.path)),
-        };
-        let directory = directory?;
-        self.recorded = directory.recorded()?;
+        }?;
+        self.earlier = directory.manifest()?;
         Ok(self.directory.insert(directory).clone())
+    }
+
+    /// Completes the record after the pipeline has come to its end, or to an error. Of several failures the first in this
+    /// order is reported: that of the script, that of the record, those of scenarios, a setting that the pipeline does not
+    /// have.
+    pub fn finish(mut self, script: Result<()>) -> Finished {
+        self.progress.finish_and_clear();
+        let outcomes: Vec<&Value> = self.outcomes.values().collect();
+        let summary = json!({ "outcomes": outcomes, "evaluations": self.evaluations });
+        let written = self.complete(&summary);
+        if self.kept > 0 {
+            self.speed.insert(0, format!("{} of {} scenarios were in the record already", self.kept, self.outcomes.len()));
+        }
+        let scenarios = self.failed.first().map(|first| {
+            Error::new(format!(
+                "{} of {} scenarios could not be driven because a component failed; the first: {first}",
+                self.failed.len(),
+                self.outcomes.len()
+            ))
+        });
+        let failures = [script.err(), written.err(), scenarios, self.check_overrides().err()];
+        Finished {
+            record: self.directory.as_ref().map(|directory| directory.path().to_owned()),
+            summary,
+            speed: self.speed,
+            warnings: self.warnings,
+            failure: failures.into_iter().flatten().next(),
+        }
+    }
+
+    fn complete(&mut self, summary: &Value) -> Result<()> {
+        let Some(directory) = &self.directory else { return Ok(()) };
+        self.session.finish()?;
+        directory.write_json(SUMMARY, summary)?;
+        let total = self.session.performance();
+        for (warning, times) in &total.warnings {
+            self.warnings.push(format!("{warning} in {times} scenarios; it was put back after each"));
+        }
+        let stages = total.times.summary();
+        // The times of the process that drove are worth more than those of one that did not.
+        if stages.steps == 0 && self.evaluation_times.is_empty() && directory.path().join(PERFORMANCE).is_file() {
+            return Ok(());
+        }
+        if stages.overruns > 0 {
+            self.warnings.push(format!(
+                "{} of {} steps in real time took longer than a frame lasts; {PERFORMANCE} has the times of the stages",
+                stages.overruns, stages.steps
+            ));
+        }
+        let drive = (stages.steps > 0).then(|| {
+            let (wall, LoopTimes { steps, .. }) = (total.wall_seconds, &stages);
+            let (rate, factor) = (*steps as f64 / wall, total.simulated_seconds / wall);
+            self.speed.push(format!(
+                "{steps} frames in {wall:.1} s: {rate:.0} a second, {factor:.1} times real time"
+            ));
+            json!({
+                "workers": total.slots, "wall_seconds": wall, "frames_per_second": rate,
+                "real_time_factor": factor, "stages": stages,
+            })
+        });
+        let started = self.started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
+        let performance = json!({
+            "started_unix_seconds": started, "drive": drive, "evaluations": self.evaluation_times,
+        });
+        directory.write_json(PERFORMANCE, &performance)
     }
 }
 
-/// What a pipeline and the summary see of an outcome; the telemetry stays in the record.
-fn outcome_row(outcome: &Outcome) -> Value {
+/// What a pipeline and the summary see of an outcome.
+fn outcome_row(line: &Line, number: usize) -> Value {
+    let outcome = &line.outcome;
     json!({
-        "index": outcome.index,
-        "name": outcome.scenario.name,
+        "number": number,
+        "id": line.id,
+        "name": line.name,
         "success": outcome.success,
         "cause": outcome.cause,
         "error": outcome.error,
@@ -417,6 +522,7 @@ fn outcome_row(outcome: &Outcome) -> Value {
         "progress": outcome.progress,
         "mean_cross_track_error": outcome.mean_cross_track_error,
         "max_cross_track_error": outcome.max_cross_track_error,
+        "digest": outcome.digest,
     })
 }
 

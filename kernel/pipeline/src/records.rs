@@ -1,19 +1,20 @@
 //! The tables that pipelines write and read, as types for editors.
 
-use crate::chain::modifiers::{DRAWS, PROBABILITY, REGION as APPLIED_REGION};
-use crate::lua::api::{ApiField, ApiRecord};
+use pdk_core::modifiers::{DRAWS, PROBABILITY, REGION as APPLIED_REGION};
+use pdk_lua::{ApiField, ApiRecord};
 
 const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -> ApiField {
     ApiField { name, luau_type, doc }
 }
 
 /// All of them, in the order of the type definition file.
-pub const RECORDS: [&ApiRecord; 12] = [
+pub const RECORDS: [&ApiRecord; 13] = [
     &COMPONENT,
     &SCHEDULE,
     &REGION,
     &APPLIED,
     &SCENARIO,
+    &SESSION_REQUEST,
     &DRIVE_REQUEST,
     &OUTCOME,
     &ROAD_REQUEST,
@@ -71,8 +72,8 @@ const APPLIED: ApiRecord = ApiRecord {
         field(
             "level",
             "(number | Schedule | ((time: number) -> number))?",
-            "Its intensity: 0 to 4, any number in between, or a course of such numbers over time in seconds. A function \
-             is sampled every tenth of a second when the request is made.",
+            "Its intensity: 0 to 4, any number in between, or a course of such numbers over time in seconds. 2 where it \
+             is left out. A function is evaluated for every frame when the request is made.",
         ),
         field(PROBABILITY.name, "number?", PROBABILITY.doc),
         field(APPLIED_REGION.name, "Region?", APPLIED_REGION.doc),
@@ -108,8 +109,35 @@ const SCENARIO: ApiRecord = ApiRecord {
         field(
             "seed",
             "number?",
-            "The seed for what the simulator makes up; that of the run where it is left out.",
+            "The seed of all that is drawn, by the simulator and the perturbations. Where it is left out, it follows from the \
+             run's seed, the road and `repeat`: so perturbations and levels are compared under the same luck.",
         ),
+        field(
+            "[\"repeat\"]",
+            "number?",
+            "Which drive of the same it is, where it is wanted several times: another one gets luck of its own. 0 where it is \
+             left out.",
+        ),
+        field("simulator", "(string | Component)?", "The simulator, where it is not that of the request."),
+        field("driver", "(string | Component)?", "The driver under test, where it is not that of the request."),
+        field("images_every", "number?", "As in the request."),
+        field("mode", "(\"lockstep\" | \"realtime\")?", "As in the request."),
+    ],
+};
+
+const SESSION_REQUEST: ApiRecord = ApiRecord {
+    name: "SessionRequest",
+    doc: "What `pdk.session` takes: what scenarios have where they do not say it themselves.",
+    fields: &[
+        field("simulator", "(string | Component)?", "The simulator."),
+        field("driver", "(string | Component)?", "The driver under test."),
+        field(
+            "duration",
+            "number?",
+            "The time limit of a scenario in seconds of simulation time; 30 where it is left out.",
+        ),
+        field("images_every", "number?", "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none."),
+        field("mode", "(\"lockstep\" | \"realtime\")?", "Whether the simulator waits for the driver."),
     ],
 };
 
@@ -143,7 +171,8 @@ const OUTCOME: ApiRecord = ApiRecord {
     name: "Outcome",
     doc: "What happened in a scenario.",
     fields: &[
-        field("index", "number", "The number of the scenario in its run, from 0."),
+        field("number", "number", "The number of the scenario in its run, from 0."),
+        field("id", "string", "What tells the scenario from every other; the same one has it in every run."),
         field("name", "string", "The name of the scenario."),
         field("success", "boolean", "Whether the end of the road was reached."),
         field(
@@ -158,6 +187,7 @@ const OUTCOME: ApiRecord = ApiRecord {
         field("progress", "number", "The share of the road that was driven, 0 to 1."),
         field("mean_cross_track_error", "number", "Mean absolute cross-track error in metres."),
         field("max_cross_track_error", "number", "Largest absolute cross-track error in metres."),
+        field("digest", "string", "A hash of every frame that the driver saw and every control it gave."),
     ],
 };
 
@@ -202,8 +232,8 @@ const ROAD: ApiRecord = ApiRecord {
         field("waypoints", "string", "The waypoints as `x,y,z@x,y,z`, y up, in metres."),
         field(
             "road",
-            "{ waypoints: { { number } } }",
-            "The same as a simulator takes it: the `road` of a scenario for `lane`.",
+            "{ angles: { number }, segment: number | { number } }",
+            "The same in short, as a simulator takes it: the `road` of a scenario for `lane`.",
         ),
         field("angles", "{ number }", "Degrees turned at each node."),
         field("turns", "number", "Nodes at which it turns by at least 25 degrees."),

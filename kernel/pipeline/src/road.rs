@@ -4,8 +4,8 @@ use pdk_road::{Informed, MapBox, Road};
 use pdk_sdk::error::{Error, Result};
 use serde_json::{Value, json};
 
-use super::fields::Fields;
-use super::records::ROAD_REQUEST;
+use crate::fields::Fields;
+use crate::records::ROAD_REQUEST;
 
 /// Width of a road in metres: two lanes of the published study's simulators.
 const WIDTH: f64 = 8.0;
@@ -22,14 +22,15 @@ const MOST_ATTEMPTS: u64 = 100_000;
 /// # Errors
 /// As [`build`].
 pub fn make(request: Value, seed: u64) -> Result<Value> {
-    Ok(described(&build(request, seed)?))
+    let (road, lengths) = build(request, seed)?;
+    Ok(described(&road, &lengths))
 }
 
-/// Builds the road that a request asks for; `seed` is for requests that name none.
+/// Builds the road that a request asks for, with the lengths of its segments; `seed` is for requests that name none.
 ///
 /// # Errors
 /// Where a field is wrong, or no valid road comes of it; the error says where the last one is not valid.
-pub fn build(request: Value, seed: u64) -> Result<Road> {
+pub fn build(request: Value, seed: u64) -> Result<(Road, Vec<f64>)> {
     let wrong = |sentence: String| Error::new(format!("pdk.road: {sentence}"));
     let known: Vec<&str> = ROAD_REQUEST.names().collect();
     let mut fields = Fields::new("pdk.road", request, &known)?;
@@ -74,7 +75,8 @@ pub fn build(request: Value, seed: u64) -> Result<Road> {
                     .into(),
             ));
         }
-        return of(&angles).map_err(wrong);
+        let road = of(&angles).map_err(wrong)?;
+        return Ok((road, lengths));
     }
     let attempts = attempts.unwrap_or(1);
     if !(1..=MOST_ATTEMPTS).contains(&attempts) {
@@ -101,7 +103,7 @@ pub fn build(request: Value, seed: u64) -> Result<Road> {
     }
     let limit = limit as i32;
     let seed = seed_given.unwrap_or(seed);
-    let mut random = pdk_sdk::seed::key(seed, "road", 0, 0).sequence();
+    let mut random = pdk_sdk::seed::key(seed, "road", 0).sequence();
     let mut refused = String::new();
     for _ in 0..attempts {
         let angles = match informed {
@@ -111,7 +113,7 @@ pub fn build(request: Value, seed: u64) -> Result<Road> {
             None => pdk_road::random_angles(&mut random, count, limit),
         };
         match of(&angles) {
-            Ok(road) => return Ok(road),
+            Ok(road) => return Ok((road, lengths)),
             Err(reason) => refused = reason,
         }
     }
@@ -120,12 +122,16 @@ pub fn build(request: Value, seed: u64) -> Result<Road> {
     )))
 }
 
-/// What `pdk.road` says of a road.
-pub fn described(road: &Road) -> Value {
+/// What `pdk.road` says of a road whose segments have these lengths.
+pub fn described(road: &Road, lengths: &[f64]) -> Value {
+    let segment = match lengths {
+        [first, rest @ ..] if rest.iter().all(|length| length == first) => json!(first),
+        lengths => json!(lengths),
+    };
     let waypoints: Vec<[f64; 3]> = road.waypoints.iter().map(|&[x, z]| [x, 0.0, z]).collect();
     json!({
         "waypoints": pdk_road::print(&waypoints),
-        "road": { "waypoints": waypoints },
+        "road": { "angles": road.angles, "segment": segment },
         "angles": road.angles,
         "turns": road.turns(),
         "mean_curvature": road.mean_curvature(),
@@ -138,7 +144,7 @@ fn numbers(field: &str, list: &[Value]) -> Result<Vec<f64>> {
         .map(|value| {
             value
                 .as_f64()
-                .ok_or_else(|| Error::new(format!("pdk.road: `{field}` has {value}, which is no number")))
+                .ok_or_else(|| Error::new(format!("pdk.road: `{field}` has {value}, which is not a number")))
         })
         .collect()
 }
@@ -158,8 +164,9 @@ mod tests {
             (&given["turns"], given["waypoints"].as_str().unwrap().split('@').count()),
             (&json!(2), 134)
         );
-        let again = pdk_road::parse(given["waypoints"].as_str().unwrap()).unwrap();
-        assert_eq!(json!(again), given["road"]["waypoints"]);
+        assert_eq!(given["road"]["segment"], json!(25.0));
+        let again = make(json!({"angles": given["road"]["angles"], "segment": given["road"]["segment"]}), 0).unwrap();
+        assert_eq!(again, given);
         assert!((175.0..185.0).contains(&given["length"].as_f64().unwrap()));
         let random = |seed| make(json!({"attempts": 100}), seed).unwrap();
         assert_eq!(random(4), random(4));
@@ -182,7 +189,7 @@ mod tests {
         assert!(error(json!({"turns": 3})).contains("belong together"));
         assert!(error(json!({"turns": 9, "mean_curvature": 0.02})).contains("from 0 to 8"));
         assert!(error(json!({"limit": 91})).contains("from 0 to 90 degrees"));
-        assert!(error(json!({"angles": [0, "a"]})).contains("which is no number"));
+        assert!(error(json!({"angles": [0, "a"]})).contains("which is not a number"));
         assert!(error(json!({"angles": [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]})).contains("leaves the map"));
         assert!(error(json!({"attempts": 0})).contains("from 1 to 100000"));
     }

@@ -1,18 +1,98 @@
 //! The settings of a pipeline: the defaults it declares, and what the command line puts in their place.
 
-use pdk_sdk::error::{Error, Result};
-use serde_json::{Map, Value};
+use std::path::PathBuf;
+use std::time::Duration;
 
-use crate::chain::{parse_json, parse_value};
-use crate::suggest;
+use pdk_core::suggest;
+use pdk_core::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
+use pdk_model::text::{parse_json, parse_value};
+use pdk_sdk::error::{Error, Result};
+use pdk_session::connection::Pool;
+use serde_json::{Map, Value};
 
 /// Settings that every pipeline understands, with what they mean.
 pub const COMMON: &[(&str, &str)] = &[
     ("seed", "the seed that all random numbers come from"),
-    ("threads", "how many frames or scenarios are computed at the same time"),
+    ("workers", "how many scenarios or frames are computed at the same time"),
     ("out", "the folder of the record"),
     ("patience", "how many seconds one call of a component may take"),
+    ("memory", "how much memory a worker may take, in MiB"),
+    ("pool", "a command that provides workers, in the place of this machine's"),
 ];
+
+/// More workers than this are a mistake.
+const MOST_WORKERS: usize = 1024;
+
+/// The settings that every pipeline understands.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Common {
+    /// The seed that all random numbers come from.
+    pub seed: u64,
+    /// How many scenarios or frames are computed at the same time.
+    pub workers: usize,
+    /// The folder of the record.
+    pub out: Option<PathBuf>,
+    /// What workers are held to.
+    pub limits: Limits,
+    /// A command that provides workers.
+    pub pool: Option<String>,
+}
+
+impl Default for Common {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            workers: std::thread::available_parallelism().map_or(1, usize::from),
+            out: None,
+            limits: Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY },
+            pool: None,
+        }
+    }
+}
+
+impl Common {
+    /// Takes what `--set` says of these settings; what it says of others is returned.
+    ///
+    /// # Errors
+    /// Where a value is not one that the setting can have.
+    pub fn read(overrides: Vec<Override>) -> Result<(Self, Vec<Override>)> {
+        let mut common = Self::default();
+        let mut others = Vec::new();
+        for Override { key, value } in overrides {
+            let wrong = |expected: &str| Error::new(format!("--set {key}: `{value}` is not {expected}"));
+            match key.as_str() {
+                "seed" => common.seed = value.parse().map_err(|_| wrong("a whole number of at least 0"))?,
+                "workers" => {
+                    let workers = value.parse().ok().filter(|n| (1..=MOST_WORKERS).contains(n));
+                    common.workers = workers
+                        .ok_or_else(|| wrong(&format!("a whole number from 1 to {MOST_WORKERS}")))?;
+                }
+                "out" => common.out = Some(PathBuf::from(value)),
+                "patience" => {
+                    let seconds = value.parse().ok().filter(|&seconds: &f64| seconds > 0.0);
+                    common.limits.patience = seconds
+                        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
+                        .ok_or_else(|| wrong("a positive number of seconds"))?;
+                }
+                "memory" => {
+                    let memory = value.parse().ok().filter(|&memory: &u64| memory > 0);
+                    common.limits.memory = memory.ok_or_else(|| wrong("a positive number of MiB"))?;
+                }
+                "pool" => common.pool = Some(value).filter(|command| !command.is_empty()),
+                _ => others.push(Override { key, value }),
+            }
+        }
+        Ok((common, others))
+    }
+
+    /// Where workers come from.
+    pub fn pool(&self) -> Pool {
+        match &self.pool {
+            Some(command) => Pool::Command(command.clone()),
+            None => Pool::Here(self.workers),
+        }
+    }
+}
 
 /// One `--set KEY=VALUE`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -81,7 +161,7 @@ fn set(table: &mut Map<String, Value>, key: &str, rest: &str, text: &str) -> Res
             Ok(())
         }
         (Some(deeper), _) => {
-            Err(Error::new(format!("--set {key}: `{name}` is no table, so it has no `{deeper}`")))
+            Err(Error::new(format!("--set {key}: `{name}` is not a table, so it has no `{deeper}`")))
         }
         (None, _) => {
             *current = parse(current, text).map_err(|error| error.at(format_args!("--set {key}")))?;
@@ -92,11 +172,11 @@ fn set(table: &mut Map<String, Value>, key: &str, rest: &str, text: &str) -> Res
 
 /// Reads a value of the type that the default has.
 fn parse(default: &Value, text: &str) -> Result<Value> {
-    let wrong = |expected: &str| Err(Error::new(format!("`{text}` is no {expected}")));
+    let wrong = |expected: &str| Err(Error::new(format!("`{text}` is not {expected}")));
     let json = parse_json(text);
     match (default, json) {
         (Value::Number(_), Some(Value::Number(number))) => Ok(Value::Number(number)),
-        (Value::Number(_), _) => wrong("number"),
+        (Value::Number(_), _) => wrong("a number"),
         (Value::Bool(_), Some(Value::Bool(set))) => Ok(Value::Bool(set)),
         (Value::Bool(_), _) => wrong("true or false"),
         // A component that is given by name can be replaced by one with parameters.
@@ -108,7 +188,7 @@ fn parse(default: &Value, text: &str) -> Result<Value> {
         // An empty Lua table, which may be meant as either.
         (Value::Array(list), Some(Value::Object(table))) if list.is_empty() => Ok(Value::Object(table)),
         (Value::Array(_), _) if text.trim_start().starts_with(['{', '[']) => {
-            wrong("list; write it as JSON, or its entries with commas between them")
+            wrong("a list; write it as JSON, or its entries with commas between them")
         }
         (Value::Array(list), _) => {
             let like = list.first().cloned().unwrap_or(Value::Null);
@@ -118,7 +198,7 @@ fn parse(default: &Value, text: &str) -> Result<Value> {
         (Value::Object(_), Some(Value::Object(table))) => Ok(Value::Object(table)),
         // A table with a name, such as a driver with parameters, can be replaced by the name alone.
         (Value::Object(table), None) if table.contains_key("name") => Ok(Value::String(text.to_owned())),
-        (Value::Object(_), _) => wrong("table; write it as JSON, or set its fields one by one with a dot"),
+        (Value::Object(_), _) => wrong("a table; write it as JSON, or set its fields one by one with a dot"),
         (Value::Null, json) => Ok(json.unwrap_or_else(|| Value::String(text.to_owned()))),
     }
 }
@@ -164,18 +244,36 @@ mod tests {
     }
 
     #[test]
+    fn settings_of_every_pipeline_are_taken_out() {
+        let read = |texts: &[&str]| Common::read(texts.iter().map(|text| text.parse().unwrap()).collect());
+        let (common, others) = read(&["seed=18446744073709551615", "a=1", "workers=3", "memory=100", "pool="]).unwrap();
+        assert_eq!((common.seed, common.workers, common.limits.memory, &common.pool), (u64::MAX, 3, 100, &None));
+        assert_eq!(others, ["a=1".parse().unwrap()]);
+        for (text, said) in [
+            ("workers=10000", "--set workers: `10000` is not a whole number from 1 to 1024"),
+            ("workers=0", "is not a whole number from 1"),
+            ("seed=-1", "--set seed: `-1` is not a whole number of at least 0"),
+            ("patience=nan", "is not a positive number of seconds"),
+            ("memory=0", "is not a positive number of MiB"),
+        ] {
+            let error = read(&[text]).unwrap_err().to_string();
+            assert!(error.contains(said), "{error}");
+        }
+    }
+
+    #[test]
     fn mistakes_are_named() {
         let error = |text: &str| with(text).unwrap_err().to_string();
         assert_eq!(
             error("modle=x"),
             "--set modle: the pipeline has no setting `modle`; did you mean `model`?"
         );
-        assert_eq!(error("frames=many"), "--set frames: `many` is no number");
-        assert_eq!(error("frames.x=1"), "--set frames.x: `frames` is no table, so it has no `x`");
+        assert_eq!(error("frames=many"), "--set frames: `many` is not a number");
+        assert_eq!(error("frames.x=1"), "--set frames.x: `frames` is not a table, so it has no `x`");
         assert_eq!(error("nothing"), "`nothing` sets nothing; write KEY=VALUE");
         for text in [r#"extra={"a":1,"b""#, "extra=[1,2", r#"names={"a":1}"#, "levels=[1,"] {
-            assert!(error(text).contains(" is no list; write it as JSON"), "{}", error(text));
+            assert!(error(text).contains(" is not a list; write it as JSON"), "{}", error(text));
         }
-        assert!(error("levels=a").contains("`a` is no number"));
+        assert!(error("levels=a").contains("`a` is not a number"));
     }
 }

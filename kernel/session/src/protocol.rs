@@ -9,7 +9,7 @@ use pdk_core::catalog::Catalog;
 use pdk_core::search_path::SearchPath;
 use pdk_model::component::ComponentSpec;
 use pdk_model::error::ErrorKind;
-use pdk_model::outcome::Outcome;
+use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::describe::Kind;
@@ -201,6 +201,26 @@ pub struct Driven {
     /// What was noticed, such as a component that changed the working directory; one sentence each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
+}
+
+impl Driven {
+    /// What becomes of a scenario whose process was lost after so many frames.
+    pub fn lost(kind: ErrorKind, message: String, frames: u64) -> Self {
+        let outcome = Outcome {
+            success: false,
+            cause: Cause::Error,
+            error: Some(message),
+            error_kind: Some(kind),
+            time: 0.0,
+            frames,
+            skipped_frames: 0,
+            progress: 0.0,
+            mean_cross_track_error: 0.0,
+            max_cross_track_error: 0.0,
+            digest: String::new(),
+        };
+        Self { outcome, rate: 0.0, times: Times::default(), warnings: Vec::new() }
+    }
 }
 
 /// What a frame gave.

@@ -1,6 +1,6 @@
 //! A session: gives jobs to workers and takes what they come to, as long as a pipeline lives.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -22,7 +22,8 @@ use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
 use crate::lines::Found;
 use crate::protocol::{
-    Answer, Drive, Driven, EvaluateFrame, Evaluated, FromWorker, Hello, Job, Made, Make, Ready, VERSION, Work,
+    Answer, Drive, Driven, EvaluateFrame, Evaluated, Failure, FromWorker, Hello, Job, Made, Make, Ready, VERSION,
+    Work,
 };
 use crate::stages::Times;
 
@@ -72,6 +73,8 @@ pub enum Reply {
     Evaluated(Box<Evaluated>),
     /// A component.
     Made(Made),
+    /// A component failed, so that there is no result.
+    Failed(Error),
 }
 
 /// What all scenarios took together.
@@ -96,7 +99,7 @@ pub struct Session {
     /// What came before anybody asked for it.
     early: BTreeMap<Ticket, Result<Reply>>,
     /// Tickets whose answers nobody has taken.
-    open: VecDeque<Ticket>,
+    open: BTreeSet<Ticket>,
     next: u64,
     catalog: Catalog,
     refused: Vec<String>,
@@ -145,7 +148,7 @@ impl Session {
             requests,
             answers,
             early: BTreeMap::new(),
-            open: VecDeque::new(),
+            open: BTreeSet::new(),
             next: 0,
             catalog: Catalog::default(),
             refused: Vec::new(),
@@ -198,6 +201,7 @@ impl Session {
         let ticket = self.request(Request::Work(Box::new(Work::Make(make))));
         match self.wait(ticket, &mut |_| {})? {
             Reply::Made(made) => Ok(made),
+            Reply::Failed(error) => Err(error),
             _ => Err(Error::new(format!("making {kind} `{}` gave something else", component.name))),
         }
     }
@@ -205,7 +209,7 @@ impl Session {
     fn request(&mut self, request: Request) -> Ticket {
         let ticket = Ticket(self.next);
         self.next += 1;
-        self.open.push_back(ticket);
+        self.open.insert(ticket);
         // Fails only where the thread is gone, which shows with the next answer.
         let _ = self.requests.send(Event::Submit(ticket, request));
         ticket
@@ -218,33 +222,33 @@ impl Session {
     pub fn wait(&mut self, ticket: Ticket, tick: &mut dyn FnMut(u64)) -> Result<Reply> {
         loop {
             if let Some(answer) = self.early.remove(&ticket) {
-                self.open.retain(|open| *open != ticket);
+                self.open.remove(&ticket);
                 return answer;
             }
             self.receive(tick)?;
         }
     }
 
-    /// The next answer of any, as they come; none where all have been taken.
+    /// The next answer to any of these, as they come; none where all of theirs have been taken.
     ///
     /// # Errors
     /// Where the session is over.
-    pub fn next(&mut self, tick: &mut dyn FnMut(u64)) -> Result<Option<(Ticket, Result<Reply>)>> {
-        if self.open.is_empty() {
-            return Ok(None);
-        }
+    pub fn next(
+        &mut self,
+        among: &BTreeSet<Ticket>,
+        tick: &mut dyn FnMut(u64),
+    ) -> Result<Option<(Ticket, Result<Reply>)>> {
         loop {
-            if let Some((ticket, answer)) = self.early.pop_first() {
-                self.open.retain(|open| *open != ticket);
-                return Ok(Some((ticket, answer)));
+            let come = self.early.keys().find(|ticket| among.contains(ticket)).copied();
+            if let Some(answer) = come.and_then(|ticket| Some((ticket, self.early.remove(&ticket)?))) {
+                self.open.remove(&answer.0);
+                return Ok(Some(answer));
+            }
+            if self.open.is_disjoint(among) {
+                return Ok(None);
             }
             self.receive(tick)?;
         }
-    }
-
-    /// How many submissions have no answer yet that anybody took.
-    pub fn pending(&self) -> usize {
-        self.open.len()
     }
 
     fn receive(&mut self, tick: &mut dyn FnMut(u64)) -> Result<()> {
@@ -521,7 +525,8 @@ impl Inner {
             }
             Found::Message(FromWorker::Done(done)) => {
                 self.connections[place].release(done.number);
-                self.done(done.number, done.answer)
+                self.done(done.number, done.answer);
+                Ok(())
             }
             Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
             Found::Nonsense(error) => {
@@ -552,22 +557,23 @@ impl Inner {
                 self.queue.push_front(number);
                 continue;
             }
-            let error = Error::of(
-                ErrorKind::Lost,
-                format!("{} was lost {TRIES} times over it (the last: {end})", self.options.pool.name()),
-            );
-            self.finish(number, Err(error));
+            let message =
+                format!("{} was lost {TRIES} times over it (the last: {end})", self.options.pool.name());
+            let answer = match &task.work {
+                Work::Drive(_) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
+                _ => Answer::Failed(Failure { kind: ErrorKind::Lost, message }),
+            };
+            self.done(number, answer);
         }
     }
 
-    fn done(&mut self, number: u64, answer: Answer) -> Result<()> {
-        let Some(task) = self.tasks.get(&number) else { return Ok(()) };
+    fn done(&mut self, number: u64, answer: Answer) {
+        let Some(task) = self.tasks.get(&number) else { return };
         match answer {
             Answer::Driven(driven) => {
                 self.add_up(&driven);
                 let Some(submission) = &task.submission else {
-                    self.finish(number, Ok(Reply::Driven(Box::new(driven))));
-                    return Ok(());
+                    return self.finish(number, Ok(Reply::Driven(Box::new(driven))));
                 };
                 let line = line_of(submission, driven.outcome);
                 let written = match &mut self.record {
@@ -581,9 +587,9 @@ impl Inner {
                 self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
             }
             Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
-            Answer::Failed(failure) | Answer::Broken(failure) => self.finish(number, Err(failure.into())),
+            Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure.into()))),
+            Answer::Broken(failure) => self.finish(number, Err(failure.into())),
         }
-        Ok(())
     }
 
     /// A task is over: everybody who waits for it gets the answer.

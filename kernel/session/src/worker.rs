@@ -11,8 +11,6 @@ use std::time::{Duration, Instant};
 
 use pdk_core::calls::Seen;
 use pdk_core::supervisor::{End, LOOK, Limits, Supervised};
-use pdk_model::error::ErrorKind;
-use pdk_model::outcome::{Cause, Outcome};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_trace::writer::{Trace, part_of};
 
@@ -20,7 +18,6 @@ use crate::lines::{self, Found};
 use crate::protocol::{
     Answer, Done, Drive, Driven, Failure, FromWorker, Hello, Job, ToWorker, VERSION, Work,
 };
-use crate::stages::Times;
 
 /// How often a job is done again whose process somebody else has killed.
 const TRIES: u32 = 3;
@@ -252,7 +249,7 @@ impl Worker {
         let Work::Drive(drive) = &job.work else { return Answer::Failed(Failure { kind, message }) };
         let frames = calls.iter().find_map(|call| call.frame).unwrap_or_default();
         match write_trace(drive, &message) {
-            Ok(()) => Answer::Driven(lost(kind, message, frames)),
+            Ok(()) => Answer::Driven(Driven::lost(kind, message, frames)),
             Err(error) => Answer::Broken(error.into()),
         }
     }
@@ -289,24 +286,6 @@ fn wait_or_kill(supervised: &mut Supervised) -> Result<End> {
             None => std::thread::sleep(Duration::from_millis(1)),
         }
     }
-}
-
-/// The outcome of a scenario whose process was lost; its trace holds nothing but that.
-fn lost(kind: ErrorKind, message: String, frames: u64) -> Driven {
-    let outcome = Outcome {
-        success: false,
-        cause: Cause::Error,
-        error: Some(message),
-        error_kind: Some(kind),
-        time: 0.0,
-        frames,
-        skipped_frames: 0,
-        progress: 0.0,
-        mean_cross_track_error: 0.0,
-        max_cross_track_error: 0.0,
-        digest: String::new(),
-    };
-    Driven { outcome, rate: 0.0, times: Times::default(), warnings: Vec::new() }
 }
 
 /// Writes a trace in the place of one that was not completed, so that equal failures leave equal records.

@@ -3,11 +3,11 @@
 use crate::camera::Projection;
 use crate::light::Light;
 use crate::places::{BLOCK, Block, Places};
-use crate::render::View;
 use crate::scene::Scene;
 use crate::section::{self, Section};
 use crate::terrain::Strip;
 use crate::texture::{Line, Scale, Texture};
+use crate::view::View;
 
 /// Texels a metre of the two layers of texture: grain everywhere, and patches in the grass.
 const GRAIN: f32 = 30.0;

@@ -27,6 +27,7 @@ mod terrain;
 mod texture;
 mod traffic;
 mod vehicle;
+mod view;
 
 #[cfg(test)]
 mod pictures;

@@ -21,6 +21,7 @@ use crate::sprite::{Placement, Sprite};
 use crate::terrain::Terrain;
 use crate::texture::Texture;
 use crate::traffic::{self, Seen};
+use crate::view::View;
 
 /// Objects farther away than this are not drawn, in metres.
 const FARTHEST_OBJECT: f64 = 260.0;
@@ -59,15 +60,6 @@ pub struct World<'a, V> {
     pub profile: &'a Profile,
     /// The vehicles, in any order.
     pub vehicles: V,
-}
-
-/// The camera's place and directions on the ground, relative to the corner of the field.
-pub struct View {
-    pub at: [f32; 2],
-    pub ahead: [f32; 2],
-    pub right: [f32; 2],
-    /// Sine and cosine of the heading.
-    pub direction: [f64; 2],
 }
 
 /// Something to draw over the ground.

@@ -3,9 +3,9 @@
 use crate::camera::Projection;
 use crate::ground::{Room, byte, interleave};
 use crate::light::Light;
-use crate::render::View;
 use crate::scene::Scene;
 use crate::texture::{Scale, Texture};
+use crate::view::View;
 
 /// A row of sky, prepared.
 #[derive(Debug, Clone, Copy)]

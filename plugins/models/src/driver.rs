@@ -5,10 +5,11 @@ use std::path::Path;
 use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 
-use crate::backend::{self, Session};
+use crate::backend;
 use crate::model_file::{ImageInput, ModelFile};
 use crate::pixels::Pixels;
 use crate::selection::{Selection, Slot};
+use crate::session::Session;
 
 /// Drives with a network.
 ///

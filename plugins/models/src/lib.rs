@@ -12,6 +12,7 @@ mod model_file;
 mod onnxruntime;
 mod pixels;
 mod selection;
+mod session;
 mod tract;
 
 #[cfg(test)]

@@ -9,8 +9,13 @@ use pdk_sdk::prelude::*;
 const VARIABLE: &str = "PDK_ONNXRUNTIME";
 
 /// How to come by the library.
-pub const REMEDY: &str = "`pip install onnxruntime` makes it available, or set PDK_ONNXRUNTIME to its shared library \
+const REMEDY: &str = "`pip install onnxruntime` makes it available, or set PDK_ONNXRUNTIME to its shared library \
                           (libonnxruntime.so)";
+
+/// What to do where tract cannot run a model.
+pub fn instead_of_tract() -> String {
+    format!("ONNX Runtime may be able to: {REMEDY}")
+}
 
 /// Where to look.
 pub struct Search {

@@ -12,8 +12,8 @@ use ort::value::TensorRef;
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
-use crate::backend::Session;
 use crate::model_file::{ModelFile, SpeedInput};
+use crate::session::Session;
 
 /// The library in use. It stays loaded until the process ends.
 pub struct Runtime {

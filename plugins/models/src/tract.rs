@@ -9,8 +9,9 @@ use tract_onnx::prelude::*;
 use tract_onnx::tract_core::model::TypedSimpleState;
 use tract_onnx::tract_hir::infer::InferenceFact;
 
-use crate::backend::{Session, remedy};
+use crate::locate;
 use crate::model_file::ModelFile;
+use crate::session::Session;
 
 /// A network that tract runs.
 pub struct Tract {
@@ -41,12 +42,19 @@ impl Tract {
         unknown.dedup();
         if !unknown.is_empty() {
             let unknown = unknown.join(", ");
-            return Err(Error::new(format!("it cannot run the model's operators {unknown}; {}", remedy())));
+            return Err(Error::new(format!(
+                "it cannot run the model's operators {unknown}; {}",
+                locate::instead_of_tract()
+            )));
         }
         // tract panics on some models that contradict themselves.
         let state = catch_unwind(AssertUnwindSafe(|| prepare(model)))
-            .map_err(|_| Error::new(format!("it cannot make sense of the model; {}", remedy())))?
-            .map_err(|error| Error::new(format!("it cannot prepare the model ({error:#}); {}", remedy())))?;
+            .map_err(|_| {
+                Error::new(format!("it cannot make sense of the model; {}", locate::instead_of_tract()))
+            })?
+            .map_err(|error| {
+                Error::new(format!("it cannot prepare the model ({error:#}); {}", locate::instead_of_tract()))
+            })?;
         let zero =
             |shape: &[usize]| Tensor::zero::<f32>(shape).map(Arc::new).map_err(|e| Error::new(e.to_string()));
         let speed = match &model.speed {

@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
         row("make the four topics and take them off again", creation(&run, width, height)?);
         let bus = Bus::create(&run, 0, width, height)?;
-        row("loop: borrow zeroed, send, read back; no tap", own_part(&bus)?);
+        row("loop: borrow, send, read back; no tap", own_part(&bus)?);
         let child = start_tap(&format!("{run} {FRAMES}"))?;
         row("loop: the same, one tap in another process", own_part_with_tap(&bus)?);
         finish(child)?;

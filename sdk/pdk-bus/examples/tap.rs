@@ -3,23 +3,24 @@
 
 use std::{fs, io, path::PathBuf, process::ExitCode, time::Duration};
 
+use pdk_model::state::State;
 use pdk_bus::{FrameSample, LATEST, Message, Tap, Topic, monotonic_nanoseconds};
 
 const USAGE: &str = "\
-Usage: tap [raw|perturbed|control|state] [--run ID] [--lane N] [--save FILE.ppm] [--wait SECONDS] [--count N]
+Usage: tap [raw|perturbed|control|state] [--run ID] [--slot N] [--save FILE.ppm] [--wait SECONDS] [--count N]
        tap --list
 
   --run ID         the run to tap; by default the one that started last
-  --lane N         which of its loops (default 0)
+  --slot N         which of its loops (default 0)
   --save FILE.ppm  keep the newest frame in this file
   --wait SECONDS   how long to wait for the run to start (default 60)
   --count N        end after N messages; by default when the run ends
-  --list           name the runs that publish at this moment";
+  --list           name the loops that publish at this moment, with the folder of each";
 
 struct Options {
     topic: Topic,
     run: String,
-    lane: u32,
+    slot: u32,
     save: Option<PathBuf>,
     wait: Duration,
     count: u64,
@@ -43,14 +44,22 @@ fn run() -> Result<(), Box<dyn std::error::Error>> {
     }
     if arguments.iter().any(|argument| argument == "--list") {
         for run in Tap::list()? {
-            println!("{}  process {}  lanes {:?}", run.run, run.process, run.lanes);
+            for slot in run.slots {
+                println!(
+                    "{}  slot {}  process {}  {}",
+                    run.run,
+                    slot.slot,
+                    slot.process,
+                    slot.root.display()
+                );
+            }
         }
         return Ok(());
     }
 
     let options = parse(&arguments)?;
-    let mut tap = Tap::open(&options.run, options.lane, options.topic, options.wait)?;
-    eprintln!("tapping `{}` of lane {} of run `{}`", tap.topic(), tap.lane(), tap.run());
+    let mut tap = Tap::open(&options.run, options.slot, options.topic, options.wait)?;
+    eprintln!("tapping `{}` of slot {} of run `{}`", tap.topic(), tap.slot(), tap.run());
     let mut received = 0;
     while received < options.count {
         let Some(message) = tap.receive(Duration::from_millis(500))? else {
@@ -73,7 +82,7 @@ fn parse(arguments: &[String]) -> Result<Options, Box<dyn std::error::Error>> {
     let mut options = Options {
         topic: Topic::Perturbed,
         run: LATEST.to_owned(),
-        lane: 0,
+        slot: 0,
         save: None,
         wait: Duration::from_secs(60),
         count: u64::MAX,
@@ -83,7 +92,7 @@ fn parse(arguments: &[String]) -> Result<Options, Box<dyn std::error::Error>> {
         let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value\n\n{USAGE}"));
         match argument.as_str() {
             "--run" => options.run = value()?.clone(),
-            "--lane" => options.lane = value()?.parse().map_err(|error| format!("--lane: {error}"))?,
+            "--slot" => options.slot = value()?.parse().map_err(|error| format!("--slot: {error}"))?,
             "--save" => options.save = Some(value()?.into()),
             "--wait" => {
                 let seconds = value()?.parse().map_err(|error| format!("--wait: {error}"))?;
@@ -109,13 +118,13 @@ fn print(tap: &Tap, message: &Message) {
             format!("steering {:+.3} throttle {:+.3}", control.steering, control.throttle)
         }
         Message::State(_, state) => format!(
-            "x {:.2} y {:.2} z {:.2} speed {:.2} m/s cross-track {:+.3} m flags {:03b}",
+            "x {:.2} y {:.2} z {:.2} speed {:.2} m/s cross-track {:+.3} m {}",
             state.position[0],
             state.position[1],
             state.position[2],
             state.speed,
             state.cross_track_error,
-            state.flags
+            flags(state)
         ),
     };
     println!(
@@ -135,4 +144,10 @@ fn save(frame: &FrameSample, path: &PathBuf) -> io::Result<()> {
     let unfinished = path.with_extension("ppm.part");
     fs::write(&unfinished, bytes)?;
     fs::rename(&unfinished, path)
+}
+
+/// The flags that are set, by name.
+fn flags(state: &State) -> String {
+    let set = State::FLAGS.iter().zip(state.flags()).filter(|(_, set)| *set);
+    set.map(|(name, _)| *name).collect::<Vec<_>>().join(" ")
 }

@@ -5,6 +5,9 @@ use std::{fmt, str::FromStr};
 
 use iceoryx2::prelude::ZeroCopySend;
 
+use pdk_model::control::Control;
+use pdk_model::state::State;
+
 use crate::error::{Error, Result};
 
 /// The only pixel format in use: rows of interleaved 8-bit red, green, blue, top row first, no gaps.
@@ -70,7 +73,7 @@ pub struct Stamp {
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
 #[type_name("PdkFrameHeader")]
 pub struct FrameHeader {
-    /// The run, as [`run_hash`] of its id. The id itself is part of the service name.
+    /// The run, as [`run_hash`] of its id. The id itself is the name of the folder in which the root lies.
     pub run: u64,
     /// Number of the scenario within the run, from 0.
     pub scenario: u64,
@@ -84,8 +87,8 @@ pub struct FrameHeader {
     /// When the message was sent: nanoseconds of the monotonic clock, comparable between the processes of
     /// one machine.
     pub sent_at: u64,
-    /// The loop within the run, from 0.
-    pub lane: u32,
+    /// The slot of the loop within the run, from 0.
+    pub slot: u32,
     /// Width in pixels of the frames of this loop.
     pub width: u32,
     /// Height in pixels of the frames of this loop.
@@ -94,47 +97,49 @@ pub struct FrameHeader {
     pub format: u32,
 }
 
-/// What the driver answered to a frame: the payload of [`Topic::Control`].
+/// The payload of [`Topic::Control`]: the numbers of a [`Control`], in the order of [`Control::NUMBERS`].
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[type_name("PdkControl")]
-pub struct ControlMessage {
-    /// Steering, -1 (full left) to 1 (full right).
-    pub steering: f64,
-    /// Throttle, -1 (full brake) to 1 (full throttle).
-    pub throttle: f64,
+pub(crate) struct ControlMessage {
+    numbers: [f64; Control::NUMBERS.len()],
 }
 
-/// What the vehicle did: the payload of [`Topic::State`]. The time is in the header.
+impl From<Control> for ControlMessage {
+    fn from(control: Control) -> Self {
+        Self { numbers: control.numbers() }
+    }
+}
+
+impl From<ControlMessage> for Control {
+    fn from(message: ControlMessage) -> Self {
+        Self::from_numbers(message.numbers)
+    }
+}
+
+/// The payload of [`Topic::State`]: the numbers of a [`State`], in the order of [`State::NUMBERS`], and its flags.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[type_name("PdkState")]
-pub struct StateMessage {
-    /// Position in metres, in the axes of the simulator.
-    pub position: [f64; 3],
-    /// Heading in radians, in the axes of the simulator.
-    pub heading: f64,
-    /// Speed in metres per second.
-    pub speed: f64,
-    /// Signed distance to the middle of the lane in metres.
-    pub cross_track_error: f64,
-    /// Part of the road that is driven, 0 to 1.
-    pub progress: f64,
-    /// Free distance to the vehicle ahead in metres; infinite where there is none.
-    pub vehicle_ahead: f64,
-    /// Sum of [`Self::LANE_DEPARTURE`], [`Self::COLLISION`] and [`Self::FINISHED`] where they hold.
-    pub flags: u32,
+pub(crate) struct StateMessage {
+    numbers: [f64; State::NUMBERS.len()],
+    /// A bit for each of [`State::FLAGS`], the lowest for the first.
+    flags: u32,
     /// Fills the struct to a multiple of 8 bytes; 0.
-    pub reserved: u32,
+    reserved: u32,
 }
 
-impl StateMessage {
-    /// The vehicle is outside its lane.
-    pub const LANE_DEPARTURE: u32 = 1;
-    /// The vehicle has hit something.
-    pub const COLLISION: u32 = 2;
-    /// The vehicle has reached the end of the road.
-    pub const FINISHED: u32 = 4;
+impl From<State> for StateMessage {
+    fn from(state: State) -> Self {
+        let bits = state.flags().into_iter().enumerate().map(|(bit, set)| u32::from(set) << bit);
+        Self { numbers: state.numbers(), flags: bits.sum(), reserved: 0 }
+    }
+}
+
+impl From<StateMessage> for State {
+    fn from(message: StateMessage) -> Self {
+        Self::from_parts(message.numbers, std::array::from_fn(|bit| message.flags >> bit & 1 == 1))
+    }
 }
 
 /// The number that stands for a run in [`FrameHeader::run`]: the 64-bit FNV-1a hash of its id.
@@ -162,8 +167,10 @@ mod tests {
         assert_eq!(std::mem::offset_of!(FrameHeader, sent_at), 40);
         assert_eq!(std::mem::offset_of!(FrameHeader, format), 60);
         assert_eq!(size_of::<ControlMessage>(), 16);
-        assert_eq!(size_of::<StateMessage>(), 72);
-        assert_eq!(std::mem::offset_of!(StateMessage, flags), 64);
+        assert_eq!(size_of::<StateMessage>(), 80);
+        assert_eq!(std::mem::offset_of!(StateMessage, flags), 72);
+        let state = State { speed: 8.5, collision: true, ..State::default() };
+        assert_eq!((StateMessage::from(state).flags, State::from(StateMessage::from(state))), (2, state));
     }
 
     #[test]

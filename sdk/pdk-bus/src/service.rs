@@ -1,13 +1,13 @@
 //! What publisher and tap share: names, the quality of service, the node of this process, the clock.
 
-use std::{ffi::OsStr, fmt::Debug, sync::OnceLock, time::Duration};
+use std::{fmt::Debug, sync::Once};
 
 use iceoryx2::{
     config::Config,
-    node::{Node, NodeBuilder, NodeCreationFailure, NodeState, NodeView, node_name::NodeName},
+    node::{Node, NodeBuilder, node_name::NodeName},
     port::{publisher::Publisher, subscriber::Subscriber},
     prelude::{
-        CallbackProgression, IceoryxSend, LogLevel, Path, SemanticString, ServiceName, SignalHandlingMode,
+        FilePath, IceoryxSend, LogLevel, Path, SemanticString, ServiceName, SignalHandlingMode,
         set_log_level_from_env_or,
     },
     service::{
@@ -15,13 +15,10 @@ use iceoryx2::{
         port_factory::publish_subscribe::PortFactory,
     },
 };
-use rustix::{
-    fs::{Access, access},
-    io::Errno,
-    time::{ClockId, clock_gettime},
-};
+use rustix::time::{ClockId, clock_gettime};
 
 use crate::{
+    base::BASE_VARIABLE,
     error::{Error, Result},
     message::{ControlMessage, FrameHeader, StateMessage, Topic},
 };
@@ -40,61 +37,17 @@ pub(crate) const MAX_HELD: usize = 2;
 /// Frames per topic that the loop may have on loan at the same time.
 pub(crate) const MAX_LOANS: usize = 2;
 
-/// The first word of the node name of a publishing loop; the rest is run, lane and start time.
-const PUBLISHER_NODE: &str = "pdk-run";
-/// The run id that stands for the run that started last.
-pub const LATEST: &str = "latest";
-/// The longest run id: it has to fit into a node name beside lane and start time.
-pub(crate) const MAX_RUN_ID: usize = 64;
-
-/// `pdk/<run>/<lane>/<topic>`
-pub(crate) fn service_name(run: &str, lane: u32, topic: Topic) -> Result<ServiceName> {
-    check_run_id(run)?;
-    ServiceName::new(&format!("pdk/{run}/{lane}/{topic}"))
-        .map_err(|error| Error::new(format!("run id `{run}` cannot name a topic ({error}): choose another")))
-}
-
-/// Run and lane of a service name, if it is one of ours.
-pub(crate) fn parse_service_name(name: &str) -> Option<(&str, u32, Topic)> {
-    let mut parts = name.strip_prefix("pdk/")?.split('/');
-    let parsed = (parts.next()?, parts.next()?.parse().ok()?, parts.next()?.parse().ok()?);
-    parts.next().is_none().then_some(parsed)
-}
-
-fn check_run_id(run: &str) -> Result<()> {
-    let allowed = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte);
-    if run.is_empty() || run == LATEST || run.len() > MAX_RUN_ID || !run.bytes().all(allowed) {
-        return Err(Error::new(format!(
-            "`{run}` cannot be a run id: use 1 to {MAX_RUN_ID} ASCII letters, digits, `-`, `_` and `.`, but not `{LATEST}`"
-        )));
-    }
-    Ok(())
-}
-
-/// The name of the node of a publishing loop: from it a tap learns which runs live and which is the latest.
-pub(crate) fn publisher_node_name(run: &str, lane: u32, started: Duration) -> Result<NodeName> {
-    check_run_id(run)?;
-    NodeName::new(&format!("{PUBLISHER_NODE}/{run}/{lane}/{}", started.as_nanos()))
-        .map_err(|error| Error::new(format!("run id `{run}` cannot name a loop ({error}): choose another")))
-}
-
-/// When the loop behind a living node started (since the Unix epoch), if it publishes `run` and `lane`.
-pub(crate) fn publisher_start(node: &NodeState<Ipc>, run: &str, lane: u32) -> Option<(Duration, u32)> {
-    let NodeState::Alive(node) = node else { return None };
-    let details = node.details().as_ref()?;
-    let mut parts = details.name().as_str().split('/');
-    let ours = parts.next() == Some(PUBLISHER_NODE)
-        && parts.next() == Some(run)
-        && parts.next()?.parse() == Ok(lane);
-    let started = Duration::from_nanos(parts.next()?.parse().ok()?);
-    let process = u32::try_from(details.process_id().value()).ok()?;
-    ours.then_some((started, process))
+/// `pdk/<topic>`: the root says of which run and slot.
+pub(crate) fn service_name(topic: Topic) -> Result<ServiceName> {
+    ServiceName::new(&format!("pdk/{topic}")).map_err(|error| {
+        Error::new(format!("topic `{topic}` cannot be named ({error}): report this as a defect"))
+    })
 }
 
 /// The payload of a topic: `[u8]` or one of the fixed messages.
 pub(crate) trait Payload: Debug + IceoryxSend + 'static {
-    /// Opens the topic, or creates it where it is not there yet.
-    fn open_or_create(node: &Node<Ipc>, name: &ServiceName) -> Result<TopicService<Self>>;
+    /// Creates the topic.
+    fn create(node: &Node<Ipc>, name: &ServiceName) -> Result<TopicService<Self>>;
 
     /// Opens the topic; `None` where it is not there, or not there yet.
     fn open(node: &Node<Ipc>, name: &ServiceName) -> Result<Option<TopicService<Self>>>;
@@ -107,7 +60,7 @@ pub(crate) type TopicService<P> = PortFactory<Ipc, P, FrameHeader>;
 macro_rules! payloads {
     ($($payload:ty),*) => {$(
         impl Payload for $payload {
-            fn open_or_create(node: &Node<Ipc>, name: &ServiceName) -> Result<TopicService<Self>> {
+            fn create(node: &Node<Ipc>, name: &ServiceName) -> Result<TopicService<Self>> {
                 node.service_builder(name)
                     .publish_subscribe::<Self>()
                     .user_header::<FrameHeader>()
@@ -119,7 +72,7 @@ macro_rules! payloads {
                     .history_size(0)
                     // The oldest message gives way: a slow tap never holds up the loop.
                     .enable_safe_overflow(true)
-                    .open_or_create()
+                    .create()
                     .map_err(|error| cannot_open(name, &error))
             }
 
@@ -149,103 +102,58 @@ payloads!([u8], ControlMessage, StateMessage);
 
 fn cannot_open(name: &ServiceName, error: &dyn std::error::Error) -> Error {
     let reason = error.to_string();
-    let remedy = if reason.contains("InsufficientPermissions") {
-        permission_remedy()
-    } else if reason.contains("Incompatible")
-        || reason.contains("DoesNotSupport")
-        || reason.contains("Version")
-    {
-        "the process at the other end was built against another pdk-bus or iceoryx2, use the same version"
-            .into()
-    } else if reason.contains("ExceedsMaxNumberOfNodes") {
-        "too many processes use it, end some of the taps".into()
-    } else {
-        "check that /dev/shm is writable and not full".into()
-    };
+    let remedy =
+        if reason.contains("Incompatible") || reason.contains("DoesNotSupport") || reason.contains("Version")
+        {
+            "the process at the other end was built against another pdk-bus or iceoryx2, use the same version"
+        } else if reason.contains("ExceedsMaxNumberOfNodes") {
+            "too many processes use it, end some of the taps"
+        } else {
+            "check that /dev/shm is writable and not full"
+        };
     Error::new(format!("topic `{name}` cannot be opened ({reason}): {remedy}"))
 }
 
-pub(crate) fn permission_remedy() -> String {
-    format!(
-        "the bus of this machine belongs to another user, so run as that user, or give pdk and its taps a folder \
-         of their own with {ROOT_VARIABLE}=/tmp/pdk-$USER"
-    )
-}
+/// What iceoryx2 adds to the root at the longest: `/`, the prefix, the hash of the type and the two ports of a
+/// connection, with a suffix. It is a file in /dev/shm, but its path is made with the root and checked.
+const ROOM_FOR_FILES: usize = 1 + 17 + 40 + 1 + 39 + 1 + 39 + ".connection".len();
 
-/// The environment variable that moves the bus's folder away from iceoryx2's default, `/tmp/iceoryx2`: an
-/// absolute path. Only processes with the same folder see each other.
-pub const ROOT_VARIABLE: &str = "PDK_BUS_DIR";
-
-/// iceoryx2's configuration, with the folder from [`ROOT_VARIABLE`] where it is set.
-pub(crate) fn config() -> Result<&'static Config> {
-    static CONFIG: OnceLock<Result<Config>> = OnceLock::new();
-    let config = CONFIG.get_or_init(|| {
-        // It reports most failures twice: as an error, which we word ourselves, and as a log line.
-        set_log_level_from_env_or(LogLevel::Fatal);
-        let mut config = Config::global_config().clone();
-        if let Some(folder) = std::env::var_os(ROOT_VARIABLE) {
-            config.global.set_root_path(&root_path(&folder)?);
-        }
-        Ok(config)
-    });
-    config.as_ref().map_err(Error::clone)
-}
-
-/// The rest of the path of a file in the folder: `services/` and a hash.
-const ROOM_FOR_FILES: usize = 100;
-
-fn root_path(folder: &OsStr) -> Result<Path> {
-    let bytes = folder.as_encoded_bytes();
-    let path = Path::new(bytes).ok().filter(|_| bytes.starts_with(b"/"));
-    path.filter(|path| path.len() + ROOM_FOR_FILES <= Path::max_len()).ok_or_else(|| {
+/// Reads iceoryx2's configuration of a bus.
+pub(crate) fn config(file: &std::path::Path) -> Result<Config> {
+    // It reports most failures twice: as an error, which we word ourselves, and as a log line.
+    static QUIET: Once = Once::new();
+    QUIET.call_once(|| set_log_level_from_env_or(LogLevel::Fatal));
+    let path = FilePath::new(file.as_os_str().as_encoded_bytes()).ok();
+    let path = path.filter(|path| path.path().len() + ROOM_FOR_FILES <= Path::max_len()).ok_or_else(|| {
         Error::new(format!(
-            "{ROOT_VARIABLE}={} cannot be the folder of the bus: use a short absolute path like /tmp/pdk-$USER",
-            folder.display()
+            "{} is too long or has unusual characters: name a shorter folder for the bus with {BASE_VARIABLE}, or \
+             give the run a shorter id",
+            file.display()
+        ))
+    })?;
+    Config::from_file(&path).map_err(|error| {
+        Error::new(format!(
+            "{} cannot be read ({error}): start the run again, and the tap with the same version of pdk",
+            file.display()
         ))
     })
 }
 
-/// Registers this process, which also removes what dead ones left.
-pub(crate) fn create_node(name: &NodeName) -> Result<Node<Ipc>> {
-    let config = config()?;
+/// Registers this process, which also clears up after taps that were killed.
+pub(crate) fn create_node(name: &str, config: &Config) -> Result<Node<Ipc>> {
+    let failed = |error: &dyn std::error::Error| {
+        Error::new(format!(
+            "the bus cannot register this process in {} ({error}): check that it can be written and has space",
+            config.global.root_path()
+        ))
+    };
     NodeBuilder::new()
-        .name(name)
+        .name(&NodeName::new(name).map_err(|error| failed(&error))?)
         .config(config)
         // Ctrl-C belongs to the program, not to the bus.
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
-        .map_err(|error| {
-            let folder = config.global.root_path().to_string();
-            let theirs = access(folder.as_str(), Access::WRITE_OK | Access::EXEC_OK) == Err(Errno::ACCESS);
-            let remedy = if theirs || error == NodeCreationFailure::InsufficientPermissions {
-                permission_remedy()
-            } else {
-                "check that it exists or can be made, and has space".into()
-            };
-            Error::new(format!("the bus cannot register this process in {folder} ({error}): {remedy}"))
-        })
-}
-
-/// Removes the shared memory and files of processes that were killed before they could do so themselves, and
-/// returns how many loops and taps that were. What belongs to another user stays.
-///
-/// # Errors
-/// Where the list of processes cannot be read.
-pub fn cleanup_dead() -> Result<usize> {
-    let mut removed = 0;
-    Node::<Ipc>::list(config()?, |node| {
-        if let NodeState::Dead(dead) = node
-            // Another process may be at the same work; then it is its removal, not ours.
-            && dead.try_remove_stale_resources().is_ok()
-        {
-            removed += 1;
-        }
-        CallbackProgression::Continue
-    })
-    .map_err(|error| {
-        Error::new(format!("leftovers of killed runs cannot be listed ({error}): {}", permission_remedy()))
-    })?;
-    Ok(removed)
+        .map_err(|error| failed(&error))
 }
 
 /// Nanoseconds of the monotonic clock: the same clock in every process of the machine.
@@ -257,39 +165,9 @@ pub fn monotonic_nanoseconds() -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
-
-    #[test]
-    fn service_names_are_read_back() {
-        let name = service_name("2026-11-20_a.1", 3, Topic::Perturbed).unwrap();
-        assert_eq!(name.as_str(), "pdk/2026-11-20_a.1/3/perturbed");
-        assert_eq!(parse_service_name(name.as_str()), Some(("2026-11-20_a.1", 3, Topic::Perturbed)));
-        for foreign in
-            ["pdk/run/0", "pdk/run/0/raw/more", "pdk/run/x/raw", "other/run/0/raw", "pdk/run/0/depth"]
-        {
-            assert_eq!(parse_service_name(foreign), None, "{foreign}");
-        }
-    }
-
-    #[test]
-    fn run_ids_that_cannot_name_a_topic_are_refused() {
-        for run in ["", LATEST, "a/b", "a b", "ü", &"x".repeat(MAX_RUN_ID + 1)] {
-            let error = service_name(run, 0, Topic::Raw).unwrap_err();
-            assert!(error.message().contains("cannot be a run id"), "{error}");
-        }
-        let longest = "x".repeat(MAX_RUN_ID);
-        service_name(&longest, u32::MAX, Topic::Perturbed).unwrap();
-        publisher_node_name(&longest, u32::MAX, Duration::MAX).unwrap();
-    }
-
-    #[test]
-    fn a_folder_is_absolute_and_short() {
-        assert_eq!(root_path(OsStr::new("/tmp/pdk-me")).unwrap().to_string(), "/tmp/pdk-me");
-        for folder in ["", "relative", "~/bus", &format!("/{}", "x".repeat(200))] {
-            let error = root_path(OsStr::new(folder)).unwrap_err();
-            assert!(error.message().contains("cannot be the folder of the bus"), "{error}");
-        }
-    }
 
     #[test]
     fn the_clock_moves_forward() {

@@ -2,27 +2,22 @@
 
 use std::{
     collections::BTreeMap,
+    path::{Path, PathBuf},
     time::{Duration, Instant, SystemTime},
 };
 
-use iceoryx2::{
-    node::{Node, node_name::NodeName},
-    port::ReceiveError,
-    prelude::{CallbackProgression, PortFactory as _, Service as _},
-    service::ServiceListError,
-};
+use iceoryx2::port::ReceiveError;
 
 use crate::{
-    bus::FrameSample,
+    base::base,
     error::{Error, Result},
-    message::{ControlMessage, FrameHeader, StateMessage, Topic},
-    service::{
-        Ipc, LATEST, Payload, TopicService, TopicSubscriber, config, create_node, parse_service_name,
-        permission_remedy, publisher_start, service_name,
-    },
+    layout::{LATEST, check_run_id},
+    link::{Link, Message},
+    message::Topic,
+    root::{LivingRoot, living},
 };
 
-/// How often a tap looks for a run that is not there yet.
+/// How often a tap looks for a run that is not there yet, or for another loop in place of one that ended.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
 /// A waiting tap polls: at first giving way to other threads, then sleeping longer and longer up to this.
 const LONGEST_SLEEP: Duration = Duration::from_micros(500);
@@ -34,119 +29,73 @@ const POLLS_BEFORE_SLEEP: u32 = 50;
 pub struct RunTopics {
     /// The run id.
     pub run: String,
-    /// When its first loop started.
+    /// When the newest of its loops started.
     pub started: SystemTime,
+    /// Its loops, by ascending slot.
+    pub slots: Vec<SlotTopics>,
+}
+
+/// A loop that is publishing at this moment.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SlotTopics {
+    /// The number of the loop within the run.
+    pub slot: u32,
     /// The process that runs it.
     pub process: u32,
-    /// The numbers of its loops, ascending.
-    pub lanes: Vec<u32>,
-}
-
-/// One message of a topic.
-#[derive(Debug)]
-pub enum Message {
-    /// From [`Topic::Raw`] or [`Topic::Perturbed`]: a view of the shared memory, not a copy.
-    Frame(FrameSample),
-    /// From [`Topic::Control`].
-    Control(FrameHeader, ControlMessage),
-    /// From [`Topic::State`].
-    State(FrameHeader, StateMessage),
-}
-
-impl Message {
-    /// Where the message stands in the experiment.
-    pub fn header(&self) -> &FrameHeader {
-        match self {
-            Self::Frame(frame) => frame.header(),
-            Self::Control(header, _) | Self::State(header, _) => header,
-        }
-    }
+    /// The folder of its bus.
+    pub root: PathBuf,
 }
 
 /// A reader of one topic of one loop.
 ///
 /// Up to seven taps read a topic at the same time, each with a queue of eight messages that loses the oldest
 /// when it is full; [`lost`](Self::lost) counts those.
+///
+/// Where a loop has ended or died and another takes its slot in the same run, the tap goes on with that one: after
+/// the last message of the old comes the first that the new one sends once the tap has found it. Then the numbers
+/// in the headers start again, and frames may be of another size.
 #[derive(Debug)]
 pub struct Tap {
+    base: PathBuf,
     run: String,
-    lane: u32,
+    slot: u32,
     topic: Topic,
-    port: Port,
+    link: Link,
+    looked: Instant,
     expected: Option<u64>,
     lost: u64,
-    // Last, so that the ports are gone when it goes.
-    _node: Node<Ipc>,
-}
-
-#[derive(Debug)]
-enum Port {
-    Frame(TopicService<[u8]>, TopicSubscriber<[u8]>),
-    Control(TopicService<ControlMessage>, TopicSubscriber<ControlMessage>),
-    State(TopicService<StateMessage>, TopicSubscriber<StateMessage>),
 }
 
 impl Tap {
     /// The runs that publish at this moment, the one that started last first.
     ///
     /// # Errors
-    /// Where the list of topics cannot be read.
+    /// Where the base is not this user's alone, or cannot be read.
     pub fn list() -> Result<Vec<RunTopics>> {
-        let mut runs: BTreeMap<(String, u32), (Duration, Vec<u32>)> = BTreeMap::new();
-        Ipc::list(config()?, |service| {
-            let name = service.static_details.name().as_str();
-            if let Some((run, lane, Topic::Raw)) = parse_service_name(name) {
-                let nodes = service.dynamic_details.iter().flat_map(|details| &details.nodes);
-                for (started, process) in nodes.filter_map(|node| publisher_start(node, run, lane)) {
-                    let entry = runs.entry((run.to_owned(), process)).or_insert((started, Vec::new()));
-                    entry.0 = entry.0.min(started);
-                    entry.1.push(lane);
-                }
-            }
-            CallbackProgression::Continue
-        })
-        .map_err(|error| {
-            let remedy = match error {
-                ServiceListError::InsufficientPermissions => permission_remedy(),
-                ServiceListError::InternalError => "try again".into(),
-            };
-            Error::new(format!("the topics of running pipelines cannot be listed ({error}): {remedy}"))
-        })?;
-
-        let mut runs: Vec<_> = runs
-            .into_iter()
-            .map(|((run, process), (started, mut lanes))| {
-                lanes.sort_unstable();
-                RunTopics { run, started: SystemTime::UNIX_EPOCH + started, process, lanes }
-            })
-            .collect();
-        runs.sort_by(|a, b| b.started.cmp(&a.started).then_with(|| a.run.cmp(&b.run)));
-        Ok(runs)
+        list_below(&base()?)
     }
 
-    /// Opens a topic of a run, or of the [`LATEST`] run that has this lane. Where there is none yet, waits for
-    /// it up to `timeout`: a tap may be started before its run.
+    /// Opens a topic of a slot of a run, or of the [`LATEST`] run that has this slot. Where there is none yet,
+    /// waits for it up to `timeout`: a tap may be started before its run.
     ///
     /// # Errors
-    /// No such run within `timeout`, too many taps, shared memory of another user.
-    pub fn open(run: &str, lane: u32, topic: Topic, timeout: Duration) -> Result<Self> {
-        let node = create_node(&NodeName::new("pdk-tap").map_err(|error| Error::new(error.to_string()))?)?;
+    /// No such run within `timeout`, too many taps, a base that is not this user's alone.
+    pub fn open(run: &str, slot: u32, topic: Topic, timeout: Duration) -> Result<Self> {
+        let base = base()?;
+        if run != LATEST {
+            check_run_id(run)?;
+        }
         let deadline = Instant::now() + timeout;
         loop {
-            let found = match run {
-                LATEST => {
-                    Self::list()?.into_iter().find(|found| found.lanes.contains(&lane)).map(|found| found.run)
-                }
-                _ => Some(run.to_owned()),
-            };
-            if let Some(run) = found
-                && let Some(port) = Port::open(&node, &run, lane, topic)?
+            if let Some(found) = find(&base, Some(run).filter(|run| *run != LATEST), slot)?
+                && let Some(link) = Link::open(&found.path, topic)?
             {
-                return Ok(Self { run, lane, topic, port, expected: None, lost: 0, _node: node });
+                let looked = Instant::now();
+                return Ok(Self { base, run: found.run, slot, topic, link, looked, expected: None, lost: 0 });
             }
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                return Err(nothing_to_tap(run, lane, topic, timeout));
+                return Err(nothing_to_tap(&base, run, slot, topic, timeout));
             }
             std::thread::sleep(left.min(LOOK_AGAIN));
         }
@@ -158,8 +107,8 @@ impl Tap {
     }
 
     /// The number of the loop within the run.
-    pub fn lane(&self) -> u32 {
-        self.lane
+    pub fn slot(&self) -> u32 {
+        self.slot
     }
 
     /// The topic.
@@ -167,7 +116,8 @@ impl Tap {
         self.topic
     }
 
-    /// How many messages were sent since the first one received that this tap was too slow for.
+    /// How many messages were sent since the first one received that this tap was too slow for. Those that a loop
+    /// sent before the tap found it do not count.
     pub fn lost(&self) -> u64 {
         self.lost
     }
@@ -175,13 +125,18 @@ impl Tap {
     /// The oldest message that waits; where none does, waits for one up to `timeout`. `None` after that.
     ///
     /// # Errors
-    /// Where the caller holds two frames already.
+    /// Where the caller holds two frames already, or the next loop in this slot cannot be tapped.
     pub fn receive(&mut self, timeout: Duration) -> Result<Option<Message>> {
         let start = Instant::now();
         let mut polls = 0;
         let mut sleep = FIRST_SLEEP;
         loop {
             if let Some(message) = self.try_receive()? {
+                return Ok(Some(message));
+            }
+            if self.looked.elapsed() >= LOOK_AGAIN
+                && let Some(message) = self.follow()?
+            {
                 return Ok(Some(message));
             }
             let left = timeout.saturating_sub(start.elapsed());
@@ -198,45 +153,36 @@ impl Tap {
         }
     }
 
-    /// Whether the loop behind the topic has ended or died; messages may still wait.
+    /// Whether the loop behind the topic has ended or died, and no other has taken its slot; messages may still
+    /// wait.
     ///
     /// # Errors
-    /// Where the state of the other process cannot be read.
+    /// Where the base cannot be read.
     pub fn is_over(&self) -> Result<bool> {
-        let mut alive = false;
-        let see = |node| {
-            alive |= publisher_start(&node, &self.run, self.lane).is_some();
-            if alive { CallbackProgression::Stop } else { CallbackProgression::Continue }
-        };
-        let seen = match &self.port {
-            Port::Frame(service, _) => service.nodes(see),
-            Port::Control(service, _) => service.nodes(see),
-            Port::State(service, _) => service.nodes(see),
-        };
-        seen.map_err(|error| {
-            Error::new(format!(
-                "it cannot be seen whether lane {} of run `{}` is alive ({error}): {}",
-                self.lane,
-                self.run,
-                permission_remedy()
-            ))
-        })?;
-        Ok(!alive)
+        Ok(!self.link.is_alive() && find(&self.base, Some(&self.run), self.slot)?.is_none())
+    }
+
+    /// Goes over to the next loop in this slot where there is one, unless a message of the old one is left.
+    fn follow(&mut self) -> Result<Option<Message>> {
+        self.looked = Instant::now();
+        if self.link.is_alive() {
+            return Ok(None);
+        }
+        // Between the last look into the queue and its death it may have sent more.
+        if let Some(message) = self.try_receive()? {
+            return Ok(Some(message));
+        }
+        if let Some(next) = find(&self.base, Some(&self.run), self.slot)?
+            && let Some(link) = Link::open(&next.path, self.topic)?
+        {
+            self.link = link;
+            self.expected = None;
+        }
+        Ok(None)
     }
 
     fn try_receive(&mut self) -> Result<Option<Message>> {
-        let received = match &self.port {
-            Port::Frame(_, port) => {
-                port.receive().map(|sample| sample.map(|sample| Message::Frame(FrameSample { sample })))
-            }
-            Port::Control(_, port) => {
-                port.receive().map(|sample| sample.map(|s| Message::Control(*s.user_header(), *s.payload())))
-            }
-            Port::State(_, port) => {
-                port.receive().map(|sample| sample.map(|s| Message::State(*s.user_header(), *s.payload())))
-            }
-        };
-        let message = received.map_err(|error| {
+        let message = self.link.receive().map_err(|error| {
             let remedy = match error {
                 ReceiveError::ExceedsMaxBorrows => "drop the frames received before",
                 _ => "open the tap again",
@@ -248,7 +194,6 @@ impl Tap {
         })?;
         if let Some(message) = &message {
             let number = message.header().number;
-            // A loop that was killed and started anew counts from 0 again.
             self.lost += number.saturating_sub(self.expected.unwrap_or(number));
             self.expected = Some(number + 1);
         }
@@ -256,49 +201,36 @@ impl Tap {
     }
 }
 
-impl Port {
-    fn open(node: &Node<Ipc>, run: &str, lane: u32, topic: Topic) -> Result<Option<Self>> {
-        fn subscribe<P: Payload + ?Sized>(
-            node: &Node<Ipc>,
-            run: &str,
-            lane: u32,
-            topic: Topic,
-        ) -> Result<Option<(TopicService<P>, TopicSubscriber<P>)>> {
-            let Some(service) = P::open(node, &service_name(run, lane, topic)?)? else { return Ok(None) };
-            let subscriber = service.subscriber_builder().create().map_err(|error| {
-                Error::new(format!(
-                    "topic `{topic}` of lane {lane} of run `{run}` cannot be tapped ({error}): end another tap of \
-                     it first, seven are possible"
-                ))
-            })?;
-            Ok(Some((service, subscriber)))
-        }
-
-        Ok(match topic {
-            Topic::Raw | Topic::Perturbed => {
-                subscribe(node, run, lane, topic)?.map(|(service, port)| Self::Frame(service, port))
-            }
-            Topic::Control => {
-                subscribe(node, run, lane, topic)?.map(|(service, port)| Self::Control(service, port))
-            }
-            Topic::State => {
-                subscribe(node, run, lane, topic)?.map(|(service, port)| Self::State(service, port))
-            }
-        })
-    }
+/// The newest loop of a slot, in one run or in any.
+fn find(base: &Path, run: Option<&str>, slot: u32) -> Result<Option<LivingRoot>> {
+    Ok(living(base, run)?.into_iter().find(|root| root.slot == slot))
 }
 
-fn nothing_to_tap(run: &str, lane: u32, topic: Topic, timeout: Duration) -> Error {
-    let running = match Tap::list() {
+fn list_below(base: &Path) -> Result<Vec<RunTopics>> {
+    let mut runs: BTreeMap<String, RunTopics> = BTreeMap::new();
+    // The newest first, so the first of each run says when it started.
+    for LivingRoot { run, slot, path, process, started } in living(base, None)? {
+        let started = SystemTime::UNIX_EPOCH + started;
+        let entry = runs.entry(run.clone()).or_insert(RunTopics { run, started, slots: Vec::new() });
+        entry.slots.push(SlotTopics { slot, process, root: path });
+    }
+    let mut runs: Vec<_> = runs.into_values().collect();
+    runs.iter_mut().for_each(|run| run.slots.sort_by_key(|slot| slot.slot));
+    runs.sort_by(|a, b| b.started.cmp(&a.started).then_with(|| a.run.cmp(&b.run)));
+    Ok(runs)
+}
+
+fn nothing_to_tap(base: &Path, run: &str, slot: u32, topic: Topic, timeout: Duration) -> Error {
+    let running = match list_below(base) {
         Ok(runs) if !runs.is_empty() => {
             let names: Vec<_> = runs.iter().map(|found| format!("`{}`", found.run)).collect();
             format!("running now: {}", names.join(", "))
         }
-        _ => "no run publishes at this moment".into(),
+        _ => format!("no run publishes below {} at this moment", base.display()),
     };
     let wanted = if run == LATEST { "any run".into() } else { format!("run `{run}`") };
     Error::new(format!(
-        "topic `{topic}` of lane {lane} of {wanted} did not appear within {:.1} s ({running}): start the run, or \
+        "topic `{topic}` of slot {slot} of {wanted} did not appear within {:.1} s ({running}): start the run, or \
          name another",
         timeout.as_secs_f64()
     ))

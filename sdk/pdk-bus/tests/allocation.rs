@@ -10,7 +10,8 @@ use std::{
     time::Duration,
 };
 
-use pdk_bus::{Bus, ControlMessage, Message, Stamp, StateMessage, Tap, Topic};
+use pdk_bus::{Bus, Message, Stamp, Tap, Topic};
+use pdk_model::{control::Control, state::State};
 
 struct Counting;
 
@@ -60,8 +61,8 @@ fn a_step_allocates_one_handle_per_message() {
         let mut perturbed = bus.loan_frame(Topic::Perturbed, stamp).unwrap();
         perturbed.copy_from_slice(&raw);
         drop(perturbed.publish().unwrap());
-        bus.publish_control(stamp, ControlMessage::default()).unwrap();
-        bus.publish_state(stamp, StateMessage::default()).unwrap();
+        bus.publish_control(stamp, Control::default()).unwrap();
+        bus.publish_state(stamp, State::default()).unwrap();
         // The tap is the other end of the same step; every third frame waits for the next.
         if sequence % 3 != 0 {
             let received = tap.receive(Duration::ZERO).unwrap();

@@ -1,7 +1,8 @@
 //! A dataset reader that misbehaves.
 
-use super::{Manner, describe};
 use pdk_sdk::prelude::*;
+
+use crate::manner::{Manner, describe};
 
 /// A recording of four small frames, or misbehaves.
 pub struct Misbehaving {

@@ -1,7 +1,9 @@
 //! A driver that misbehaves.
 
-use super::{Manner, describe};
 use pdk_sdk::prelude::*;
+
+use crate::manner::{Manner, describe};
+use crate::process::and_ways;
 
 /// Drives straight on, or misbehaves.
 pub struct Misbehaving {
@@ -11,7 +13,7 @@ pub struct Misbehaving {
 impl Component for Misbehaving {
     fn description() -> Description {
         let description = Description::driver("misbehave", "Misbehaves as told");
-        describe(description, &["new", "reset", "drop", "drive"], &["no_number", "wild"])
+        describe(description, &["new", "reset", "drop", "drive"], &and_ways(&["no_number", "wild"]))
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -27,6 +29,7 @@ impl Driver for Misbehaving {
 
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
         self.manner.reach_frame("drive", cx.frame_index);
+        self.manner.disturb(cx.frame_index);
         // Depends on the frame, so that a test sees when it saw another one.
         let brightness = f64::from(frame.pixel(frame.width() / 2, frame.height() / 2)[0]) / 2550.0;
         let steering = match self.manner.how.as_str() {

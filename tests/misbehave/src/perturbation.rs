@@ -1,7 +1,9 @@
 //! A perturbation that misbehaves.
 
-use super::{Manner, describe};
 use pdk_sdk::prelude::*;
+
+use crate::manner::{Manner, describe};
+use crate::process::and_ways;
 
 /// Copies the frame, or misbehaves.
 pub struct Misbehaving {
@@ -15,7 +17,7 @@ impl Component for Misbehaving {
         describe(
             description,
             &["new", "drop", "apply"],
-            &["leave_pixels", "remember", "mutter", "panic_on_thread"],
+            &and_ways(&["leave_pixels", "remember", "mutter", "panic_on_thread"]),
         )
     }
 
@@ -27,6 +29,7 @@ impl Component for Misbehaving {
 impl Perturbation for Misbehaving {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         self.manner.reach_frame("apply", cx.frame_index);
+        self.manner.disturb(cx.frame_index);
         self.calls = self.calls.wrapping_add(1);
         let written = if self.manner.is("leave_pixels") { src.height() / 2 } else { src.height() };
         for y in 0..written {

@@ -1,7 +1,8 @@
 //! A saliency method that misbehaves.
 
-use super::{Manner, describe};
 use pdk_sdk::prelude::*;
+
+use crate::manner::{Manner, describe};
 
 /// Finds everything equally important, or misbehaves.
 pub struct Misbehaving {

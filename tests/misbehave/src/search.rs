@@ -1,7 +1,8 @@
 //! A search strategy that misbehaves.
 
-use super::{Manner, describe};
 use pdk_sdk::prelude::*;
+
+use crate::manner::{Manner, describe};
 
 /// Proposes nothing in particular, or misbehaves.
 pub struct Misbehaving {

@@ -1,7 +1,9 @@
 //! A simulator that misbehaves.
 
-use super::{Manner, describe};
 use pdk_sdk::prelude::*;
+
+use crate::manner::{Manner, describe};
+use crate::process::and_ways;
 
 /// Frames of the road.
 const ROAD: u64 = 20;
@@ -41,7 +43,7 @@ impl Component for Misbehaving {
             "no_number",
             "stand_still",
         ];
-        describe(Description::simulator("misbehave", "Misbehaves as told"), &functions, &own)
+        describe(Description::simulator("misbehave", "Misbehaves as told"), &functions, &and_ways(&own))
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -71,6 +73,7 @@ impl Simulator for Misbehaving {
 
     fn frame(&mut self, mut into: FrameMut<'_>) -> Result<State> {
         self.manner.reach_frame("frame", self.step);
+        self.manner.disturb(self.step);
         for row in into.rows_mut() {
             row.fill((self.step * 10) as u8);
         }

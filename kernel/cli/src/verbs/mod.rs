@@ -4,10 +4,17 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use pdk::exit_guard::ExitGuard;
-use pdk::output;
-use pdk::registry::{Registry, SearchPath};
+use pdk_core::registry::Registry;
+use pdk_core::search_path::SearchPath;
+use pdk_core::supervisor::Limits;
+use pdk_core::{calls, eprintln, output, println};
+use pdk_lua::LuaScripts;
 use pdk_sdk::error::Result;
+use pdk_session::connection::Pool;
+use pdk_session::interrupt;
+use pdk_session::session::{Options, Session};
+
+use crate::supervised;
 
 mod check;
 mod doctor;
@@ -22,6 +29,7 @@ mod report;
 mod road;
 mod run;
 mod show;
+mod worker;
 
 /// Tests driving models by disturbing what their camera sees
 #[derive(Parser)]
@@ -30,7 +38,8 @@ mod show;
     version,
     propagate_version = true,
     after_help = "Exit codes: 0 done, 1 failed with a sentence on standard error, 2 wrong usage, \
-                  70 ended by a component, 75 ended because a component did not come back."
+                  70 ended by a component, 75 ended because a component did not come back, \
+                  130 interrupted with Ctrl-C, 143 terminated."
 )]
 pub struct Cli {
     #[command(flatten)]
@@ -56,17 +65,27 @@ pub struct Global {
 impl Global {
     /// Where components are looked for besides the usual places.
     pub fn search_path(&self) -> SearchPath {
-        let overlays = self.overlays.iter().map(|folder| ("overlays", folder.clone()));
-        SearchPath { plugins: self.plugins.clone(), drop_ins: overlays.collect() }
+        let overlays = self.overlays.iter().map(|folder| ("overlays".to_owned(), folder.clone()));
+        SearchPath { plugins: self.plugins.clone(), drop_ins: overlays.collect(), beside: Vec::new() }
     }
 
-    /// Finds all components, and says what had to be left out.
+    /// Finds all components, and says what had to be left out. They are loaded into this process.
     pub fn registry(&self) -> Result<Registry> {
-        let registry = Registry::discover(&self.search_path())?;
+        let registry = Registry::discover(&self.search_path(), Box::new(LuaScripts))?;
         for refused in registry.refused() {
             eprintln!("pdk: warning: {refused}");
         }
         Ok(registry)
+    }
+
+    /// A session with its first worker, which says what had to be left out; `name` is that of the run on its topics.
+    pub fn session(&self, name: &str, pool: Pool, limits: Limits, search: SearchPath) -> Result<Session> {
+        let run = format!("{name}-{}", std::process::id());
+        let session = Session::start(Options { run, pool, limits, search })?;
+        for refused in session.refused() {
+            eprintln!("pdk: warning: {refused}");
+        }
+        Ok(session)
     }
 }
 
@@ -98,6 +117,8 @@ enum Verb {
     Replay(replay::Arguments),
     /// Export the record of a run for other tools
     Export(export::Arguments),
+    /// Do jobs for a session: JSON lines on standard input and output (see docs/worker-protocol.md)
+    Worker(worker::Arguments),
     /// Write the completions for a shell to standard output
     Completions {
         /// The shell
@@ -105,11 +126,25 @@ enum Verb {
     },
 }
 
+impl Verb {
+    /// Whether it calls components in its own process.
+    fn calls_components(&self) -> bool {
+        match self {
+            Verb::Perturb(_) | Verb::Preview(_) | Verb::Reference(_) | Verb::List(_) | Verb::Show(_) => true,
+            Verb::New(_) | Verb::Doctor(_) => true,
+            // Pipelines and replays leave that to workers, and `check` has processes of its own.
+            Verb::Run(_) | Verb::Replay(_) | Verb::Check(_) | Verb::Worker(_) => false,
+            Verb::Report(_) | Verb::Road(_) | Verb::Export(_) | Verb::Completions { .. } => false,
+        }
+    }
+}
+
 /// Runs the verb on the command line.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    // From here on, only returning from this function is a regular end.
-    let _guard = ExitGuard::new();
+    if cli.verb.calls_components() && !calls::supervised() {
+        return supervised::run().unwrap_or_else(|error| failed(&error));
+    }
     let Cli { global, verb } = &cli;
     let result = match verb {
         Verb::Run(arguments) => run::run(global, arguments),
@@ -125,6 +160,7 @@ pub fn main() -> ExitCode {
         Verb::Road(arguments) => road::run(global, arguments),
         Verb::Replay(arguments) => replay::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
+        Verb::Worker(arguments) => worker::run(arguments),
         Verb::Completions { shell } => {
             use clap::CommandFactory;
             let mut script = Vec::new();
@@ -133,13 +169,19 @@ pub fn main() -> ExitCode {
             Ok(())
         }
     };
-    match result.and_then(|()| output::finish()) {
+    let code = match result.and_then(|()| output::finish()) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("pdk: error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+        Err(error) => failed(&error),
+    };
+    // What comes now is a regular end.
+    calls::done();
+    code
+}
+
+/// Says what went wrong. An interrupted run has the exit code that the signal would have given it.
+fn failed(error: &pdk_sdk::error::Error) -> ExitCode {
+    eprintln!("pdk: error: {error}");
+    interrupt::exit_code().map_or(ExitCode::FAILURE, ExitCode::from)
 }
 
 /// Writes a JSON value to standard output.

@@ -1,9 +1,10 @@
 //! `pdk run`: runs a pipeline.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
-use pdk::pipeline::{self, Options, settings::Override};
+use pdk_core::{eprintln, println};
+use pdk_pipeline::run::{self, Options};
+use pdk_pipeline::settings::{Common, Override};
 use pdk_sdk::error::Result;
 use serde_json::json;
 
@@ -24,31 +25,33 @@ pub struct Arguments {
     /// The folder of the record [default: runs/NAME-N]
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// How many frames or scenarios are computed at the same time [default: all processors]
-    #[arg(long)]
-    threads: Option<usize>,
+    /// How many scenarios or frames are computed at the same time [default: all processors]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1024))]
+    workers: Option<u64>,
+    /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
+    #[arg(long, value_name = "COMMAND")]
+    pool: Option<String>,
 }
 
 /// Runs a pipeline and says where its record is.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let mut overrides = arguments.overrides.clone();
-    let common = [
-        ("seed", arguments.seed.map(|seed| seed.to_string())),
-        ("out", arguments.out.as_ref().map(|out| out.to_string_lossy().into_owned())),
-        ("threads", arguments.threads.map(|threads| threads.to_string())),
-    ];
-    for (key, value) in common {
-        overrides.extend(value.map(|value| Override { key: key.to_owned(), value }));
-    }
-    let registry = Arc::new(global.registry()?);
-    let finished = pipeline::run(registry, &arguments.pipeline, Options { overrides, quiet: global.json })?;
+    let (mut common, overrides) = Common::read(arguments.overrides.clone())?;
+    common.seed = arguments.seed.unwrap_or(common.seed);
+    common.workers = arguments.workers.map_or(common.workers, |workers| workers as usize);
+    common.out = arguments.out.clone().or(common.out);
+    common.pool = arguments.pool.clone().or(common.pool);
+    let options = Options { common, overrides, search: global.search_path(), quiet: global.json };
+    let finished = run::run(&arguments.pipeline, options)?;
     for warning in &finished.warnings {
         eprintln!("pdk: warning: {warning}");
     }
     if global.json {
         print_json(&json!({ "record": finished.record, "summary": finished.summary }))?;
-    } else if let Some(record) = &finished.record {
-        println!("Record: {}", record.display());
+    } else {
+        finished.speed.iter().for_each(|line| println!("{line}"));
+        if let Some(record) = &finished.record {
+            println!("Record: {}", record.display());
+        }
     }
     finished.failure.map_or(Ok(()), Err)
 }

@@ -3,9 +3,9 @@
 use mlua::{Table, Value};
 use pdk_sdk::error::{Error, Result};
 
-use crate::lua::api::ApiRecord;
-use crate::lua::failure::type_of;
-use crate::suggest;
+use crate::api::ApiRecord;
+use crate::failure::type_of;
+use pdk_core::suggest;
 
 /// Typed access to the fields of a table.
 pub(super) struct Fields<'a> {

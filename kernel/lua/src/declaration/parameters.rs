@@ -6,7 +6,7 @@ use pdk_sdk::error::{Error, Result};
 use pdk_sdk::serde_json;
 
 use super::fields::{Fields, describe, finite, unreadable};
-use super::{CONTEXT, PARAMETER};
+use super::records::{CONTEXT, PARAMETER};
 
 /// The most parameters, options of a choice, or sentences that a script can declare.
 pub(super) const MOST_ENTRIES: usize = 64;

@@ -4,9 +4,9 @@ use mlua::{AnyUserData, MultiValue, UserDataRef, UserDataRefMut, Value};
 use pdk_sdk::ops::perspective::Perspective;
 use pdk_sdk::ops::{Frame, Random};
 
-use super::LuaImage;
-use crate::lua::arguments::{number, within, wrong};
-use crate::lua::random::LuaRandom;
+use super::pixels::LuaImage;
+use crate::arguments::{number, within, wrong};
+use crate::random::LuaRandom;
 
 /// The largest width and height of an image that a script can make.
 pub const LARGEST_SIDE: f64 = 16_384.0;
@@ -235,12 +235,15 @@ pub fn pairs(numbers: [f64; 8]) -> [[f64; 2]; 4] {
 }
 
 fn check_size(call: &str, this: &LuaImage, other: &LuaImage) -> mlua::Result<()> {
-    if (this.width, this.height) == (other.width, other.height) {
+    if (this.width(), this.height()) == (other.width(), other.height()) {
         return Ok(());
     }
     Err(mlua::Error::runtime(format!(
         "{call} needs two images of the same size, but they have {}x{} and {}x{} pixels; use image:resized",
-        this.width, this.height, other.width, other.height
+        this.width(),
+        this.height(),
+        other.width(),
+        other.height()
     )))
 }
 

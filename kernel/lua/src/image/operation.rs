@@ -4,8 +4,8 @@
 use mlua::{IntoLua, Lua, MultiValue, Value};
 use pdk_sdk::ops::{Frame, FrameMut};
 
-use super::LuaImage;
 use super::argument::{Argument, Arguments};
+use super::pixels::LuaImage;
 use super::workspaces::Workspaces;
 
 /// Something that a script can do with an image.
@@ -66,7 +66,7 @@ impl Operation {
                 let mut image = this.borrow_mut::<LuaImage>()?;
                 Workspaces::lend(lua, |workspaces| {
                     let mut before = std::mem::take(&mut workspaces.before);
-                    before.resize(image.width, image.height);
+                    before.resize(image.width(), image.height());
                     before.as_mut().copy_from(image.frame()?);
                     change(before.as_ref(), image.frame_mut()?, &mut arguments, workspaces);
                     workspaces.before = before;
@@ -79,7 +79,8 @@ impl Operation {
                     true => arguments.given(name).map_or(own, |side| side as usize),
                     false => own,
                 };
-                let mut made = LuaImage::new(lua, side("width", image.width), side("height", image.height))?;
+                let mut made =
+                    LuaImage::new(lua, side("width", image.width()), side("height", image.height()))?;
                 Workspaces::lend(lua, |workspaces| {
                     make(image.frame()?, made.frame_mut()?, &mut arguments, workspaces);
                     Ok(())

@@ -16,7 +16,7 @@ use pdk_sdk::ops::{
 use pdk_sdk::perturbation::Context;
 
 use super::operations;
-use crate::lua::perturbation::tests::{apply_error, same};
+use crate::perturbation::tests::{apply_error, same};
 
 /// What a case does in Rust: from the frame, with the random numbers of the frame.
 type Kernel = fn(Frame<'_>, FrameMut<'_>, &mut Random);

@@ -7,39 +7,34 @@ use pdk_sdk::seed;
 use pdk_sdk::serde_json::{Map, json};
 
 use super::*;
-use crate::lua::image::operations;
-use crate::lua::random::RANDOM;
+use crate::image::operations;
+use crate::random::RANDOM;
 
-pub(in crate::lua) const SCRIPT: &str = "scripts/foo.lua";
+pub(crate) const SCRIPT: &str = "scripts/foo.lua";
 
-pub(in crate::lua) fn key() -> Key {
+pub(crate) fn key() -> Key {
     seed::key(7, "foo", 0, 0)
 }
 
 /// A picture in which every pixel differs from its neighbours.
-pub(in crate::lua) fn picture(width: usize, height: usize) -> FrameBuf {
+pub(crate) fn picture(width: usize, height: usize) -> FrameBuf {
     let mut data = vec![0; width * height * 3];
     key().sequence().fill(&mut data);
     FrameBuf::from_vec(data, width, height).unwrap()
 }
 
-pub(in crate::lua) fn make(source: &str, given: pdk_sdk::serde_json::Value) -> Result<LuaPerturbation> {
+pub(crate) fn make(source: &str, given: pdk_sdk::serde_json::Value) -> Result<LuaPerturbation> {
     let limits = Limits { memory_bytes: 64 << 20, time: Duration::from_millis(500) };
-    let sandbox = Sandbox::new(limits)?;
-    let description = declare(&sandbox, SCRIPT, source.as_bytes(), "foo")?.description;
+    let description = Machine::new(limits)?.declare(SCRIPT, source.as_bytes(), "foo")?.description;
     let config = Config::check(&description, given.as_object().unwrap_or(&Map::new()))?;
     LuaPerturbation::new(SCRIPT, source.as_bytes(), "foo", config, limits)
 }
 
-pub(in crate::lua) fn body(apply: &str) -> String {
+pub(crate) fn body(apply: &str) -> String {
     format!("return {{ doc = 'Test',\napply = function(image, cx)\n{apply}\nend }}")
 }
 
-pub(in crate::lua) fn run(
-    perturbation: &mut LuaPerturbation,
-    src: &FrameBuf,
-    cx: &Context<'_>,
-) -> Result<FrameBuf> {
+pub(crate) fn run(perturbation: &mut LuaPerturbation, src: &FrameBuf, cx: &Context<'_>) -> Result<FrameBuf> {
     let mut dst = FrameBuf::new(src.width(), src.height());
     perturbation.apply(src.as_ref(), dst.as_mut(), cx)?;
     Ok(dst)
@@ -50,7 +45,7 @@ fn apply(source: &str) -> Result<FrameBuf> {
     run(&mut perturbation, &picture(20, 10), &Context::new(2.0, 3, 0.1, &key()))
 }
 
-pub(in crate::lua) fn apply_error(source: &str) -> String {
+pub(crate) fn apply_error(source: &str) -> String {
     apply(&body(source)).expect_err(source).to_string()
 }
 
@@ -368,7 +363,7 @@ fn an_instance_goes_on_after_an_error() {
 }
 
 /// The same work in Rust and in Lua, from the same key.
-pub(in crate::lua) fn same(lua: &str, rust: impl Fn(&mut FrameBuf, &Context<'_>)) {
+pub(crate) fn same(lua: &str, rust: impl Fn(&mut FrameBuf, &Context<'_>)) {
     let mut perturbation = make(&body(lua), json!({})).unwrap();
     for (width, height) in [(20, 10), (1, 1), (37, 23), (20, 10)] {
         let src = picture(width, height);
@@ -602,8 +597,7 @@ fn an_instance_can_move_between_threads() {
 
 /// The root of the repository.
 fn root() -> PathBuf {
-    let manifest = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-    manifest.parent().map(PathBuf::from).unwrap_or(manifest)
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).map(PathBuf::from).unwrap()
 }
 
 fn shipped() -> Vec<PathBuf> {
@@ -623,7 +617,7 @@ fn shipped_perturbations_keep_their_promises() {
     for path in shipped() {
         let description = description(&path).unwrap();
         let config = Config::check(&description, &Map::new()).unwrap();
-        let make = || create(&path, &config).unwrap();
+        let make = || open(&path, &config).unwrap();
         let (src, key) = (picture(64, 48), key());
         let apply = |perturbation: &mut dyn Perturbation, intensity, frame, key: &Key| {
             let mut dst = FrameBuf::new(64, 48);
@@ -670,7 +664,7 @@ fn shipped_perturbations_on_a_real_picture() {
     let src = FrameBuf::from_vec(picture.into_raw(), width, height).unwrap();
     for path in shipped() {
         let description = description(&path).unwrap();
-        let mut perturbation = create(&path, &Config::check(&description, &Map::new()).unwrap()).unwrap();
+        let mut perturbation = open(&path, &Config::check(&description, &Map::new()).unwrap()).unwrap();
         // Levels from left to right, frames from top to bottom.
         let mut sheet = image::RgbImage::new(3 * width as u32, 2 * height as u32);
         for (row, frame) in [0u64, 4].into_iter().enumerate() {
@@ -715,7 +709,7 @@ fn the_cost_of_a_frame() {
     }
     for path in shipped {
         let config = Config::check(&description(&path).unwrap(), &Map::new()).unwrap();
-        cases.push((stem(&path).to_owned(), create(&path, &config).unwrap()));
+        cases.push((stem(&path).to_owned(), open(&path, &config).unwrap()));
     }
     for (name, mut perturbation) in cases {
         for (src, mut dst) in frames.clone() {

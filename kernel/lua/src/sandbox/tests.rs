@@ -1,9 +1,9 @@
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use pdk_sdk::ops::Key;
 
 use super::*;
-use crate::lua::watchdog::without_clock;
+use crate::watchdog::without_clock;
 
 const SCRIPT: &str = "scripts/foo.lua";
 
@@ -518,12 +518,6 @@ fn random_texts_neither_crash_nor_hang() {
     }
     // Otherwise the words are badly chosen and nothing was tried.
     assert!(compiled > 100, "{compiled}");
-}
-
-#[test]
-fn limits_come_from_the_environment_when_they_make_sense() {
-    assert_eq!(Limits::default().time, Duration::from_secs(1));
-    assert_eq!(positive_variable("PDK_TEST_NOT_SET").unwrap(), None);
 }
 
 /// Prints the cost of a call; run with `--ignored --nocapture` on a machine that does nothing else.

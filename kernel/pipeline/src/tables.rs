@@ -4,8 +4,8 @@ use comfy_table::{Cell, CellAlignment};
 use pdk_sdk::error::{Error, Result};
 use serde_json::Value;
 
-use super::table::table;
-use crate::record::{MANIFEST, PERFORMANCE, RESULTS, SCENARIOS, SUMMARY};
+use crate::table::table;
+use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, SCENARIOS, SUMMARY};
 
 /// Checks the name of a file that a pipeline adds to its record.
 ///
@@ -20,7 +20,7 @@ pub fn checked_name(name: &Value) -> Result<&str> {
     };
     let Some(name) = name.as_str().filter(plain) else {
         return Err(Error::new(format!(
-            "pdk.save: {name} is no name for a file in the record; write letters, digits, `_` and `-`, as in \"ranking.json\""
+            "pdk.save: {name} is not a name for a file in the record; write letters, digits, `_` and `-`, as in \"ranking.json\""
         )));
     };
     let lower = name.to_ascii_lowercase();
@@ -91,7 +91,7 @@ mod tests {
     #[test]
     fn names_that_would_leave_or_harm_the_record_are_refused() {
         for name in ["../a.json", "a/b.json", ".json", ".a.json", "a.txt", "", "ä.json"] {
-            assert!(checked_name(&json!(name)).unwrap_err().to_string().contains("is no name"), "{name}");
+            assert!(checked_name(&json!(name)).unwrap_err().to_string().contains("is not a name"), "{name}");
         }
         for name in ["manifest.json", "Summary.json", "performance.json"] {
             assert!(checked_name(&json!(name)).unwrap_err().to_string().contains("of the record itself"));

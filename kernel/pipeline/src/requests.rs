@@ -1,0 +1,280 @@
+//! What a pipeline writes, as scenarios to drive and evaluations to make.
+
+use pdk_model::component::ComponentSpec;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::scenario::{DEFAULT_DURATION, Mode, Scenario, seed_of};
+use pdk_sdk::error::{Error, Result};
+use pdk_session::session::Submission;
+use serde_json::Value;
+
+use crate::fields::Fields;
+
+/// Every how many frames an image goes into the trace, where the pipeline does not say.
+const DEFAULT_IMAGES_EVERY: u64 = 6;
+/// The longest scenario in seconds: a day.
+const LONGEST: f64 = 86_400.0;
+
+/// What a request says for all of its scenarios.
+const SHARED: [&str; 5] = ["simulator", "driver", "duration", "images_every", "mode"];
+
+/// What scenarios have where they do not say it themselves.
+#[derive(Debug, Clone)]
+pub struct Defaults {
+    simulator: Option<ComponentSpec>,
+    driver: Option<ComponentSpec>,
+    duration: f64,
+    images_every: u64,
+    mode: Mode,
+    /// The seed of the run.
+    seed: u64,
+}
+
+impl Defaults {
+    /// What is there where nobody says anything.
+    pub fn new(seed: u64) -> Self {
+        Self {
+            simulator: None,
+            driver: None,
+            duration: DEFAULT_DURATION,
+            images_every: DEFAULT_IMAGES_EVERY,
+            mode: Mode::default(),
+            seed,
+        }
+    }
+
+    /// The defaults in a table such as `pdk.session` takes.
+    ///
+    /// # Errors
+    /// Where a field is unknown, of the wrong type or out of range.
+    pub fn read(self, function: &str, request: Value) -> Result<Self> {
+        self.take(&mut Fields::new(function, request, &SHARED)?)
+    }
+
+    fn take(self, fields: &mut Fields) -> Result<Self> {
+        let component = |what: &str, value: Value| match value {
+            Value::Null => Ok(None),
+            value => ComponentSpec::from_json(what, &value).map(Some),
+        };
+        let duration = fields.number("duration")?.unwrap_or(self.duration);
+        check_duration(fields.table(), duration)?;
+        Ok(Self {
+            simulator: component("simulator", fields.any("simulator"))?.or(self.simulator),
+            driver: component("driver", fields.any("driver"))?.or(self.driver),
+            duration,
+            images_every: fields.whole("images_every")?.unwrap_or(self.images_every),
+            mode: fields.text("mode")?.map_or(Ok(self.mode), |name| fields.read(&name))?,
+            seed: self.seed,
+        })
+    }
+
+    /// What `pdk.drive` takes: defaults, and a list of scenarios.
+    ///
+    /// # Errors
+    /// Where a field is unknown, missing, of the wrong type or out of range.
+    pub fn drive(self, request: Value) -> Result<Vec<Submission>> {
+        let known: Vec<&str> = SHARED.into_iter().chain(["scenarios"]).collect();
+        let mut fields = Fields::new("pdk.drive", request, &known)?;
+        let scenarios = fields.filled_list("scenarios")?;
+        let defaults = self.take(&mut fields)?;
+        let scenario = |(index, scenario): (usize, Value)| {
+            // As Lua counts.
+            defaults.submission(&format!("pdk.drive: scenarios[{}]", index + 1), scenario)
+        };
+        scenarios.into_iter().enumerate().map(scenario).collect()
+    }
+
+    /// A scenario in a table; `place` says in errors which.
+    ///
+    /// # Errors
+    /// Where a field is unknown, missing, of the wrong type or out of range.
+    pub fn submission(&self, place: &str, table: Value) -> Result<Submission> {
+        let own = ["name", "road", "perturbations", "seed", "repeat"];
+        let known: Vec<&str> = SHARED.into_iter().chain(own).collect();
+        let mut fields = Fields::new(place, table, &known)?;
+        let perturbations = fields.list("perturbations")?.unwrap_or_default();
+        let perturbations = perturbations
+            .iter()
+            .map(|perturbation| AppliedPerturbation::from_json(perturbation).map_err(|error| error.at(place)))
+            .collect::<Result<Vec<_>>>()?;
+        let (name, road) = (fields.text("name")?, fields.any("road"));
+        let (seed, repeat) = (fields.whole("seed")?, fields.whole("repeat")?.unwrap_or_default());
+        let Self { simulator, driver, duration, images_every, mode, .. } = self.clone().take(&mut fields)?;
+        let needed = |what: &str, component: Option<ComponentSpec>| {
+            component.ok_or_else(|| Error::new(format!("{place}: `{what}` is missing")))
+        };
+        let scenario = Scenario {
+            simulator: needed("simulator", simulator)?,
+            driver: needed("driver", driver)?,
+            seed: seed.unwrap_or_else(|| seed_of(self.seed, &road, repeat)),
+            road,
+            perturbations,
+            duration,
+            mode,
+            repeat,
+        };
+        Ok(Submission { name: name.unwrap_or_else(|| scenario.default_name()), scenario, images_every })
+    }
+}
+
+fn check_duration(place: &str, duration: f64) -> Result<()> {
+    match duration > 0.0 && duration <= LONGEST {
+        true => Ok(()),
+        false => Err(Error::new(format!(
+            "{place}: `duration` is {duration} s, but has to be more than 0 and at most {LONGEST} s"
+        ))),
+    }
+}
+
+/// What to evaluate.
+#[derive(Debug, Clone)]
+pub struct Evaluate {
+    /// Where the frames come from.
+    pub dataset: DatasetSpec,
+    /// The driver under test.
+    pub driver: ComponentSpec,
+    /// Each perturbation at each level.
+    pub cells: Vec<AppliedPerturbation>,
+    /// At most this many frames, from the first.
+    pub frames: Option<usize>,
+}
+
+/// Where the frames come from.
+#[derive(Debug, Clone)]
+pub enum DatasetSpec {
+    /// A folder; the reader is found by trying.
+    Path(String),
+    /// A reader with its parameters.
+    Reader(ComponentSpec),
+}
+
+impl Evaluate {
+    /// Reads what a pipeline wrote.
+    ///
+    /// # Errors
+    /// Where a field is unknown, missing or of the wrong type, or a level is out of range.
+    pub fn from_json(request: Value) -> Result<Self> {
+        let known = ["dataset", "driver", "perturbations", "levels", "frames"];
+        let mut fields = Fields::new("pdk.evaluate", request, &known)?;
+        let dataset = match fields.needed("dataset")? {
+            Value::String(path) => DatasetSpec::Path(path),
+            other => DatasetSpec::Reader(ComponentSpec::from_json("dataset", &other)?),
+        };
+        let driver = ComponentSpec::from_json("driver", &fields.needed("driver")?)?;
+        let perturbations = fields.filled_list("perturbations")?;
+        let levels = fields.filled_list("levels")?;
+        let frames = fields.whole("frames")?.map(|frames| usize::try_from(frames).unwrap_or(usize::MAX));
+        let mut cells = Vec::new();
+        for perturbation in &perturbations {
+            let applied = AppliedPerturbation::from_json_without_level(perturbation)?;
+            for level in &levels {
+                let number = level.as_f64().ok_or_else(|| {
+                    Error::new(format!(
+                        "pdk.evaluate: {level} in `levels` is not a number; they are numbers from 0 to 4"
+                    ))
+                })?;
+                pdk_model::level::Level::from_json("levels", level)?;
+                cells.push(applied.clone().at_level(number));
+            }
+        }
+        Ok(Self { dataset, driver, cells, frames })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn drive(request: Value) -> Result<Vec<Submission>> {
+        Defaults::new(0).drive(request)
+    }
+
+    #[test]
+    fn scenarios_are_named_after_their_perturbations() {
+        let all = drive(json!({
+            "simulator": "lane",
+            "driver": { "name": "lane_keeper", "target_speed": 9 },
+            "duration": 5,
+            "scenarios": [{}, { "perturbations": ["fog@1", { "name": "rain", "level": 3 }], "driver": "x" },
+                { "perturbations": ["fog", { "name": "rain", "level": { "points": [[0, 1], [1, 2]] } }] }],
+        }))
+        .unwrap();
+        let names: Vec<_> = all.iter().map(|submission| submission.name.as_str()).collect();
+        assert_eq!(names, ["nominal", "fog@1 + rain@3", "fog@2 + rain over time"]);
+        assert_eq!(all[1].scenario.duration, 5.0);
+        assert_eq!(all[0].scenario.driver.parameters["target_speed"], 9);
+        assert_eq!(all[1].scenario.driver.name, "x");
+    }
+
+    #[test]
+    fn luck_follows_from_road_and_repeat() {
+        let with = |scenario: Value| {
+            drive(json!({"simulator": "lane", "driver": "x", "scenarios": [{}, scenario]})).unwrap()[1].scenario.clone()
+        };
+        let seed = |scenario: Value| with(scenario).seed;
+        let nominal = seed(json!({"road": {"angles": [0, 1]}}));
+        assert_eq!(nominal, seed(json!({"road": {"angles": [0, 1.0]}, "perturbations": ["fog@1"], "name": "x"})));
+        assert_ne!(nominal, seed(json!({"road": {"angles": [0, 2]}})));
+        assert_ne!(nominal, seed(json!({"road": {"angles": [0, 1]}, "repeat": 1})));
+        assert_eq!(seed(json!({"seed": 9_007_199_254_740_993_u64})), 9_007_199_254_740_993);
+        assert_ne!(with(json!({"repeat": 1, "seed": 1})).id(), with(json!({"repeat": 2, "seed": 1})).id());
+        assert_eq!(with(json!({"name": "a"})).id(), with(json!({"name": "b"})).id());
+    }
+
+    #[test]
+    fn mistakes_in_drives_are_named() {
+        let error = |request| drive(request).unwrap_err().to_string();
+        assert!(
+            error(json!({"simulater": "lane"})).contains("no field `simulater`; did you mean `simulator`?")
+        );
+        let no_scenarios = json!({"simulator": "lane", "driver": "x", "scenarios": []});
+        assert!(error(no_scenarios).contains("`scenarios` is empty"));
+        assert_eq!(error(json!({"driver": "x", "scenarios": [{}]})), "pdk.drive: scenarios[1]: `simulator` is missing");
+        let with = |field: &str, value: Value| {
+            let mut scenario = json!({});
+            scenario[field] = value;
+            error(json!({"simulator": "lane", "driver": "x", "scenarios": [{}, scenario]}))
+        };
+        assert!(with("duration", json!(-1)).starts_with("pdk.drive: scenarios[2]: `duration` is -1 s"));
+        assert_eq!(
+            with("perturbations", json!("contrast@1")),
+            "pdk.drive: scenarios[2]: `perturbations` is \"contrast@1\", but has to be a list: { ... }"
+        );
+        assert!(
+            with("seed", json!(1.5))
+                .starts_with("pdk.drive: scenarios[2]: `seed` is 1.5, but has to be a whole")
+        );
+        assert!(with("perturbations", json!(["fog@9"])).contains("scenarios[2]: the level in `fog@9`"));
+        assert!(with("lenght", json!(1)).contains("scenarios[2]: there is no field `lenght`"));
+        assert!(with("mode", json!("fast")).contains("has to be lockstep or realtime"));
+        let images = json!({"simulator": "lane", "driver": "x", "scenarios": [{}], "images_every": -1});
+        assert_eq!(
+            error(images),
+            "pdk.drive: `images_every` is -1, but has to be a whole number of at least 0"
+        );
+    }
+
+    #[test]
+    fn mistakes_in_evaluations_are_named() {
+        let error = |field: &str, value: Value| {
+            let mut request =
+                json!({"dataset": "x", "driver": "y", "perturbations": ["fog"], "levels": [1], "frames": 3});
+            assert_eq!(Evaluate::from_json(request.clone()).unwrap().cells.len(), 1);
+            request[field] = value;
+            Evaluate::from_json(request).unwrap_err().to_string()
+        };
+        for (field, value, part) in [
+            ("levels", json!([]), "pdk.evaluate: `levels` is empty; give it"),
+            ("perturbations", json!([]), "pdk.evaluate: `perturbations` is empty; give it"),
+            ("perturbations", json!("fog"), "pdk.evaluate: `perturbations` is \"fog\", but has to be a list"),
+            ("levels", json!(["high"]), "pdk.evaluate: \"high\" in `levels` is not a number"),
+            ("levels", json!([9]), "the level in `levels` is 9, but has to be"),
+            ("frames", json!(-1), "pdk.evaluate: `frames` is -1, but has to be a whole number"),
+            ("perturbations", json!(["fog@1"]), "level"),
+            ("frmes", json!(1), "pdk.evaluate: there is no field `frmes`; did you mean `frames`?"),
+        ] {
+            let error = error(field, value);
+            assert!(error.contains(part), "{error}");
+        }
+    }
+}

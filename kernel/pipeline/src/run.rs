@@ -1,0 +1,128 @@
+//! Runs a pipeline.
+
+use std::path::{Path, PathBuf};
+
+use mlua::Value as LuaValue;
+use pdk_core::manifest::Pipeline;
+use pdk_core::search_path::{SearchPath, shipped};
+use pdk_core::eprintln;
+use pdk_lua::{Limits, Modules, Sandbox};
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_session::interrupt;
+use pdk_session::session::{Options as SessionOptions, Session};
+
+use crate::api::API;
+use crate::host::{Finished, Host, Parts};
+use crate::settings::{Common, Override};
+
+/// How a pipeline is run.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// The settings that every pipeline has.
+    pub common: Common,
+    /// What the command line sets besides, in order.
+    pub overrides: Vec<Override>,
+    /// Where components are looked for besides the usual places.
+    pub search: SearchPath,
+    /// Whether nobody reads along: then there are no progress bars and no tables.
+    pub quiet: bool,
+}
+
+/// Runs a pipeline to its end, or to an error of its script, which [`Finished::failure`] then holds. What was recorded
+/// until an error is complete and stays.
+///
+/// # Errors
+/// Where nothing could be begun: the file cannot be read, or no worker can be started.
+pub fn run(path: &Path, options: Options) -> Result<Finished> {
+    let source =
+        std::fs::read_to_string(path).place(format_args!("cannot read the pipeline {}", path.display()))?;
+    let name = path.to_string_lossy().into_owned();
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let given = given(&options.search);
+    // A perturbation beside its pipeline is found without being named.
+    let mut search = options.search;
+    search.beside.extend([folder.to_owned(), folder.join("perturbations")]);
+    interrupt::watch()?;
+
+    let modules = Modules::new(folder, shipped("library"));
+    let limits = Limits { stop: Some(stop), ..Limits::of_pipeline()? };
+    let sandbox = Sandbox::with_api(limits, |lua| {
+        modules.install(lua)?;
+        API.install(lua)
+    })?;
+    let session = Session::start(SessionOptions {
+        run: run_name(path),
+        pool: options.common.pool(),
+        limits: options.common.limits,
+        search,
+    })?;
+    for refused in session.refused() {
+        eprintln!("pdk: warning: {refused}");
+    }
+    let loaded = modules.clone();
+    let host = Host::new(Parts {
+        session,
+        pipeline: Pipeline { path: path.to_owned(), source: source.clone(), modules: Vec::new() },
+        modules: Box::new(move || loaded.loaded()),
+        given,
+        common: options.common,
+        overrides: options.overrides,
+        quiet: options.quiet,
+    });
+    sandbox.lua().set_app_data(host);
+    let result = sandbox
+        .load(&name, source.as_bytes())
+        .and_then(|chunk| sandbox.call(&name, &chunk, ()))
+        .and_then(|returned| refuse_perturbation(&name, &returned));
+    let host = sandbox
+        .lua()
+        .remove_app_data::<Host>()
+        .ok_or_else(|| Error::new("the pipeline's host is gone, which is a defect in pdk"))?;
+    Ok(host.finish(result))
+}
+
+/// What ends a script that computes when the user wants an end.
+fn stop() -> Option<Error> {
+    (interrupt::wish() != interrupt::Wish::None).then(interrupt::error)
+}
+
+/// The folders that the command line named, for the manifest.
+fn given(search: &SearchPath) -> (Vec<PathBuf>, Vec<PathBuf>) {
+    let search = search.absolute();
+    (search.plugins, search.drop_ins.into_iter().map(|(_, folder)| folder).collect())
+}
+
+/// The name of a run on its topics: letters, digits, dashes and underscores, unique on this machine.
+pub fn run_name(path: &Path) -> String {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let fits = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
+    let name: String = name.chars().map(fits).take(40).collect();
+    format!("{name}-{}", std::process::id())
+}
+
+/// A perturbation returns a table that applies it; run as a pipeline it would do nothing and say nothing.
+fn refuse_perturbation(name: &str, returned: &LuaValue) -> Result<()> {
+    match returned {
+        LuaValue::Table(table) if table.contains_key("apply").unwrap_or(false) => Err(Error::new(format!(
+            "{name} is a perturbation, not a pipeline; name its folder with --plugins and use it with `pdk perturb` or in a \
+             pipeline"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mlua::Lua;
+
+    #[test]
+    fn a_perturbation_is_not_a_pipeline() {
+        let lua = Lua::new();
+        let returned: LuaValue = lua.load("return { doc = 'x', apply = function() end }").eval().unwrap();
+        assert!(
+            refuse_perturbation("a.lua", &returned).unwrap_err().to_string().contains("is a perturbation")
+        );
+        assert!(refuse_perturbation("a.lua", &LuaValue::Nil).is_ok());
+    }
+}

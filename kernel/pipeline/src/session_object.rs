@@ -1,0 +1,135 @@
+//! What `pdk.session` returns: an object to submit scenarios to and to wait for outcomes with.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use mlua::{ExternalError, Lua, UserData, UserDataMethods, UserDataRegistry, Value as LuaValue};
+use pdk_lua::{ApiClass, ApiMethod};
+use pdk_sdk::error::{Error, Result};
+use pdk_session::session::Ticket;
+use serde_json::Value;
+
+use crate::api::{call, frames_of, with_host};
+use crate::host::Host;
+use crate::levels;
+use crate::requests::Defaults;
+use crate::values::from_lua;
+
+/// A session as a script sees it.
+pub struct SessionObject {
+    defaults: Defaults,
+    simulator: Option<LuaValue>,
+    duration: Option<LuaValue>,
+    /// The tickets that it gave out, by the numbers that the script knows.
+    tickets: BTreeMap<u64, Ticket>,
+    /// Those whose outcomes have not been taken by `next`.
+    open: BTreeSet<Ticket>,
+}
+
+impl SessionObject {
+    /// A session whose scenarios have these defaults; simulator and duration also as the script wrote them.
+    pub fn new(defaults: Defaults, simulator: Option<LuaValue>, duration: Option<LuaValue>) -> Self {
+        Self { defaults, simulator, duration, tickets: BTreeMap::new(), open: BTreeSet::new() }
+    }
+
+    fn submit(&mut self, lua: &Lua, scenario: &LuaValue) -> mlua::Result<u64> {
+        let defaults = |field: &str| {
+            let own = if field == "simulator" { &self.simulator } else { &self.duration };
+            Ok(own.clone().unwrap_or(LuaValue::Nil))
+        };
+        let scenario = levels::evaluated(lua, scenario, |own| frames_of(lua, own, &defaults))?;
+        let place = "session:submit";
+        let table = from_lua(&scenario, place).map_err(ExternalError::into_lua_err)?;
+        let submission = self.defaults.submission(place, table).map_err(ExternalError::into_lua_err)?;
+        let tickets = with_host(lua, |host| host.submit(vec![submission]))?;
+        let number = self.tickets.len() as u64 + 1;
+        for ticket in tickets {
+            self.tickets.insert(number, ticket);
+            self.open.insert(ticket);
+        }
+        Ok(number)
+    }
+
+    fn wait(&mut self, host: &mut Host, number: &Value) -> Result<Value> {
+        let ticket = number.as_u64().and_then(|number| self.tickets.get(&number)).copied().ok_or_else(|| {
+            Error::new(format!("session:wait takes what session:submit returned, not {number}"))
+        })?;
+        let outcome = host.wait(ticket)?;
+        self.open.remove(&ticket);
+        Ok(outcome)
+    }
+
+    fn next(&mut self, host: &mut Host) -> Result<Value> {
+        let Some((ticket, mut outcome)) = host.next(&self.open)? else { return Ok(Value::Null) };
+        self.open.remove(&ticket);
+        let number = self.tickets.iter().find(|(_, known)| **known == ticket).map(|(number, _)| *number);
+        outcome["ticket"] = number.into();
+        Ok(outcome)
+    }
+}
+
+/// Its class in Lua.
+pub const SESSION: ApiClass<SessionObject> = ApiClass {
+    name: "Session",
+    doc: "Scenarios on their way to outcomes. What is submitted is driven as workers get free, while the pipeline goes on.",
+    properties: &[],
+    methods: &[
+        ApiMethod {
+            name: "submit",
+            signature: "(scenario: Scenario) -> number",
+            doc: "Submits a scenario, and returns a ticket for its outcome without waiting.",
+            add: |registry, name| {
+                registry.add_method_mut(name, |lua, session, scenario: LuaValue| session.submit(lua, &scenario));
+            },
+        },
+        ApiMethod {
+            name: "wait",
+            signature: "(ticket: number) -> Outcome",
+            doc: "Waits for the outcome of a ticket.",
+            add: |registry, name| {
+                registry.add_method_mut(name, |lua, session, ticket: LuaValue| {
+                    let number = from_lua(&ticket, "session:wait").map_err(ExternalError::into_lua_err)?;
+                    call(lua, |host| session.wait(host, &number))
+                });
+            },
+        },
+        ApiMethod {
+            name: "next",
+            signature: "() -> (Outcome & { ticket: number })?",
+            doc: "Waits for the next outcome, as they come, whichever it is; nothing where all have been taken. What comes first \
+                  depends on the machine: a pipeline whose way depends on it takes another one each time.",
+            add: |registry, name| {
+                registry.add_method_mut(name, |lua, session, ()| call(lua, |host| session.next(host)));
+            },
+        },
+        ApiMethod {
+            name: "drive",
+            signature: "(scenarios: { Scenario }) -> { Outcome }",
+            doc: "Submits scenarios, waits for all, and returns the outcomes in their order.",
+            add: |registry, name| {
+                registry.add_method_mut(name, |lua, session, scenarios: Vec<LuaValue>| {
+                    let tickets = scenarios
+                        .iter()
+                        .map(|scenario| session.submit(lua, scenario))
+                        .collect::<mlua::Result<Vec<u64>>>()?;
+                    call(lua, |host| {
+                        tickets.iter().map(|ticket| session.wait(host, &(*ticket).into())).collect()
+                    })
+                });
+            },
+        },
+        ApiMethod {
+            name: "pending",
+            signature: "() -> number",
+            doc: "How many submissions there are whose outcomes have not been taken.",
+            add: |registry, name| {
+                registry.add_method(name, |_, session, ()| Ok(session.open.len()));
+            },
+        },
+    ],
+};
+
+impl UserData for SessionObject {
+    fn register(registry: &mut UserDataRegistry<Self>) {
+        SESSION.register(registry);
+    }
+}

@@ -1,0 +1,133 @@
+//! Values that cross from Lua: texts, truth values, tables, and numbers that are finite.
+
+use mlua::{Lua, LuaSerdeExt, Table, Value as LuaValue};
+use pdk_sdk::error::{Error, Result};
+use serde_json::{Map, Number, Value};
+
+/// Tables in tables in tables: deeper ones are refused, since a table may hold itself.
+const DEEPEST: usize = 64;
+/// Whole numbers beyond this are not exact in Lua.
+const LARGEST_WHOLE: f64 = 9_007_199_254_740_992.0;
+
+/// A value of a script; `place` is what errors call it.
+///
+/// # Errors
+/// Names the part of it that cannot cross: a number that is not finite, a function, a table that holds itself.
+pub fn from_lua(value: &LuaValue, place: &str) -> Result<Value> {
+    read(value, place, 0)
+}
+
+/// A value for a script.
+///
+/// # Errors
+/// Where the virtual machine is out of memory.
+pub fn to_lua(lua: &Lua, value: &Value) -> mlua::Result<LuaValue> {
+    lua.to_value_with(
+        value,
+        mlua::serde::SerializeOptions::new().serialize_none_to_null(false).serialize_unit_to_null(false),
+    )
+}
+
+fn read(value: &LuaValue, place: &str, depth: usize) -> Result<Value> {
+    if depth > DEEPEST {
+        return Err(Error::new(format!("{place} is too deep; does a table hold itself?")));
+    }
+    match value {
+        LuaValue::Nil => Ok(Value::Null),
+        value if value.is_null() => Ok(Value::Null),
+        LuaValue::Boolean(value) => Ok(Value::Bool(*value)),
+        LuaValue::Integer(value) => Ok(Value::Number((*value).into())),
+        LuaValue::Number(value) => number(*value, place),
+        LuaValue::String(text) => match text.to_str() {
+            Ok(text) => Ok(Value::String(text.to_owned())),
+            Err(_) => Err(Error::new(format!("{place} is not valid UTF-8"))),
+        },
+        LuaValue::Table(table) => read_table(table, place, depth),
+        other => Err(Error::new(format!("{place} is a {}, which is of no use here", other.type_name()))),
+    }
+}
+
+fn number(value: f64, place: &str) -> Result<Value> {
+    if value.fract() == 0.0 && value.abs() <= LARGEST_WHOLE {
+        // A minus before a zero is of no use to anybody.
+        return Ok(Value::Number((value as i64).into()));
+    }
+    match Number::from_f64(value) {
+        Some(number) => Ok(Value::Number(number)),
+        None => Err(Error::new(format!("{place} is {value}, but has to be a finite number"))),
+    }
+}
+
+/// An empty table is an empty list: no request has an empty table where it matters.
+fn read_table(table: &Table, place: &str, depth: usize) -> Result<Value> {
+    let length = table.raw_len();
+    let unreadable = |error: mlua::Error| Error::new(format!("{place} cannot be read ({error})"));
+    let mut list = Vec::with_capacity(length);
+    let mut fields = Map::new();
+    for pair in table.pairs::<LuaValue, LuaValue>() {
+        let (key, value) = pair.map_err(unreadable)?;
+        match &key {
+            LuaValue::String(key) => {
+                let key = key.to_string_lossy();
+                let value = read(&value, &format!("{place}.{key}"), depth + 1)?;
+                fields.insert(key, value);
+            }
+            LuaValue::Integer(_) | LuaValue::Number(_) => {
+                let index = key.as_f64().or(key.as_i64().map(|index| index as f64)).unwrap_or_default();
+                if index.fract() != 0.0 || index < 1.0 || index > length as f64 {
+                    return Err(Error::new(format!("{place} has a gap: its list has an entry {index} of {length}")));
+                }
+                list.push(read(&value, &format!("{place}[{index}]"), depth + 1)?);
+            }
+            other => {
+                return Err(Error::new(format!("{place} has a {} as a key; keys are texts", other.type_name())));
+            }
+        }
+    }
+    match (list.is_empty(), fields.is_empty()) {
+        (false, false) => Err(Error::new(format!("{place} is a list and has fields as well; it can be one of the two"))),
+        (_, true) => Ok(Value::Array(list)),
+        (true, false) => {
+            // A script's tables have no order that means anything.
+            fields.sort_keys();
+            Ok(Value::Object(fields))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn read(script: &str) -> Result<Value> {
+        from_lua(&Lua::new().load(script).eval().unwrap(), "pdk.x")
+    }
+
+    #[test]
+    fn what_can_be_json_crosses() {
+        let script = "return { b = { 1, 2.5, 'x' }, a = { c = true, d = {} }, e = -0 }";
+        assert_eq!(
+            read(script).unwrap().to_string(),
+            r#"{"a":{"c":true,"d":[]},"b":[1,2.5,"x"],"e":0}"#
+        );
+        assert_eq!(read("return 2^53").unwrap(), json!(9_007_199_254_740_992_i64));
+        assert_eq!(read("return 1e300").unwrap(), json!(1e300));
+    }
+
+    #[test]
+    fn what_cannot_is_named() {
+        for (script, said) in [
+            ("return { level = 0/0 }", "pdk.x.level is NaN, but has to be a finite number"),
+            ("return { a = { 1, 1/0 } }", "pdk.x.a[2] is inf, but has to be a finite number"),
+            ("return { f = print }", "pdk.x.f is a function, which is of no use here"),
+            ("return { 1, x = 2 }", "pdk.x is a list and has fields as well"),
+            ("return { [1] = 1, [3] = 3, [2.5] = 1 }", "pdk.x has a gap"),
+            ("return { [print] = 1 }", "pdk.x has a function as a key"),
+            ("local t = {} t.t = t return t", "does a table hold itself?"),
+        ] {
+            let error = read(script).unwrap_err().to_string();
+            assert!(error.contains(said), "{error}");
+        }
+    }
+}
