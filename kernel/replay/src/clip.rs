@@ -1,19 +1,20 @@
 //! Films a scenario: what the camera saw and what the driver saw side by side, and below it what the vehicle did.
 
-use std::collections::VecDeque;
 use std::path::Path;
 
 use image::{ImageBuffer, Rgb, RgbImage, imageops};
+use pdk_model::outcome::Outcome;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_preview::text::{LINE_HEIGHT, draw_in};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{Camera, Frame};
+use pdk_sdk::prelude::{Frame, FrameBuf};
+use pdk_session::protocol::Driven;
+use pdk_trace::reader::{Entry, TraceReader, read_steps};
+use pdk_trace::step::{ImageTopic, Step};
 use pdk_video::Writer;
 
-use super::compare::short_name;
-use super::gauge::{Gauge, fill};
-use crate::chain::Spec;
-use crate::drive::Outcome;
-use crate::picture::{LINE_HEIGHT, draw_text_in};
-use crate::record::trace_reader::Step;
+use crate::gauge::{Gauge, fill};
+use crate::recorded::Recorded;
 
 /// Widths between which frames are shown, in pixels: smaller ones are enlarged so that there is room for text, larger ones
 /// are reduced so that two of them fit on a screen.
@@ -29,6 +30,8 @@ const HEADER: u32 = LINE_HEIGHT + 8;
 const MARK: u32 = 6;
 /// Seconds before its end in which a failure is marked.
 const MARKED_SECONDS: f64 = 1.0;
+/// Seconds for which the last frame of a failure stays.
+const HELD_SECONDS: f64 = 1.0;
 
 const BACKGROUND: Rgb<u8> = Rgb([24, 26, 30]);
 const INK: Rgb<u8> = Rgb([228, 231, 235]);
@@ -36,27 +39,20 @@ const FAILURE: Rgb<u8> = Rgb([214, 48, 49]);
 const WHITE: Rgb<u8> = Rgb([255; 3]);
 
 /// A video in the making.
-pub struct Clip<'a> {
-    path: &'a Path,
-    film: Option<Film>,
-    /// The first error while frames were written.
-    failure: Option<Error>,
-}
-
 struct Film {
     writer: Writer,
     layout: Layout,
     title: String,
-    perturbations: Vec<Spec>,
+    perturbations: Vec<AppliedPerturbation>,
     /// What does not change from frame to frame, with the curves as far as they have come.
     base: RgbImage,
     gauges: [Gauge; 4],
-    /// Pictures that are not written yet, with their times: only the end says whether they show a failure.
-    waiting: VecDeque<(f64, RgbImage)>,
-    /// How many wait at most.
-    delay: usize,
     /// Frames a second.
     rate: f64,
+    /// From when on frames are marked, in seconds, and with what; nothing where the scenario did not fail.
+    marked: Option<(f64, &'static str)>,
+    /// The picture that was written last, without a mark.
+    last: RgbImage,
     /// The number of the next frame.
     next: u64,
 }
@@ -75,8 +71,9 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(camera: Camera) -> Self {
-        let (width, height) = (camera.width.max(1), camera.height.max(1));
+    /// The layout for frames of this size.
+    fn new(width: u32, height: u32) -> Self {
+        let (width, height) = (width.max(1), height.max(1));
         let (shown, factor) = if width > WIDEST || height > TALLEST {
             let scale = (f64::from(WIDEST) / f64::from(width)).min(f64::from(TALLEST) / f64::from(height));
             ([width, height].map(|side| (f64::from(side) * scale).round().max(1.0) as u32).into(), 0)
@@ -98,27 +95,69 @@ impl Layout {
     }
 }
 
-impl<'a> Clip<'a> {
-    /// A video at this path; nothing is there until it is complete.
-    pub fn new(path: &'a Path) -> Self {
-        Self { path, film: None, failure: None }
+/// Writes a video of a scenario that was driven again, from its new trace, in which every frame has its images. Where it failed,
+/// the frames of the last second are marked and the very last one stays for a second. Nothing is there until it is complete.
+///
+/// # Errors
+/// Where there are no frames, or the video cannot be written.
+pub fn film(path: &Path, recorded: &Recorded, driven: &Driven, trace: &Path) -> Result<()> {
+    let steps = read_steps(trace)?;
+    let incomplete = |step: &Step| {
+        Error::new(format!("frame {} has no pictures in the trace {}", step.sequence, trace.display()))
+    };
+    let mut film: Option<Film> = None;
+    let (mut step, mut raw): (Option<Step>, Option<FrameBuf>) = (None, None);
+    for entry in TraceReader::open(trace)? {
+        match entry? {
+            Entry::Step(next) => {
+                if let Some(before) = step.replace(next) {
+                    return Err(incomplete(&before));
+                }
+            }
+            Entry::Image(image) if image.topic == ImageTopic::Raw => raw = Some(image.decode()?),
+            Entry::Image(image) => {
+                let (Some(step), Some(raw)) = (step.take(), raw.take()) else { continue };
+                if film.is_none() {
+                    film = Some(Film::start(path, recorded, driven, &steps, &raw)?);
+                }
+                if let Some(film) = &mut film {
+                    film.step(&step, raw.as_ref(), image.decode()?.as_ref())?;
+                }
+            }
+            Entry::Event(_) | Entry::Road(_) => {}
+        }
     }
+    match (film, step) {
+        (_, Some(step)) => Err(incomplete(&step)),
+        (Some(film), None) => film.finish(&driven.outcome),
+        (None, None) => {
+            let error = driven.outcome.error.as_deref().unwrap_or("it has no frames");
+            let (number, path) = (recorded.number, path.display());
+            Err(Error::new(format!("there is nothing to see of scenario {number} for {path}: {error}")))
+        }
+    }
+}
 
-    /// Begins the video of a scenario whose record this is.
-    ///
-    /// # Errors
-    /// Where it cannot be written.
-    pub fn start(&mut self, camera: Camera, recorded: &Outcome, steps: &[Step]) -> Result<()> {
-        let layout = Layout::new(camera);
+impl Film {
+    /// Begins the video of a scenario with these steps, whose frames have the size of this one.
+    fn start(
+        path: &Path,
+        recorded: &Recorded,
+        driven: &Driven,
+        steps: &[Step],
+        frame: &FrameBuf,
+    ) -> Result<Self> {
+        let Driven { outcome, rate, .. } = driven;
+        let layout = Layout::new(frame.width() as u32, frame.height() as u32);
         let (width, height) = layout.size;
-        let writer = Writer::create(self.path, width as usize, height as usize, camera.rate)?;
+        let writer = Writer::create(path, width as usize, height as usize, *rate)?;
         let mut base = RgbImage::from_pixel(width, height, BACKGROUND);
-        draw_text_in(&mut base, layout.left[0], 4, "what the camera saw", INK);
+        draw_in(&mut base, layout.left[0], 4, "what the camera saw", INK);
         let largest = |value: fn(&Step) -> f64| steps.iter().map(value).fold(0.0, |a: f64, b| a.max(b.abs()));
         let speed = (largest(|step| step.state.speed) * 1.1).max(1.0);
         let error = (largest(|step| step.state.cross_track_error) * 1.1).max(0.5);
         let (top, room) = (layout.text() + LINE_HEIGHT, width - 2 * MARGIN);
-        let end = recorded.time.max(1.0 / camera.rate);
+        let end = outcome.time.max(1.0 / rate);
         let gauges = [
             ("steering", "", -1.0, 1.0),
             ("throttle", "", -1.0, 1.0),
@@ -132,107 +171,87 @@ impl<'a> Clip<'a> {
             column += 1;
             gauge
         });
-        let title = format!("scenario {}: {}", recorded.index, short_name(&recorded.scenario));
-        let perturbations = recorded.scenario.perturbations.clone();
-        let delay = (camera.rate * MARKED_SECONDS).ceil() as usize + 1;
-        let waiting = VecDeque::with_capacity(delay + 1);
-        let (rate, next) = (camera.rate, 0);
-        self.film =
-            Some(Film { writer, layout, title, perturbations, base, gauges, waiting, delay, rate, next });
-        self.failure = None;
-        Ok(())
+        // Half a millisecond allows for times that are sums of rounded frame times.
+        let marked =
+            (!outcome.success).then(|| (outcome.time - MARKED_SECONDS - 0.0005, outcome.cause.text()));
+        Ok(Self {
+            writer,
+            layout,
+            title: format!("scenario {}: {}", recorded.number, recorded.short_name()),
+            perturbations: recorded.line.scenario.perturbations.clone(),
+            last: base.clone(),
+            base,
+            gauges,
+            rate: *rate,
+            marked,
+            next: 0,
+        })
     }
 
-    /// Adds a frame.
-    pub fn step(&mut self, step: &Step, raw: Frame<'_>, perturbed: Frame<'_>) {
-        if let Some(film) = &mut self.film
-            && self.failure.is_none()
-        {
-            self.failure = film.step(step, raw, perturbed).err();
-        }
-    }
-
-    /// Completes the video of a scenario that came to this end.
-    ///
-    /// # Errors
-    /// Where it cannot be written, or there were no frames.
-    pub fn finish(&mut self, outcome: &Outcome) -> Result<()> {
-        let Some(mut film) = self.film.take() else { return Ok(()) };
-        if let Some(failure) = self.failure.take() {
-            return Err(failure);
-        }
-        if film.waiting.is_empty() {
-            let error = outcome.error.as_deref().unwrap_or("it has no frames");
-            let (index, path) = (outcome.index, self.path.display());
-            return Err(Error::new(format!(
-                "there is nothing to see of scenario {index} for {path}: {error}"
-            )));
-        }
-        while let Some((time, mut picture)) = film.waiting.pop_front() {
-            // Half a millisecond allows for times that are sums of rounded frame times.
-            if !outcome.success && time + 0.0005 >= outcome.time - MARKED_SECONDS {
-                film.layout.mark(&mut picture, outcome.cause.text());
-            }
-            film.write(&picture)?;
-        }
-        film.writer.finish()
-    }
-}
-
-impl Film {
+    /// Adds a frame, and before it those that were skipped in real time: the one before stays.
     fn step(&mut self, step: &Step, raw: Frame<'_>, perturbed: Frame<'_>) -> Result<()> {
         let Step { sequence, state, control, .. } = step;
-        // Frames that were skipped in real time: the one before stays.
-        for skipped in self.next..*sequence {
-            let Some((_, last)) = self.waiting.back() else { break };
-            let last = last.clone();
-            let mut picture = self.blank()?;
-            picture.copy_from_slice(&last);
-            self.waiting.push_back((skipped as f64 / self.rate, picture));
-        }
-        self.next = sequence + 1;
+        self.repeat_to(*sequence)?;
         let values = [control.steering, control.throttle, state.speed, state.cross_track_error];
         for (gauge, value) in self.gauges.iter_mut().zip(values) {
             gauge.draw_curve(&mut self.base, state.time, value);
         }
-        let mut picture = self.blank()?;
+        let seen = self.seen(state.time);
+        let picture = &mut self.last;
         picture.copy_from_slice(&self.base);
         for (left, frame) in self.layout.left.into_iter().zip([raw, perturbed]) {
-            self.layout.show(&mut picture, left, frame);
+            self.layout.show(picture, left, frame);
         }
         let (left, right) = (self.layout.left[0], self.layout.left[1]);
-        draw_text_in(&mut picture, right, 4, &self.seen(state.time), INK);
-        draw_text_in(&mut picture, left, self.layout.text(), &self.title, INK);
+        draw_in(picture, right, 4, &seen, INK);
+        draw_in(picture, left, self.layout.text(), &self.title, INK);
         let clock = format!("{:.2} s    frame {sequence}", state.time);
-        draw_text_in(&mut picture, right, self.layout.text(), &clock, INK);
+        draw_in(picture, right, self.layout.text(), &clock, INK);
         for (gauge, value) in self.gauges.iter().zip(values) {
-            gauge.draw_value(&mut picture, value);
+            gauge.draw_value(picture, value);
         }
-        self.waiting.push_back((state.time, picture));
-        Ok(())
+        self.next = sequence + 1;
+        self.write(state.time)
     }
 
-    /// A picture to draw on: the oldest that waits, once it is written.
-    fn blank(&mut self) -> Result<RgbImage> {
-        match self.waiting.len() < self.delay {
-            true => Ok(RgbImage::new(self.base.width(), self.base.height())),
-            false => {
-                let Some((_, picture)) = self.waiting.pop_front() else {
-                    return Err(Error::new("no picture waits to be written, which is a defect in pdk"));
-                };
-                self.write(&picture)?;
-                Ok(picture)
+    /// Completes the video of a scenario that came to this end.
+    fn finish(mut self, outcome: &Outcome) -> Result<()> {
+        self.repeat_to(outcome.frames + outcome.skipped_frames)?;
+        if self.marked.is_some() {
+            for _ in 0..(self.rate * HELD_SECONDS).round() as u64 {
+                self.write(outcome.time)?;
             }
+        }
+        self.writer.finish()
+    }
+
+    /// Shows the last picture again for each frame before this one.
+    fn repeat_to(&mut self, sequence: u64) -> Result<()> {
+        // Before the first frame there is nothing to show.
+        let from = if self.next == 0 { sequence } else { self.next };
+        (from..sequence).try_for_each(|skipped| self.write(skipped as f64 / self.rate))
+    }
+
+    /// Writes the last picture as that of this time in seconds.
+    fn write(&mut self, time: f64) -> Result<()> {
+        let (width, height) = (self.last.width() as usize, self.last.height() as usize);
+        match self.marked {
+            Some((from, cause)) if time >= from => {
+                let mut picture = self.last.clone();
+                self.layout.mark(&mut picture, cause);
+                self.writer.push(Frame::new(&picture, width, height)?)
+            }
+            _ => self.writer.push(Frame::new(&self.last, width, height)?),
         }
     }
 
     /// What stands above the perturbed frame: the perturbations with their intensities at this time.
     fn seen(&self, time: f64) -> String {
-        let perturbation = |spec: &Spec| match spec.level.at(time) {
+        let perturbation = |applied: &AppliedPerturbation| match applied.level.at(time) {
             // Intensities that change do so by small steps.
-            Some(level) if spec.level.constant().is_none() => format!("{}@{level:.2}", spec.name),
-            Some(level) => format!("{}@{level}", spec.name),
-            None => format!("{} off", spec.name),
+            Some(level) if applied.level.constant().is_none() => format!("{}@{level:.2}", applied.name),
+            Some(level) => format!("{}@{level}", applied.name),
+            None => format!("{} off", applied.name),
         };
         match self.perturbations.is_empty() {
             true => "what the driver saw".to_owned(),
@@ -241,11 +260,6 @@ impl Film {
                 format!("what the driver saw: {}", perturbations.join(" + "))
             }
         }
-    }
-
-    fn write(&mut self, picture: &RgbImage) -> Result<()> {
-        let frame = Frame::new(picture, picture.width() as usize, picture.height() as usize)?;
-        self.writer.push(frame)
     }
 }
 
@@ -292,18 +306,21 @@ impl Layout {
         }
         let bottom = HEADER + height - MARK - LINE_HEIGHT - 4;
         fill(picture, [self.left[1], bottom], [width, LINE_HEIGHT + 4], FAILURE);
-        draw_text_in(picture, self.left[1] + MARGIN, bottom + 2, cause, WHITE);
+        draw_in(picture, self.left[1] + MARGIN, bottom + 2, cause, WHITE);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_sdk::prelude::{Control, FrameBuf, State};
+    use pdk_model::outcome::Cause;
+    use pdk_sdk::prelude::{Control, State};
+    use pdk_session::stages::Times;
+    use pdk_trace::writer::Trace;
 
     #[test]
     fn small_cameras_are_enlarged_and_large_ones_reduced_to_even_sizes() {
-        let layout = |width, height| Layout::new(Camera { width, height, rate: 20.0 });
+        let layout = Layout::new;
         assert_eq!((layout(80, 60).factor, layout(80, 60).shown), (6, (480, 360)));
         assert_eq!((layout(321, 241).factor, layout(321, 241).shown), (2, (642, 482)));
         assert_eq!((layout(1920, 1080).factor, layout(1920, 1080).shown), (0, (960, 540)));
@@ -315,7 +332,7 @@ mod tests {
 
     #[test]
     fn frames_are_shown_pixel_by_pixel() {
-        let layout = Layout::new(Camera { width: 240, height: 2, rate: 20.0 });
+        let layout = Layout::new(240, 2);
         let data: Vec<u8> = (0..240 * 2 * 3).map(|value| (value % 251) as u8).collect();
         let frame = Frame::new(&data, 240, 2).unwrap();
         let mut picture = RgbImage::from_pixel(layout.size.0, layout.size.1, BACKGROUND);
@@ -329,43 +346,98 @@ mod tests {
         assert!(around.iter().all(|&(x, y)| *picture.get_pixel(x, y) == BACKGROUND));
     }
 
-    #[test]
-    fn skipped_frames_show_the_one_before_and_the_last_second_of_a_failure_is_red() {
-        let path = std::env::temp_dir().join(format!("pdk-clip-{}.mp4", std::process::id()));
-        let outcome: Outcome = serde_json::from_value(serde_json::json!({
-            "index": 3, "success": false, "cause": "collision", "time": 2.0, "frames": 6, "progress": 0.5,
-            "scenario": {"name": "fast", "road": null, "perturbations": [], "duration": 9.0, "seed": null},
-            "mean_cross_track_error": 0.0, "max_cross_track_error": 0.0, "digest": "", "telemetry": [],
-            "waypoints": "",
-        }))
-        .unwrap();
-        let data = vec![128; 64 * 16 * 3];
-        let frame = Frame::new(&data, 64, 16).unwrap();
-        let mut clip = Clip::new(&path);
-        clip.start(Camera { width: 64, height: 16, rate: 4.0 }, &outcome, &[]).unwrap();
-        for sequence in [0, 1, 2, 5, 6, 8] {
+    /// Steps at four frames a second, and what the two cameras saw of each.
+    fn write_trace(path: &Path, sequences: &[u64]) {
+        let mut trace = Trace::create(path).unwrap();
+        trace.event(0.0, false, "fast").unwrap();
+        for &sequence in sequences {
             let state = State { time: sequence as f64 / 4.0, ..State::default() };
-            let step = Step { sequence, state, control: Control::default(), frame_hash: 0 };
-            clip.step(&step, frame, frame);
+            trace.step(&Step { sequence, state, control: Control::default(), frame_hash: 0 }).unwrap();
+            let data = vec![20 + 10 * sequence as u8; 64 * 16 * 3];
+            let frame = Frame::new(&data, 64, 16).unwrap();
+            for topic in [ImageTopic::Raw, ImageTopic::Perturbed] {
+                trace.image(topic, sequence, state.time, frame).unwrap();
+            }
         }
-        clip.finish(&outcome).unwrap();
-        let mut reader = pdk_video::Reader::open_file(&path).unwrap();
-        let (mut planes, mut marked) = (pdk_video::Yuv420::default(), Vec::new());
+        trace.finish().unwrap();
+    }
+
+    fn recorded() -> Recorded {
+        let value = serde_json::json!({
+            "id": "00".repeat(16), "name": "fast", "images_every": 0, "success": false, "cause": "collision",
+            "time": 2.5, "frames": 6, "skipped_frames": 5, "progress": 0.5, "mean_cross_track_error": 0.0,
+            "max_cross_track_error": 0.0, "digest": "", "scenario": {
+                "simulator": {"name": "lane"}, "driver": {"name": "x"}, "duration": 9.0, "seed": 0,
+                "mode": "realtime",
+            },
+        });
+        Recorded { number: 3, line: serde_json::from_value(value).unwrap() }
+    }
+
+    fn driven(outcome: &Outcome) -> Driven {
+        Driven { outcome: outcome.clone(), rate: 4.0, times: Times::default(), warnings: Vec::new() }
+    }
+
+    /// For each frame of a video whether it is marked, and the brightness of what the camera saw.
+    fn watch(path: &Path) -> Vec<(bool, u8)> {
+        let mut reader = pdk_video::Reader::open_file(path).unwrap();
+        let (mut planes, mut seen) = (pdk_video::Yuv420::default(), Vec::new());
         while reader.next(&mut planes).unwrap() {
             let mut picture = FrameBuf::new(planes.width, planes.height);
             planes.to_rgb(picture.as_mut());
             let [red, green, _] = picture.as_ref().pixel(MARGIN as usize + 2, HEADER as usize + 40);
-            marked.push(red > green + 50);
+            let [brightness, ..] = picture.as_ref().pixel(MARGIN as usize + 100, HEADER as usize + 60);
+            seen.push((red > green + 50, brightness));
         }
-        assert_eq!(marked, [false, false, false, false, true, true, true, true, true]);
-        // A scenario that failed before its first frame leaves nothing.
-        clip.start(Camera { width: 64, height: 16, rate: 4.0 }, &outcome, &[]).unwrap();
-        assert!(
-            clip.finish(&outcome)
-                .unwrap_err()
-                .to_string()
-                .starts_with("there is nothing to see of scenario 3")
-        );
-        std::fs::remove_file(path).unwrap();
+        seen
+    }
+
+    #[test]
+    fn a_failure_is_marked_and_its_last_frame_is_held() {
+        let folder = tempfile::tempdir().unwrap();
+        let (trace, video) = (folder.path().join("new.mcap"), folder.path().join("clip.mp4"));
+        write_trace(&trace, &[0, 1, 2, 5, 6, 8]);
+        let recorded = recorded();
+        let mut driven = driven(&recorded.line.outcome);
+        film(&video, &recorded, &driven, &trace).unwrap();
+        let seen = watch(&video);
+        // Frames that were skipped show the one before, also those behind the last; then the last frame stays for a second.
+        let shown = [0, 1, 2, 2, 2, 5, 6, 6, 8, 8, 8, 8, 8, 8, 8].map(|sequence: u8| 20 + 10 * sequence);
+        let brightness: Vec<u8> = seen.iter().map(|(_, brightness)| *brightness).collect();
+        assert_eq!(brightness.len(), shown.len());
+        assert!(brightness.iter().zip(shown).all(|(is, was)| is.abs_diff(was) < 6), "{brightness:?}");
+        // The failure came at 2.5 s, and the second before it begins with frame 6.
+        let marked: Vec<bool> = seen.iter().map(|(marked, _)| *marked).collect();
+        assert_eq!(marked, [[false; 6].as_slice(), &[true; 9]].concat());
+
+        driven.outcome = Outcome { success: true, cause: Cause::Finished, ..driven.outcome };
+        film(&video, &recorded, &driven, &trace).unwrap();
+        let seen = watch(&video);
+        assert_eq!(seen.len(), 11);
+        assert!(seen.iter().all(|(marked, _)| !marked));
+    }
+
+    #[test]
+    fn without_frames_there_is_no_video() {
+        let folder = tempfile::tempdir().unwrap();
+        let (trace, video) = (folder.path().join("new.mcap"), folder.path().join("clip.mp4"));
+        write_trace(&trace, &[]);
+        let recorded = recorded();
+        let mut driven = driven(&recorded.line.outcome);
+        driven.outcome.error = Some("driver `x`: it aborts".to_owned());
+        let error = film(&video, &recorded, &driven, &trace).unwrap_err().to_string();
+        let expected =
+            format!("there is nothing to see of scenario 3 for {}: driver `x`: it aborts", video.display());
+        assert_eq!(error, expected);
+        // A step without its frames is no shorter video.
+        let mut incomplete = Trace::create(&trace).unwrap();
+        for sequence in [0, 1] {
+            let (state, control) = (State::default(), Control::default());
+            incomplete.step(&Step { sequence, state, control, frame_hash: 0 }).unwrap();
+        }
+        incomplete.finish().unwrap();
+        let error = film(&video, &recorded, &driven, &trace).unwrap_err().to_string();
+        assert!(error.starts_with("frame 0 has no pictures in the trace "), "{error}");
+        assert!(!video.exists());
     }
 }

@@ -1,25 +1,24 @@
-//! Compares what the loop does with what is recorded.
+//! Compares what was driven again with what is recorded.
 
-use std::collections::BTreeMap;
 use std::fmt;
-use std::path::Path;
 
+use pdk_core::manifest::difference;
+use pdk_model::outcome::Outcome;
+use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{Camera, Control, Frame, State};
+use pdk_sdk::prelude::{Control, State};
+use pdk_trace::step::Step;
 use serde::Serialize;
-use serde_json::Value;
 
-use super::clip::Clip;
-use crate::drive::{Outcome, ScenarioSpec, Witness};
-use crate::record::RunDirectory;
-use crate::record::manifest::difference;
-use crate::record::trace_reader::{Step, read_steps};
+use crate::recorded::Recorded;
 
 /// What there is to say of a scenario.
 #[derive(Debug)]
 pub struct Compared {
     /// The number of the scenario in its run.
-    pub index: u64,
+    pub number: u64,
+    /// Its id.
+    pub id: ScenarioId,
     /// Its name in the record.
     pub name: String,
     /// Its name as it fits into a line.
@@ -69,7 +68,7 @@ impl fmt::Display for Difference {
 
 impl fmt::Display for Compared {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "scenario {} ({}): ", self.index, self.short_name)?;
+        write!(f, "scenario {} ({}): ", self.number, self.short_name)?;
         match &self.finding {
             Finding::Equal => write!(f, "{} frames, equal", self.frames),
             Finding::Different(difference) => difference.fmt(f),
@@ -78,108 +77,35 @@ impl fmt::Display for Compared {
     }
 }
 
-/// The name of a scenario, cut off where it does not fit into a line.
-pub fn short_name(scenario: &ScenarioSpec) -> String {
-    const LONGEST: usize = 60;
-    let name = &scenario.name;
-    match name.char_indices().nth(LONGEST) {
-        Some((end, _)) => format!("{}...", &name[..end]),
-        None => name.clone(),
+impl Compared {
+    /// What was found of a recorded scenario that was driven again for so many frames.
+    pub fn new(recorded: &Recorded, frames: u64, finding: Finding) -> Self {
+        let Recorded { number, line } = recorded;
+        let (name, short_name) = (line.name.clone(), recorded.short_name());
+        Self { number: *number, id: line.id, name, short_name, frames, finding }
     }
 }
 
-/// Compares the scenarios that one thread drives with their record, and may film one of them.
-pub struct Compare<'a> {
-    directory: &'a RunDirectory,
-    outcomes: &'a BTreeMap<u64, Outcome>,
-    /// The steps in the trace of the scenario at hand.
-    recorded: Vec<Step>,
-    /// How many steps were driven again.
-    seen: usize,
-    difference: Option<Difference>,
-    clip: Option<Clip<'a>>,
-}
-
-impl<'a> Compare<'a> {
-    /// Compares with these outcomes and the traces in this folder; `clip` is the video to write.
-    pub fn new(
-        directory: &'a RunDirectory,
-        outcomes: &'a BTreeMap<u64, Outcome>,
-        clip: Option<&'a Path>,
-    ) -> Self {
-        Self {
-            directory,
-            outcomes,
-            recorded: Vec::new(),
-            seen: 0,
-            difference: None,
-            clip: clip.map(Clip::new),
+/// Compares a recorded scenario, which has these steps in its trace, with what it came to when it was driven again.
+///
+/// # Errors
+/// Where an outcome cannot be JSON.
+pub fn compare(recorded: &Recorded, steps: &[Step], outcome: &Outcome, again: &[Step]) -> Result<Compared> {
+    let mut pairs = steps.iter().zip(again);
+    let of_steps = pairs.find_map(|(was, is)| step_difference(was, is)).or_else(|| {
+        match (steps.get(again.len()), again.get(steps.len())) {
+            (Some(step), _) => Some(another_end(step, "after", "before")),
+            (_, Some(step)) => Some(another_end(step, "before", "after")),
+            (None, None) => None,
         }
-    }
-}
-
-impl Witness for Compare<'_> {
-    type Verdict = Compared;
-
-    fn start(&mut self, index: u64, camera: Camera) -> Result<Option<Compared>> {
-        self.difference = None;
-        self.seen = 0;
-        let Some(outcome) = self.outcomes.get(&index) else {
-            return Err(Error::new(format!("scenario {index} is not in the record")));
-        };
-        match read_steps(&self.directory.trace_path(index)) {
-            Ok(steps) => self.recorded = steps,
-            Err(error) => {
-                return Ok(Some(compared(outcome, 0, Finding::Unreadable(error))));
-            }
-        }
-        if let Some(clip) = &mut self.clip {
-            clip.start(camera, outcome, &self.recorded)?;
-        }
-        Ok(None)
-    }
-
-    fn event(&mut self, _time: f64, _failure: bool, _text: &str) {}
-
-    fn step(&mut self, step: &Step, raw: Frame<'_>, perturbed: Frame<'_>) {
-        if self.difference.is_none() {
-            self.difference = match self.recorded.get(self.seen) {
-                Some(recorded) => step_difference(recorded, step),
-                None => Some(another_end(step, "before", "after")),
-            };
-        }
-        self.seen += 1;
-        if let Some(clip) = &mut self.clip {
-            clip.step(step, raw, perturbed);
-        }
-    }
-
-    fn skipped(&self, sequence: u64) -> Option<u64> {
-        // The record knows; behind its end there is nothing left to compare.
-        let next = self.recorded.partition_point(|step| step.sequence <= sequence);
-        Some(self.recorded.get(next).map_or(0, |step| step.sequence - sequence - 1))
-    }
-
-    fn finish(&mut self, outcome: Outcome) -> Result<Compared> {
-        if let Some(clip) = &mut self.clip {
-            clip.finish(&outcome)?;
-        }
-        let frames = outcome.frames;
-        let next = usize::try_from(frames).ok().and_then(|frames| self.recorded.get(frames));
-        let ends_early = || next.map(|step| another_end(step, "after", "before"));
-        let found = self.difference.take().or_else(ends_early);
-        let found = match (found, self.outcomes.get(&outcome.index)) {
-            (None, Some(recorded)) => outcome_difference(recorded, &outcome)?,
-            (found, _) => found,
-        };
-        let finding = found.map_or(Finding::Equal, Finding::Different);
-        Ok(compared(&outcome, frames, finding))
-    }
-}
-
-fn compared(outcome: &Outcome, frames: u64, finding: Finding) -> Compared {
-    let (index, name) = (outcome.index, outcome.scenario.name.clone());
-    Compared { index, name, short_name: short_name(&outcome.scenario), frames, finding }
+    });
+    // Where a process was lost it left no steps, and the outcome says why.
+    let lost = steps.is_empty() != again.is_empty();
+    let found = match (of_steps, lost) {
+        (Some(difference), false) => Some(difference),
+        (of_steps, _) => outcome_difference(&recorded.line.outcome, outcome)?.or(of_steps),
+    };
+    Ok(Compared::new(recorded, outcome.frames, found.map_or(Finding::Equal, Finding::Different)))
 }
 
 /// One of the two has this step, and for the other the scenario was over.
@@ -204,58 +130,31 @@ fn step_difference(recorded: &Step, replayed: &Step) -> Option<Difference> {
     if recorded.sequence != replayed.sequence {
         return found("its number", recorded.sequence.to_string(), replayed.sequence.to_string());
     }
-    let numbers = numbers(&recorded.state).into_iter().zip(numbers(&replayed.state));
-    for ((what, was), (_, is)) in numbers {
-        if was.to_bits() != is.to_bits() {
-            return found(what, was.to_string(), is.to_string());
-        }
+    let (was, is) = (recorded.state.numbers(), replayed.state.numbers());
+    if let Some(place) = first_other(&was, &is) {
+        return found(State::NUMBERS[place], was[place].to_string(), is[place].to_string());
     }
-    for ((what, was), (_, is)) in flags(&recorded.state).into_iter().zip(flags(&replayed.state)) {
-        if was != is {
-            return found(what, was.to_string(), is.to_string());
-        }
+    let (was, is) = (recorded.state.flags(), replayed.state.flags());
+    if let Some(place) = (0..was.len()).find(|place| was[*place] != is[*place]) {
+        return found(State::FLAGS[place], was[place].to_string(), is[place].to_string());
     }
     if recorded.frame_hash != replayed.frame_hash {
         let hash = |step: &Step| format!("{:016x}", step.frame_hash);
         return found("the hash of the frame", hash(recorded), hash(replayed));
     }
-    for ((what, was), (_, is)) in controls(recorded.control).into_iter().zip(controls(replayed.control)) {
-        if was.to_bits() != is.to_bits() {
-            return found(what, was.to_string(), is.to_string());
-        }
-    }
-    None
+    let (was, is) = (recorded.control.numbers(), replayed.control.numbers());
+    first_other(&was, &is)
+        .and_then(|place| found(Control::NUMBERS[place], was[place].to_string(), is[place].to_string()))
 }
 
-fn numbers(state: &State) -> [(&'static str, f64); 9] {
-    let [x, height, z] = state.position;
-    [
-        ("time", state.time),
-        ("x", x),
-        ("height", height),
-        ("z", z),
-        ("heading", state.heading),
-        ("speed", state.speed),
-        ("cross_track_error", state.cross_track_error),
-        ("progress", state.progress),
-        ("vehicle_ahead", state.vehicle_ahead),
-    ]
-}
-
-fn flags(state: &State) -> [(&'static str, bool); 3] {
-    [("lane_departure", state.lane_departure), ("collision", state.collision), ("finished", state.finished)]
-}
-
-fn controls(control: Control) -> [(&'static str, f64); 2] {
-    [("steering", control.steering), ("throttle", control.throttle)]
+/// The place of the first number that has other bits.
+fn first_other(was: &[f64], is: &[f64]) -> Option<usize> {
+    was.iter().zip(is).position(|(was, is)| was.to_bits() != is.to_bits())
 }
 
 /// The first field of the outcome that differs.
 fn outcome_difference(recorded: &Outcome, replayed: &Outcome) -> Result<Option<Difference>> {
-    // Both as they come out of a file.
-    let read =
-        |outcome: &Outcome| -> Result<Value> { Ok(serde_json::from_str(&serde_json::to_string(outcome)?)?) };
-    let found = difference("", &read(recorded)?, &read(replayed)?);
+    let found = difference("", &serde_json::to_value(recorded)?, &serde_json::to_value(replayed)?);
     Ok(found.map(|(what, was, is)| Difference {
         frame: None,
         time: None,
@@ -268,6 +167,7 @@ fn outcome_difference(recorded: &Outcome, replayed: &Outcome) -> Result<Option<D
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::{Value, json};
 
     fn step() -> Step {
         let state = State { time: 0.85, speed: 8.0, ..State::default() };
@@ -310,18 +210,54 @@ mod tests {
         );
     }
 
+    /// A scenario that came to its end in time, with these fields set.
+    fn recorded(changes: &[(&str, Value)]) -> Recorded {
+        let mut value = json!({
+            "id": "00".repeat(16), "name": "nominal", "images_every": 0, "success": true, "cause": "finished",
+            "time": 1.0, "frames": 2, "progress": 1.0, "mean_cross_track_error": 0.1,
+            "max_cross_track_error": 0.2, "digest": "ff",
+            "scenario": {"simulator": {"name": "lane"}, "driver": {"name": "x"}, "duration": 1.0, "seed": 0},
+        });
+        changes.iter().for_each(|(key, change)| value[*key] = change.clone());
+        Recorded { number: 3, line: serde_json::from_value(value).unwrap() }
+    }
+
+    fn said(was: &Recorded, steps: &[Step], is: &Recorded, again: &[Step]) -> String {
+        compare(was, steps, &is.line.outcome, again).unwrap().to_string()
+    }
+
     #[test]
-    fn courses_of_intensity_are_left_out_of_names() {
-        let mut scenario = ScenarioSpec {
-            name: String::new(),
-            road: Value::Null,
-            perturbations: Vec::new(),
-            duration: 1.0,
-            seed: None,
-        };
-        scenario.name = "foggy".to_owned();
-        assert_eq!(short_name(&scenario), "foggy");
-        scenario.name = "ä".repeat(70);
-        assert_eq!(short_name(&scenario), format!("{}...", "ä".repeat(60)));
+    fn the_first_thing_that_differs_is_told() {
+        let (one, two) = (step(), Step { sequence: 18, ..step() });
+        let record = recorded(&[]);
+        assert_eq!(said(&record, &[one, two], &record, &[one, two]), "scenario 3 (nominal): 2 frames, equal");
+        let other = Step { frame_hash: 1, ..two };
+        let text = said(&record, &[one, two], &recorded(&[("digest", json!("00"))]), &[one, other]);
+        assert!(
+            text.starts_with("scenario 3 (nominal): frame 18 at 0.850 s: the hash of the frame"),
+            "{text}"
+        );
+        let text = said(&record, &[one, two], &record, &[one]);
+        assert!(text.ends_with("frame 18 at 0.850 s: the end of the scenario was after it and is before it"));
+        let text = said(&record, &[one], &record, &[one, two]);
+        assert!(text.ends_with("frame 18 at 0.850 s: the end of the scenario was before it and is after it"));
+        let text = said(&record, &[one], &recorded(&[("digest", json!("00"))]), &[one]);
+        assert!(text.ends_with("the outcome: `digest` was \"ff\" and is \"00\""), "{text}");
+    }
+
+    #[test]
+    fn a_process_that_was_lost_is_an_outcome_like_any_other() {
+        let lost =
+            [("cause", json!("error")), ("success", json!(false)), ("error", json!("driver: it aborts"))];
+        let record = recorded(&lost);
+        assert!(said(&record, &[], &record, &[]).ends_with(" equal"));
+        // What came of it says more than that its trace is empty.
+        let text = said(&record, &[], &recorded(&[]), &[step()]);
+        assert!(text.contains("the outcome: `cause` was \"error\" and is \"finished\""), "{text}");
+        let text = said(&recorded(&[]), &[step()], &record, &[]);
+        assert!(text.contains("the outcome: `cause` was \"finished\" and is \"error\""), "{text}");
+        // And a trace that is empty although the outcomes are equal is no equal one.
+        let text = said(&recorded(&[]), &[step()], &recorded(&[]), &[]);
+        assert!(text.ends_with("the end of the scenario was after it and is before it"), "{text}");
     }
 }

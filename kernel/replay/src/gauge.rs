@@ -1,8 +1,7 @@
 //! A quantity below the frames of a clip: its name and value, a bar, and its course over the scenario.
 
 use image::{Rgb, RgbImage};
-
-use crate::picture::{LINE_HEIGHT, draw_text_in};
+use pdk_preview::text::{LINE_HEIGHT, draw_in};
 
 /// Pixels between two gauges.
 const GAP: u32 = 16;
@@ -52,7 +51,7 @@ impl Gauge {
 
     /// Draws what does not change.
     pub fn prepare(&self, picture: &mut RgbImage) {
-        draw_text_in(picture, self.left, self.top, self.name, NAME);
+        draw_in(picture, self.left, self.top, self.name, NAME);
         fill(picture, [self.left, self.bar_top()], [self.width, BAR], FIELD);
         fill(picture, [self.left, self.curve_top()], [self.width, CURVE], FIELD);
         let zero = self.row(0.0);
@@ -83,7 +82,7 @@ impl Gauge {
         // Rounded as it is shown; adding nothing turns minus zero into zero.
         let shown = (value * 100.0).round() / 100.0 + 0.0;
         let text = format!("{shown:.2}{}", self.unit);
-        draw_text_in(picture, self.left + VALUE, self.top, &text, INK);
+        draw_in(picture, self.left + VALUE, self.top, &text, INK);
         let (zero, here) = (self.along(0.0), self.along(value));
         let (from, to) = (zero.min(here), zero.max(here));
         fill(picture, [from, self.bar_top()], [to - from, BAR], COURSE);

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use pdk::record::{RunDirectory, published};
+use pdk_core::directory::RunDirectory;
+use pdk_report::published;
 use pdk_sdk::error::Result;
 use serde_json::json;
 

@@ -1,7 +1,8 @@
 //! `pdk list`: what components there are.
 
-use pdk::pipeline::table::table;
-use pdk::registry::Component;
+use pdk_core::catalog::Entry;
+use pdk_core::println;
+use pdk_pipeline::table::table;
 use pdk_sdk::describe::{Kind, Temporal};
 use pdk_sdk::error::{Error, Result};
 use serde_json::json;
@@ -19,18 +20,19 @@ pub struct Arguments {
 /// Lists components by kind, perturbations by family.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let registry = global.registry()?;
+    let catalog = registry.catalog();
     let wanted = |kind: &Kind| arguments.kind.as_deref().is_none_or(|name| name == kind.name());
     let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(wanted).collect();
     if global.json {
-        let components = kinds.iter().flat_map(|kind| registry.of_kind(*kind));
-        let list: Vec<_> = components
-            .map(|component| json!({ "description": component.description, "file": registry.file_of(component) }))
+        let entries = kinds.iter().flat_map(|kind| catalog.of_kind(*kind));
+        let list: Vec<_> = entries
+            .map(|entry| json!({ "description": entry.description, "file": entry.file }))
             .collect();
         return print_json(&json!(list));
     }
     let mut empty = true;
     for kind in kinds {
-        let mut components: Vec<&Component> = registry.of_kind(kind).collect();
+        let mut components: Vec<&Entry> = catalog.of_kind(kind).collect();
         if components.is_empty() {
             continue;
         }
@@ -60,7 +62,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-fn print_perturbations(components: &[&Component]) {
+fn print_perturbations(components: &[&Entry]) {
     let mut table = table(["family", "perturbation", "", "default", "what it does"]);
     let mut family = "";
     for component in components {

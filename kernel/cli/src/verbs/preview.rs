@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use pdk::output;
-use pdk::picture;
-use pdk::preview::{self, Options};
+use pdk_core::{eprintln, output, println};
+use pdk_preview::picture;
+use pdk_preview::preview::{self, Options};
 use pdk_sdk::describe::Temporal;
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::json;
@@ -50,7 +50,7 @@ const CLIP: (usize, u32) = (48, 12);
 /// Writes the sheet, and for each dynamic perturbation a strip and a clip.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let registry = global.registry()?;
-    let chosen = preview::chosen(&registry, &arguments.perturbations, arguments.all)?;
+    let chosen = preview::chosen(registry.catalog(), &arguments.perturbations, arguments.all)?;
     if chosen.is_empty() {
         return Err(Error::new("there are no perturbations to show; `pdk doctor` says what is installed"));
     }
@@ -93,8 +93,8 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         let number = *seen.entry(name).and_modify(|number| *number += 1).or_insert(1);
         let stem = if number == 1 { name.clone() } else { format!("{name}-{number}") };
         let frames = |(count, interval)| {
-            let spec = perturbation.at(STRIP_LEVEL);
-            preview::over_time(&registry, &spec, &source, &options, count, interval)
+            let applied = perturbation.at(STRIP_LEVEL);
+            preview::over_time(&registry, &applied, &source, &options, count, interval)
         };
         let (count, rate) = CLIP;
         let both = frames(STRIP).and_then(|strip| Ok((strip, frames((count, 1.0 / f64::from(rate)))?)));
@@ -111,7 +111,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     for file in &written {
         println!("{}", file.display());
     }
-    let all = preview::usable(&registry, true).len();
+    let all = preview::usable(registry.catalog(), true).len();
     if !left_out.named && all > chosen.len() {
         println!("{} more are there by name only; --all shows them too", all - chosen.len());
     }

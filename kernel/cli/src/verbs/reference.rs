@@ -3,10 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
-use pdk::picture;
-use pdk::preview::{self, Options};
-use pdk::reference;
-use pdk::registry::Registry;
+use pdk_core::registry::Registry;
+use pdk_preview::preview::{self, Options};
+use pdk_preview::{picture, reference};
 use pdk_sdk::error::{Error, Place, Result};
 
 use super::Global;
@@ -32,7 +31,7 @@ const PICTURE_WIDTH: u32 = 180;
 /// Writes or checks the pages of all perturbations that need no file of the user's.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let registry = global.registry()?;
-    for page in reference::pages(&preview::usable(&registry, true)) {
+    for page in reference::pages(&preview::usable(registry.catalog(), true)) {
         let path = arguments.folder.join(&page.file);
         if !arguments.check {
             write(&path, page.text.as_bytes())?;
@@ -53,7 +52,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
 fn pictures(registry: &Registry, image: &Path, folder: &Path) -> Result<()> {
     let source = picture::to_frame(picture::scaled(&pdk_image::read(image)?, WIDTH))?;
     let options = Options { seed: 0, frame_width: WIDTH, picture_width: PICTURE_WIDTH };
-    let shown = preview::chosen(registry, &[], true)?;
+    let shown = preview::chosen(registry.catalog(), &[], true)?;
     let blocks = preview::rows(registry, &shown, &source, &options, &ProgressBar::no_length());
     for (shown, block) in shown.iter().zip(blocks) {
         let mut jpeg = Vec::new();

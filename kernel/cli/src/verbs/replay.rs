@@ -4,11 +4,13 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use pdk::output;
-use pdk::registry::Registry;
-use pdk::replay::{Compared, Finding, Replay, Replayed, Settings};
-use pdk::watchdog::{DEFAULT_PATIENCE, Patience};
+use pdk_core::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
+use pdk_core::{eprintln, output, println};
+use pdk_replay::compare::{Compared, Finding};
+use pdk_replay::replay::{Replay, Replayed};
 use pdk_sdk::error::{Error, Result};
+use pdk_session::connection::Pool;
+use pdk_session::session::Session;
 use serde_json::{Value, json};
 
 use super::{Global, print_json};
@@ -19,15 +21,21 @@ pub struct Arguments {
     /// The folder of the record
     #[arg(value_name = "RUN")]
     record: PathBuf,
-    /// Only the scenario of this number; may be given several times [default: all scenarios]
-    #[arg(long = "scenario", value_name = "N")]
-    scenarios: Vec<u64>,
-    /// How many scenarios are driven at the same time [default: all processors]
-    #[arg(long)]
-    threads: Option<NonZeroUsize>,
+    /// Only this scenario, by its number, its id or the beginning of that; may be given several times [default: all scenarios]
+    #[arg(long = "scenario", value_name = "N|ID")]
+    scenarios: Vec<String>,
+    /// How many worker processes drive at the same time [default: all processors]
+    #[arg(long, value_name = "N", conflicts_with = "pool")]
+    workers: Option<NonZeroUsize>,
+    /// Take workers from this command, which speaks the worker protocol, instead of from this machine
+    #[arg(long, value_name = "COMMAND")]
+    pool: Option<String>,
     /// How long one call of a component may take, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_PATIENCE.as_secs_f64())]
     patience: f64,
+    /// How much memory a process with components may take, in MiB
+    #[arg(long, value_name = "MIB", default_value_t = DEFAULT_MEMORY, value_parser = clap::value_parser!(u64).range(1..))]
+    memory: u64,
     /// Write a video of the scenario, of which there has to be one: original and perturbed frames and what the driver did
     #[arg(long, value_name = "FILE.mp4")]
     clip: Option<PathBuf>,
@@ -39,21 +47,19 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     if let Some(clip) = &arguments.clip {
         check_clip(clip, replay.count())?;
     }
-    let settings = Settings {
-        threads: arguments
-            .threads
-            .or_else(|| std::thread::available_parallelism().ok())
-            .map_or(1, NonZeroUsize::get),
-        patience: patience(arguments.patience)?,
-        clip: arguments.clip.clone(),
-    };
-    let registry = registry(global, &replay)?;
-    let changes = replay.changes(&registry, settings.patience)?;
+    if replay.cut_off() {
+        eprintln!("pdk: warning: the last line of scenarios.jsonl is cut off, so its scenario is left out");
+    }
+    let mut session = session(global, arguments, &replay)?;
+    let changes = replay.changes(&mut session)?;
     for change in &changes {
-        eprintln!("pdk: warning: since the run was recorded, {}", changed(change));
+        eprintln!("pdk: warning: since the run was recorded, {change}, so the replay may come out otherwise");
     }
     let progress = output::progress(global.json, "{pos}/{len} frames, {per_sec}, {eta} left");
-    let replayed = replay.drive(&registry, &settings, &progress)?;
+    let replayed = replay.drive(session, arguments.clip.as_deref(), &progress)?;
+    for warning in &replayed.warnings {
+        eprintln!("pdk: warning: {warning}");
+    }
     match global.json {
         true => print_json(&as_json(arguments, &replayed, &changes))?,
         false => print(arguments, &replayed),
@@ -73,27 +79,32 @@ fn check_clip(clip: &Path, scenarios: usize) -> Result<()> {
     }
 }
 
-fn patience(seconds: f64) -> Result<Patience> {
-    let limit = Duration::try_from_secs_f64(seconds).ok().filter(|limit| !limit.is_zero());
-    let limit =
-        limit.ok_or_else(|| Error::new(format!("--patience: {seconds} is no positive number of seconds")))?;
-    Ok(Patience { limit, remedy: "the limit of a replay is raised with --patience SECONDS" })
+fn limits(arguments: &Arguments) -> Result<Limits> {
+    let seconds = arguments.patience;
+    let patience = Duration::try_from_secs_f64(seconds).ok().filter(|limit| !limit.is_zero());
+    let patience =
+        patience.ok_or_else(|| Error::new(format!("--patience: {seconds} is no positive number of seconds")))?;
+    Ok(Limits { patience, memory: arguments.memory })
 }
 
-/// All components, also those that are only where the record has them from.
-fn registry(global: &Global, replay: &Replay) -> Result<Registry> {
-    let registry = global.registry()?;
-    let Some(further) = replay.further_places(&registry) else { return Ok(registry) };
+/// A session with all components, also those that are only where the record has them from.
+fn session(global: &Global, arguments: &Arguments, replay: &Replay) -> Result<Session> {
+    let limits = limits(arguments)?;
+    let pool = match &arguments.pool {
+        Some(command) => Pool::Command(command.clone()),
+        None => {
+            let workers = arguments.workers.or_else(|| std::thread::available_parallelism().ok());
+            Pool::Here(workers.map_or(1, NonZeroUsize::get))
+        }
+    };
+    let start = |search| global.session("replay", pool.clone(), limits, search);
     let mut search = global.search_path();
+    let session = start(search.clone())?;
+    let Some(further) = replay.further_places(session.catalog()) else { return Ok(session) };
+    drop(session);
     search.plugins.extend(further.plugins);
     search.drop_ins.extend(further.drop_ins);
-    // What can be said of the places looked into so far has been said.
-    Registry::discover(&search)
-}
-
-/// A clause as it follows an introduction.
-fn changed(clause: &str) -> String {
-    format!("{clause}, so the replay may come out otherwise")
+    start(search)
 }
 
 fn print(arguments: &Arguments, replayed: &Replayed) {
@@ -118,7 +129,8 @@ fn as_json(arguments: &Arguments, replayed: &Replayed, changes: &[String]) -> Va
             Finding::Unreadable(error) => (Value::Null, json!(error.to_string())),
         };
         json!({
-            "index": compared.index,
+            "index": compared.number,
+            "id": compared.id,
             "name": compared.name,
             "frames": compared.frames,
             "equal": matches!(compared.finding, Finding::Equal),

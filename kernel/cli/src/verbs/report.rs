@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use pdk::report;
+use pdk_core::directory::REPORT;
+use pdk_core::{eprintln, println};
+use pdk_report::record;
 use pdk_sdk::error::{Error, Result};
 use serde_json::json;
 
@@ -25,15 +27,15 @@ pub struct Arguments {
 
 /// Writes the page and says where it is.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let page = arguments.out.clone().unwrap_or_else(|| arguments.record.join(report::REPORT));
-    let run = report::read(&arguments.record, &page)?;
+    let page = arguments.out.clone().unwrap_or_else(|| arguments.record.join(REPORT));
+    let run = record::read(&arguments.record, &page)?;
     let text = pdk_report::render(&run).map_err(|error| Error::new(error.to_string()))?;
     std::fs::write(&page, &text).map_err(|error| {
         Error::new(format!("cannot write {} ({error}); name another place with --out", page.display()))
     })?;
     if global.json {
         print_json(&json!({
-            "output": page, "scenarios": report::scenarios(&run), "evaluations": run.evaluations.len(),
+            "output": page, "scenarios": record::scenarios(&run), "evaluations": run.evaluations.len(),
             "unfinished": run.unfinished.is_some(),
         }))?;
     } else {

@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use pdk::pipeline::records::ROAD_REQUEST;
-use pdk::pipeline::road;
+use pdk_core::println;
+use pdk_pipeline::records::ROAD_REQUEST;
+use pdk_pipeline::road;
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::{Map, Value, json};
 

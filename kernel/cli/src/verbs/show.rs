@@ -1,9 +1,8 @@
 //! `pdk show`: a component with its parameters.
 
-use pdk::chain::modifiers;
-use pdk::pipeline::table::table;
-use pdk::reference::{allowed, settings};
-use pdk::suggest;
+use pdk_core::{modifiers, println, suggest};
+use pdk_pipeline::table::table;
+use pdk_preview::reference::{allowed, settings};
 use pdk_sdk::describe::{Description, Kind, Parameter, Temporal};
 use pdk_sdk::error::{Error, Result};
 use serde_json::json;
@@ -20,7 +19,8 @@ pub struct Arguments {
 /// Shows every component of that name, whatever its kind.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let registry = global.registry()?;
-    let all = || Kind::ALL.into_iter().flat_map(|kind| registry.of_kind(kind));
+    let catalog = registry.catalog();
+    let all = || Kind::ALL.into_iter().flat_map(|kind| catalog.of_kind(kind));
     let found: Vec<_> = all().filter(|component| component.description.name == arguments.name).collect();
     if found.is_empty() {
         let names: Vec<_> = all().map(|component| component.description.name.as_str()).collect();
@@ -30,13 +30,13 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     if global.json {
         let list: Vec<_> = found
             .iter()
-            .map(|component| json!({ "description": component.description, "file": registry.file_of(component) }))
+            .map(|component| json!({ "description": component.description, "file": component.file }))
             .collect();
         return print_json(&json!(list));
     }
     for component in found {
         print(&component.description);
-        println!("file      {}\n", registry.file_of(component).display());
+        println!("file      {}\n", component.file.display());
     }
     Ok(())
 }

@@ -1,0 +1,208 @@
+//! Opens a record and drives its scenarios again.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use indicatif::ProgressBar;
+use pdk_core::catalog::Catalog;
+use pdk_core::directory::{RESULTS, RunDirectory, SCENARIOS};
+use pdk_core::ledger::{self, Line};
+use pdk_core::manifest::Manifest;
+use pdk_core::search_path::SearchPath;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_session::interrupt;
+use pdk_session::protocol::{Drive, Driven};
+use pdk_session::session::{Reply, Session, Ticket};
+use pdk_trace::reader::read_steps;
+
+use crate::clip::film;
+use crate::compare::{Compared, Finding, compare};
+use crate::parts;
+use crate::recorded::{Recorded, select};
+
+/// Recorded scenarios to replay.
+pub struct Replay {
+    directory: RunDirectory,
+    manifest: Manifest,
+    /// The scenarios in the order of their numbers.
+    scenarios: Vec<Recorded>,
+    cut_off: bool,
+}
+
+/// What replays came to.
+#[derive(Debug)]
+pub struct Replayed {
+    /// What there is to say of each scenario, in order.
+    pub scenarios: Vec<Compared>,
+    /// Frames that were driven.
+    pub frames: u64,
+    /// Wall time of driving in seconds.
+    pub wall_seconds: f64,
+    /// What was noticed, such as a component that changed the working directory, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+impl Replay {
+    /// Opens the record of a run. `wanted` names scenarios by numbers or ids, as for [`select`]; where it is empty, all are wanted.
+    ///
+    /// # Errors
+    /// Where the folder holds no scenarios of the closed loop, is damaged, or has no wanted scenario.
+    pub fn open(folder: &Path, wanted: &[String]) -> Result<Self> {
+        let directory = RunDirectory::open(folder)?;
+        let shown = folder.display();
+        let empty =
+            || Error::new(format!("{shown} holds no scenarios: its run ended before the first was over"));
+        if !folder.join(SCENARIOS).is_file() {
+            return Err(match folder.join(RESULTS).is_file() {
+                true => Error::new(format!(
+                    "{shown} holds results of pdk.evaluate only; what can be replayed are the scenarios of pdk.drive"
+                )),
+                false => empty(),
+            });
+        }
+        let manifest = directory.manifest()?.ok_or_else(|| {
+            Error::new(format!("{shown} lost its manifest while it was opened; is somebody deleting it?"))
+        })?;
+        let (lines, cut_off) = ledger::read(&directory)?;
+        if lines.is_empty() {
+            return Err(empty());
+        }
+        let scenarios = select(lines, wanted, &shown.to_string())?;
+        Ok(Self { directory, manifest, scenarios, cut_off })
+    }
+
+    /// The number of scenarios.
+    pub fn count(&self) -> usize {
+        self.scenarios.len()
+    }
+
+    /// Whether the last line of the ledger is cut off, so that its scenario is left out.
+    pub fn cut_off(&self) -> bool {
+        self.cut_off
+    }
+
+    /// Where the record has components from that are not in the catalog; see [`parts::further_places`].
+    pub fn further_places(&self, catalog: &Catalog) -> Option<SearchPath> {
+        parts::further_places(&self.manifest, &self.scenarios, catalog)
+    }
+
+    /// What is different of pdk, the components and their files since the record was made, one clause each.
+    ///
+    /// # Errors
+    /// Where a component that the scenarios need is missing, or one of its files cannot be read.
+    pub fn changes(&self, session: &mut Session) -> Result<Vec<String>> {
+        let catalog = session.catalog().clone();
+        let mut info = |driver: &_| session.make(Kind::Driver, driver).map(|made| made.info);
+        parts::changes(&self.manifest, &self.scenarios, &catalog, &mut info)
+    }
+
+    /// Drives the scenarios again and compares; `clip` is the video to write of the one scenario that there is then. The session
+    /// is over afterwards. Ctrl-C ends it as it ends a run, so that the traces in the temporary folder do not stay.
+    ///
+    /// # Errors
+    /// Where the session cannot go on, or the video cannot be written. What is wrong with a recorded trace is said of its scenario.
+    pub fn drive(&self, session: Session, clip: Option<&Path>, progress: &ProgressBar) -> Result<Replayed> {
+        interrupt::watch()?;
+        let folder = tempfile::Builder::new()
+            .prefix("pdk-replay-")
+            .tempdir()
+            .place("cannot make a temporary folder; name a place for it with TMPDIR")?;
+        // It ends before the folder goes, as its workers write there.
+        let mut session = session;
+        let replayed =
+            Driving { replay: self, session: &mut session, folder: folder.path(), clip }.drive(progress);
+        drop(session);
+        let shown = folder.path().to_owned();
+        if let Err(error) = folder.close() {
+            pdk_core::eprintln!(
+                "pdk: warning: cannot remove the temporary folder {} ({error})",
+                shown.display()
+            );
+        }
+        replayed
+    }
+}
+
+/// Scenarios while they are driven.
+struct Driving<'a> {
+    replay: &'a Replay,
+    session: &'a mut Session,
+    /// Where the new traces go.
+    folder: &'a Path,
+    clip: Option<&'a Path>,
+}
+
+impl Driving<'_> {
+    fn drive(self, progress: &ProgressBar) -> Result<Replayed> {
+        let scenarios = &self.replay.scenarios;
+        let before = (self.session.frames(), self.session.performance());
+        let mut compared = Vec::with_capacity(scenarios.len());
+        let mut tickets: HashMap<Ticket, &Recorded> = HashMap::with_capacity(scenarios.len());
+        for recorded in scenarios {
+            // Read again when there is something to compare with: all traces together may be large.
+            match read_steps(&self.recorded_trace(recorded)) {
+                Ok(steps) => {
+                    let ticket = self.session.drive(Drive {
+                        scenario: recorded.line.scenario.clone(),
+                        name: recorded.line.name.clone(),
+                        trace: Some(self.new_trace(recorded)),
+                        images_every: u64::from(self.clip.is_some()),
+                        skips: recorded.skips(&steps),
+                    });
+                    tickets.insert(ticket, recorded);
+                    progress.inc_length(recorded.line.outcome.frames);
+                }
+                Err(error) => compared.push(Compared::new(recorded, 0, Finding::Unreadable(error))),
+            }
+        }
+        let mut tick = |frames: u64| progress.set_position(frames - before.0);
+        while let Some((ticket, answer)) = self.session.next(&mut tick)? {
+            let Some(recorded) = tickets.remove(&ticket) else { continue };
+            let Reply::Driven(driven) = answer? else {
+                return Err(Error::new("driving a scenario gave something else, which is a defect in pdk"));
+            };
+            compared.push(self.compare(recorded, &driven)?);
+        }
+        progress.finish_and_clear();
+        compared.sort_by_key(|compared| compared.number);
+        let performance = self.session.performance();
+        Ok(Replayed {
+            scenarios: compared,
+            frames: performance.times.steps - before.1.times.steps,
+            wall_seconds: performance.wall_seconds - before.1.wall_seconds,
+            warnings: performance.warnings.into_keys().collect(),
+        })
+    }
+
+    fn recorded_trace(&self, recorded: &Recorded) -> PathBuf {
+        let Line { id, .. } = &recorded.line;
+        self.replay.directory.trace_path(id)
+    }
+
+    fn new_trace(&self, recorded: &Recorded) -> PathBuf {
+        self.folder.join(format!("{}.mcap", recorded.number))
+    }
+
+    fn compare(&self, recorded: &Recorded, driven: &Driven) -> Result<Compared> {
+        let steps = match read_steps(&self.recorded_trace(recorded)) {
+            Ok(steps) => steps,
+            Err(error) => return Ok(Compared::new(recorded, 0, Finding::Unreadable(error))),
+        };
+        let path = self.new_trace(recorded);
+        if !path.is_file() {
+            return Err(Error::new(format!(
+                "scenario {} left no trace in {}; workers from elsewhere have to share that folder: name one that they do with TMPDIR",
+                recorded.number,
+                self.folder.display()
+            )));
+        }
+        let again = read_steps(&path)?;
+        if let Some(clip) = self.clip {
+            film(clip, recorded, driven, &path)?;
+        }
+        // What is compared is not needed any more, and traces of many scenarios may be more than the disk has room for.
+        std::fs::remove_file(&path).place(path.display())?;
+        compare(recorded, &steps, &driven.outcome, &again)
+    }
+}
