@@ -46,7 +46,7 @@ pub fn run(path: &Path, options: Options) -> Result<Finished> {
     interrupt::watch()?;
 
     let modules = Modules::new(folder, shipped("library"));
-    let limits = Limits::of_perturbation()?;let _=stop;
+    let limits = Limits { stop: Some(stop), ..Limits::of_pipeline()? };
     let sandbox = Sandbox::with_api(limits, |lua| {
         modules.install(lua)?;
         API.install(lua)
