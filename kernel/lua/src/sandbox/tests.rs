@@ -538,6 +538,6 @@ fn arming_a_call_costs_less_than_a_microsecond() {
         sandbox.call(SCRIPT, &chunk, ()).unwrap();
     }
     let call = start.elapsed().as_secs_f64() / f64::from(rounds) * 1e9;
-    eprintln!("arming {arming:.0} ns, an empty call {call:.0} ns");
+    std::eprintln!("arming {arming:.0} ns, an empty call {call:.0} ns");
     assert!(arming < 1_000.0, "{arming} ns");
 }
