@@ -24,7 +24,7 @@ pub(crate) fn picture(width: usize, height: usize) -> FrameBuf {
 }
 
 pub(crate) fn make(source: &str, given: pdk_sdk::serde_json::Value) -> Result<LuaPerturbation> {
-    let limits = Limits { memory_bytes: 64 << 20, time: Duration::from_millis(500) };
+    let limits = Limits { memory_bytes: 64 << 20, time: Duration::from_millis(500), ..Limits::default() };
     let description = Machine::new(limits)?.declare(SCRIPT, source.as_bytes(), "foo")?.description;
     let config = Config::check(&description, given.as_object().unwrap_or(&Map::new()))?;
     LuaPerturbation::new(SCRIPT, source.as_bytes(), "foo", config, limits)
@@ -459,7 +459,7 @@ fn strides_and_changing_sizes_are_fine() {
 
 #[test]
 fn large_images_fit_as_long_as_few_are_kept() {
-    let limits = Limits { memory_bytes: 8 << 20, time: Duration::from_secs(10) };
+    let limits = Limits { memory_bytes: 8 << 20, time: Duration::from_secs(10), ..Limits::default() };
     let make = |source: &str| {
         LuaPerturbation::new(SCRIPT, body(source).as_bytes(), "foo", Config::default(), limits).unwrap()
     };
@@ -486,10 +486,10 @@ fn large_images_fit_as_long_as_few_are_kept() {
 
 #[test]
 fn large_frames_have_more_time_and_memory() {
-    let limits = Limits { memory_bytes: 1000, time: Duration::from_secs(2) };
+    let limits = Limits { memory_bytes: 1000, time: Duration::from_secs(2), ..Limits::default() };
     assert_eq!(limits.for_frame(10, 10), Limits { memory_bytes: 2200, ..limits });
     let large = limits.for_frame(2048, 1024);
-    assert_eq!(large, Limits { memory_bytes: 1000 + (24 << 20), time: Duration::from_secs(4) });
+    assert_eq!(large, Limits { memory_bytes: 1000 + (24 << 20), time: Duration::from_secs(4), ..limits });
     let limits = Limits { time: Duration::MAX, ..limits };
     assert_eq!(limits.for_frame(usize::MAX, 9).time, Duration::MAX);
 }
