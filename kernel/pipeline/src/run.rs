@@ -46,11 +46,11 @@ pub fn run(path: &Path, options: Options) -> Result<Finished> {
     interrupt::watch()?;
 
     let modules = Modules::new(folder, shipped("library"));
-    let limits = Limits { stop: Some(stop), ..Limits::of_pipeline()? };
-    let sandbox = Sandbox::with_api(limits, |lua| {
+    let mut sandbox = Sandbox::with_api(Limits::of_pipeline()?, |lua| {
         modules.install(lua)?;
         API.install(lua)
     })?;
+    sandbox.stop_when(stop);
     let session = Session::start(SessionOptions {
         run: run_name(path),
         pool: options.common.pool(),
