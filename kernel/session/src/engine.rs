@@ -58,6 +58,11 @@ impl<'a> Engine<'a> {
         }
     }
 
+    /// Whether this process can do another job; else it has to make room for a new one.
+    pub fn is_usable(&self) -> bool {
+        self.environment.has_standard_files()
+    }
+
     /// Does a job. `progress` is told of every frame.
     pub fn work(&mut self, job: &Job, progress: &mut dyn FnMut(u64)) -> Answer {
         let answer = match &job.work {

@@ -11,15 +11,27 @@ pub struct Environment {
     directory: Option<PathBuf>,
     locale: Option<CString>,
     signals: libc::sigset_t,
+    standard_files: [Option<(u64, u64)>; 3],
 }
 
 impl Environment {
     /// The environment of this process, and the signals that this thread takes.
     pub fn this() -> Self {
-        Self { directory: std::env::current_dir().ok(), locale: locale(), signals: signals() }
+        Self {
+            directory: std::env::current_dir().ok(),
+            locale: locale(),
+            signals: signals(),
+            standard_files: standard_files(),
+        }
     }
 
-    /// Puts everything back, and says what was changed, a clause each.
+    /// Whether standard input, output and error are still what they were. They cannot be put back: what was closed may have become
+    /// another file since.
+    pub fn has_standard_files(&self) -> bool {
+        standard_files() == self.standard_files
+    }
+
+    /// Puts everything back that can be, and says what was changed, a clause each.
     pub fn restore(&self) -> Vec<String> {
         let mut changed = Vec::new();
         if let Some(directory) = &self.directory
@@ -41,11 +53,26 @@ impl Environment {
             unsafe { libc::pthread_sigmask(libc::SIG_SETMASK, &self.signals, std::ptr::null_mut()) };
             changed.push("a component changed which signals are blocked".to_owned());
         }
+        if !self.has_standard_files() {
+            changed.push("a component closed standard input, output or error".to_owned());
+        }
         if float::was_changed() {
             changed.push("a component changed how floating-point numbers are rounded".to_owned());
         }
         changed
     }
+}
+
+/// Device and number of the files that are standard input, output and error; none for one that is closed.
+fn standard_files() -> [Option<(u64, u64)>; 3] {
+    [0, 1, 2].map(|number| {
+        let mut status = std::mem::MaybeUninit::<libc::stat>::zeroed();
+        // SAFETY: the function only fills the structure, and says where there is no such file.
+        let found = unsafe { libc::fstat(number, status.as_mut_ptr()) } == 0;
+        // SAFETY: all zeros is a valid structure as well.
+        let status = unsafe { status.assume_init() };
+        found.then_some((status.st_dev, status.st_ino))
+    })
 }
 
 fn locale() -> Option<CString> {

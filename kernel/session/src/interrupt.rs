@@ -28,7 +28,7 @@ pub fn watch() -> Result<()> {
         return Ok(());
     }
     for signal in [libc::SIGINT, libc::SIGTERM] {
-        // SAFETY: the function only writes to atomics.
+        // SAFETY: the function only writes to atomics and to standard error.
         let set = unsafe { signal_hook::low_level::register(signal, move || note(signal)) };
         set.place("cannot watch for Ctrl-C")?;
     }
@@ -37,7 +37,12 @@ pub fn watch() -> Result<()> {
 
 fn note(signal: i32) {
     LAST.store(signal, Ordering::SeqCst);
-    SIGNALS.fetch_add(if signal == libc::SIGTERM { 2 } else { 1 }, Ordering::SeqCst);
+    let before = SIGNALS.fetch_add(if signal == libc::SIGTERM { 2 } else { 1 }, Ordering::SeqCst);
+    if signal == libc::SIGINT && before == 0 {
+        let said = b"pdk: what is in flight is finished; Ctrl-C again drops it\n";
+        // SAFETY: writes constant bytes, which is allowed in a signal handler. Where nobody reads, nothing is lost.
+        let _ = unsafe { libc::write(2, said.as_ptr().cast(), said.len()) };
+    }
 }
 
 /// What has been wished so far: the first Ctrl-C lets what is in flight finish, the second does not, and neither does TERM.

@@ -30,8 +30,8 @@ const PROGRESS: Duration = Duration::from_millis(200);
 /// # Errors
 /// Where the worker does not speak as it should, or components cannot be looked for.
 pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> {
-    let environment = Environment::this();
     let (input, mut output) = take_standard_files().place("cannot set up the files of the worker")?;
+    let environment = Environment::this();
     let (sender, messages) = mpsc::channel();
     let busy = Arc::new(AtomicBool::new(false));
     let watching = Arc::clone(&busy);
@@ -112,6 +112,9 @@ fn serve(
         }
         lines::write(output, &FromWorker::Done(Done { number, answer }))?;
         busy.store(false, Ordering::SeqCst);
+        if !engine.is_usable() {
+            break;
+        }
     }
     Ok(())
 }

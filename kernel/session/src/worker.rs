@@ -40,8 +40,8 @@ pub fn run() -> Result<()> {
         return Err(Error::new("the session's first message has to be `hello`; see docs/worker-protocol.md"));
     };
     if hello.protocol != VERSION {
-        return Err(Error::new(format!(
-            "the session speaks version {} of the worker protocol, and this pdk version {VERSION}; use the same pdk at both ends",
+        return say(&FromWorker::Failed(format!(
+            "the session speaks version {} of the worker protocol, and this worker version {VERSION}; use the same pdk at both ends",
             hello.protocol
         )));
     }
@@ -217,9 +217,10 @@ impl Worker {
                 false => Err(Error::of(end.kind(), self.sentence(end, &calls))),
             };
         };
-        // A component that ends its process leaves a call behind; a kill from outside meets it anywhere.
-        let killed = *end == End::Signal(libc::SIGKILL);
-        if killed && self.tries < TRIES {
+        // A kill comes from outside, as a rule; and a process whose standard files a component has closed leaves by itself after
+        // its job, maybe just when it was given another one.
+        let blameless = matches!(end, End::Signal(libc::SIGKILL) | End::Done(_));
+        if blameless && self.tries < TRIES {
             self.start()?;
             return self.begin();
         }
