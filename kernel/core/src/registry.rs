@@ -248,8 +248,13 @@ impl Registry {
                 folders.extend(search_path::shipped(&drop_in.folder));
             }
             folders.extend(self.places.iter().map(|place| place.join(&drop_in.folder)));
+            let mut seen = BTreeSet::new();
             let files: Vec<_> = folders.iter().flat_map(|folder| self.files_of(folder)).collect();
             for file in files {
+                // The same folder may be looked into by several ways.
+                if !seen.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
+                    continue;
+                }
                 let ending = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
                 if drop_in.endings.contains(&ending) {
                     self.add_drop_in(&base, &drop_in.parameter, file);

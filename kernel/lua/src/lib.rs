@@ -8,7 +8,8 @@
 //! |---|---|
 //! | [`sandbox`] | the virtual machine |
 //! | [`limits`] | how much memory and time a script may use |
-//! | `watchdog` | ends calls that use up their time |
+//! | `watchdog` | ends calls that use up their time, or that somebody wants to stop |
+//! | `bounds` | keeps Luau's own library within the time limit |
 //! | `failure` | turns whatever a script raises into one sentence |
 //! | `arithmetic` | mathematical functions that give the same bits everywhere |
 //! | `power` | refuses the uses of `^` that would not |
@@ -28,6 +29,7 @@ mod absent;
 pub mod api;
 mod arguments;
 mod arithmetic;
+mod bounds;
 mod buffers;
 pub mod declaration;
 mod failure;
@@ -49,4 +51,4 @@ pub use perturbation::{LuaPerturbation, description, open, perturbation_api};
 pub use sandbox::Sandbox;
 pub use scripts::LuaScripts;
 pub use types::{Declare, definitions};
-pub use watchdog::without_clock;
+pub use watchdog::{Stop, without_clock};

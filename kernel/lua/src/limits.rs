@@ -16,15 +16,20 @@ pub struct Limits {
     pub memory_bytes: usize,
     /// Time of one call.
     pub time: Duration,
+    /// Whether the time begins anew after each host function that waits or works ([`without_clock`](crate::without_clock)), so
+    /// that a script may run for as long as it likes and is ended only where it is stuck.
+    pub renewed: bool,
 }
 
 impl Default for Limits {
     /// 256 MiB and one second.
     fn default() -> Self {
-        Self { memory_bytes: 256 << 20, time: Duration::from_secs(1) }
+        Self { memory_bytes: 256 << 20, time: Duration::from_secs(1), renewed: false }
     }
 }
 
+/// How long a pipeline may compute without calling a host function that waits or works.
+const PIPELINE_TIME: Duration = Duration::from_secs(60);
 /// Images as large as the frame that a perturbation may have besides [`Limits::memory_bytes`].
 const IMAGES: usize = 4;
 /// Frames with more pixels than this get more time.
@@ -44,22 +49,36 @@ impl Limits {
             } else {
                 self.time
             },
+            ..self
         }
     }
 
-    /// Those of a perturbation: the default ones, or what the environment variables [`TIME_VARIABLE`] and [`MEMORY_VARIABLE`] say.
+    /// Those of a perturbation: 256 MiB and one second a frame, or what the environment variables [`TIME_VARIABLE`] and
+    /// [`MEMORY_VARIABLE`] say.
     ///
     /// # Errors
     /// Where a variable is set to something other than a positive number.
     pub fn of_perturbation() -> Result<Self> {
-        let mut limits = Self::default();
+        Self::default().or_environment()
+    }
+
+    /// Those of a pipeline: 256 MiB, and 60 seconds of its own computing between two host functions that wait or work, or what
+    /// the environment variables [`TIME_VARIABLE`] and [`MEMORY_VARIABLE`] say.
+    ///
+    /// # Errors
+    /// Where a variable is set to something other than a positive number.
+    pub fn of_pipeline() -> Result<Self> {
+        Self { time: PIPELINE_TIME, renewed: true, ..Self::default() }.or_environment()
+    }
+
+    fn or_environment(mut self) -> Result<Self> {
         if let Some(seconds) = positive_variable(TIME_VARIABLE)? {
-            limits.time = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+            self.time = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
         }
         if let Some(megabytes) = positive_variable(MEMORY_VARIABLE)? {
-            limits.memory_bytes = (megabytes * f64::from(1 << 20)) as usize;
+            self.memory_bytes = (megabytes * f64::from(1 << 20)) as usize;
         }
-        Ok(limits)
+        Ok(self)
     }
 }
 
@@ -81,5 +100,10 @@ mod tests {
     fn limits_come_from_the_environment_when_they_make_sense() {
         assert_eq!(Limits::default().time, Duration::from_secs(1));
         assert_eq!(positive_variable("PDK_TEST_NOT_SET").unwrap(), None);
+        if std::env::var_os(TIME_VARIABLE).is_none() {
+            let pipeline = Limits::of_pipeline().unwrap();
+            assert_eq!((pipeline.time, pipeline.renewed), (Duration::from_secs(60), true));
+            assert!(!Limits::of_perturbation().unwrap().renewed);
+        }
     }
 }

@@ -19,8 +19,8 @@ use pdk_core::eprintln;
 use pdk_sdk::error::{Error, Result};
 
 use crate::limits::{Limits, MEMORY_VARIABLE, TIME_VARIABLE};
-use crate::watchdog::Registration;
-use crate::{arithmetic, failure, power};
+use crate::watchdog::{Registration, Stop};
+use crate::{arithmetic, bounds, failure, power};
 
 /// The largest script, in bytes. The compiler's own memory is not limited, but proportional to this.
 const LARGEST_SCRIPT: usize = 1 << 20;
@@ -63,6 +63,7 @@ impl Sandbox {
             }
             globals.raw_set("print", lua.create_function(print)?)?;
             arithmetic::install(&lua)?;
+            bounds::install(&lua)?;
             install(&lua)?;
             // SAFETY: the handler keeps to the calling convention and leaves its argument as its result.
             let handler = unsafe { lua.create_c_function(failure::handler)? };
@@ -87,6 +88,12 @@ impl Sandbox {
     /// The machine, to make values in.
     pub fn lua(&self) -> &Lua {
         &self.lua
+    }
+
+    /// Asks `stop` every few milliseconds while a script of this machine runs; where it answers, the script is ended, and the
+    /// call returns that error. May be set once. `stop` is called by another thread and must neither wait nor panic.
+    pub fn stop_when(&mut self, stop: Stop) {
+        self.registration.stop_when(stop);
     }
 
     /// Gives the scripts of this machine other limits.
@@ -140,7 +147,7 @@ impl Sandbox {
     /// be used afterwards.
     pub fn call(&self, script: &str, function: &Function, arguments: impl IntoLuaMulti) -> Result<Value> {
         failure::forget_location();
-        let running = self.registration.start(self.limits.time);
+        let running = self.registration.start(self.limits.time, self.limits.renewed);
         let mut status: c_int = ffi::LUA_OK;
         // A panic of a host function travels through the script as an error and comes out here again.
         let outcome = catch_unwind(AssertUnwindSafe(|| {
@@ -157,10 +164,10 @@ impl Sandbox {
                 })
             }
         }));
-        let rang = running.rang();
+        let (rang, stopped) = (running.rang(), running.stopped());
         drop(running);
         if rang {
-            return Err(self.out_of_time(script));
+            return Err(stopped.unwrap_or_else(|| self.out_of_time(script)));
         }
         match outcome {
             Ok(Ok(value)) if status == ffi::LUA_OK => Ok(value),
@@ -195,11 +202,13 @@ impl Sandbox {
     }
 
     fn out_of_time(&self, script: &str) -> Error {
-        Error::new(format!(
-            "used more than {} s of time; make the loop shorter or raise the limit with {TIME_VARIABLE}",
-            (self.limits.time.as_secs_f64() * 1000.0).round() / 1000.0
-        ))
-        .at(failure::location(script))
+        let seconds = (self.limits.time.as_secs_f64() * 1000.0).round() / 1000.0;
+        let used = match self.limits.renewed {
+            true => format!("computed for more than {seconds} s at a stretch"),
+            false => format!("used more than {seconds} s of time"),
+        };
+        Error::new(format!("{used}; make the loop shorter or raise the limit with {TIME_VARIABLE}"))
+            .at(failure::location(script))
     }
 
     fn out_of_memory(&self, script: &str) -> Error {
@@ -213,6 +222,9 @@ impl Sandbox {
         error
     }
 }
+
+/// The longest line that a script prints, in bytes.
+const LONGEST_LINE: usize = 1 << 20;
 
 /// Globals that a script gets no sight of.
 const REMOVED: &[&str] = &[
@@ -237,6 +249,12 @@ fn print(_: &Lua, values: MultiValue) -> mlua::Result<()> {
             line.push('\t');
         }
         line.push_str(&value.to_string()?);
+        // It lies outside of the script's memory.
+        if line.len() > LONGEST_LINE {
+            return Err(mlua::Error::runtime(format!(
+                "print takes at most {LONGEST_LINE} bytes at once; print less"
+            )));
+        }
     }
     eprintln!("{line}");
     Ok(())

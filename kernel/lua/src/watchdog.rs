@@ -1,9 +1,9 @@
-//! Ends calls that use up their time.
+//! Ends calls that use up their time, or that somebody outside wants to stop.
 //!
 //! Luau asks an interrupt function at every loop and call, where one is set. Asking costs as much as a tight loop's
 //! body, so none is set until a deadline has passed: a single thread looks at the deadlines of all virtual machines
 //! every few milliseconds and sets the function of the one that is late. It stays set until the call ends, so
-//! a script that catches the error meets it again at its next loop or call.
+//! a script that catches the error meets it again at its next loop or call. The same thread asks whether to stop.
 
 use std::cell::Cell;
 use std::ffi::{c_int, c_void};
@@ -32,10 +32,21 @@ thread_local! {
     static CURRENT: Cell<*const Alarm> = const { Cell::new(ptr::null()) };
 }
 
+/// Says whether a script has to stop, and with which error. Called every few milliseconds while one runs.
+pub type Stop = fn() -> Option<Error>;
+
 /// The deadline of one virtual machine.
-pub(super) struct Alarm {
+pub(crate) struct Alarm {
     /// Nanoseconds on [`clock`].
     deadline: AtomicU64,
+    /// Nanoseconds that are left after [`without_clock`]; [`NEVER`] for what was left before.
+    renewal: AtomicU64,
+    /// Asked whether to stop.
+    stop: OnceLock<Stop>,
+    /// What it answered in the present call.
+    stopped: Mutex<Option<Error>>,
+    /// Whether it did, and the script has to be interrupted.
+    is_stopped: AtomicBool,
     /// Whether a script was interrupted since the last call began.
     rang: AtomicBool,
     /// Where Luau looks for its interrupt function. Valid while the alarm is registered.
@@ -55,7 +66,19 @@ impl Alarm {
     }
 
     fn is_late(&self) -> bool {
-        clock() >= self.deadline.load(Ordering::Relaxed)
+        self.is_stopped.load(Ordering::Acquire) || clock() >= self.deadline.load(Ordering::Relaxed)
+    }
+
+    /// Asks whether to stop.
+    fn ask(&self) {
+        if let Some(error) = self.stop.get().and_then(|stop| stop()) {
+            *self.stopped() = Some(error);
+            self.is_stopped.store(true, Ordering::Release);
+        }
+    }
+
+    fn stopped(&self) -> MutexGuard<'_, Option<Error>> {
+        self.stopped.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -82,29 +105,46 @@ unsafe fn slot_of(state: *mut ffi::lua_State) -> *mut c_void {
 }
 
 /// Registers an alarm for as long as it lives. Has to be dropped before the virtual machine.
-pub(super) struct Registration {
+pub(crate) struct Registration {
     alarm: Arc<Alarm>,
 }
 
 impl Registration {
     /// Registers the alarm of a virtual machine, which has to outlive the registration.
-    pub(super) fn new(lua: &Lua) -> Result<Self> {
+    pub(crate) fn new(lua: &Lua) -> Result<Self> {
         let watchdog = watchdog()?;
         let mut slot: *mut c_void = ptr::null_mut();
         // SAFETY: `state` is of `lua`, which lives, and the stack is left as it is.
         unsafe { lua.exec_raw::<()>((), |state| slot = slot_of(state)) }
             .map_err(|error| Error::new(format!("the script's virtual machine cannot be set up: {error}")))?;
-        let alarm = Arc::new(Alarm { deadline: AtomicU64::new(NEVER), rang: AtomicBool::new(false), slot });
+        let alarm = Arc::new(Alarm {
+            deadline: AtomicU64::new(NEVER),
+            renewal: AtomicU64::new(NEVER),
+            stop: OnceLock::new(),
+            stopped: Mutex::default(),
+            is_stopped: AtomicBool::new(false),
+            rang: AtomicBool::new(false),
+            slot,
+        });
         watchdog.alarms().push(Arc::clone(&alarm));
         Ok(Self { alarm })
     }
 
-    /// Starts the clock of a call; dropping the result stops it.
-    pub(super) fn start(&self, budget: Duration) -> Running<'_> {
+    /// Asks `stop` from now on, while a call runs. What was given first stays.
+    pub(crate) fn stop_when(&self, stop: Stop) {
+        self.alarm.stop.get_or_init(|| stop);
+    }
+
+    /// Starts the clock of a call; dropping the result stops it. A budget that is renewed begins anew after each
+    /// [`without_clock`].
+    pub(crate) fn start(&self, budget: Duration, renewed: bool) -> Running<'_> {
         let outer = CURRENT.replace(Arc::as_ptr(&self.alarm));
         let before = self.alarm.deadline.load(Ordering::Relaxed);
         if before == NEVER {
             self.alarm.rang.store(false, Ordering::Relaxed);
+            self.alarm.is_stopped.store(false, Ordering::Relaxed);
+            let renewal = if renewed { nanoseconds(budget) } else { NEVER };
+            self.alarm.renewal.store(renewal, Ordering::Relaxed);
         }
         arm(&self.alarm, clock().saturating_add(nanoseconds(budget)).min(before));
         Running { alarm: &self.alarm, outer, before }
@@ -120,7 +160,7 @@ impl Drop for Registration {
 }
 
 /// A call with a running clock.
-pub(super) struct Running<'a> {
+pub(crate) struct Running<'a> {
     alarm: &'a Alarm,
     outer: *const Alarm,
     /// The deadline of an outer call into the same machine.
@@ -129,8 +169,13 @@ pub(super) struct Running<'a> {
 
 impl Running<'_> {
     /// Whether the script was interrupted.
-    pub(super) fn rang(&self) -> bool {
+    pub(crate) fn rang(&self) -> bool {
         self.alarm.rang.load(Ordering::Relaxed)
+    }
+
+    /// The error of who wanted the script to stop, where that interrupted it.
+    pub(crate) fn stopped(&self) -> Option<Error> {
+        self.alarm.is_stopped.load(Ordering::Acquire).then(|| self.alarm.stopped().take()).flatten()
     }
 }
 
@@ -145,7 +190,8 @@ impl Drop for Running<'_> {
 }
 
 /// Runs `work`, the time of which does not count against the script that called it. Host functions that wait or
-/// compute for long, such as one that drives a scenario, do so inside this.
+/// compute for long, such as one that drives a scenario, do so inside this. Afterwards a pipeline has its whole time again, and
+/// any other script what it had left.
 pub fn without_clock<R>(work: impl FnOnce() -> R) -> R {
     struct Resume {
         alarm: *const Alarm,
@@ -163,6 +209,10 @@ pub fn without_clock<R>(work: impl FnOnce() -> R) -> R {
     // SAFETY: as above.
     let _resume = unsafe { alarm.as_ref() }.map(|current| {
         let left = current.deadline.swap(NEVER, Ordering::SeqCst).saturating_sub(clock());
+        let left = match current.renewal.load(Ordering::Relaxed) {
+            NEVER => left,
+            renewal => renewal,
+        };
         Resume { alarm, left }
     });
     work()
@@ -201,6 +251,21 @@ unsafe extern "C-unwind" fn interrupt(state: *mut ffi::lua_State, gc: c_int) {
     }
 }
 
+/// Does what Luau does at every loop and call: asks the interrupt function, where one is set.
+///
+/// # Safety
+/// `state` is a running Lua state. Raises an error where the script has to end, so no value with a destructor is alive.
+pub(crate) unsafe fn ask_interrupt(state: *mut ffi::lua_State) {
+    // SAFETY: every access to the slot is atomic, see `store`. It holds nothing or an `Interrupt`.
+    unsafe {
+        let function = AtomicPtr::from_ptr(slot_of(state).cast::<*mut c_void>()).load(Ordering::Acquire);
+        if !function.is_null() {
+            let function: Interrupt = std::mem::transmute(function);
+            function(state, -1);
+        }
+    }
+}
+
 struct Watchdog {
     alarms: Mutex<Vec<Arc<Alarm>>>,
     thread: Thread,
@@ -217,8 +282,12 @@ impl Watchdog {
         let mut running = false;
         for alarm in self.alarms().iter() {
             let deadline = alarm.deadline.load(Ordering::SeqCst);
-            running |= deadline != NEVER;
-            if deadline <= now {
+            if deadline == NEVER {
+                continue;
+            }
+            running = true;
+            alarm.ask();
+            if deadline <= now || alarm.is_stopped.load(Ordering::Relaxed) {
                 alarm.set(Some(interrupt));
             }
         }

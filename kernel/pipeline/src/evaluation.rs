@@ -129,11 +129,6 @@ impl Results {
         Ok(Self { lines, recorded, length: 0 })
     }
 
-    /// Whether there are results that nobody asked for.
-    pub fn has_more(&self) -> bool {
-        !self.recorded.is_empty()
-    }
-
     /// The next frame of an evaluation, where it is recorded as a whole.
     fn take(&mut self, number: u64, index: usize, cells: &[AppliedPerturbation]) -> Option<Frame> {
         match self.recorded.front()? {
@@ -409,7 +404,7 @@ mod tests {
         assert!(matches!(results.take(0, 1, &cells), Some(Frame::Bad(_))));
         assert!(results.take(0, 2, &cells).is_none());
         results.add(collector.print(2, &good(0.2)).unwrap()).unwrap();
-        assert!(!results.has_more());
+        assert!(results.recorded.is_empty());
         assert_eq!(std::fs::read(&path).unwrap(), whole);
         // Another evaluation is not taken for this one.
         let mut results = Results::open(&path).unwrap();

@@ -41,8 +41,7 @@ pub fn evaluated(
 }
 
 fn has_function(list: &Table) -> bool {
-    let mut entries = list.clone().sequence_values::<LuaValue>().flatten();
-    entries.any(|entry| {
+    list.sequence_values::<LuaValue>().flatten().any(|entry| {
         let level = entry.as_table().and_then(|entry| entry.raw_get::<LuaValue>("level").ok());
         level.is_some_and(|level| level.is_function())
     })

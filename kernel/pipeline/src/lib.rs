@@ -30,3 +30,4 @@ pub mod settings;
 pub mod table;
 mod tables;
 mod values;
+mod tmpmod;

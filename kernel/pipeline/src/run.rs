@@ -6,7 +6,8 @@ use mlua::Value as LuaValue;
 use pdk_core::manifest::Pipeline;
 use pdk_core::search_path::{SearchPath, shipped};
 use pdk_core::eprintln;
-use pdk_lua::{Limits, Modules, Sandbox};
+use pdk_lua::{Limits, Sandbox};
+use crate::tmpmod::Modules;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_session::interrupt;
 use pdk_session::session::{Options as SessionOptions, Session};
@@ -45,11 +46,11 @@ pub fn run(path: &Path, options: Options) -> Result<Finished> {
     interrupt::watch()?;
 
     let modules = Modules::new(folder, shipped("library"));
-    let limits = Limits { stop: Some(stop), ..Limits::of_pipeline()? };
-    let sandbox = Sandbox::with_api(limits, |lua| {
+    let mut sandbox = Sandbox::with_api(Limits::of_pipeline()?, |lua| {
         modules.install(lua)?;
         API.install(lua)
     })?;
+    sandbox.stop_when(stop);
     let session = Session::start(SessionOptions {
         run: run_name(path),
         pool: options.common.pool(),

@@ -32,20 +32,6 @@ pub fn checked_name(name: &Value) -> Result<&str> {
     }
 }
 
-/// The value with the fields of all tables in alphabetical order: a script's tables have none.
-pub fn sorted(value: &Value) -> Value {
-    match value {
-        Value::Object(fields) => {
-            let mut fields: Vec<_> =
-                fields.iter().map(|(name, value)| (name.clone(), sorted(value))).collect();
-            fields.sort_by(|a, b| a.0.cmp(&b.0));
-            Value::Object(fields.into_iter().collect())
-        }
-        Value::Array(list) => Value::Array(list.iter().map(sorted).collect()),
-        other => other.clone(),
-    }
-}
-
 /// Renders a table of its own making: `{ header, rows }`.
 ///
 /// # Errors
@@ -98,12 +84,6 @@ mod tests {
         }
         assert!(checked_name(&json!(3)).is_err());
         assert_eq!(checked_name(&json!("ranking-2.json")).unwrap(), "ranking-2.json");
-    }
-
-    #[test]
-    fn fields_are_sorted_at_every_depth() {
-        let value = json!({"b": [{"d": 1, "c": 2}], "a": null});
-        assert_eq!(sorted(&value).to_string(), r#"{"a":null,"b":[{"c":2,"d":1}]}"#);
     }
 
     #[test]

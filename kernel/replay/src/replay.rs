@@ -157,7 +157,8 @@ impl Driving<'_> {
             }
         }
         let mut tick = |frames: u64| progress.set_position(frames - before.0);
-        while let Some((ticket, answer)) = self.session.next(&mut tick)? {
+        let among = tickets.keys().copied().collect();
+        while let Some((ticket, answer)) = self.session.next(&among, &mut tick)? {
             let Some(recorded) = tickets.remove(&ticket) else { continue };
             let Reply::Driven(driven) = answer? else {
                 return Err(Error::new("driving a scenario gave something else, which is a defect in pdk"));

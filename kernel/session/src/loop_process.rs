@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use pdk_core::calls;
 use pdk_core::registry::{Registry, Scripts};
+use pdk_core::search_path::SearchPath;
 use pdk_core::supervisor::kill_group;
 use pdk_sdk::error::{Error, Place, Result};
 
@@ -24,11 +25,11 @@ use crate::protocol::{Done, FromWorker, Hello, Progress, Ready, ToWorker, VERSIO
 /// How often progress is told.
 const PROGRESS: Duration = Duration::from_millis(200);
 
-/// Does jobs until there are no more.
+/// Does jobs until there are no more. `scripts` makes components from scripts, which are looked for in these places.
 ///
 /// # Errors
 /// Where the worker does not speak as it should, or components cannot be looked for.
-pub fn run(scripts: Box<dyn Scripts>) -> Result<()> {
+pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> {
     let environment = Environment::this();
     let (input, mut output) = take_standard_files().place("cannot set up the files of the worker")?;
     let (sender, messages) = mpsc::channel();
@@ -50,7 +51,7 @@ pub fn run(scripts: Box<dyn Scripts>) -> Result<()> {
         return Err(Error::new("the worker's first message has to be `hello`; see docs/worker-protocol.md"));
     };
     busy.store(true, Ordering::SeqCst);
-    let registry = Registry::discover(&hello.search, scripts);
+    let registry = Registry::discover(&hello.search, scripts(&hello.search));
     busy.store(false, Ordering::SeqCst);
     let registry = match registry {
         Ok(registry) => registry,

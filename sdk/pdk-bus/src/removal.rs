@@ -16,8 +16,9 @@ use crate::{
 };
 
 /// Takes the bus with the given root off the machine without asking it: for a process that has to end while
-/// another of its threads is still inside the bus. Its memory stays mapped, so that the thread does not crash;
-/// what it publishes from now on is not seen by new taps. The process should end right after.
+/// another of its threads is still inside the bus. Its memory stays mapped, so that the thread does not crash, and
+/// the lock stays with the process. The process should end right after: what the bus makes from now on, where a
+/// tap is just being opened, would be left.
 ///
 /// # Errors
 /// Where `root` is not the root of a bus, or something in it cannot be deleted.

@@ -9,11 +9,10 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use pdk::chain::parse_value;
-use pdk::exit_guard;
-use pdk::loader::Plugin;
-use pdk::pipeline::settings::Override;
-use pdk::suggest;
+use pdk_core::loader::Plugin;
+use pdk_core::{println, suggest};
+use pdk_model::text::parse_value;
+use pdk_pipeline::settings::Override;
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
@@ -216,15 +215,13 @@ impl Findings {
 
 /// The process with the plugin: takes each step from number `skipped` on, and reports it.
 fn work(arguments: &Arguments, skipped: usize) -> Result<()> {
-    exit_guard::disarm();
     if script::is_script(&arguments.plugin) {
         script::work(arguments, skipped);
         report(&Report::Done);
         return Ok(());
     }
-    // The process that watches has the patience.
     let plugin = match step(LOADING, || {
-        let plugin = Plugin::load(&arguments.plugin, Duration::MAX)?;
+        let plugin = Plugin::load(&arguments.plugin)?;
         known(&plugin.description.components, arguments)?;
         Ok(plugin)
     }) {

@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use pdk::registry::{self, PATH_VARIABLE, Registry};
+use pdk_core::println;
+use pdk_core::registry::Registry;
+use pdk_core::search_path::{self, PATH_VARIABLE};
+use pdk_lua::LuaScripts;
 use pdk_sdk::SDK_VERSION;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
@@ -41,7 +44,8 @@ impl State {
 
 /// Looks at everything that pdk needs. Fails where something does not work.
 pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
-    let registry = Registry::discover(&global.search_path())?;
+    let search = global.search_path();
+    let registry = Registry::discover(&search, Box::new(LuaScripts::new(&search)))?;
     let mut findings = vec![
         Finding {
             subject: "version",
@@ -77,7 +81,7 @@ pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
 fn components(registry: &Registry) -> Finding {
     let counts: Vec<_> = Kind::ALL
         .into_iter()
-        .map(|kind| (kind, registry.of_kind(kind).count()))
+        .map(|kind| (kind, registry.catalog().of_kind(kind).count()))
         .filter(|(_, count)| *count > 0)
         .map(|(kind, count)| format!("{count} {kind}"))
         .collect();
@@ -89,7 +93,7 @@ fn components(registry: &Registry) -> Finding {
 }
 
 fn plugin_folders() -> Finding {
-    let own = registry::user_folder().map_or_else(String::new, |folder| folder.display().to_string());
+    let own = search_path::user_folder().map_or_else(String::new, |folder| folder.display().to_string());
     Finding {
         subject: "plugins",
         state: State::Good,

@@ -71,7 +71,8 @@ impl Global {
 
     /// Finds all components, and says what had to be left out. They are loaded into this process.
     pub fn registry(&self) -> Result<Registry> {
-        let registry = Registry::discover(&self.search_path(), Box::new(LuaScripts))?;
+        let search = self.search_path();
+        let registry = Registry::discover(&search, Box::new(LuaScripts::new(&search)))?;
         for refused in registry.refused() {
             eprintln!("pdk: warning: {refused}");
         }

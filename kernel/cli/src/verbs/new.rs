@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use pdk::registry::Registry;
+use pdk_core::catalog::Catalog;
+use pdk_core::println;
 use pdk_sdk::SDK_VERSION;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
@@ -42,11 +43,11 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     if !name.starts_with(|c: char| c.is_ascii_lowercase()) || !name.chars().all(fits) {
         return Err(Error::new(format!(
-            "`{name}` is no name; use lower-case letters, digits and underscores, with a letter first"
+            "`{name}` is not a name; use lower-case letters, digits and underscores, with a letter first"
         )));
     }
     if matches!(arguments.what, What::Perturbation | What::Plugin) {
-        refuse_taken(&Registry::discover(&global.search_path())?, name)?;
+        refuse_taken(global.registry()?.catalog(), name)?;
     }
     let folder = arguments.out.clone().unwrap_or_default();
     match arguments.what {
@@ -86,11 +87,11 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
 }
 
 /// Refuses the name of a perturbation that is there already: one of the two would be left out.
-fn refuse_taken(registry: &Registry, name: &str) -> Result<()> {
-    match registry.get(Kind::Perturbation, name) {
+fn refuse_taken(catalog: &Catalog, name: &str) -> Result<()> {
+    match catalog.get(Kind::Perturbation, name) {
         Ok(taken) => Err(Error::new(format!(
             "there is a perturbation `{name}` already, in {}; choose another name",
-            registry.file_of(taken).display()
+            taken.file.display()
         ))),
         Err(_) => Ok(()),
     }
@@ -115,7 +116,7 @@ fn sdk_dependency(arguments: &Arguments) -> Result<String> {
     let found = match given {
         Some(folder) if !folder.join("Cargo.toml").is_file() => {
             return Err(Error::new(format!(
-                "--sdk: {} is no crate; name the folder with the Cargo.toml of pdk-sdk",
+                "--sdk: {} is not a crate; name the folder with the Cargo.toml of pdk-sdk",
                 folder.display()
             )));
         }

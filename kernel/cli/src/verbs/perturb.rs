@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
-use pdk::chain::{Chain, Spec, modifiers};
-use pdk::output;
+use pdk_core::chain::Chain;
+use pdk_core::{modifiers, output, println};
+use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::FrameBuf;
 use pdk_video::{Container, Reader, Writer, Yuv420};
@@ -39,9 +40,6 @@ pub struct Arguments {
     time: f64,
 }
 
-/// The intensity where none is given: the middle of the scale.
-const DEFAULT_LEVEL: f64 = 2.0;
-
 /// The furthest time in seconds: over 30 years, and still exact to less than a frame.
 const MAX_TIME: f64 = 1e9;
 
@@ -53,12 +51,12 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             arguments.time
         )));
     }
-    let specs: Vec<Spec> =
-        arguments.perturbations.iter().map(|text| Spec::parse(text, DEFAULT_LEVEL)).collect::<Result<_>>()?;
+    let specs: Vec<AppliedPerturbation> =
+        arguments.perturbations.iter().map(|text| AppliedPerturbation::parse(text)).collect::<Result<_>>()?;
     check_output(&arguments.image, &arguments.output)?;
     let video = is_video(&arguments.image, &arguments.output)?;
     let registry = global.registry()?;
-    let chain = Chain::new(&registry, &specs, arguments.seed, 0)?;
+    let chain = Chain::new(&registry, &specs, arguments.seed)?;
     if video {
         perturb_video(global, arguments, &specs, chain)
     } else {
@@ -105,20 +103,20 @@ fn is_video(input: &Path, output: &Path) -> Result<bool> {
     }
 }
 
-fn perturb_image(global: &Global, arguments: &Arguments, specs: &[Spec], mut chain: Chain) -> Result<()> {
+fn perturb_image(global: &Global, arguments: &Arguments, specs: &[AppliedPerturbation], mut chain: Chain) -> Result<()> {
     let image = pdk_image::read(&arguments.image)?;
     let mut perturbed = FrameBuf::new(image.width(), image.height());
     chain.apply(image.as_ref(), perturbed.as_mut(), arguments.frame, arguments.time)?;
     pdk_image::write(&arguments.output, perturbed.as_ref())?;
     if global.json {
-        let specs = specs.iter().map(Spec::to_string).collect::<Vec<_>>();
+        let specs = specs.iter().map(AppliedPerturbation::to_string).collect::<Vec<_>>();
         print_json(&json!({ "output": arguments.output, "perturbations": specs, "seed": arguments.seed }))?;
     }
     Ok(())
 }
 
 /// Sends the frames through the chain as one sequence. Only one frame is in memory at a time.
-fn perturb_video(global: &Global, arguments: &Arguments, specs: &[Spec], mut chain: Chain) -> Result<()> {
+fn perturb_video(global: &Global, arguments: &Arguments, specs: &[AppliedPerturbation], mut chain: Chain) -> Result<()> {
     let place = format!("video `{}`", arguments.image.display());
     let mut reader = Reader::open_file(&arguments.image).place(&place)?;
     let rate = reader.rate();
@@ -170,7 +168,7 @@ fn perturb_video(global: &Global, arguments: &Arguments, specs: &[Spec], mut cha
     let milliseconds = begin.elapsed().as_secs_f64() * 1e3 / frames as f64;
     let perturbing = perturbing.as_secs_f64() * 1e3 / (frames - 1).max(1) as f64;
     if global.json {
-        let specs = specs.iter().map(Spec::to_string).collect::<Vec<_>>();
+        let specs = specs.iter().map(AppliedPerturbation::to_string).collect::<Vec<_>>();
         return print_json(&json!({
             "output": arguments.output, "perturbations": specs, "seed": arguments.seed, "frames": frames,
             "frames_per_second": rate, "width": width, "height": height,

@@ -69,13 +69,13 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             path.display()
         )));
     }
-    let road = road::build(Value::Object(request), *seed)?;
+    let (road, lengths) = road::build(Value::Object(request), *seed)?;
     if let Some(path) = output {
         let picture = pdk_road::svg(&[&road], width.unwrap_or(WIDTH));
         std::fs::write(path, picture).place(format_args!("cannot write {}", path.display()))?;
     }
     if global.json {
-        return print_json(&road::described(&road));
+        return print_json(&road::described(&road, &lengths));
     }
     let angles: Vec<String> = road.angles.iter().map(f64::to_string).collect();
     println!("angles          {} degrees", angles.join(", "));

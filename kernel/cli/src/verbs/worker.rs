@@ -15,7 +15,7 @@ pub struct Arguments {
 /// Does jobs until there are no more.
 pub fn run(arguments: &Arguments) -> Result<()> {
     match arguments.components {
-        true => loop_process::run(Box::new(LuaScripts)),
+        true => loop_process::run(|search| Box::new(LuaScripts::new(search))),
         false => worker::run(),
     }
 }

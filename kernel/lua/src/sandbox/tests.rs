@@ -8,7 +8,7 @@ use crate::watchdog::without_clock;
 const SCRIPT: &str = "scripts/foo.lua";
 
 fn limits() -> Limits {
-    Limits { memory_bytes: 32 << 20, time: Duration::from_millis(100) }
+    Limits { memory_bytes: 32 << 20, time: Duration::from_millis(100), renewed: false }
 }
 
 fn sandbox() -> Sandbox {
@@ -345,6 +345,73 @@ fn time_of_a_host_function_can_be_left_out() {
 }
 
 #[test]
+fn a_pipeline_has_its_time_again_after_each_host_function() {
+    let limits = Limits { renewed: true, ..limits() };
+    let sandbox = Sandbox::with_api(limits, |lua| {
+        lua.globals().set("work", lua.create_function(|_, ()| Ok(without_clock(|| ())))?)?;
+        lua.globals().set("look", lua.create_function(|_, ()| Ok(()))?)
+    })
+    .unwrap();
+    // Much more than 100 ms in all, and less than that at a stretch.
+    let busy = "local function busy() for i = 1, 4e5 do math.floor(i / 3) end end";
+    let start = Instant::now();
+    run(&sandbox, &format!("{busy} for i = 1, 400 do busy() work() end")).unwrap();
+    let took = start.elapsed();
+    assert!(took > Duration::from_millis(150), "{took:?}: the test could not fail");
+    for stuck in [
+        "\nwhile true do end",
+        "\nwhile true do look() end",
+        "for i = 1, 3 do work() end\nwhile true do pcall(error) end",
+    ] {
+        assert_eq!(
+            run(&sandbox, stuck).unwrap_err().to_string(),
+            "scripts/foo.lua:2: computed for more than 0.1 s at a stretch; make the loop shorter or raise the limit with \
+             PDK_SCRIPT_SECONDS"
+        );
+    }
+}
+
+#[test]
+fn a_script_ends_when_somebody_wants_to_stop() {
+    static WANTED: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::new(false);
+    let wanted = |wanted| WANTED.store(wanted, std::sync::atomic::Ordering::SeqCst);
+    let long = Limits { time: Duration::from_secs(100), renewed: true, ..limits() };
+    let mut sandbox = Sandbox::with_api(long, |lua| {
+        let wait = || {
+            // As a key that is pressed while a host function waits.
+            WANTED.store(true, std::sync::atomic::Ordering::SeqCst);
+        };
+        lua.globals().set("wait", lua.create_function(move |_, ()| Ok(without_clock(wait)))?)
+    })
+    .unwrap();
+    sandbox.stop_when(|| {
+        WANTED.load(std::sync::atomic::Ordering::SeqCst).then(|| Error::new("stopped by Ctrl-C"))
+    });
+    for source in
+        ["wait() while true do end", "wait() while true do pcall(function() while true do end end) end"]
+    {
+        wanted(false);
+        assert_eq!(
+            run(&sandbox, "local s = 0 for i = 1, 1e6 do s += i end return 1").unwrap(),
+            Value::Number(1.0)
+        );
+        let start = Instant::now();
+        assert_eq!(run(&sandbox, source).unwrap_err(), Error::new("stopped by Ctrl-C"));
+        assert!(start.elapsed() < Duration::from_secs(5), "{:?}", start.elapsed());
+    }
+    wanted(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(Duration::from_millis(50));
+            wanted(true);
+        });
+        assert_eq!(run(&sandbox, "while true do end").unwrap_err(), Error::new("stopped by Ctrl-C"));
+    });
+    wanted(false);
+    assert_eq!(run(&sandbox, "return 6 * 7").unwrap(), Value::Number(42.0));
+}
+
+#[test]
 fn a_panic_of_a_host_function_is_an_error() {
     let sandbox = Sandbox::with_api(limits(), |lua| {
         let fail = lua.create_function(|_, ()| -> mlua::Result<()> { panic!("oh no") })?;
@@ -490,7 +557,9 @@ fn random_texts_neither_crash_nor_hang() {
         "`",
         "\\",
     ];
-    let sandbox = Sandbox::new(Limits { memory_bytes: 8 << 20, time: Duration::from_millis(20) }).unwrap();
+    let sandbox =
+        Sandbox::new(Limits { memory_bytes: 8 << 20, time: Duration::from_millis(20), renewed: false })
+            .unwrap();
     let mut random = Key([5; 32]).sequence();
     let mut compiled = 0;
     for round in 0..4000 {
@@ -526,10 +595,10 @@ fn random_texts_neither_crash_nor_hang() {
 fn arming_a_call_costs_less_than_a_microsecond() {
     let sandbox = sandbox();
     let rounds = 100_000;
-    drop(sandbox.registration.start(Duration::from_secs(1)));
+    drop(sandbox.registration.start(Duration::from_secs(1), false));
     let start = Instant::now();
     for _ in 0..rounds {
-        drop(std::hint::black_box(&sandbox.registration).start(Duration::from_secs(1)));
+        drop(std::hint::black_box(&sandbox.registration).start(Duration::from_secs(1), false));
     }
     let arming = start.elapsed().as_secs_f64() / f64::from(rounds) * 1e9;
     let chunk = sandbox.load(SCRIPT, b"return 1").unwrap();
@@ -538,6 +607,6 @@ fn arming_a_call_costs_less_than_a_microsecond() {
         sandbox.call(SCRIPT, &chunk, ()).unwrap();
     }
     let call = start.elapsed().as_secs_f64() / f64::from(rounds) * 1e9;
-    eprintln!("arming {arming:.0} ns, an empty call {call:.0} ns");
+    std::eprintln!("arming {arming:.0} ns, an empty call {call:.0} ns");
     assert!(arming < 1_000.0, "{arming} ns");
 }

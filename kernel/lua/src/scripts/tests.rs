@@ -122,7 +122,7 @@ fn an_instance_that_calls_what_pipelines_have_is_told_so() {
     let Ok(Instance::Perturbation(mut made)) = scripts.create(&file, &config) else { panic!() };
     let src = pdk_sdk::ops::FrameBuf::new(4, 3);
     let mut dst = src.clone();
-    let key = pdk_sdk::seed::key(7, "foo", 0, 0);
+    let key = pdk_sdk::seed::key(7, "foo", 0);
     let cx = pdk_sdk::perturbation::Context::new(1.0, 0, 0.0, &key);
     let error = made.apply(src.as_ref(), dst.as_mut(), &cx).unwrap_err().to_string();
     assert!(

@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use pdk::lua::{self, Kept, LuaPerturbation};
-use pdk::registry::is_pipeline;
+use pdk_lua::{Kept, LuaPerturbation};
 use pdk_sdk::config::{Config, frame_values};
 use pdk_sdk::describe::Description;
 use pdk_sdk::error::{Error, Result};
@@ -61,11 +60,7 @@ pub fn work(arguments: &Arguments, skipped: usize) {
 }
 
 fn load(arguments: &Arguments) -> Result<Description> {
-    let description =
-        lua::description(&arguments.plugin).map_err(|error| match is_pipeline(&arguments.plugin) {
-            true => Error::new(format!("{} is a pipeline; `pdk run` runs it", arguments.plugin.display())),
-            false => error,
-        })?;
+    let description = pdk_lua::description(&arguments.plugin)?;
     known(std::slice::from_ref(&description), arguments)?;
     Ok(description)
 }
@@ -92,7 +87,7 @@ struct Script<'a> {
 
 impl Script<'_> {
     fn make(&self) -> Result<LuaPerturbation> {
-        lua::open(self.file, self.config)
+        pdk_lua::open(self.file, self.config)
     }
 
     /// Computes a frame of a sequence.
@@ -169,7 +164,7 @@ impl Script<'_> {
 
     /// What any perturbation has to hold.
     fn rules(&self) -> Result<()> {
-        let mut make = |config: &Config| lua::create(self.file, config);
+        let mut make = |config: &Config| Ok(Box::new(pdk_lua::open(self.file, config)?) as Box<dyn Perturbation>);
         testing::check_perturbation(self.description, self.config, &mut make)
     }
 }
