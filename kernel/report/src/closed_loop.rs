@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use pdk_sdk::error::Result;
 use serde::Serialize;
 
-use crate::Error;
 use crate::color::{LINES, NOMINAL, ORDERED, Rgb};
 use crate::curve::{Axes, Chart, Curve, chart};
 use crate::heat::{self, Cell, Grid};
 use crate::road::{self, Picture};
-use crate::text::{self, count, number, percent};
+use crate::text::{self, count, number, percent, was};
 use crate::view::{Drive, Scenario, Verdict};
 
 /// Perturbations that have a curve of their own.
@@ -73,6 +73,7 @@ struct ScenarioRow {
     mark: &'static str,
     cause: String,
     error: String,
+    unreadable: String,
     failed: bool,
     time: String,
     skipped_frames: u64,
@@ -197,38 +198,21 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
     sentences
 }
 
-/// `1 scenario was`, `2 scenarios were`.
-pub fn was(number: usize, noun: &str) -> String {
-    format!("{} {}", count(number, noun), if number == 1 { "was" } else { "were" })
-}
-
 /// All that the page says about a drive. `classes` are the edges of the colours of cross-track errors.
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn section(drive: &Drive, classes: &[f64]) -> Result<Section, Error> {
+pub fn section(drive: &Drive, classes: &[f64]) -> Result<Section> {
     let order: Vec<String> = by_severity(&drive.scenarios).into_iter().map(|(name, _)| name).collect();
     let (failed, error) = grids(drive, &order);
     let mut roads = road::pictures(drive, classes);
-    let road_note = match (roads.len(), drive.scenarios.iter().filter(|s| s.road.is_none()).count()) {
-        (0, _) => "The simulator does not tell its roads.".to_owned(),
-        (all, _) if all > PICTURES => {
-            format!(
-                "These are the {PICTURES} roads with the most failures; {} more are in the table.",
-                all - PICTURES
-            )
-        }
-        (_, 0) => String::new(),
-        (_, unknown) => format!("Of {} the simulator did not tell the road.", count(unknown, "scenario")),
-    };
+    let road_note = road_note(drive, roads.len());
     roads.truncate(PICTURES);
     let shown: Vec<&Scenario> = drive.scenarios.iter().filter(|s| !s.shots.is_empty()).collect();
     let all_failed = drive.scenarios.iter().filter(|s| s.verdict == Verdict::Failed).count();
     let failure_note = match (all_failed, shown.len()) {
         (0, _) => "No scenario failed.".to_owned(),
-        (_, 0) => "There are no frames of the failures: they failed before the first, or the traces are gone; pdk replay computes them \
-                   again."
-            .to_owned(),
+        (_, 0) => "There are no frames of the failures: they failed before the first, or their traces cannot be read.".to_owned(),
         (all, shown) if shown < all => format!(
             "These are {shown} of {all} failures: those that came soonest on their road, one of each perturbation first. \
              The others are in the table of scenarios."
@@ -259,6 +243,46 @@ pub fn section(drive: &Drive, classes: &[f64]) -> Result<Section, Error> {
         with_skipped: drive.scenarios.iter().any(|s| s.skipped_frames > 0),
         with_clips: drive.scenarios.iter().any(|s| !s.clip.is_empty()),
     })
+}
+
+/// What is said about scenarios whose road or path is not in the pictures, of which there are so many.
+fn road_note(drive: &Drive, pictures: usize) -> String {
+    let mut sentences = Vec::new();
+    if pictures > PICTURES {
+        let more = pictures - PICTURES;
+        sentences.push(format!(
+            "These are the {PICTURES} roads with the most failures; {more} more are in the table."
+        ));
+    }
+    let without = || drive.scenarios.iter().filter(|s| s.road.is_none());
+    let unreadable = without().filter(|s| !s.unreadable.is_empty()).count();
+    // Where a component takes its process along there is nothing in the trace.
+    let void = without()
+        .filter(|s| s.unreadable.is_empty() && s.verdict == Verdict::Void && s.path.is_empty())
+        .count();
+    match without().count() - unreadable - void {
+        0 => {}
+        _ if drive.roads.is_empty() => sentences.push("The simulator does not tell its roads.".to_owned()),
+        unknown => {
+            sentences.push(format!("Of {} the simulator did not tell the road.", count(unknown, "scenario")));
+        }
+    }
+    if void > 0 {
+        sentences.push(format!(
+            "Of {}, in which a component failed, there is nothing to draw.",
+            count(void, "scenario")
+        ));
+    }
+    if unreadable > 0 {
+        sentences.push(format!(
+            "{} shown without a path, because the trace cannot be read: the table of scenarios says why.",
+            match unreadable {
+                1 => "1 scenario is".to_owned(),
+                several => format!("{several} scenarios are"),
+            }
+        ));
+    }
+    sentences.join(" ")
 }
 
 /// The heat maps: the share that failed, and the mean cross-track error.
@@ -321,7 +345,7 @@ fn grids(drive: &Drive, order: &[String]) -> (Grid, Grid) {
 }
 
 /// Shares that are still driving, over time: by level, and for the worst perturbations.
-fn curves(drive: &Drive, order: &[String]) -> Result<Vec<Chart>, Error> {
+fn curves(drive: &Drive, order: &[String]) -> Result<Vec<Chart>> {
     let end = drive.scenarios.iter().map(|scenario| scenario.time).fold(0.0, f64::max);
     if end <= 0.0 {
         return Ok(Vec::new());
@@ -449,6 +473,7 @@ fn scenario_row(scenario: &Scenario) -> ScenarioRow {
         },
         cause: scenario.cause.clone(),
         error: scenario.error.clone(),
+        unreadable: scenario.unreadable.clone(),
         failed,
         time: format!("{:.1}", scenario.time),
         skipped_frames: scenario.skipped_frames,
@@ -536,6 +561,30 @@ mod tests {
         assert_eq!(section.error.legend.1, "0.375 m");
         assert_eq!(section.curves.len(), 2);
         assert_eq!(section.scenarios.len(), 6);
+    }
+
+    #[test]
+    fn what_is_not_in_the_pictures_is_told() {
+        let mut drive = drive();
+        let pictures = 1;
+        assert_eq!(
+            road_note(&drive, 0),
+            "The simulator does not tell its roads. Of 1 scenario, in which a component failed, there is nothing to draw."
+        );
+        drive.roads.push(vec![[0.0, 0.0], [0.0, 50.0]]);
+        drive.scenarios.iter_mut().for_each(|scenario| scenario.road = Some(0));
+        assert_eq!(road_note(&drive, pictures), "");
+        for scenario in &mut drive.scenarios[..2] {
+            (scenario.road, scenario.unreadable) = (None, "the trace is missing".to_owned());
+        }
+        let unreadable = "2 scenarios are shown without a path, because the trace cannot be read: the table of scenarios says why.";
+        assert_eq!(road_note(&drive, pictures), unreadable);
+        assert_eq!(section(&drive, &[0.1]).unwrap().scenarios[1].unreadable, "the trace is missing");
+        drive.scenarios[2].road = None;
+        let unknown = "Of 1 scenario the simulator did not tell the road.";
+        assert_eq!(road_note(&drive, pictures), format!("{unknown} {unreadable}"));
+        let many = "These are the 24 roads with the most failures; 6 more are in the table.";
+        assert_eq!(road_note(&drive, 30), format!("{many} {unknown} {unreadable}"));
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Curves over time or over the level.
 
+use pdk_sdk::error::{Error, Result};
 use plotters::prelude::*;
 use serde::Serialize;
 
-use crate::Error;
 use crate::color::Rgb;
 
 /// A picture of curves, without its outermost tag.
@@ -65,10 +65,10 @@ const KEY: i32 = 30;
 ///
 /// # Errors
 /// Where the picture cannot be drawn.
-pub fn chart(curves: &[Curve], axes: &Axes<'_>) -> Result<Chart, Error> {
+pub fn chart(curves: &[Curve], axes: &Axes<'_>) -> Result<Chart> {
     let mut svg = String::new();
     let keys = draw(&mut svg, curves, axes)
-        .map_err(|error| Error(format!("cannot draw the picture of {} ({error})", axes.label)))?;
+        .map_err(|error| Error::new(format!("cannot draw the picture of {} ({error})", axes.label)))?;
     let inner = svg.split_once('>').and_then(|(_, rest)| rest.rsplit_once("</svg>"));
     let mut body = inner.map(|(inner, _)| inner.trim().to_owned()).unwrap_or_default();
     body += &end_labels(curves, &keys);

@@ -1,8 +1,26 @@
-//! One page about a run of pdk: HTML that needs nothing besides itself, no network and no other file.
+//! One page about a run of pdk: HTML that needs nothing besides itself, no network and no other file. And the record of a run in
+//! the shape of the published tool.
 //!
-//! What is known of the run goes in as plain data ([`Run`]); equal data make equal pages.
-
-use std::fmt;
+//! Two halves that meet in plain data, [`Run`]: [`record`] reads a record, with its traces, and [`render`] makes the page. Equal data
+//! make equal pages. Whatever users have written is escaped when the page is made, so data may hold anything.
+//!
+//! ```text
+//! manifest, ledger, results, traces, times ── record ──► Run ── render ──► HTML
+//! ledger, traces ── published ──► JSON
+//! ```
+//!
+//! | module | subject |
+//! |---|---|
+//! | [`record`] | what a page says, read from the folder of a run |
+//! | [`published`] | scenarios in the JSON shape of the published tool |
+//! | `view` | what a page is about, as plain data |
+//! | `page` | puts the page together; `closed_loop` and `offline` make its parts |
+//! | `heat`, `curve`, `road` | heat maps, curves and roads as pictures; `color` has their colours |
+//! | `text` | numbers, dates and addresses |
+//! | `parallel` | work on all processors |
+//!
+//! A trace that is missing or damaged does not end a page: its scenario is shown without its path, and the page and a warning say
+//! so. It does end an export, which others take for complete.
 
 mod closed_loop;
 mod color;
@@ -10,23 +28,12 @@ mod curve;
 mod heat;
 mod offline;
 mod page;
+mod parallel;
+pub mod published;
+pub mod record;
 mod road;
 mod text;
 mod view;
 
-pub use closed_loop::worst_failures;
 pub use page::render;
-pub use text::address;
 pub use view::*;
-
-/// Why a page cannot be made.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Error(pub(crate) String);
-
-impl fmt::Display for Error {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for Error {}

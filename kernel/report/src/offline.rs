@@ -1,12 +1,12 @@
 //! What perturbations do to predictions on a recording.
 
+use pdk_sdk::error::Result;
 use serde::Serialize;
 
-use crate::Error;
 use crate::color::{LINES, NOMINAL};
 use crate::curve::{Axes, Chart, Curve, chart};
 use crate::heat::{Cell, Entry, Grid, grid};
-use crate::text::{self, count, number};
+use crate::text::{self, count, number, was};
 use crate::view::{Evaluation, EvaluationCell};
 
 /// Perturbations that have a curve of their own.
@@ -56,12 +56,12 @@ fn by_severity(evaluation: &Evaluation) -> Vec<String> {
 pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
     let bad = match evaluation.bad_frames.len() {
         0 => String::new(),
-        bad => format!(" ({} left out)", crate::closed_loop::was(bad, "frame")),
+        bad => format!(" ({} left out)", was(bad, "frame")),
     };
     let perturbations = by_severity(evaluation).len();
     let first = format!(
         "{} evaluated under {}{bad}; without perturbation the steering is off by {} on average.",
-        crate::closed_loop::was(evaluation.frames, "frame"),
+        was(evaluation.frames, "frame"),
         count(perturbations, "perturbation"),
         number(evaluation.original_error)
     );
@@ -86,7 +86,7 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn section(evaluation: &Evaluation) -> Result<Section, Error> {
+pub fn section(evaluation: &Evaluation) -> Result<Section> {
     let order = by_severity(evaluation);
     Ok(Section {
         number: evaluation.number,
@@ -142,7 +142,7 @@ fn heat_map(
 }
 
 /// The error over the level for the worst perturbations, with that of the original frames.
-fn curves(evaluation: &Evaluation, order: &[String]) -> Result<Vec<Chart>, Error> {
+fn curves(evaluation: &Evaluation, order: &[String]) -> Result<Vec<Chart>> {
     let levels = || evaluation.cells.iter().map(|cell| cell.level);
     let (low, high) = (levels().fold(f64::INFINITY, f64::min), levels().fold(f64::NEG_INFINITY, f64::max));
     let top = evaluation.cells.iter().map(|cell| cell.error).fold(evaluation.original_error, f64::max);

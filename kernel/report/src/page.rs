@@ -1,18 +1,18 @@
 //! Puts the page together.
 
 use minijinja::{AutoEscape, Environment, UndefinedBehavior, context};
+use pdk_sdk::error::{Error, Result};
 use serde::Serialize;
 
-use crate::Error;
 use crate::text::{count, date, number, percent};
-use crate::view::{Run, Times};
+use crate::view::{DriveTimes, EvaluateTimes, Run};
 use crate::{closed_loop, color, offline, road};
 
 /// Row of the table of times.
 #[derive(Debug, Serialize)]
 struct DriveRow {
     steps: u64,
-    threads: u64,
+    workers: u64,
     frames_per_second: String,
     real_time_factor: String,
     stages: Vec<(String, String)>,
@@ -22,7 +22,7 @@ struct DriveRow {
 #[derive(Debug, Serialize)]
 struct EvaluateRow {
     frames: u64,
-    threads: u64,
+    workers: u64,
     frames_per_second: String,
     perturbation: String,
     driver: String,
@@ -41,44 +41,18 @@ const TEMPLATES: [(&str, &str); 5] = [
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn render(run: &Run) -> Result<String, Error> {
+pub fn render(run: &Run) -> Result<String> {
     let classes = road::classes(&run.drives);
-    let drives = run
-        .drives
-        .iter()
-        .map(|drive| closed_loop::section(drive, &classes))
-        .collect::<Result<Vec<_>, _>>()?;
-    let evaluations = run.evaluations.iter().map(offline::section).collect::<Result<Vec<_>, _>>()?;
+    let drives =
+        run.drives.iter().map(|drive| closed_loop::section(drive, &classes)).collect::<Result<Vec<_>>>()?;
+    let evaluations = run.evaluations.iter().map(offline::section).collect::<Result<Vec<_>>>()?;
     let mut verdict = if run.drives.is_empty() { Vec::new() } else { closed_loop::verdict(&run.drives) };
     verdict.extend(run.evaluations.iter().flat_map(offline::verdict));
     if verdict.is_empty() {
         verdict.push("Nothing has been driven or evaluated yet.".to_owned());
     }
-    let (mut drive_times, mut evaluate_times) = (Vec::new(), Vec::new());
-    for times in &run.times {
-        match times {
-            Times::Drive(times) => drive_times.push(DriveRow {
-                steps: times.steps,
-                threads: times.threads,
-                frames_per_second: format!("{:.0}", times.frames_per_second),
-                real_time_factor: format!("{:.1}", times.real_time_factor),
-                stages: times.stages.iter().map(|(median, p99)| (number(*median), number(*p99))).collect(),
-                overruns: match (times.overruns, times.steps) {
-                    (0, _) => "none".to_owned(),
-                    (overruns, steps) => {
-                        format!("{overruns} ({})", percent(overruns as f64 / steps.max(1) as f64))
-                    }
-                },
-            }),
-            Times::Evaluate(times) => evaluate_times.push(EvaluateRow {
-                frames: times.frames,
-                threads: times.threads,
-                frames_per_second: format!("{:.0}", times.frames_per_second),
-                perturbation: number(times.perturbation),
-                driver: number(times.driver),
-            }),
-        }
-    }
+    let drive_times = run.drive_times.as_ref().map(drive_row);
+    let evaluate_times: Vec<EvaluateRow> = run.evaluate_times.iter().map(evaluate_row).collect();
     let setup = &run.setup;
     let scenarios = run.drives.iter().map(|drive| drive.scenarios.len()).sum();
     let page = context! {
@@ -95,7 +69,7 @@ pub fn render(run: &Run) -> Result<String, Error> {
         evaluate_times,
         gradient => color::gradient(),
     };
-    let place = |error: minijinja::Error| Error(format!("cannot make the page ({error:#})"));
+    let place = |error: minijinja::Error| Error::new(format!("cannot make the page ({error:#})"));
     let mut environment = Environment::new();
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
     environment.set_auto_escape_callback(|name| match name.ends_with(".html") {
@@ -108,6 +82,32 @@ pub fn render(run: &Run) -> Result<String, Error> {
         environment.add_template(name, source).map_err(place)?;
     }
     environment.get_template("page.html").and_then(|template| template.render(page)).map_err(place)
+}
+
+fn drive_row(times: &DriveTimes) -> DriveRow {
+    DriveRow {
+        steps: times.steps,
+        workers: times.workers,
+        frames_per_second: format!("{:.0}", times.frames_per_second),
+        real_time_factor: format!("{:.1}", times.real_time_factor),
+        stages: times.stages.iter().map(|(median, p99)| (number(*median), number(*p99))).collect(),
+        overruns: match (times.overruns, times.steps) {
+            (0, _) => "none".to_owned(),
+            (overruns, steps) => {
+                format!("{overruns} ({})", percent(overruns as f64 / steps.max(1) as f64))
+            }
+        },
+    }
+}
+
+fn evaluate_row(times: &EvaluateTimes) -> EvaluateRow {
+    EvaluateRow {
+        frames: times.frames,
+        workers: times.workers,
+        frames_per_second: format!("{:.0}", times.frames_per_second),
+        perturbation: number(times.perturbation),
+        driver: number(times.driver),
+    }
 }
 
 #[cfg(test)]
@@ -135,8 +135,9 @@ mod tests {
             mean_error: 0.25,
             max_error: 1.5,
             path: vec![Place::default(), Place { x: 1.0, z: 20.0, error: 1.0 }],
+            unreadable: nasty(),
             replay: nasty(),
-            clip: crate::address(NASTY),
+            clip: crate::text::address(NASTY),
             shots: match verdict {
                 Verdict::Failed => vec![Shot { time: 1.0, raw: vec![1, 2, 3], perturbed: vec![] }],
                 _ => vec![],
@@ -152,6 +153,7 @@ mod tests {
                 seed: 7,
                 pipeline: nasty(),
                 source: nasty(),
+                modules: vec![(nasty(), nasty())],
                 command: nasty(),
                 settings: vec![(nasty(), nasty())],
                 components: vec![Component {
@@ -186,15 +188,13 @@ mod tests {
                     .to_vec(),
                 worst: vec![WorstFrame { frame: nasty(), perturbation: nasty(), ..WorstFrame::default() }],
             }],
-            times: vec![
-                Times::Drive(DriveTimes {
-                    steps: 10,
-                    overruns: 5,
-                    stages: [(1.5, 2.5); 4],
-                    ..Default::default()
-                }),
-                Times::Evaluate(EvaluateTimes { frames: 3, ..Default::default() }),
-            ],
+            drive_times: Some(DriveTimes {
+                steps: 10,
+                overruns: 5,
+                stages: [(1.5, 2.5); 4],
+                ..Default::default()
+            }),
+            evaluate_times: vec![EvaluateTimes { frames: 3, ..Default::default() }],
         }
     }
 

@@ -1,11 +1,18 @@
 //! Scenarios in the JSON shape of the published tool (PerturbationDrive 1.0), so that scripts written for it go on
 //! working.
 
+use std::path::Path;
+
+use pdk_core::directory::RunDirectory;
+use pdk_core::ledger::{self, Line};
+use pdk_model::outcome::Cause;
 use pdk_sdk::error::{Place, Result};
+use pdk_trace::reader::read_steps_and_road;
+use pdk_trace::step::Step;
+use pdk_trace::telemetry::samples;
 use serde::Serialize;
 
-use super::RunDirectory;
-use crate::drive::{Cause, Outcome};
+use crate::parallel;
 
 /// One scenario as the published tool writes it.
 #[derive(Debug, Serialize)]
@@ -40,44 +47,108 @@ pub struct PublishedScenario {
     pub perturbation_scale: f64,
 }
 
-impl From<Outcome> for PublishedOutcome {
-    fn from(outcome: Outcome) -> Self {
-        let samples = &outcome.telemetry;
-        let perturbations = &outcome.scenario.perturbations;
+impl PublishedOutcome {
+    /// A scenario with these steps in its trace.
+    fn new(line: &Line, steps: &[Step], waypoints: String) -> Self {
+        let samples = samples(steps);
+        let perturbations = &line.scenario.perturbations;
         let names: Vec<_> = perturbations.iter().map(|p| p.name.as_str()).collect();
+        let position = |step: &Step| {
+            let [x, height, z] = step.state.position;
+            [x, z, height]
+        };
         Self {
-            frames: samples.iter().map(|s| s.frame).collect(),
-            pos: samples
-                .iter()
-                .map(|s| [s.state.position[0], s.state.position[2], s.state.position[1]])
-                .collect(),
+            frames: samples.iter().map(|s| s.sequence).collect(),
+            pos: samples.iter().map(position).collect(),
             xte: samples.iter().map(|s| s.state.cross_track_error).collect(),
             speeds: samples.iter().map(|s| s.state.speed).collect(),
-            actions: samples.iter().map(|s| [s.control.steering, s.control.throttle]).collect(),
+            actions: samples.iter().map(|s| s.control.numbers()).collect(),
             scenario: PublishedScenario {
                 perturbation_function: names.join("+"),
                 perturbation_scale: perturbations.first().and_then(|p| p.level.at(0.0)).unwrap_or_default(),
-                waypoints: outcome.waypoints,
+                waypoints,
             },
-            is_success: outcome.success,
-            timeout: outcome.cause == Cause::TimeOut,
+            is_success: line.outcome.success,
+            timeout: line.outcome.cause == Cause::TimeOut,
         }
     }
 }
 
-/// All scenarios of a run in the published shape, in order.
+/// All scenarios of a run in the published shape, in order; their samples come from the traces.
 ///
 /// # Errors
-/// Where the folder holds no record of a closed loop.
+/// Where the folder holds no record of a closed loop, or a trace is missing or damaged.
 pub fn outcomes(directory: &RunDirectory) -> Result<Vec<PublishedOutcome>> {
-    Ok(super::read_outcomes(directory)?.into_iter().map(PublishedOutcome::from).collect())
+    let (lines, _) = ledger::read(directory)?;
+    let read = |line: &Line| {
+        let (steps, waypoints) = read_steps_and_road(&directory.trace_path(&line.id))?;
+        Ok(PublishedOutcome::new(line, &steps, waypoints))
+    };
+    parallel::map(&lines, read).into_iter().collect()
 }
 
 /// Writes them to a file.
 ///
 /// # Errors
 /// Where it cannot be written.
-pub fn write(path: &std::path::Path, outcomes: &[PublishedOutcome]) -> Result<()> {
+pub fn write(path: &Path, outcomes: &[PublishedOutcome]) -> Result<()> {
     let text = serde_json::to_vec_pretty(outcomes)?;
     std::fs::write(path, text).place(format_args!("cannot write {}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_core::ledger::Ledger;
+    use pdk_sdk::prelude::{Control, State};
+    use pdk_trace::writer::Trace;
+    use serde_json::json;
+
+    #[test]
+    fn scenarios_are_exported_with_the_samples_of_their_traces() {
+        let folder = std::env::temp_dir().join(format!("pdk-published-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&folder);
+        let directory = RunDirectory::create(&folder).unwrap();
+        let fog = json!({"name": "fog", "level": 2.0});
+        let rain = json!({"name": "rain", "level": 1.0});
+        let mut line: Line = serde_json::from_value(json!({
+            "id": "00".repeat(16), "name": "x", "images_every": 0, "success": false, "cause": "time_out",
+            "time": 0.5, "frames": 6, "progress": 0.5, "mean_cross_track_error": 0.1,
+            "max_cross_track_error": 0.2, "digest": "", "scenario": {
+                "simulator": {"name": "lane"}, "driver": {"name": "d"}, "duration": 0.5, "seed": 0,
+                "perturbations": [fog, rain],
+            },
+        }))
+        .unwrap();
+        line.id = line.scenario.id();
+        Ledger::open(&directory).unwrap().add(&line).unwrap();
+        let error = outcomes(&directory).unwrap_err().to_string();
+        assert!(error.contains("is missing"), "{error}");
+        let mut trace = Trace::create(&directory.trace(&line.id).unwrap()).unwrap();
+        for sequence in 0..6 {
+            let time = sequence as f64 / 10.0;
+            let state = State {
+                time,
+                position: [1.0, 2.0, time],
+                cross_track_error: -0.5,
+                speed: 8.0,
+                ..State::default()
+            };
+            let control = Control { steering: 0.25, throttle: 0.75 };
+            trace.step(&Step { sequence, state, control, frame_hash: 0 }).unwrap();
+        }
+        trace.road("0,0,0@1,5,20").unwrap();
+        trace.finish().unwrap();
+        let expected = json!([{
+            "frames": [0, 3, 5], "pos": [[1.0, 0.0, 2.0], [1.0, 0.3, 2.0], [1.0, 0.5, 2.0]],
+            "xte": [-0.5, -0.5, -0.5], "speeds": [8.0, 8.0, 8.0],
+            "actions": [[0.25, 0.75], [0.25, 0.75], [0.25, 0.75]],
+            "scenario": {
+                "waypoints": "0,0,0@1,5,20", "perturbation_function": "fog+rain", "perturbation_scale": 2.0,
+            },
+            "isSuccess": false, "timeout": true,
+        }]);
+        assert_eq!(serde_json::to_value(outcomes(&directory).unwrap()).unwrap(), expected);
+        std::fs::remove_dir_all(folder).unwrap();
+    }
 }

@@ -26,6 +26,11 @@ pub fn count(number: usize, noun: &str) -> String {
     format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
 }
 
+/// `1 scenario was`, `2 scenarios were`.
+pub fn was(number: usize, noun: &str) -> String {
+    format!("{} {}", count(number, noun), if number == 1 { "was" } else { "were" })
+}
+
 /// A point in time in universal time, to the minute. The calendar is counted in years that begin in March, because then
 /// the day that comes and goes is the last one.
 pub fn date(unix_seconds: u64) -> String {

@@ -19,8 +19,10 @@ pub struct Run {
     pub drives: Vec<Drive>,
     /// What was evaluated on recordings.
     pub evaluations: Vec<Evaluation>,
-    /// How long it took, step by step of the pipeline.
-    pub times: Vec<Times>,
+    /// How long driving took, all scenarios together; none where nothing was driven.
+    pub drive_times: Option<DriveTimes>,
+    /// How long each evaluation took.
+    pub evaluate_times: Vec<EvaluateTimes>,
 }
 
 /// What has to be equal for two runs to be equal.
@@ -34,6 +36,8 @@ pub struct Setup {
     pub pipeline: String,
     /// Its text.
     pub source: String,
+    /// Names and texts of the modules that it requires.
+    pub modules: Vec<(String, String)>,
     /// The command that repeats the run.
     pub command: String,
     /// Names and values of the settings.
@@ -121,6 +125,8 @@ pub struct Scenario {
     pub max_error: f64,
     /// Where the vehicle was.
     pub path: Vec<Place>,
+    /// Why its trace could not be read, which leaves it without road, path and frames; empty where it could.
+    pub unreadable: String,
     /// The command that replays it.
     pub replay: String,
     /// The address of a clip of it, relative to the page; empty where there is none.
@@ -198,20 +204,11 @@ pub struct WorstFrame {
     pub perturbed: f64,
 }
 
-/// How long a step of the pipeline took.
-#[derive(Debug, Clone, Serialize)]
-pub enum Times {
-    /// Driving.
-    Drive(DriveTimes),
-    /// Evaluating.
-    Evaluate(EvaluateTimes),
-}
-
 /// How long driving took.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct DriveTimes {
-    /// Scenarios at the same time.
-    pub threads: u64,
+    /// Scenarios at the same time, at most.
+    pub workers: u64,
     /// Frames per second of wall time.
     pub frames_per_second: f64,
     /// Simulated seconds per second of wall time.
@@ -227,8 +224,8 @@ pub struct DriveTimes {
 /// How long evaluating took.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct EvaluateTimes {
-    /// Frames at the same time.
-    pub threads: u64,
+    /// Frames at the same time, at most.
+    pub workers: u64,
     /// Perturbed frames.
     pub frames: u64,
     /// Perturbed frames per second of wall time.

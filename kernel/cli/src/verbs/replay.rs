@@ -24,10 +24,10 @@ pub struct Arguments {
     /// Only this scenario, by its number, its id or the beginning of that; may be given several times [default: all scenarios]
     #[arg(long = "scenario", value_name = "N|ID")]
     scenarios: Vec<String>,
-    /// How many worker processes drive at the same time [default: all processors]
+    /// How many scenarios are driven at the same time [default: all processors]
     #[arg(long, value_name = "N", conflicts_with = "pool")]
     workers: Option<NonZeroUsize>,
-    /// Take workers from this command, which speaks the worker protocol, instead of from this machine
+    /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
     #[arg(long, value_name = "COMMAND")]
     pool: Option<String>,
     /// How long one call of a component may take, in seconds
@@ -129,7 +129,7 @@ fn as_json(arguments: &Arguments, replayed: &Replayed, changes: &[String]) -> Va
             Finding::Unreadable(error) => (Value::Null, json!(error.to_string())),
         };
         json!({
-            "index": compared.number,
+            "number": compared.number,
             "id": compared.id,
             "name": compared.name,
             "frames": compared.frames,

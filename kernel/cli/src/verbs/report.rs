@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 
 use pdk_core::directory::REPORT;
 use pdk_core::{eprintln, println};
-use pdk_report::record;
+use pdk_report::record::{self, Read};
 use pdk_sdk::error::{Error, Result};
 use serde_json::json;
 
@@ -28,8 +28,11 @@ pub struct Arguments {
 /// Writes the page and says where it is.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let page = arguments.out.clone().unwrap_or_else(|| arguments.record.join(REPORT));
-    let run = record::read(&arguments.record, &page)?;
-    let text = pdk_report::render(&run).map_err(|error| Error::new(error.to_string()))?;
+    let Read { run, warnings } = record::read(&arguments.record, &page)?;
+    for warning in &warnings {
+        eprintln!("pdk: warning: {warning}");
+    }
+    let text = pdk_report::render(&run)?;
     std::fs::write(&page, &text).map_err(|error| {
         Error::new(format!("cannot write {} ({error}); name another place with --out", page.display()))
     })?;

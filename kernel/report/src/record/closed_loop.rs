@@ -1,86 +1,45 @@
-//! Scenarios as a page shows them.
+//! Scenarios as a page shows them, as far as the ledger tells; their traces tell the rest.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
-use pdk_report::{Drive, Place as Position, Scenario, Verdict};
+use pdk_core::ledger::Line;
+use pdk_model::outcome::Cause;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::scenario::Mode;
 
-use super::ClipFolder;
-use crate::chain::Spec;
-use crate::component::ComponentSpec;
-use crate::drive::plan::Mode;
-use crate::drive::{Cause, Outcome};
+use super::clips::ClipFolder;
+use super::shell;
+use crate::view::{Drive, Scenario, Verdict};
 
-/// The scenarios of each simulator, driver and mode, in the order in which these come first.
-pub fn drives(outcomes: &[Outcome], folder: &Path, clips: &ClipFolder) -> Vec<Drive> {
-    let mut drives: Vec<(Drive, BTreeMap<&str, usize>)> = Vec::new();
-    for outcome in outcomes {
-        let (simulator, driver) = (component(outcome.simulator.as_ref()), component(outcome.driver.as_ref()));
-        let mode = match outcome.mode {
+/// The scenarios of each simulator, driver and mode, in the order in which these come first. The number of a scenario is its
+/// place among the lines.
+pub fn drives(lines: &[Line], folder: &Path, clips: &ClipFolder) -> Vec<Drive> {
+    let mut drives: Vec<Drive> = Vec::new();
+    for (number, line) in (0..).zip(lines) {
+        let (simulator, driver) = (line.scenario.simulator.to_string(), line.scenario.driver.to_string());
+        let mode = match line.scenario.mode {
             Mode::Lockstep => "lockstep",
             Mode::Realtime => "real time",
         };
-        let known = drives.iter().position(|(drive, _)| {
-            drive.simulator == simulator && drive.driver == driver && drive.mode == mode
-        });
-        let known = known.unwrap_or_else(|| {
-            drives.push((
-                Drive { simulator, driver, mode: mode.to_owned(), ..Drive::default() },
-                BTreeMap::new(),
-            ));
+        let same =
+            |drive: &Drive| drive.simulator == simulator && drive.driver == driver && drive.mode == mode;
+        let place = drives.iter().position(same).unwrap_or_else(|| {
+            drives.push(Drive { simulator, driver, mode: mode.to_owned(), ..Drive::default() });
             drives.len() - 1
         });
-        let (drive, roads) = &mut drives[known];
-        let mut scenario = scenario(outcome, folder, clips);
-        scenario.road = match roads.get(outcome.waypoints.as_str()) {
-            Some(number) => Some(*number),
-            None => road(outcome).map(|road| {
-                drive.roads.push(road);
-                roads.insert(&outcome.waypoints, drive.roads.len() - 1);
-                drive.roads.len() - 1
-            }),
-        };
-        drive.scenarios.push(scenario);
+        drives[place].scenarios.push(scenario(number, line, folder, clips));
     }
-    drives.into_iter().map(|(drive, _)| drive).collect()
+    drives
 }
 
-/// The centre line of the road, seen from above; none where the simulator did not tell, or no line.
-fn road(outcome: &Outcome) -> Option<Vec<[f64; 2]>> {
-    if outcome.waypoints.is_empty() {
-        return None;
-    }
-    match pdk_road::parse(&outcome.waypoints) {
-        Ok(points) => Some(points.into_iter().map(|[x, _, z]| [x, z]).collect()),
-        Err(error) => {
-            eprintln!("pdk: warning: scenario {} is shown without its road: {error}", outcome.index);
-            None
-        }
-    }
-}
-
-/// A component with its parameters, as a pipeline writes it in short.
-fn component(spec: Option<&ComponentSpec>) -> String {
-    // Records of earlier versions do not say.
-    let Some(spec) = spec else { return "not recorded".to_owned() };
-    let parameters: Vec<String> =
-        spec.parameters.iter().map(|(key, value)| format!("{key}={value}")).collect();
-    match parameters.is_empty() {
-        true => spec.name.clone(),
-        false => format!("{} ({})", spec.name, parameters.join(", ")),
-    }
-}
-
-fn scenario(outcome: &Outcome, folder: &Path, clips: &ClipFolder) -> Scenario {
-    let (perturbation, level) = condition(&outcome.scenario.perturbations);
-    let clip = format!("scenario-{}.mp4", outcome.index);
-    let there = clips.path.join(&clip).is_file();
+fn scenario(number: u64, line: &Line, folder: &Path, clips: &ClipFolder) -> Scenario {
+    let (perturbation, level) = condition(&line.scenario.perturbations);
+    let outcome = &line.outcome;
     Scenario {
-        index: outcome.index,
-        name: outcome.scenario.name.clone(),
+        index: number,
+        name: line.name.clone(),
         perturbation,
         level,
-        road: None,
         verdict: match outcome.cause {
             Cause::Error => Verdict::Void,
             _ if outcome.success => Verdict::Passed,
@@ -93,80 +52,83 @@ fn scenario(outcome: &Outcome, folder: &Path, clips: &ClipFolder) -> Scenario {
         progress: outcome.progress,
         mean_error: outcome.mean_cross_track_error,
         max_error: outcome.max_cross_track_error,
-        path: outcome
-            .telemetry
-            .iter()
-            .map(|sample| {
-                let [x, _, z] = sample.state.position;
-                Position { x, z, error: sample.state.cross_track_error }
-            })
-            .collect(),
-        replay: super::replay(folder, outcome.index),
-        clip: if there { pdk_report::address(&format!("{}/{clip}", clips.address)) } else { String::new() },
-        shots: Vec::new(),
+        replay: shell::replay(folder, number),
+        clip: clips.address(number),
+        ..Scenario::default()
     }
 }
 
 /// The row and the column of a scenario: what perturbs it without the level, and the level, where all have the same.
-fn condition(specs: &[Spec]) -> (Option<String>, Option<f64>) {
-    let Some(first) = specs.first() else { return (None, None) };
-    let joined = |text: &dyn Fn(&Spec) -> String| specs.iter().map(text).collect::<Vec<_>>().join(" + ");
-    let level = first.level.constant().filter(|_| specs.iter().all(|spec| spec.level == first.level));
+fn condition(applied: &[AppliedPerturbation]) -> (Option<String>, Option<f64>) {
+    let Some(first) = applied.first() else { return (None, None) };
+    let joined = |text: &dyn Fn(&AppliedPerturbation) -> String| {
+        applied.iter().map(text).collect::<Vec<_>>().join(" + ")
+    };
+    let level = first.level.constant().filter(|_| applied.iter().all(|one| one.level == first.level));
     match level {
-        Some(_) => (Some(joined(&Spec::label)), level),
-        None => (Some(joined(&Spec::to_string)), None),
+        Some(_) => (Some(joined(&AppliedPerturbation::label)), level),
+        None => (Some(joined(&AppliedPerturbation::to_string)), None),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::clips::clip_folder;
     use super::*;
 
     #[test]
     fn a_level_that_all_share_is_the_column() {
-        let specs =
-            |texts: &[&str]| texts.iter().map(|text| Spec::parse(text, 0.0).unwrap()).collect::<Vec<_>>();
-        let of = |texts: &[&str]| condition(&specs(texts));
+        let of = |texts: &[&str]| {
+            let applied: Vec<_> =
+                texts.iter().map(|text| AppliedPerturbation::parse(text).unwrap()).collect();
+            condition(&applied)
+        };
         assert_eq!(of(&[]), (None, None));
         assert_eq!(of(&["fog@2,thick=3"]), (Some("fog,thick=3".into()), Some(2.0)));
         assert_eq!(of(&["fog@2", "rain@2"]), (Some("fog + rain".into()), Some(2.0)));
         assert_eq!(of(&["fog@2", "rain@1"]), (Some("fog@2 + rain@1".into()), None));
         let (name, level) = of(&[r#"fog@{"ramp":{"from":0,"to":4,"end":10}}"#]);
-        assert!(name.unwrap().starts_with("fog@{\"ramp\"") && level.is_none());
+        assert!(name.unwrap().starts_with("fog,level={\"ramp\"") && level.is_none());
     }
 
     #[test]
-    fn what_was_driven_otherwise_stands_apart_and_roads_are_shared() {
-        let outcome = |index: u64, mode: &str, waypoints: &str| -> Outcome {
+    fn what_was_driven_otherwise_stands_apart() {
+        let line = |mode: &str, light: &str| -> Line {
             let value = serde_json::json!({
-                "index": index, "mode": mode, "waypoints": waypoints, "success": false, "cause": "time_out",
-                "scenario": { "name": "x", "road": null, "perturbations": [], "duration": 1.0, "seed": null },
+                "id": "00".repeat(16), "name": "x", "images_every": 0, "success": false, "cause": "time_out",
                 "time": 1.0, "frames": 20, "progress": 0.5, "mean_cross_track_error": 0.1,
-                "max_cross_track_error": 0.2, "digest": "", "telemetry": [],
+                "max_cross_track_error": 0.2, "digest": "", "scenario": {
+                    "simulator": {"name": "lane", "parameters": {"light": light}}, "driver": {"name": "d"},
+                    "duration": 1.0, "seed": 0, "mode": mode,
+                },
             });
             serde_json::from_value(value).unwrap()
         };
-        let line = "0,0,0@1,5,20";
-        let outcomes = [
-            outcome(0, "lockstep", line),
-            outcome(1, "realtime", line),
-            outcome(2, "lockstep", line),
-            outcome(3, "lockstep", ""),
-            outcome(4, "lockstep", "0,0,inf"),
+        let lines = [
+            line("lockstep", "dusk"),
+            line("realtime", "dusk"),
+            line("lockstep", "dusk"),
+            line("lockstep", "day"),
         ];
-        let clips = ClipFolder { path: "/nonexistent".into(), address: "clips".into() };
-        let drives = drives(&outcomes, Path::new("run"), &clips);
-        let modes: Vec<_> = drives.iter().map(|drive| drive.mode.as_str()).collect();
-        assert_eq!(modes, ["lockstep", "real time"]);
-        assert_eq!(drives[0].roads, [[[0.0, 0.0], [1.0, 20.0]]]);
-        let roads: Vec<_> = drives[0].scenarios.iter().map(|scenario| scenario.road).collect();
-        assert_eq!(roads, [Some(0), Some(0), None, None]);
+        let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let clips = clip_folder(here, &here.join("report.html")).unwrap();
+        let drives = drives(&lines, Path::new("run"), &clips);
+        let told: Vec<_> = drives
+            .iter()
+            .map(|drive| {
+                let numbers: Vec<_> = drive.scenarios.iter().map(|scenario| scenario.index).collect();
+                (drive.simulator.as_str(), drive.mode.as_str(), numbers)
+            })
+            .collect();
+        let dusk = "lane (light=dusk)";
+        let expected = [
+            (dusk, "lockstep", vec![0, 2]),
+            (dusk, "real time", vec![1]),
+            ("lane (light=day)", "lockstep", vec![3]),
+        ];
+        assert_eq!(told, expected);
         assert_eq!(drives[0].scenarios[1].replay, "pdk replay run --scenario 2");
-        assert!(
-            drives
-                .iter()
-                .flat_map(|d| &d.scenarios)
-                .all(|s| s.verdict == Verdict::Failed && s.clip.is_empty())
-        );
+        let mut all = drives.iter().flat_map(|d| &d.scenarios);
+        assert!(all.all(|s| s.verdict == Verdict::Failed && s.clip.is_empty() && s.road.is_none()));
     }
 }

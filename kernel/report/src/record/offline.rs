@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind};
 
-use pdk_report::{Evaluation, EvaluationCell, WorstFrame};
+use pdk_core::directory::{RESULTS, RunDirectory};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::Control;
 use serde::Deserialize;
 
-use crate::record::{RESULTS, RunDirectory};
+use crate::view::{Evaluation, EvaluationCell, WorstFrame};
 
 /// Frames in the table of the worst.
 const WORST: usize = 12;

@@ -1,0 +1,118 @@
+//! Reads a record as a whole.
+
+use std::fs::{self, File};
+use std::io::{ErrorKind, Read as _, Seek, SeekFrom};
+use std::path::Path;
+
+use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SCENARIOS, SUMMARY};
+use pdk_core::ledger;
+use pdk_sdk::error::{Error, Place, Result};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use super::clips::clip_folder;
+use super::setup::{setup, title};
+use super::times::Performance;
+use super::{closed_loop, offline, traces};
+use crate::view::{Drive, Run};
+
+/// Failures whose last frames are shown.
+const SHOWN_FAILURES: usize = 6;
+
+/// What was read.
+#[derive(Debug)]
+pub struct Read {
+    /// What the page is about.
+    pub run: Run,
+    /// What could not be read, although the page does without it; one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Reads all that the page in this file says about a run.
+///
+/// # Errors
+/// Where the folder holds no record, the record is damaged, or nothing was recorded yet.
+pub fn read(folder: &Path, page: &Path) -> Result<Read> {
+    let directory = RunDirectory::open(folder)?;
+    let manifest = directory
+        .manifest()?
+        .ok_or_else(|| Error::new(format!("{} lost its {MANIFEST} while it was read", folder.display())))?;
+    // An offline run has no ledger.
+    let (lines, cut_off) = match folder.join(SCENARIOS).is_file() {
+        true => ledger::read(&directory)?,
+        false => (Vec::new(), false),
+    };
+    let evaluations = offline::read(&directory)?;
+    if lines.is_empty() && evaluations.is_empty() {
+        return Err(Error::new(format!(
+            "the record in {} holds no scenario and no result yet; wait for the first, or run the pipeline again",
+            folder.display()
+        )));
+    }
+    let unfinished = unfinished(&directory, lines.len(), cut_off, evaluations.len())?;
+    let mut drives = closed_loop::drives(&lines, folder, &clip_folder(folder, page)?);
+    let warnings = traces::add(&directory, &lines, &mut drives, SHOWN_FAILURES);
+    let performance: Option<Performance> = json(&directory, PERFORMANCE)?;
+    let run = Run {
+        title: title(&manifest),
+        folder: folder.display().to_string(),
+        started: performance.as_ref().map(|performance| performance.started_unix_seconds),
+        unfinished,
+        setup: setup(&manifest),
+        drives,
+        evaluations,
+        drive_times: performance.as_ref().and_then(Performance::drive),
+        evaluate_times: performance.as_ref().map(Performance::evaluations).unwrap_or_default(),
+    };
+    Ok(Read { run, warnings })
+}
+
+/// How many scenarios a page is about.
+pub fn scenarios(run: &Run) -> usize {
+    run.drives.iter().map(|drive: &Drive| drive.scenarios.len()).sum()
+}
+
+/// A JSON file of the record; none where it is not there.
+fn json<T: DeserializeOwned>(directory: &RunDirectory, name: &str) -> Result<Option<T>> {
+    let path = directory.path().join(name);
+    match fs::read(&path) {
+        Ok(text) => serde_json::from_slice(&text).map(Some).place(path.display()),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(Error::from(error).at(path.display())),
+    }
+}
+
+/// How the record shows that its run did not come to the end: the summary is written last, and knows all lines.
+fn unfinished(
+    directory: &RunDirectory,
+    scenarios: usize,
+    cut_off: bool,
+    evaluations: usize,
+) -> Result<Option<String>> {
+    let what = "What is said here is about the part that was recorded.";
+    for (name, cut_off) in
+        [(SCENARIOS, cut_off), (RESULTS, ends_within_a_line(&directory.path().join(RESULTS)))]
+    {
+        if cut_off {
+            return Ok(Some(format!("The last line of {name} is cut off and left out. {what}")));
+        }
+    }
+    let summary: Option<Value> = json(directory, SUMMARY)?;
+    let Some(summary) = summary else {
+        return Ok(Some(format!("It has no {SUMMARY}: it was ended early or is still going on. {what}")));
+    };
+    let known = |field: &str| summary[field].as_array().map_or(0, Vec::len);
+    let same = known("outcomes") == scenarios && known("evaluations") == evaluations;
+    Ok((!same).then(|| format!("Its {SUMMARY} does not know all that was recorded. {what}")))
+}
+
+/// Whether a file ends within a line.
+fn ends_within_a_line(path: &Path) -> bool {
+    let mut last = [b'\n'];
+    let read = File::open(path).and_then(|mut file| {
+        file.seek(SeekFrom::End(-1))?;
+        file.read_exact(&mut last)
+    });
+    // One that is not there or is empty has no line.
+    read.is_ok() && last != [b'\n']
+}
