@@ -178,7 +178,7 @@ impl LuaPerturbation {
                 Ok(image)
             }
             None => {
-                let mut pixels = LuaImage::new(lua, src.width(), src.height())?;
+                let mut pixels = LuaImage::for_frames(lua, src.width(), src.height())?;
                 pixels.frame_mut()?.copy_from(src);
                 lua.create_userdata(pixels)
             }

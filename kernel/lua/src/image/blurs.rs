@@ -1,6 +1,6 @@
 //! Blurs and what undoes them.
 
-use pdk_sdk::ops::zoom::{Enlargement, MAX_COUNT, MAX_STEP, zoom_blur};
+use pdk_sdk::ops::zoom::{Enlargement, MAX_STEP, zoom_blur};
 use pdk_sdk::ops::{Key, average, gaussian, low_pass, scatter, sharpen, unsharp};
 
 use super::argument::Argument;
@@ -13,6 +13,9 @@ const KERNEL_SIZE: Argument = Argument::number(
     1023.0,
     "width of the kernel in pixels; an even one counts as the next odd one",
 );
+
+/// More would take longer than a script has, on a frame as large as it may be.
+const MOST_ENLARGEMENTS: f64 = 128.0;
 
 /// What makes an image less sharp, or sharper.
 pub const OPERATIONS: &[Operation] = &[
@@ -69,7 +72,7 @@ pub const OPERATIONS: &[Operation] = &[
             Argument::number(
                 "count",
                 0.0,
-                MAX_COUNT,
+                MOST_ENLARGEMENTS,
                 "how many enlargements; a fraction is the weight of the last",
             ),
             Argument::number("step", 0.0, MAX_STEP, "difference between the factors of one and the next"),

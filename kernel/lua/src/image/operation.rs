@@ -56,7 +56,8 @@ impl Operation {
                 )));
             }
         };
-        let mut arguments = Arguments::read(&format!("image:{}", self.name), self.arguments, &values, &this)?;
+        let call = format!("image:{}", self.name);
+        let mut arguments = Arguments::read(&call, self.arguments, &values, &this)?;
         match self.work {
             Work::Draw(draw) => {
                 draw(this.borrow_mut::<LuaImage>()?.frame_mut()?, &mut arguments);
@@ -79,8 +80,8 @@ impl Operation {
                     true => arguments.given(name).map_or(own, |side| side as usize),
                     false => own,
                 };
-                let mut made =
-                    LuaImage::new(lua, side("width", image.width()), side("height", image.height()))?;
+                let (width, height) = (side("width", image.width()), side("height", image.height()));
+                let mut made = LuaImage::of_script(lua, &call, width, height)?;
                 Workspaces::lend(lua, |workspaces| {
                     make(image.frame()?, made.frame_mut()?, &mut arguments, workspaces);
                     Ok(())

@@ -6,6 +6,15 @@ use pdk_sdk::ops::{Frame, FrameMut};
 use crate::buffers::buffer_bytes;
 use crate::failure::is_memory;
 
+/// Images that a script makes may have that many pixels, so that no operation on one takes much longer than a second, or
+/// [`FRAMES`] times those of the frame, which then gives the script more time.
+const MOST_PIXELS: usize = 4 << 20;
+/// How many times as large as the frame an image may be.
+const FRAMES: usize = 4;
+
+/// The pixels of the frame at hand.
+struct FramePixels(usize);
+
 /// An 8-bit RGB image in the memory of a script: rows of pixels without gaps.
 pub struct LuaImage {
     width: usize,
@@ -24,10 +33,7 @@ unsafe impl Sync for LuaImage {}
 
 impl LuaImage {
     /// A black image.
-    ///
-    /// # Errors
-    /// Where the script is out of memory.
-    pub fn new(lua: &Lua, width: usize, height: usize) -> mlua::Result<Self> {
+    fn new(lua: &Lua, width: usize, height: usize) -> mlua::Result<Self> {
         let bytes = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(3));
         let bytes = bytes.filter(|&bytes| bytes > 0).ok_or_else(|| {
             mlua::Error::runtime(format!("an image of {width}x{height} pixels cannot be made"))
@@ -45,6 +51,31 @@ impl LuaImage {
         let (data, len) = buffer_bytes(lua, &pixels)?;
         debug_assert_eq!(len, bytes);
         Ok(Self { width, height, pixels, data })
+    }
+
+    /// The image that holds frames of this size; those that the script makes may be somewhat larger.
+    ///
+    /// # Errors
+    /// Where the script is out of memory.
+    pub fn for_frames(lua: &Lua, width: usize, height: usize) -> mlua::Result<Self> {
+        lua.set_app_data(FramePixels(width.saturating_mul(height)));
+        Self::new(lua, width, height)
+    }
+
+    /// A black image that the script makes.
+    ///
+    /// # Errors
+    /// Where it is too large, or the script is out of memory.
+    pub(super) fn of_script(lua: &Lua, call: &str, width: usize, height: usize) -> mlua::Result<Self> {
+        let frame = lua.app_data_ref::<FramePixels>().map_or(0, |pixels| pixels.0);
+        let most = frame.saturating_mul(FRAMES).max(MOST_PIXELS);
+        if width.saturating_mul(height) > most {
+            return Err(mlua::Error::runtime(format!(
+                "{call} makes an image of {width}x{height} pixels, but {most} pixels are allowed: 4 megapixels, or {FRAMES} \
+                 times the frame; make it smaller"
+            )));
+        }
+        Self::new(lua, width, height)
     }
 
     /// Width in pixels.

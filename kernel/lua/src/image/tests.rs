@@ -16,7 +16,9 @@ use pdk_sdk::ops::{
 use pdk_sdk::perturbation::Context;
 
 use super::operations;
-use crate::perturbation::tests::{apply_error, same};
+use crate::limits::Limits;
+use crate::perturbation::LuaPerturbation;
+use crate::perturbation::tests::{apply_error, body, key, make as make_perturbation, picture, run, same};
 
 /// What a case does in Rust: from the frame, with the random numbers of the frame.
 type Kernel = fn(Frame<'_>, FrameMut<'_>, &mut Random);
@@ -288,4 +290,49 @@ fn types_and_documentation_come_from_the_table() {
             operation.name
         );
     }
+}
+
+/// The longest operations on the largest image, which stay near the time that a script has.
+#[test]
+fn no_operation_goes_far_beyond_the_limit() {
+    let make = "local large = image:blank(2048, 2048)";
+    for call in [
+        "large:blur(1023)",
+        "large:low_pass(1023)",
+        "large:zoom_blur(128, 0.0001)",
+        "large:defocus_blur(128)",
+        "large:motion_blur(256, 256)",
+        "large:elastic(1000, 20, cx.frame_random)",
+        "large:scramble_phase(1, cx.frame_random)",
+        "large:poisson_noise(700, cx.frame_random)",
+        "large:canny(0, 0)",
+        "large:circle(0, 0, 1e300, 1, 2, 3)",
+        "large:line(-1e300, -1e300, 1e300, 1e299, 1, 2, 3)",
+        "large:resized(2048, 2048, 'area')",
+        "cx.frame_random:fill_normal(buffer.create(1.5e8))",
+    ] {
+        let start = std::time::Instant::now();
+        let mut perturbation =
+            make_perturbation(&body(&format!("{make} {call}")), Default::default()).unwrap();
+        let result = run(&mut perturbation, &picture(20, 10), &Context::new(2.0, 3, 0.1, &key()));
+        let took = start.elapsed();
+        assert!(took < std::time::Duration::from_secs(5), "{took:?}: {call}: {result:?}");
+    }
+}
+
+#[test]
+fn images_that_are_too_large_are_refused() {
+    assert_eq!(
+        apply_error("image:blank(4096, 2048)"),
+        "scripts/foo.lua:3: image:blank makes an image of 4096x2048 pixels, but 4194304 pixels are allowed: 4 megapixels, or 4 \
+         times the frame; make it smaller"
+    );
+    assert!(apply_error("image:zoom_blur(129, 0.1)").ends_with("to be from 0 to 128, but it is 129"));
+    // Four times a large frame.
+    let limits = Limits { memory_bytes: 1 << 30, ..Limits::default() };
+    let source = body("image:resized(2 * image.width, 2 * image.height) image:copy()");
+    let mut twice =
+        LuaPerturbation::new("foo.lua", source.as_bytes(), "foo", Default::default(), limits).unwrap();
+    let cx_key = key();
+    run(&mut twice, &FrameBuf::new(2000, 1500), &Context::new(2.0, 3, 0.1, &cx_key)).unwrap();
 }
