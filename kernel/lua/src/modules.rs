@@ -275,4 +275,6 @@ unsafe fn push_source(state: *mut ffi::lua_State) {
 }
 
 #[cfg(test)]
+mod library;
+#[cfg(test)]
 mod tests;
