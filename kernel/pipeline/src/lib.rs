@@ -31,4 +31,3 @@ pub mod settings;
 pub mod table;
 mod tables;
 mod values;
-mod tmpmod;
