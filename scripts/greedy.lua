@@ -7,6 +7,8 @@
 -- Roads that the driver does not manage with a clear view are left out. greedy.json in the record holds what the table
 -- shows.
 
+local study = require("@pdk/study")
+
 local settings = pdk.settings({
 	simulator = "lane",
 	driver = "dave2",
@@ -20,59 +22,8 @@ local settings = pdk.settings({
 	images_every = 10, -- every how many frames the record keeps an image; 0 for none
 })
 
--- Each value once, in the order in which they come.
-local function once<T>(values: { T }): { T }
-	local kept, seen = {}, {}
-	for _, value in values do
-		if not seen[value] then
-			seen[value] = true
-			table.insert(kept, value)
-		end
-	end
-	return kept
-end
-
-local names = once(settings.perturbations)
-if #names == 0 then
-	names = pdk.perturbations()
-end
-local levels = once(settings.levels)
-table.sort(levels)
-for _, name in { "roads", "attempts" } do
-	if settings[name] < 1 then
-		error(`{name} is {settings[name]}, but has to be at least 1`, 0)
-	end
-end
-if #levels == 0 then
-	error("levels is empty; name at least one from 0 to 4", 0)
-end
-
-local function drive(scenarios)
-	return pdk.drive({
-		simulator = settings.simulator,
-		driver = settings.driver,
-		duration = settings.duration,
-		images_every = settings.images_every,
-		scenarios = scenarios,
-	})
-end
-
-local nominal = {}
-for number = 1, settings.roads do
-	local seed = settings.road_seed + number - 1
-	local road = pdk.road({ seed = seed, limit = settings.limit, attempts = settings.attempts })
-	table.insert(nominal, { name = "nominal, road " .. number, road = road.road })
-end
-local driven, left_out = {}, {}
-for number, outcome in drive(nominal) do
-	if outcome.success then
-		table.insert(driven, { number = number, road = nominal[number].road, nominal = outcome.mean_cross_track_error })
-	else
-		print(`Road {number} is left out: without perturbation it ended with {outcome.cause}.`)
-		table.insert(left_out, { road = number, cause = outcome.cause })
-	end
-end
-
+local names, levels = study.checked(settings, { "roads", "attempts" })
+local driven, left_out = study.roads(settings)
 if #driven == 0 then
 	error("the driver managed no road without perturbation, so there is nothing to climb on", 0)
 end
@@ -98,7 +49,7 @@ for _, level in levels do
 		})
 	end
 	local still = {}
-	for i, outcome in drive(scenarios) do
+	for i, outcome in study.drive(settings, scenarios) do
 		local climber = racing[i]
 		table.insert(climber.mean_cross_track_error, { level = level, metres = outcome.mean_cross_track_error })
 		if outcome.success then
@@ -129,4 +80,8 @@ for _, climber in climbers do
 	climber.map = nil
 end
 pdk.table(header, rows)
-pdk.save("greedy.json", { results = climbers, roads = driven, left_out = left_out })
+local roads = {}
+for _, place in driven do
+	table.insert(roads, { number = place.number, road = place.road, nominal = place.mean_cross_track_error })
+end
+pdk.save("greedy.json", { results = climbers, roads = roads, left_out = left_out })

@@ -8,6 +8,8 @@
 -- holds what the table shows, and the failures by level. Each repeat draws everything random anew, which tells chance from
 -- effect, with drivers that do not always do the same also theirs.
 
+local study = require("@pdk/study")
+
 local settings = pdk.settings({
 	simulator = "lane",
 	driver = "dave2",
@@ -23,61 +25,8 @@ local settings = pdk.settings({
 	z = 1.96, -- standard deviations of the interval: 1.96 for 95 %
 })
 
--- Each value once, in the order in which they come.
-local function once<T>(values: { T }): { T }
-	local kept, seen = {}, {}
-	for _, value in values do
-		if not seen[value] then
-			seen[value] = true
-			table.insert(kept, value)
-		end
-	end
-	return kept
-end
-
-local names = once(settings.perturbations)
-if #names == 0 then
-	names = pdk.perturbations()
-end
-local levels = once(settings.levels)
-table.sort(levels)
-for _, name in { "roads", "attempts", "repeats" } do
-	if settings[name] < 1 then
-		error(`{name} is {settings[name]}, but has to be at least 1`, 0)
-	end
-end
-if #levels == 0 then
-	error("levels is empty; name at least one from 0 to 4", 0)
-end
-
-local function drive(scenarios)
-	return pdk.drive({
-		simulator = settings.simulator,
-		driver = settings.driver,
-		duration = settings.duration,
-		images_every = settings.images_every,
-		scenarios = scenarios,
-	})
-end
-
-local nominal, places = {}, {}
-for number = 1, settings.roads do
-	local seed = settings.road_seed + number - 1
-	local road = pdk.road({ seed = seed, limit = settings.limit, attempts = settings.attempts })
-	table.insert(nominal, { name = "nominal, road " .. number, road = road.road })
-	table.insert(places, { road = number, seed = seed, angles = road.angles })
-end
-local driven, left_out = {}, {}
-for number, outcome in drive(nominal) do
-	local place = places[number]
-	if outcome.success then
-		place.nominal_mean_cross_track_error = outcome.mean_cross_track_error
-		table.insert(driven, place)
-	else
-		print(`Road {number} is left out: without perturbation it ended with {outcome.cause}.`)
-		table.insert(left_out, { road = number, cause = outcome.cause })
-	end
-end
+local names, levels = study.checked(settings, { "roads", "attempts", "repeats" })
+local driven, left_out = study.roads(settings)
 if #driven == 0 then
 	error("the driver managed no road without perturbation, so there is nothing to compare with", 0)
 end
@@ -89,11 +38,11 @@ for _, name in names do
 			for number = 1, settings.repeats do
 				local again = if settings.repeats > 1 then `, repeat {number}` else ""
 				table.insert(scenarios, {
-					name = `{name}@{level}, road {place.road}{again}`,
-					road = nominal[place.road].road,
+					name = `{name}@{level}, road {place.number}{again}`,
+					road = place.road,
 					perturbations = { { name = name, level = level } },
 				})
-				table.insert(of, { name = name, level = level, nominal = place.nominal_mean_cross_track_error })
+				table.insert(of, { name = name, level = level, nominal = place.mean_cross_track_error })
 			end
 		end
 	end
@@ -107,7 +56,7 @@ for _, name in names do
 	end
 	table.insert(entries, by_name[name])
 end
-for i, outcome in drive(scenarios) do
+for i, outcome in study.drive(settings, scenarios) do
 	local entry = by_name[of[i].name]
 	if outcome.cause == "error" then
 		-- A component failed, which says nothing about the driver.
@@ -181,12 +130,21 @@ for i, level in levels do
 	table.insert(totals, { level, `{failures} of {count}`, if count > 0 then failures / count else "" })
 end
 pdk.table({ "level", "failed", "share" }, totals)
+local roads = {}
+for _, place in driven do
+	table.insert(roads, {
+		road = place.number,
+		seed = place.seed,
+		angles = place.angles,
+		nominal_mean_cross_track_error = place.mean_cross_track_error,
+	})
+end
 pdk.save("ranking.json", {
 	simulator = settings.simulator,
 	driver = settings.driver,
 	ranking = entries,
 	z = settings.z,
-	roads = driven,
+	roads = roads,
 	left_out = left_out,
 	not_driven = not_driven,
 })

@@ -32,10 +32,11 @@ for _, light in settings.lights do
 			local scenarios = {}
 			for number = 1, settings.roads do
 				local road = pdk.road({ seed = seed, limit = settings.limit, attempts = 1000 }).road
-				-- Every third road goes up and down by two metres.
+				-- Every third road goes up and down by two metres, with about 115 m from one crest to the next.
 				if number % 3 == 0 then
-					for i, point in road.waypoints do
-						point[2] = 2 * (math.sin(i / 14 + seed) - math.sin(seed))
+					road.heights = {}
+					for i in road.angles do
+						road.heights[i] = 2 * (math.sin(1.36 * i + seed) - math.sin(seed))
 					end
 				end
 				table.insert(scenarios, { name = `{light}, {markings}, road {seed}`, road = road, seed = seed })

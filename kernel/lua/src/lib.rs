@@ -10,6 +10,8 @@
 //! | [`limits`] | how much memory and time a script may use |
 //! | `watchdog` | ends calls that use up their time, or that somebody wants to stop |
 //! | `bounds` | keeps Luau's own library within the time limit |
+//! | `chunk` | compiles the text of a script |
+//! | [`modules`] | `require`, for pipelines; `places` finds the files |
 //! | `failure` | turns whatever a script raises into one sentence |
 //! | `arithmetic` | mathematical functions that give the same bits everywhere |
 //! | `power` | refuses the uses of `^` that would not |
@@ -31,12 +33,15 @@ mod arguments;
 mod arithmetic;
 mod bounds;
 mod buffers;
+mod chunk;
 pub mod declaration;
 mod failure;
 pub mod image;
 pub mod kept;
 pub mod limits;
+pub mod modules;
 pub mod perturbation;
+mod places;
 mod power;
 pub mod random;
 pub mod sandbox;
@@ -47,6 +52,7 @@ mod watchdog;
 pub use api::{ApiClass, ApiField, ApiFunction, ApiMethod, ApiProperty, ApiRecord, ApiTable};
 pub use kept::Kept;
 pub use limits::Limits;
+pub use modules::Modules;
 pub use perturbation::{LuaPerturbation, description, open, perturbation_api};
 pub use sandbox::Sandbox;
 pub use scripts::LuaScripts;

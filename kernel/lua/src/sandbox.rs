@@ -13,17 +13,14 @@
 use std::ffi::c_int;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use mlua::chunk::{ChunkMode, Compiler};
+use mlua::chunk::Compiler;
 use mlua::{Function, IntoLuaMulti, Lua, LuaOptions, MultiValue, StdLib, Value, ffi};
 use pdk_core::eprintln;
 use pdk_sdk::error::{Error, Result};
 
 use crate::limits::{Limits, MEMORY_VARIABLE, TIME_VARIABLE};
 use crate::watchdog::{Registration, Stop};
-use crate::{arithmetic, bounds, failure, power};
-
-/// The largest script, in bytes. The compiler's own memory is not limited, but proportional to this.
-const LARGEST_SCRIPT: usize = 1 << 20;
+use crate::{arithmetic, bounds, chunk, failure};
 
 /// A virtual machine for one script.
 pub struct Sandbox {
@@ -121,23 +118,8 @@ impl Sandbox {
     /// # Errors
     /// Names the line that cannot be compiled.
     pub fn load(&self, script: &str, source: &[u8]) -> Result<Function> {
-        if source.len() > LARGEST_SCRIPT {
-            return Err(Error::new(format!(
-                "{script}: the script has {} bytes, but {LARGEST_SCRIPT} are allowed; split it",
-                source.len()
-            )));
-        }
         failure::forget_location();
-        let function = self
-            .lua
-            .load(source)
-            .set_name(format!("@{script}"))
-            .set_mode(ChunkMode::Text)
-            .into_function()
-            .map_err(|error| self.explain(script, &error))?;
-        // After the compiler, which has the better messages for what is not Lua at all.
-        power::check(script, source)?;
-        Ok(function)
+        chunk::load(&self.lua, script, source, None).map_err(|error| self.explain(script, &error))
     }
 
     /// Calls a function of a script within the limits and returns its first result.

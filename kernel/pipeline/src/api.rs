@@ -1,15 +1,14 @@
 //! What a pipeline can call: the functions of the global `pdk`.
 
-use mlua::{ExternalError, Function, Lua, MultiValue, Table, Value as LuaValue};
+use mlua::{ExternalError, Lua, Value as LuaValue};
 use pdk_lua::types::{Declare, definitions};
-use pdk_lua::{ApiFunction, ApiTable, perturbation_api, without_clock};
-use pdk_model::component::ComponentSpec;
-use pdk_sdk::error::{Error, Result};
+use pdk_lua::{ApiFunction, ApiTable, perturbation_api};
+use pdk_sdk::error::Error;
 use serde_json::Value;
 
-use crate::host::Host;
+use crate::bridge::{call, frames_of, function, with_host};
 use crate::session_object::{SESSION, SessionObject};
-use crate::values::{from_lua, to_lua};
+use crate::values::from_lua;
 use crate::{levels, records};
 
 /// What a pipeline can call.
@@ -129,38 +128,6 @@ pub fn type_definitions() -> String {
     definitions(&everything())
 }
 
-/// A function of the host as a Lua function: values cross as JSON, and the time it takes is not the script's.
-fn function<const N: usize>(
-    lua: &Lua,
-    name: &'static str,
-    work: fn(&mut Host, [Value; N]) -> Result<Value>,
-) -> mlua::Result<Function> {
-    lua.create_function(move |lua, arguments: MultiValue| {
-        let mut given = arguments.into_iter();
-        let mut values = [const { Value::Null }; N];
-        for (number, value) in values.iter_mut().enumerate() {
-            let place = if N == 1 { name.to_owned() } else { format!("{name}: argument {}", number + 1) };
-            let argument = given.next().unwrap_or(LuaValue::Nil);
-            *value = from_lua(&argument, &place).map_err(ExternalError::into_lua_err)?;
-        }
-        call(lua, |host| work(host, values))
-    })
-}
-
-/// Calls the host, and hands its result to the script.
-pub(crate) fn call(lua: &Lua, work: impl FnOnce(&mut Host) -> Result<Value>) -> mlua::Result<LuaValue> {
-    let result = with_host(lua, work)?;
-    to_lua(lua, &result)
-}
-
-/// Calls the host. The time it takes is not the script's.
-pub(crate) fn with_host<T>(lua: &Lua, work: impl FnOnce(&mut Host) -> Result<T>) -> mlua::Result<T> {
-    let mut host = lua
-        .app_data_mut::<Host>()
-        .ok_or_else(|| Error::new("this function is there in pipelines only").into_lua_err())?;
-    without_clock(|| work(&mut host)).map_err(ExternalError::into_lua_err)
-}
-
 /// A request of `pdk.drive` in which no level is a function of time any more.
 fn frame_by_frame(lua: &Lua, request: &LuaValue) -> mlua::Result<LuaValue> {
     let Some(table) = request.as_table() else { return Ok(request.clone()) };
@@ -180,24 +147,6 @@ fn frame_by_frame(lua: &Lua, request: &LuaValue) -> mlua::Result<LuaValue> {
     }
     copy.raw_set("scenarios", evaluated)?;
     Ok(LuaValue::Table(copy))
-}
-
-/// Rate and duration of a scenario, with what it leaves to its defaults.
-pub(crate) fn frames_of(
-    lua: &Lua,
-    scenario: &Table,
-    defaults: &dyn Fn(&str) -> mlua::Result<LuaValue>,
-) -> mlua::Result<(f64, f64)> {
-    let field = |name: &str| match scenario.raw_get::<LuaValue>(name)? {
-        LuaValue::Nil => defaults(name),
-        own => Ok(own),
-    };
-    let simulator = from_lua(&field("simulator")?, "simulator").map_err(ExternalError::into_lua_err)?;
-    let simulator = ComponentSpec::from_json("simulator", &simulator).map_err(ExternalError::into_lua_err)?;
-    let duration = field("duration")?;
-    let duration = duration.as_f64().or(duration.as_i64().map(|whole| whole as f64));
-    let rate = with_host(lua, |host| host.rate(&simulator))?;
-    Ok((rate, duration.unwrap_or(pdk_model::scenario::DEFAULT_DURATION)))
 }
 
 #[cfg(test)]

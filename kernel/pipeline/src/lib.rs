@@ -6,7 +6,7 @@
 //! | module | subject |
 //! |---|---|
 //! | [`mod@run`] | runs a pipeline to its end |
-//! | [`api`] | what a pipeline can call; `session_object` is what `pdk.session` returns |
+//! | [`api`] | what a pipeline can call; `session_object` is what `pdk.session` returns; both over `bridge` |
 //! | [`host`] | what stands behind it: settings, session, record |
 //! | `requests` | what a pipeline writes, as scenarios and evaluations; `fields` reads tables, `values` crosses from Lua |
 //! | `levels` | levels that are functions of time |
@@ -17,6 +17,7 @@
 //! | [`records`] | the tables that pipelines write and read, as types for editors |
 
 pub mod api;
+mod bridge;
 mod evaluation;
 mod fields;
 pub mod host;
@@ -30,4 +31,3 @@ pub mod settings;
 pub mod table;
 mod tables;
 mod values;
-mod tmpmod;

@@ -8,7 +8,7 @@ use pdk_sdk::error::{Error, Result};
 use pdk_session::session::Ticket;
 use serde_json::Value;
 
-use crate::api::{call, frames_of, with_host};
+use crate::bridge::{call, frames_of, with_host};
 use crate::host::Host;
 use crate::levels;
 use crate::requests::Defaults;

@@ -14,7 +14,8 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | [`session`] | jobs to workers, outcomes to the ledger |
+//! | [`session`] | the handle that a pipeline holds; `dispatch` is its thread: jobs to workers, outcomes to the ledger |
+//! | [`submission`] | what goes in and comes out |
 //! | [`connection`] | the session's end of a conversation; where workers come from |
 //! | [`protocol`] | what the two say to each other, on `lines` |
 //! | [`worker`] | answers every job, whatever its process does |
@@ -27,6 +28,7 @@
 //! | [`interrupt`] | Ctrl-C |
 
 pub mod connection;
+mod dispatch;
 pub mod drive;
 mod engine;
 mod environment;
@@ -41,4 +43,5 @@ pub mod recent;
 mod recorder;
 pub mod session;
 pub mod stages;
+pub mod submission;
 pub mod worker;

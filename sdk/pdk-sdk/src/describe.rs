@@ -4,21 +4,7 @@ pub use pdk_model::level::LEVELS;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::config::Config;
 use crate::error::Result;
-
-/// What every component has, whatever its kind.
-pub trait Component: Sized {
-    /// Name, documentation and parameters.
-    fn description() -> Description;
-
-    /// Makes an instance. `config` has been checked against the description: every parameter has a value of the right
-    /// type and range.
-    ///
-    /// # Errors
-    /// Where the instance cannot be made: a file that cannot be read, values that do not go together.
-    fn new(config: &Config) -> Result<Self>;
-}
 
 /// The kinds of component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]

@@ -38,6 +38,7 @@
 //! that components take and return, such as scenarios, states and controls, are those of [`model`].
 
 pub mod abi;
+pub mod component;
 pub mod config;
 pub mod dataset;
 pub mod describe;
@@ -62,7 +63,8 @@ pub const SDK_VERSION: &str = env!("CARGO_PKG_VERSION");
 pub mod prelude {
     pub use crate::config::Config;
     pub use crate::dataset::{Dataset, Entry};
-    pub use crate::describe::{Component, Description, Kind, Parameter, Temporal};
+    pub use crate::component::Component;
+    pub use crate::describe::{Description, Kind, Parameter, Temporal};
     pub use crate::driver::{Control, DriveContext, Driver};
     pub use crate::error::{Error, ErrorKind, Result};
     pub use crate::perturbation::{Context, Perturbation};

@@ -24,7 +24,8 @@ use serde_json::{Map, Value};
 
 use crate::config::{Config, frame_values};
 use crate::dataset::Dataset;
-use crate::describe::{Component, Description, LEVELS};
+use crate::component::Component;
+use crate::describe::{Description, LEVELS};
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, Result};
 use crate::perturbation::{Context, Perturbation};

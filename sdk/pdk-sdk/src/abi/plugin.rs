@@ -18,7 +18,8 @@ use super::{
 };
 use crate::config::Config;
 use crate::dataset::Dataset;
-use crate::describe::{Component, Description};
+use crate::component::Component;
+use crate::describe::Description;
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, ErrorKind, Result};
 use crate::perturbation::{Context, Perturbation};

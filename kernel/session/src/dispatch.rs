@@ -1,0 +1,441 @@
+//! The session's thread: gives jobs to workers, writes the ledger, and answers.
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use pdk_core::directory::RunDirectory;
+use pdk_core::ledger::{Ledger, Line};
+use pdk_model::outcome::Outcome;
+use pdk_model::scenario::ScenarioId;
+use pdk_sdk::error::{Error, ErrorKind, Result};
+
+use crate::connection::Connection;
+use crate::interrupt::{self, Wish};
+use crate::lines::Found;
+use crate::protocol::{Answer, Drive, Driven, Failure, FromWorker, Hello, Job, Ready, VERSION, Work};
+use crate::submission::{Options, Performance, Reply, Submission, Ticket};
+
+/// How often a job is given away whose worker was lost.
+const TRIES: u32 = 3;
+/// How long a worker may take to leave that has nothing to do any more: longer than it gives its own process.
+const LEAVE: Duration = Duration::from_secs(12);
+/// How often the session looks up where nothing happens.
+const TICK: Duration = Duration::from_millis(50);
+
+/// What the handle sees of the thread's work.
+#[derive(Default)]
+pub struct Shared {
+    /// Frames that were driven or evaluated.
+    pub frames: AtomicU64,
+    /// What all scenarios took.
+    pub performance: Mutex<Performance>,
+}
+
+/// What the thread is told.
+pub enum Event {
+    /// Somebody wants something.
+    Submit(Ticket, Request),
+    /// Record scenarios in this folder from now on.
+    Record(Box<RunDirectory>, Ledger),
+    /// Put the ledger in order.
+    Finish(Sender<Result<()>>),
+    /// Nobody wants anything any more.
+    Close,
+    /// A worker says something, on this connection.
+    Worker(u64, Found<FromWorker>),
+}
+
+/// Something that somebody wants.
+pub enum Request {
+    /// A scenario, to be recorded.
+    Submission(Box<Submission>),
+    /// Anything else.
+    Work(Box<Work>),
+}
+
+/// A job and who waits for it.
+struct Task {
+    work: Work,
+    /// For a scenario that is recorded: what its line needs.
+    submission: Option<Box<Submission>>,
+    waiting: Vec<Ticket>,
+    /// How often it was given away.
+    tries: u32,
+}
+
+/// What the session's thread owns.
+pub struct Dispatch {
+    options: Options,
+    hello: Hello,
+    sender: Sender<Event>,
+    answers: Sender<(Ticket, Result<Reply>)>,
+    shared: Arc<Shared>,
+    record: Option<(RunDirectory, Ledger)>,
+    /// The scenarios in the order in which they were submitted first.
+    order: Vec<ScenarioId>,
+    connections: Vec<Connection>,
+    /// How many connections there were.
+    opened: u64,
+    tasks: HashMap<u64, Task>,
+    /// The scenarios among them.
+    scenarios: HashMap<ScenarioId, u64>,
+    next: u64,
+    queue: VecDeque<u64>,
+    /// Why nothing more can be done.
+    broken: Option<Error>,
+    /// Since when at least one slot has been at work.
+    busy_since: Option<Instant>,
+}
+
+impl Dispatch {
+    /// A dispatch that hears its workers through `sender`.
+    pub fn new(
+        options: Options,
+        sender: Sender<Event>,
+        answers: Sender<(Ticket, Result<Reply>)>,
+        shared: Arc<Shared>,
+    ) -> Self {
+        let hello = Hello {
+            protocol: VERSION,
+            run: options.run.clone(),
+            patience: options.limits.patience.as_secs_f64(),
+            memory: options.limits.memory,
+            search: options.search.absolute(),
+        };
+        Self {
+            options,
+            hello,
+            sender,
+            answers,
+            shared,
+            record: None,
+            order: Vec::new(),
+            connections: Vec::new(),
+            opened: 0,
+            tasks: HashMap::new(),
+            scenarios: HashMap::new(),
+            next: 0,
+            queue: VecDeque::new(),
+            broken: None,
+            busy_since: None,
+        }
+    }
+
+    /// Works until nobody wants anything any more; `introduce` is told what the first worker has.
+    pub fn serve(mut self, events: &Receiver<Event>, introduce: &Sender<Result<Ready>>) {
+        let mut introduce = Some(introduce);
+        if let Err(error) = self.connect() {
+            self.fail(error, &mut introduce);
+        }
+        let mut announced = Wish::None;
+        loop {
+            match events.recv_timeout(TICK) {
+                Ok(Event::Close) | Err(RecvTimeoutError::Disconnected) => break,
+                Ok(Event::Submit(ticket, request)) => self.submit(ticket, request),
+                Ok(Event::Record(directory, ledger)) => self.record = Some((*directory, ledger)),
+                Ok(Event::Finish(done)) => {
+                    let finished = match &mut self.record {
+                        Some((_, ledger)) => ledger.finish(&self.order),
+                        None => Ok(()),
+                    };
+                    // Whoever asked may have gone.
+                    let _ = done.send(finished);
+                }
+                Ok(Event::Worker(connection, found)) => {
+                    if let Err(error) = self.hear(connection, found, &mut introduce) {
+                        self.fail(error, &mut introduce);
+                    }
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            let wish = interrupt::wish();
+            if wish > announced {
+                announced = wish;
+                self.interrupted(wish);
+            }
+            if announced == Wish::None
+                && let Err(error) = self.give()
+            {
+                self.fail(error, &mut introduce);
+            }
+            self.measure();
+        }
+        self.leave();
+    }
+
+    /// Starts another worker.
+    fn connect(&mut self) -> Result<()> {
+        let taken: Vec<u32> = self.connections.iter().map(|connection| connection.first_slot).collect();
+        let free = (0..).find(|slot| !taken.contains(slot)).unwrap_or_default();
+        let number = self.opened;
+        self.opened += 1;
+        let connection = Connection::open(
+            &self.options.pool,
+            &self.hello,
+            number,
+            free,
+            self.sender.clone(),
+            Event::Worker,
+        )?;
+        self.connections.push(connection);
+        Ok(())
+    }
+
+    fn submit(&mut self, ticket: Ticket, request: Request) {
+        if let Some(error) = &self.broken {
+            return self.answer(ticket, Err(error.clone()));
+        }
+        if interrupt::wish() != Wish::None {
+            return self.answer(ticket, Err(interrupt::error()));
+        }
+        let (work, submission) = match request {
+            Request::Work(work) => (*work, None),
+            Request::Submission(submission) => match self.admit(ticket, &submission) {
+                Ok(Some(work)) => (work, Some(submission)),
+                Ok(None) => return,
+                Err(error) => return self.answer(ticket, Err(error)),
+            },
+        };
+        let number = self.next;
+        self.next += 1;
+        if let Some(submission) = &submission {
+            self.scenarios.insert(submission.scenario.id(), number);
+        }
+        self.tasks.insert(number, Task { work, submission, waiting: vec![ticket], tries: 0 });
+        self.queue.push_back(number);
+    }
+
+    /// What there is to do for a scenario; nothing where it is in the ledger, or being driven.
+    fn admit(&mut self, ticket: Ticket, submission: &Submission) -> Result<Option<Work>> {
+        let id = submission.scenario.id();
+        let Some((directory, ledger)) = &self.record else {
+            return Err(Error::new(
+                "a scenario was submitted before the record was opened, which is a defect in pdk",
+            ));
+        };
+        if let Some(number) = self.scenarios.get(&id)
+            && let Some(task) = self.tasks.get_mut(number)
+        {
+            task.waiting.push(ticket);
+            return Ok(None);
+        }
+        let known = ledger.get(&id)?;
+        let trace = directory.trace(&id)?;
+        self.order.push(id);
+        if let Some(line) = known {
+            self.answer(ticket, Ok(Reply::Recorded(Box::new(line), true)));
+            return Ok(None);
+        }
+        let Submission { scenario, name, images_every } = submission.clone();
+        let trace = Some(std::path::absolute(&trace).unwrap_or(trace));
+        Ok(Some(Work::Drive(Drive { scenario, name, trace, images_every, skips: None })))
+    }
+
+    /// Gives what waits to slots that have nothing to do, and starts workers while there are too few.
+    fn give(&mut self) -> Result<()> {
+        while let Some(number) = self.queue.front().copied() {
+            let free = self
+                .connections
+                .iter()
+                .enumerate()
+                .find_map(|(c, connection)| Some((c, connection.free_slot()?)));
+            let Some((place, slot)) = free else {
+                let starting =
+                    self.connections.iter().filter(|connection| connection.slots.is_none()).count();
+                if starting < self.queue.len() && self.connections.len() < self.options.pool.connections() {
+                    self.connect()?;
+                    continue;
+                }
+                return Ok(());
+            };
+            self.queue.pop_front();
+            let Some(task) = self.tasks.get_mut(&number) else { continue };
+            task.tries += 1;
+            let connection = &mut self.connections[place];
+            let job = Job { number, slot: connection.first_slot + slot as u32, work: task.work.clone() };
+            connection.give(slot, &job);
+        }
+        Ok(())
+    }
+
+    fn hear(
+        &mut self,
+        number: u64,
+        found: Found<FromWorker>,
+        introduce: &mut Option<&Sender<Result<Ready>>>,
+    ) -> Result<()> {
+        let Some(place) = self.connections.iter().position(|connection| connection.number == number) else {
+            return Ok(());
+        };
+        let name = self.options.pool.name();
+        match found {
+            Found::Message(FromWorker::Ready(ready)) => {
+                self.connections[place].ready(&ready, &self.options.pool)?;
+                if let Some(introduce) = introduce.take() {
+                    let _ = introduce.send(Ok(ready));
+                }
+                Ok(())
+            }
+            Found::Message(FromWorker::Progress(progress)) => {
+                self.shared.frames.fetch_add(progress.frames, Ordering::Relaxed);
+                Ok(())
+            }
+            Found::Message(FromWorker::Done(done)) => {
+                self.connections[place].release(done.number);
+                self.done(done.number, done.answer);
+                Ok(())
+            }
+            Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
+            Found::Nonsense(error) => {
+                Err(Error::of(ErrorKind::Nonsense, format!("{name} says what is not a message ({error})")))
+            }
+            Found::End => {
+                let mut connection = self.connections.remove(place);
+                let started = connection.slots.is_some();
+                let end = connection.wait(Duration::from_secs(1));
+                if !started {
+                    return Err(Error::of(
+                        ErrorKind::Lost,
+                        format!("{name} ended before it was ready ({end}); what it wrote above says why"),
+                    ));
+                }
+                self.lost(&connection, &end);
+                Ok(())
+            }
+        }
+    }
+
+    /// A worker is gone: what it was at is done again by another one.
+    fn lost(&mut self, connection: &Connection, end: &str) {
+        let _ = pdk_bus::sweep_run(&self.options.run);
+        for number in connection.jobs().into_iter().rev() {
+            let Some(task) = self.tasks.get(&number) else { continue };
+            if task.tries < TRIES {
+                self.queue.push_front(number);
+                continue;
+            }
+            let message =
+                format!("{} was lost {TRIES} times over it (the last: {end})", self.options.pool.name());
+            let answer = match &task.work {
+                Work::Drive(_) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
+                _ => Answer::Failed(Failure { kind: ErrorKind::Lost, message }),
+            };
+            self.done(number, answer);
+        }
+    }
+
+    fn done(&mut self, number: u64, answer: Answer) {
+        let Some(task) = self.tasks.get(&number) else { return };
+        match answer {
+            Answer::Driven(driven) => {
+                self.add_up(&driven);
+                let Some(submission) = &task.submission else {
+                    return self.finish(number, Ok(Reply::Driven(Box::new(driven))));
+                };
+                let line = line_of(submission, driven.outcome);
+                let written = match &mut self.record {
+                    Some((_, ledger)) => ledger.add(&line),
+                    None => Ok(()),
+                };
+                self.finish(number, written.map(|()| Reply::Recorded(Box::new(line), false)));
+            }
+            Answer::Evaluated(evaluated) => {
+                self.shared.frames.fetch_add(1, Ordering::Relaxed);
+                self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
+            }
+            Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
+            Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure.into()))),
+            Answer::Broken(failure) => self.finish(number, Err(failure.into())),
+        }
+    }
+
+    /// A task is over: everybody who waits for it gets the answer.
+    fn finish(&mut self, number: u64, answer: Result<Reply>) {
+        let Some(task) = self.tasks.remove(&number) else { return };
+        if let Some(submission) = &task.submission {
+            self.scenarios.remove(&submission.scenario.id());
+        }
+        for ticket in task.waiting {
+            self.answer(ticket, answer.clone());
+        }
+    }
+
+    fn answer(&self, ticket: Ticket, answer: Result<Reply>) {
+        // Whoever asked may have gone.
+        let _ = self.answers.send((ticket, answer));
+    }
+
+    fn add_up(&self, driven: &Driven) {
+        let mut performance = self.shared.performance.lock().unwrap_or_else(PoisonError::into_inner);
+        performance.times.add(&driven.times);
+        if driven.rate > 0.0 {
+            performance.simulated_seconds += driven.outcome.frames as f64 / driven.rate;
+        }
+        for warning in &driven.warnings {
+            *performance.warnings.entry(warning.clone()).or_default() += 1;
+        }
+    }
+
+    /// Adds up the time in which there is work, and the slots that have some.
+    fn measure(&mut self) {
+        let busy: usize = self.connections.iter().map(|connection| connection.jobs().len()).sum();
+        let mut performance = self.shared.performance.lock().unwrap_or_else(PoisonError::into_inner);
+        performance.slots = performance.slots.max(busy);
+        let now = Instant::now();
+        if let Some(since) = self.busy_since {
+            performance.wall_seconds += now.duration_since(since).as_secs_f64();
+        }
+        self.busy_since = (busy > 0).then_some(now);
+    }
+
+    /// Nothing more can be done: everybody is told so.
+    fn fail(&mut self, error: Error, introduce: &mut Option<&Sender<Result<Ready>>>) {
+        if let Some(introduce) = introduce.take() {
+            let _ = introduce.send(Err(error.clone()));
+        }
+        self.queue.clear();
+        let tasks: Vec<u64> = self.tasks.keys().copied().collect();
+        for number in tasks {
+            self.finish(number, Err(error.clone()));
+        }
+        self.connections.clear();
+        self.broken.get_or_insert(error);
+    }
+
+    /// The user wants an end.
+    fn interrupted(&mut self, wish: Wish) {
+        let dropped: Vec<u64> = match wish {
+            Wish::Drop => {
+                self.connections.clear();
+                self.tasks.keys().copied().collect()
+            }
+            Wish::Finish | Wish::None => self.queue.iter().copied().collect(),
+        };
+        self.queue.clear();
+        for number in dropped {
+            self.finish(number, Err(interrupt::error()));
+        }
+    }
+
+    /// Lets all workers go.
+    fn leave(&mut self) {
+        self.connections.iter_mut().for_each(Connection::close);
+        let until = Instant::now() + LEAVE;
+        for connection in &mut self.connections {
+            connection.wait(until.saturating_duration_since(Instant::now()));
+        }
+        self.connections.clear();
+        if let Some((directory, _)) = &self.record {
+            directory.remove_partial_traces();
+        }
+        let _ = pdk_bus::sweep_run(&self.options.run);
+    }
+}
+
+fn line_of(submission: &Submission, outcome: Outcome) -> Line {
+    let Submission { scenario, name, images_every } = submission.clone();
+    Line { id: scenario.id(), name, scenario, images_every, outcome }
+}

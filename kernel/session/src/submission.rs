@@ -1,0 +1,71 @@
+//! What goes into a session, and what comes out of it.
+
+use std::collections::BTreeMap;
+
+use pdk_core::ledger::Line;
+use pdk_core::search_path::SearchPath;
+use pdk_core::supervisor::Limits;
+use pdk_model::scenario::Scenario;
+use pdk_sdk::error::Error;
+
+use crate::connection::Pool;
+use crate::protocol::{Driven, Evaluated, Made};
+use crate::stages::Times;
+
+/// How a session works.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// The name of the run on the topics: letters, digits, dashes and underscores, unique on this machine.
+    pub run: String,
+    /// Where workers come from.
+    pub pool: Pool,
+    /// What the processes with components are held to.
+    pub limits: Limits,
+    /// Where components are looked for besides the usual places.
+    pub search: SearchPath,
+}
+
+/// A scenario to drive and record.
+#[derive(Debug, Clone)]
+pub struct Submission {
+    /// What to drive.
+    pub scenario: Scenario,
+    /// What it is called.
+    pub name: String,
+    /// Every how many frames an image goes into the trace; 0 for none.
+    pub images_every: u64,
+}
+
+/// Stands for something that was submitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Ticket(pub(crate) u64);
+
+/// What something that was submitted came to.
+#[derive(Debug, Clone)]
+pub enum Reply {
+    /// A scenario that was recorded: its line, and whether it was in the ledger already.
+    Recorded(Box<Line>, bool),
+    /// A scenario that was driven without being recorded.
+    Driven(Box<Driven>),
+    /// A frame of a dataset.
+    Evaluated(Box<Evaluated>),
+    /// A component.
+    Made(Made),
+    /// A component failed, so that there is no result.
+    Failed(Error),
+}
+
+/// What all scenarios took together.
+#[derive(Debug, Clone, Default)]
+pub struct Performance {
+    /// The stages of all steps.
+    pub times: Times,
+    /// Simulated time in seconds.
+    pub simulated_seconds: f64,
+    /// Wall time in seconds in which at least one worker was at work.
+    pub wall_seconds: f64,
+    /// The most slots that were at work at the same time.
+    pub slots: usize,
+    /// What was noticed, such as a component that changed the working directory, and how often.
+    pub warnings: BTreeMap<String, u64>,
+}
