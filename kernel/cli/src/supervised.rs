@@ -33,7 +33,8 @@ pub fn run() -> Result<ExitCode> {
         });
     }
     let limits = Limits { patience: PATIENCE, memory: DEFAULT_MEMORY };
-    let mut process = Supervised::start(command, limits, false).place("cannot start a process for components")?;
+    let mut process =
+        Supervised::start(command, limits, false).place("cannot start a process for components")?;
     let started = Instant::now();
     let end = loop {
         if let Some(end) = process.look().place("cannot look after the process of the components")? {

@@ -71,7 +71,9 @@ pub const API: ApiTable = ApiTable {
             signature: "(header: { string }, rows: { { any } }) -> ()",
             doc: "Prints a table of texts and numbers, one list a row.",
             make: |lua| {
-                function(lua, "pdk.table", |host, [header, rows]| host.table(&header, &rows).map(|()| Value::Null))
+                function(lua, "pdk.table", |host, [header, rows]| {
+                    host.table(&header, &rows).map(|()| Value::Null)
+                })
             },
         },
         ApiFunction {
@@ -80,7 +82,9 @@ pub const API: ApiTable = ApiTable {
             doc: "Writes a value into the run's record as a JSON file, after the first `drive`, `submit` or `evaluate`. The name \
                   ends in `.json` and is none of the record's own files.",
             make: |lua| {
-                function(lua, "pdk.save", |host, [name, value]| host.save(&name, &value).map(|()| Value::Null))
+                function(lua, "pdk.save", |host, [name, value]| {
+                    host.save(&name, &value).map(|()| Value::Null)
+                })
             },
         },
         ApiFunction {

@@ -95,7 +95,12 @@ enum Line {
         original: Control,
         perturbed: Control,
     },
-    Bad { evaluation: u64, index: usize, frame: String, error: String },
+    Bad {
+        evaluation: u64,
+        index: usize,
+        frame: String,
+        error: String,
+    },
 }
 
 /// What one frame came to.
@@ -123,7 +128,8 @@ impl Results {
         let (lines, text) = Lines::open(path)?;
         let mut recorded = VecDeque::new();
         for (number, line) in text.split_inclusive(|byte| *byte == b'\n').enumerate() {
-            let parsed = serde_json::from_slice(line).place(format_args!("{}:{}", path.display(), number + 1))?;
+            let parsed =
+                serde_json::from_slice(line).place(format_args!("{}:{}", path.display(), number + 1))?;
             recorded.push_back((parsed, line.len() as u64));
         }
         Ok(Self { lines, recorded, length: 0 })
@@ -144,7 +150,9 @@ impl Results {
             (Line::Result { .. }, _) => {
                 let fits = |(line, cell): (&(Line, u64), &AppliedPerturbation)| match &line.0 {
                     Line::Result { evaluation, index: at, label, level, .. } => {
-                        (*evaluation, *at) == (number, index) && *label == cell.label() && *level == level_of(cell)
+                        (*evaluation, *at) == (number, index)
+                            && *label == cell.label()
+                            && *level == level_of(cell)
                     }
                     Line::Bad { .. } => false,
                 };
@@ -230,7 +238,9 @@ pub fn evaluate(session: &mut Session, job: Job<'_>) -> Result<(Summary, Perform
         let Some(ticket) = under_way.pop_front() else { break };
         let frame = match session.wait(ticket, &mut |_| {})? {
             Reply::Evaluated(evaluated) => collector.evaluated(*evaluated),
-            Reply::Failed(error) => Frame::Bad(BadFrame { frame: format!("frame {index}"), error: error.to_string() }),
+            Reply::Failed(error) => {
+                Frame::Bad(BadFrame { frame: format!("frame {index}"), error: error.to_string() })
+            }
             _ => return Err(Error::new("a frame came to something else, which is a defect in pdk")),
         };
         results.add(collector.print(index, &frame)?)?;
@@ -389,7 +399,9 @@ mod tests {
         let mut collector = Collector::new(&cells, 0);
         let mut results = Results::open(&path).unwrap();
         for (index, frame) in
-            [good(0.1), Frame::Bad(BadFrame { frame: "b".into(), error: "cut".into() }), good(0.2)].iter().enumerate()
+            [good(0.1), Frame::Bad(BadFrame { frame: "b".into(), error: "cut".into() }), good(0.2)]
+                .iter()
+                .enumerate()
         {
             results.add(collector.print(index, frame).unwrap()).unwrap();
         }

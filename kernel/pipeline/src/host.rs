@@ -229,7 +229,10 @@ impl Host {
     pub(crate) fn rate(&mut self, simulator: &ComponentSpec) -> Result<f64> {
         let made = self.make(Kind::Simulator, simulator)?;
         made.camera.map(|camera| camera.rate).ok_or_else(|| {
-            Error::new(format!("the simulator `{}` did not tell its camera, which is a defect in pdk", simulator.name))
+            Error::new(format!(
+                "the simulator `{}` did not tell its camera, which is a defect in pdk",
+                simulator.name
+            ))
         })
     }
 
@@ -311,11 +314,17 @@ impl Host {
     fn open_dataset(&mut self, dataset: &DatasetSpec) -> Result<(ComponentSpec, usize)> {
         let frames = |made: Made| made.frames.unwrap_or_default();
         let path = match dataset {
-            DatasetSpec::Reader(reader) => return Ok((reader.clone(), frames(self.make(Kind::Dataset, reader)?))),
+            DatasetSpec::Reader(reader) => {
+                return Ok((reader.clone(), frames(self.make(Kind::Dataset, reader)?)));
+            }
             DatasetSpec::Path(path) => path,
         };
-        let readers: Vec<String> =
-            self.session.catalog().of_kind(Kind::Dataset).map(|entry| entry.description.name.clone()).collect();
+        let readers: Vec<String> = self
+            .session
+            .catalog()
+            .of_kind(Kind::Dataset)
+            .map(|entry| entry.description.name.clone())
+            .collect();
         let mut reasons = Vec::new();
         for name in readers {
             let parameters = Map::from_iter([("path".to_owned(), Value::String(path.clone()))]);
@@ -449,7 +458,10 @@ impl Host {
         let summary = json!({ "outcomes": outcomes, "evaluations": self.evaluations });
         let written = self.complete(&summary);
         if self.kept > 0 {
-            self.speed.insert(0, format!("{} of {} scenarios were in the record already", self.kept, self.outcomes.len()));
+            self.speed.insert(
+                0,
+                format!("{} of {} scenarios were in the record already", self.kept, self.outcomes.len()),
+            );
         }
         let scenarios = self.failed.first().map(|first| {
             Error::new(format!(
@@ -478,7 +490,10 @@ impl Host {
         }
         let stages = total.times.summary();
         // The times of the process that drove are worth more than those of one that did not.
-        if stages.steps == 0 && self.evaluation_times.is_empty() && directory.path().join(PERFORMANCE).is_file() {
+        if stages.steps == 0
+            && self.evaluation_times.is_empty()
+            && directory.path().join(PERFORMANCE).is_file()
+        {
             return Ok(());
         }
         if stages.overruns > 0 {

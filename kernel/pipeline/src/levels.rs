@@ -57,13 +57,7 @@ fn copied(lua: &Lua, table: &Table) -> mlua::Result<Table> {
 }
 
 /// `{ frames = { rate, levels } }` with the level of each frame from the start to the time limit.
-fn of_frames(
-    lua: &Lua,
-    name: &str,
-    level: &mlua::Function,
-    rate: f64,
-    duration: f64,
-) -> mlua::Result<Table> {
+fn of_frames(lua: &Lua, name: &str, level: &mlua::Function, rate: f64, duration: f64) -> mlua::Result<Table> {
     let count = (duration * rate).ceil() + 1.0;
     if !(count > 0.0 && count < MOST_FRAMES as f64) {
         return Err(mlua::Error::runtime(format!(
@@ -135,8 +129,9 @@ mod tests {
             ("return 4 + t", "is 4.05 at 0.05 s"),
             ("return 0 / 0", "is NaN at 0.00 s"),
         ] {
-            let script =
-                format!("return {{ perturbations = {{ {{ name = 'fog', level = function(t) {body} end }} }} }}");
+            let script = format!(
+                "return {{ perturbations = {{ {{ name = 'fog', level = function(t) {body} end }} }} }}"
+            );
             let scenario = lua.load(script).eval().unwrap();
             let error = evaluated(&lua, &scenario, |_| Ok((20.0, 1.0))).unwrap_err().to_string();
             let expected = format!("the level of `fog` {said}, but has to be a number from 0 to 4");

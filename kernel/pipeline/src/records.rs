@@ -119,7 +119,11 @@ const SCENARIO: ApiRecord = ApiRecord {
              left out.",
         ),
         field("simulator", "(string | Component)?", "The simulator, where it is not that of the request."),
-        field("driver", "(string | Component)?", "The driver under test, where it is not that of the request."),
+        field(
+            "driver",
+            "(string | Component)?",
+            "The driver under test, where it is not that of the request.",
+        ),
         field("images_every", "number?", "As in the request."),
         field("mode", "(\"lockstep\" | \"realtime\")?", "As in the request."),
     ],
@@ -136,7 +140,11 @@ const SESSION_REQUEST: ApiRecord = ApiRecord {
             "number?",
             "The time limit of a scenario in seconds of simulation time; 30 where it is left out.",
         ),
-        field("images_every", "number?", "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none."),
+        field(
+            "images_every",
+            "number?",
+            "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none.",
+        ),
         field("mode", "(\"lockstep\" | \"realtime\")?", "Whether the simulator waits for the driver."),
     ],
 };

@@ -209,11 +209,16 @@ mod tests {
     #[test]
     fn luck_follows_from_road_and_repeat() {
         let with = |scenario: Value| {
-            drive(json!({"simulator": "lane", "driver": "x", "scenarios": [{}, scenario]})).unwrap()[1].scenario.clone()
+            drive(json!({"simulator": "lane", "driver": "x", "scenarios": [{}, scenario]})).unwrap()[1]
+                .scenario
+                .clone()
         };
         let seed = |scenario: Value| with(scenario).seed;
         let nominal = seed(json!({"road": {"angles": [0, 1]}}));
-        assert_eq!(nominal, seed(json!({"road": {"angles": [0, 1.0]}, "perturbations": ["fog@1"], "name": "x"})));
+        assert_eq!(
+            nominal,
+            seed(json!({"road": {"angles": [0, 1.0]}, "perturbations": ["fog@1"], "name": "x"}))
+        );
         assert_ne!(nominal, seed(json!({"road": {"angles": [0, 2]}})));
         assert_ne!(nominal, seed(json!({"road": {"angles": [0, 1]}, "repeat": 1})));
         assert_eq!(seed(json!({"seed": 9_007_199_254_740_993_u64})), 9_007_199_254_740_993);
@@ -229,7 +234,10 @@ mod tests {
         );
         let no_scenarios = json!({"simulator": "lane", "driver": "x", "scenarios": []});
         assert!(error(no_scenarios).contains("`scenarios` is empty"));
-        assert_eq!(error(json!({"driver": "x", "scenarios": [{}]})), "pdk.drive: scenarios[1]: `simulator` is missing");
+        assert_eq!(
+            error(json!({"driver": "x", "scenarios": [{}]})),
+            "pdk.drive: scenarios[1]: `simulator` is missing"
+        );
         let with = |field: &str, value: Value| {
             let mut scenario = json!({});
             scenario[field] = value;

@@ -165,7 +165,8 @@ mod tests {
             (&json!(2), 134)
         );
         assert_eq!(given["road"]["segment"], json!(25.0));
-        let again = make(json!({"angles": given["road"]["angles"], "segment": given["road"]["segment"]}), 0).unwrap();
+        let again =
+            make(json!({"angles": given["road"]["angles"], "segment": given["road"]["segment"]}), 0).unwrap();
         assert_eq!(again, given);
         assert!((175.0..185.0).contains(&given["length"].as_f64().unwrap()));
         let random = |seed| make(json!({"attempts": 100}), seed).unwrap();

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use mlua::Value as LuaValue;
+use pdk_core::eprintln;
 use pdk_core::manifest::Pipeline;
 use pdk_core::search_path::{SearchPath, shipped};
-use pdk_core::eprintln;
 use pdk_lua::{Limits, Modules, Sandbox};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_session::interrupt;

@@ -50,9 +50,10 @@ impl SessionObject {
     }
 
     fn wait(&mut self, host: &mut Host, number: &Value) -> Result<Value> {
-        let ticket = number.as_u64().and_then(|number| self.tickets.get(&number)).copied().ok_or_else(|| {
-            Error::new(format!("session:wait takes what session:submit returned, not {number}"))
-        })?;
+        let ticket =
+            number.as_u64().and_then(|number| self.tickets.get(&number)).copied().ok_or_else(|| {
+                Error::new(format!("session:wait takes what session:submit returned, not {number}"))
+            })?;
         let outcome = host.wait(ticket)?;
         self.open.remove(&ticket);
         Ok(outcome)
@@ -78,7 +79,8 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
             signature: "(scenario: Scenario) -> number",
             doc: "Submits a scenario, and returns a ticket for its outcome without waiting.",
             add: |registry, name| {
-                registry.add_method_mut(name, |lua, session, scenario: LuaValue| session.submit(lua, &scenario));
+                registry
+                    .add_method_mut(name, |lua, session, scenario: LuaValue| session.submit(lua, &scenario));
             },
         },
         ApiMethod {

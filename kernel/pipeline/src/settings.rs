@@ -64,8 +64,8 @@ impl Common {
                 "seed" => common.seed = value.parse().map_err(|_| wrong("a whole number of at least 0"))?,
                 "workers" => {
                     let workers = value.parse().ok().filter(|n| (1..=MOST_WORKERS).contains(n));
-                    common.workers = workers
-                        .ok_or_else(|| wrong(&format!("a whole number from 1 to {MOST_WORKERS}")))?;
+                    common.workers =
+                        workers.ok_or_else(|| wrong(&format!("a whole number from 1 to {MOST_WORKERS}")))?;
                 }
                 "out" => common.out = Some(PathBuf::from(value)),
                 "patience" => {
@@ -246,8 +246,12 @@ mod tests {
     #[test]
     fn settings_of_every_pipeline_are_taken_out() {
         let read = |texts: &[&str]| Common::read(texts.iter().map(|text| text.parse().unwrap()).collect());
-        let (common, others) = read(&["seed=18446744073709551615", "a=1", "workers=3", "memory=100", "pool="]).unwrap();
-        assert_eq!((common.seed, common.workers, common.limits.memory, &common.pool), (u64::MAX, 3, 100, &None));
+        let (common, others) =
+            read(&["seed=18446744073709551615", "a=1", "workers=3", "memory=100", "pool="]).unwrap();
+        assert_eq!(
+            (common.seed, common.workers, common.limits.memory, &common.pool),
+            (u64::MAX, 3, 100, &None)
+        );
         assert_eq!(others, ["a=1".parse().unwrap()]);
         for (text, said) in [
             ("workers=10000", "--set workers: `10000` is not a whole number from 1 to 1024"),

@@ -75,17 +75,24 @@ fn read_table(table: &Table, place: &str, depth: usize) -> Result<Value> {
             LuaValue::Integer(_) | LuaValue::Number(_) => {
                 let index = key.as_f64().or(key.as_i64().map(|index| index as f64)).unwrap_or_default();
                 if index.fract() != 0.0 || index < 1.0 || index > length as f64 {
-                    return Err(Error::new(format!("{place} has a gap: its list has an entry {index} of {length}")));
+                    return Err(Error::new(format!(
+                        "{place} has a gap: its list has an entry {index} of {length}"
+                    )));
                 }
                 list.push(read(&value, &format!("{place}[{index}]"), depth + 1)?);
             }
             other => {
-                return Err(Error::new(format!("{place} has a {} as a key; keys are texts", other.type_name())));
+                return Err(Error::new(format!(
+                    "{place} has a {} as a key; keys are texts",
+                    other.type_name()
+                )));
             }
         }
     }
     match (list.is_empty(), fields.is_empty()) {
-        (false, false) => Err(Error::new(format!("{place} is a list and has fields as well; it can be one of the two"))),
+        (false, false) => {
+            Err(Error::new(format!("{place} is a list and has fields as well; it can be one of the two")))
+        }
         (_, true) => Ok(Value::Array(list)),
         (true, false) => {
             // A script's tables have no order that means anything.
@@ -107,10 +114,7 @@ mod tests {
     #[test]
     fn what_can_be_json_crosses() {
         let script = "return { b = { 1, 2.5, 'x' }, a = { c = true, d = {} }, e = -0 }";
-        assert_eq!(
-            read(script).unwrap().to_string(),
-            r#"{"a":{"c":true,"d":[]},"b":[1,2.5,"x"],"e":0}"#
-        );
+        assert_eq!(read(script).unwrap().to_string(), r#"{"a":{"c":true,"d":[]},"b":[1,2.5,"x"],"e":0}"#);
         assert_eq!(read("return 2^53").unwrap(), json!(9_007_199_254_740_992_i64));
         assert_eq!(read("return 1e300").unwrap(), json!(1e300));
     }

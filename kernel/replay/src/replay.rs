@@ -11,7 +11,7 @@ use pdk_core::manifest::Manifest;
 use pdk_core::search_path::SearchPath;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
-use pdk_session::interrupt;
+use pdk_session::interrupt::{self, Wish};
 use pdk_session::protocol::{Drive, Driven};
 use pdk_session::session::{Reply, Session, Ticket};
 use pdk_trace::reader::read_steps;
@@ -113,6 +113,7 @@ impl Replay {
         let replayed =
             Driving { replay: self, session: &mut session, folder: folder.path(), clip }.drive(progress);
         drop(session);
+        progress.finish_and_clear();
         let shown = folder.path().to_owned();
         if let Err(error) = folder.close() {
             pdk_core::eprintln!(
@@ -120,7 +121,13 @@ impl Replay {
                 shown.display()
             );
         }
-        replayed
+        match interrupt::wish() {
+            Wish::None => replayed,
+            // Whatever it was at, that is why it did not come to its end.
+            Wish::Finish | Wish::Drop => replayed.map_err(|error| {
+                Error::of(error.kind(), "the replay was interrupted; the record is as it was before")
+            }),
+        }
     }
 }
 
@@ -165,7 +172,6 @@ impl Driving<'_> {
             };
             compared.push(self.compare(recorded, &driven)?);
         }
-        progress.finish_and_clear();
         compared.sort_by_key(|compared| compared.number);
         let performance = self.session.performance();
         Ok(Replayed {

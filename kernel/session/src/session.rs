@@ -201,4 +201,3 @@ impl Drop for Session {
 fn gone() -> Error {
     Error::of(ErrorKind::Lost, "the session is over, which is a defect in pdk")
 }
-

@@ -3,8 +3,8 @@
 
 use std::{fs, io, path::PathBuf, process::ExitCode, time::Duration};
 
-use pdk_model::state::State;
 use pdk_bus::{FrameSample, LATEST, Message, Tap, Topic, monotonic_nanoseconds};
+use pdk_model::state::State;
 
 const USAGE: &str = "\
 Usage: tap [raw|perturbed|control|state] [--run ID] [--slot N] [--save FILE.ppm] [--wait SECONDS] [--count N]

@@ -91,8 +91,12 @@ impl Link {
     pub(crate) fn receive(&self) -> Result<Option<Message>, ReceiveError> {
         Ok(match &self.port {
             Port::Frame(port) => port.receive()?.map(|sample| Message::Frame(FrameSample { sample })),
-            Port::Control(port) => port.receive()?.map(|s| Message::Control(*s.user_header(), (*s.payload()).into())),
-            Port::State(port) => port.receive()?.map(|s| Message::State(*s.user_header(), (*s.payload()).into())),
+            Port::Control(port) => {
+                port.receive()?.map(|s| Message::Control(*s.user_header(), (*s.payload()).into()))
+            }
+            Port::State(port) => {
+                port.receive()?.map(|s| Message::State(*s.user_header(), (*s.payload()).into()))
+            }
         })
     }
 }

@@ -61,9 +61,9 @@ pub const SDK_VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Everything a component usually needs.
 pub mod prelude {
+    pub use crate::component::Component;
     pub use crate::config::Config;
     pub use crate::dataset::{Dataset, Entry};
-    pub use crate::component::Component;
     pub use crate::describe::{Description, Kind, Parameter, Temporal};
     pub use crate::driver::{Control, DriveContext, Driver};
     pub use crate::error::{Error, ErrorKind, Result};

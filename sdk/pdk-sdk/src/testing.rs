@@ -22,9 +22,9 @@ use pdk_model::component::ComponentSpec;
 use pdk_ops::{Frame, FrameBuf, FrameMut, Key};
 use serde_json::{Map, Value};
 
+use crate::component::Component;
 use crate::config::{Config, frame_values};
 use crate::dataset::Dataset;
-use crate::component::Component;
 use crate::describe::{Description, LEVELS};
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, Result};

@@ -103,7 +103,12 @@ fn is_video(input: &Path, output: &Path) -> Result<bool> {
     }
 }
 
-fn perturb_image(global: &Global, arguments: &Arguments, specs: &[AppliedPerturbation], mut chain: Chain) -> Result<()> {
+fn perturb_image(
+    global: &Global,
+    arguments: &Arguments,
+    specs: &[AppliedPerturbation],
+    mut chain: Chain,
+) -> Result<()> {
     let image = pdk_image::read(&arguments.image)?;
     let mut perturbed = FrameBuf::new(image.width(), image.height());
     chain.apply(image.as_ref(), perturbed.as_mut(), arguments.frame, arguments.time)?;
@@ -116,7 +121,12 @@ fn perturb_image(global: &Global, arguments: &Arguments, specs: &[AppliedPerturb
 }
 
 /// Sends the frames through the chain as one sequence. Only one frame is in memory at a time.
-fn perturb_video(global: &Global, arguments: &Arguments, specs: &[AppliedPerturbation], mut chain: Chain) -> Result<()> {
+fn perturb_video(
+    global: &Global,
+    arguments: &Arguments,
+    specs: &[AppliedPerturbation],
+    mut chain: Chain,
+) -> Result<()> {
     let place = format!("video `{}`", arguments.image.display());
     let mut reader = Reader::open_file(&arguments.image).place(&place)?;
     let rate = reader.rate();

@@ -82,8 +82,8 @@ fn check_clip(clip: &Path, scenarios: usize) -> Result<()> {
 fn limits(arguments: &Arguments) -> Result<Limits> {
     let seconds = arguments.patience;
     let patience = Duration::try_from_secs_f64(seconds).ok().filter(|limit| !limit.is_zero());
-    let patience =
-        patience.ok_or_else(|| Error::new(format!("--patience: {seconds} is no positive number of seconds")))?;
+    let patience = patience
+        .ok_or_else(|| Error::new(format!("--patience: {seconds} is no positive number of seconds")))?;
     Ok(Limits { patience, memory: arguments.memory })
 }
 

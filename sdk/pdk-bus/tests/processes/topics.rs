@@ -5,11 +5,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use pdk_bus::{Bus, LATEST, Message, SlotTopics, Tap, Topic, monotonic_nanoseconds, run_hash};
 use pdk_model::{control::Control, state::State};
-use pdk_bus::{
-    Bus, LATEST, Message, SlotTopics, Tap, Topic, monotonic_nanoseconds,
-    run_hash,
-};
 
 use crate::peer::{HEIGHT, Peer, SECOND, SOON, WIDTH, frame, is_intact, publish, stamp, unique};
 

@@ -16,9 +16,9 @@ use super::{
     RawDataset_TO, RawDriver, RawDriver_TO, RawEntry, RawFrame, RawFrameMut, RawHeatmap, RawPerturbation,
     RawPerturbation_TO, RawSaliency, RawSaliency_TO, RawSearch, RawSearch_TO, RawSimulator, RawSimulator_TO,
 };
+use crate::component::Component;
 use crate::config::Config;
 use crate::dataset::Dataset;
-use crate::component::Component;
 use crate::describe::Description;
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, ErrorKind, Result};

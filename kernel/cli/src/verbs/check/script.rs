@@ -164,7 +164,8 @@ impl Script<'_> {
 
     /// What any perturbation has to hold.
     fn rules(&self) -> Result<()> {
-        let mut make = |config: &Config| Ok(Box::new(pdk_lua::open(self.file, config)?) as Box<dyn Perturbation>);
+        let mut make =
+            |config: &Config| Ok(Box::new(pdk_lua::open(self.file, config)?) as Box<dyn Perturbation>);
         testing::check_perturbation(self.description, self.config, &mut make)
     }
 }
