@@ -12,7 +12,8 @@ fn verbs() -> Vec<String> {
     let list = help.lines().skip_while(|line| *line != "Commands:").skip(1);
     let list = list.take_while(|line| line.starts_with("  "));
     // What is indented further is the rest of a sentence.
-    let verbs = list.filter(|line| !line.starts_with("   ")).filter_map(|line| line.split_whitespace().next());
+    let verbs =
+        list.filter(|line| !line.starts_with("   ")).filter_map(|line| line.split_whitespace().next());
     verbs.filter(|verb| *verb != "help").map(str::to_owned).collect()
 }
 
@@ -362,7 +363,9 @@ fn a_road_is_told_in_numbers_as_text_and_drawn() {
     let angles = serde_json::json!([0.0, 30.0, 0.0, -30.0, 0.0, 0.0, 0.0, 0.0]);
     assert_eq!(json["road"], serde_json::json!({ "angles": angles, "segment": 25.0 }));
     let waypoints = json["waypoints"].as_str().unwrap().split('@');
-    assert!(waypoints.clone().all(|point| point.split(',').filter(|n| n.parse::<f64>().is_ok()).count() == 3));
+    assert!(
+        waypoints.clone().all(|point| point.split(',').filter(|n| n.parse::<f64>().is_ok()).count() == 3)
+    );
     // A point at least every metre and a half.
     assert!(waypoints.count() as f64 > json["length"].as_f64().unwrap() / 1.5);
     road(&["--limit", "99"]).fail(1, &["`limit` is 99", "from 0 to 90 degrees"]);
