@@ -40,6 +40,7 @@ for _, name in names do
 				table.insert(scenarios, {
 					name = `{name}@{level}, road {place.number}{again}`,
 					road = place.road,
+					["repeat"] = number - 1, -- luck of its own for each
 					perturbations = { { name = name, level = level } },
 				})
 				table.insert(of, { name = name, level = level, nominal = place.mean_cross_track_error })

@@ -70,8 +70,8 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::chain::Spec;
-    use crate::component::ComponentSpec;
+    use pdk_model::component::ComponentSpec;
+    use pdk_model::perturbation::AppliedPerturbation;
 
     fn plugin(components: Vec<Description>) -> std::result::Result<(), String> {
         let plugin = PluginDescription { name: "test".into(), version: "1.0.0".into(), components };
@@ -115,7 +115,8 @@ mod tests {
         for (key, value) in value.as_object().unwrap() {
             let table = json!({ "name": "fog", key: value });
             let parameter = || Parameter::number(key, 1.0, "x");
-            let taken = !Spec::from_json(&table, 2.0).is_ok_and(|spec| spec.parameters.contains_key(key));
+            let taken =
+                !AppliedPerturbation::from_json(&table).is_ok_and(|spec| spec.parameters.contains_key(key));
             let own = plugin(vec![Description::perturbation("fog", "x").parameter(parameter())]);
             assert_eq!(own.is_err(), taken, "{key}: {own:?}");
             let taken = !ComponentSpec::from_json("driver", &table).unwrap().parameters.contains_key(key);

@@ -233,7 +233,7 @@ pub fn read(directory: &RunDirectory) -> Result<(Vec<Line>, bool)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_model::outcome::Cause;
+    use pdk_model::error::ErrorKind;
     use serde_json::json;
 
     fn line(seed: u64) -> Line {
@@ -241,7 +241,7 @@ mod tests {
             "simulator": {"name": "lane"}, "driver": {"name": "dave2"}, "duration": 9.5, "seed": seed,
         }))
         .unwrap();
-        let outcome = Outcome { success: true, cause: Cause::Finished, ..Outcome::default() };
+        let outcome = Outcome::of_error(ErrorKind::Lost, "driver `x` is gone".to_owned());
         Line { id: scenario.id(), name: "nominal".to_owned(), scenario, images_every: 6, outcome }
     }
 

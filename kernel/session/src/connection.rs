@@ -130,7 +130,7 @@ impl Connection {
         }
         if let Some(input) = &mut self.input {
             // As above.
-            let _ = lines::write(input, &ToWorker::Job(job.clone()));
+            let _ = lines::write(input, &ToWorker::Job(Box::new(job.clone())));
         }
     }
 

@@ -9,7 +9,7 @@ use pdk_core::catalog::Catalog;
 use pdk_core::search_path::SearchPath;
 use pdk_model::component::ComponentSpec;
 use pdk_model::error::ErrorKind;
-use pdk_model::outcome::{Cause, Outcome};
+use pdk_model::outcome::Outcome;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::describe::Kind;
@@ -29,7 +29,7 @@ pub enum ToWorker {
     /// Who calls, and how scenarios are driven.
     Hello(Hello),
     /// Something to do.
-    Job(Job),
+    Job(Box<Job>),
 }
 
 /// The first message.
@@ -206,19 +206,7 @@ pub struct Driven {
 impl Driven {
     /// What becomes of a scenario whose process was lost after so many frames.
     pub fn lost(kind: ErrorKind, message: String, frames: u64) -> Self {
-        let outcome = Outcome {
-            success: false,
-            cause: Cause::Error,
-            error: Some(message),
-            error_kind: Some(kind),
-            time: 0.0,
-            frames,
-            skipped_frames: 0,
-            progress: 0.0,
-            mean_cross_track_error: 0.0,
-            max_cross_track_error: 0.0,
-            digest: String::new(),
-        };
+        let outcome = Outcome { frames, ..Outcome::of_error(kind, message) };
         Self { outcome, rate: 0.0, times: Times::default(), warnings: Vec::new() }
     }
 }

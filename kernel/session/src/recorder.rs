@@ -206,8 +206,7 @@ mod tests {
         assert!(scenario("missing/trace.mcap").is_err());
         for file in ["first.mcap", "second.mcap"] {
             scenario(file).unwrap();
-            let trace = std::fs::read(folder.join(file)).unwrap();
-            let images = mcap::MessageStream::new(&trace).unwrap().count();
+            let images = pdk_trace::reader::TraceReader::open(&folder.join(file)).unwrap().count();
             assert_eq!(images, 4 * IMAGES);
         }
         // Every buffer is back before the trace is complete.

@@ -77,7 +77,7 @@ struct Worker {
     generation: u64,
     /// Whether the session has heard of the components.
     introduced: bool,
-    job: Option<Job>,
+    job: Option<Box<Job>>,
     /// How often the job was begun.
     tries: u32,
 }
@@ -267,7 +267,7 @@ impl Worker {
             std::thread::sleep(Duration::from_millis(1));
         }
         drop(supervised);
-        if let Some(Job { work: Work::Drive(Drive { trace: Some(trace), .. }), .. }) = &self.job {
+        if let Some(Work::Drive(Drive { trace: Some(trace), .. })) = self.job.as_ref().map(|job| &job.work) {
             let _ = std::fs::remove_file(part_of(trace));
         }
         let _ = pdk_bus::sweep_run(&self.hello.run);

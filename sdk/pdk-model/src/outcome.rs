@@ -66,6 +66,25 @@ pub struct Outcome {
     pub digest: String,
 }
 
+impl Outcome {
+    /// That of a scenario in which a component failed before anything could be measured.
+    pub fn of_error(kind: ErrorKind, message: String) -> Self {
+        Self {
+            success: false,
+            cause: Cause::Error,
+            error: Some(message),
+            error_kind: Some(kind),
+            time: 0.0,
+            frames: 0,
+            skipped_frames: 0,
+            progress: 0.0,
+            mean_cross_track_error: 0.0,
+            max_cross_track_error: 0.0,
+            digest: String::new(),
+        }
+    }
+}
+
 fn is_zero(count: &u64) -> bool {
     *count == 0
 }
