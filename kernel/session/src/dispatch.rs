@@ -15,7 +15,7 @@ use pdk_sdk::error::{Error, ErrorKind, Result};
 use crate::connection::Connection;
 use crate::interrupt::{self, Wish};
 use crate::lines::Found;
-use crate::protocol::{Answer, Drive, Driven, Failure, FromWorker, Hello, Job, Ready, VERSION, Work};
+use crate::protocol::{Answer, Drive, Driven, FromWorker, Hello, Job, Ready, VERSION, Work};
 use crate::submission::{Options, Performance, Reply, Submission, Ticket};
 
 /// How often a job is given away whose worker was lost.
@@ -321,7 +321,7 @@ impl Dispatch {
                 format!("{} was lost {TRIES} times over it (the last: {end})", self.options.pool.name());
             let answer = match &task.work {
                 Work::Drive(_) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
-                _ => Answer::Failed(Failure { kind: ErrorKind::Lost, message }),
+                _ => Answer::Failed(Error::of(ErrorKind::Lost, message).into()),
             };
             self.done(number, answer);
         }
@@ -347,7 +347,7 @@ impl Dispatch {
                 self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
             }
             Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
-            Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure.into()))),
+            Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
             Answer::Broken(failure) => self.finish(number, Err(failure.into())),
         }
     }
