@@ -288,7 +288,7 @@ impl Host {
             evaluation: Evaluation { dataset: reader, driver, perturbations: cells, seed: self.common.seed },
             frames,
             number: self.evaluations.len() as u64,
-            workers: self.common.workers,
+            workers: self.session.slots(),
             results,
             progress: &mut |done| bar.set_position(done),
         };

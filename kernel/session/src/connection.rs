@@ -65,6 +65,10 @@ pub struct Connection {
     pub first_slot: u32,
     /// What each slot is busy with, once the process has said how many there are.
     pub slots: Option<Vec<Option<u64>>>,
+    /// When it was opened.
+    pub opened: Instant,
+    /// Whether the user has been told that it is waited for.
+    pub told: bool,
 }
 
 impl Connection {
@@ -93,7 +97,15 @@ impl Connection {
             .place("cannot start a thread")?;
         // Where it is gone already, its end is noticed like any other.
         let _ = lines::write(&mut input, &ToWorker::Hello(hello.clone()));
-        Ok(Self { child, input: Some(input), number, first_slot, slots: None })
+        Ok(Self {
+            child,
+            input: Some(input),
+            number,
+            first_slot,
+            slots: None,
+            opened: Instant::now(),
+            told: false,
+        })
     }
 
     /// Takes the answer to hello.
@@ -106,6 +118,14 @@ impl Connection {
                 "{} speaks version {} of the worker protocol, and this pdk version {VERSION}; use the same pdk at both ends",
                 pool.name(),
                 ready.protocol
+            )));
+        }
+        let version = env!("CARGO_PKG_VERSION");
+        if ready.pdk != version {
+            return Err(Error::new(format!(
+                "{} is of pdk {}, and this is pdk {version}; results could differ, so use the same pdk at both ends",
+                pool.name(),
+                ready.pdk
             )));
         }
         if ready.slots == 0 {

@@ -7,15 +7,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use pdk_core::directory::RunDirectory;
+use pdk_core::eprintln;
 use pdk_core::ledger::{Ledger, Line};
 use pdk_model::outcome::Outcome;
 use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 
-use crate::connection::Connection;
+use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
 use crate::lines::Found;
 use crate::protocol::{Answer, Drive, Driven, Failure, FromWorker, Hello, Job, Ready, VERSION, Work};
+use crate::recorder::write_trace;
 use crate::submission::{Options, Performance, Reply, Submission, Ticket};
 
 /// How often a job is given away whose worker was lost.
@@ -24,6 +26,10 @@ const TRIES: u32 = 3;
 const LEAVE: Duration = Duration::from_secs(12);
 /// How often the session looks up where nothing happens.
 const TICK: Duration = Duration::from_millis(50);
+/// How much longer than its calls may take a worker of this machine may take to be ready, or to say something of its job.
+const GRACE: Duration = Duration::from_secs(30);
+/// After so long the user is told what is being waited for.
+const TOLD: Duration = Duration::from_secs(10);
 
 /// What the handle sees of the thread's work.
 #[derive(Default)]
@@ -64,6 +70,8 @@ struct Task {
     waiting: Vec<Ticket>,
     /// How often it was given away.
     tries: u32,
+    /// When its worker last said something of it.
+    heard: Instant,
 }
 
 /// What the session's thread owns.
@@ -84,6 +92,8 @@ pub struct Dispatch {
     scenarios: HashMap<ScenarioId, u64>,
     next: u64,
     queue: VecDeque<u64>,
+    /// How many workers ended before they were ready.
+    failed_starts: u32,
     /// Why nothing more can be done.
     broken: Option<Error>,
     /// Since when at least one slot has been at work.
@@ -119,6 +129,7 @@ impl Dispatch {
             scenarios: HashMap::new(),
             next: 0,
             queue: VecDeque::new(),
+            failed_starts: 0,
             broken: None,
             busy_since: None,
         }
@@ -127,6 +138,8 @@ impl Dispatch {
     /// Works until nobody wants anything any more; `introduce` is told what the first worker has.
     pub fn serve(mut self, events: &Receiver<Event>, introduce: &Sender<Result<Ready>>) {
         let mut introduce = Some(introduce);
+        // What runs left in shared memory that were killed with all of their workers. What cannot be removed is in nobody's way.
+        let _ = pdk_bus::sweep();
         if let Err(error) = self.connect() {
             self.fail(error, &mut introduce);
         }
@@ -155,6 +168,12 @@ impl Dispatch {
             if wish > announced {
                 announced = wish;
                 self.interrupted(wish);
+                if let Some(introduce) = introduce.take() {
+                    let _ = introduce.send(Err(interrupt::error()));
+                }
+            }
+            if let Err(error) = self.look_for_silent() {
+                self.fail(error, &mut introduce);
             }
             if announced == Wish::None
                 && let Err(error) = self.give()
@@ -204,7 +223,10 @@ impl Dispatch {
         if let Some(submission) = &submission {
             self.scenarios.insert(submission.scenario.id(), number);
         }
-        self.tasks.insert(number, Task { work, submission, waiting: vec![ticket], tries: 0 });
+        self.tasks.insert(
+            number,
+            Task { work, submission, waiting: vec![ticket], tries: 0, heard: Instant::now() },
+        );
         self.queue.push_back(number);
     }
 
@@ -254,6 +276,7 @@ impl Dispatch {
             self.queue.pop_front();
             let Some(task) = self.tasks.get_mut(&number) else { continue };
             task.tries += 1;
+            task.heard = Instant::now();
             let connection = &mut self.connections[place];
             let job = Job { number, slot: connection.first_slot + slot as u32, work: task.work.clone() };
             connection.give(slot, &job);
@@ -281,6 +304,9 @@ impl Dispatch {
             }
             Found::Message(FromWorker::Progress(progress)) => {
                 self.shared.frames.fetch_add(progress.frames, Ordering::Relaxed);
+                if let Some(task) = self.tasks.get_mut(&progress.number) {
+                    task.heard = Instant::now();
+                }
                 Ok(())
             }
             Found::Message(FromWorker::Done(done)) => {
@@ -296,7 +322,10 @@ impl Dispatch {
                 let mut connection = self.connections.remove(place);
                 let started = connection.slots.is_some();
                 let end = connection.wait(Duration::from_secs(1));
-                if !started {
+                // Where others work, one that cannot be started is not the end.
+                self.failed_starts += u32::from(!started);
+                let alone = self.connections.iter().all(|connection| connection.slots.is_none());
+                if !started && (alone || self.failed_starts > TRIES) {
                     return Err(Error::of(
                         ErrorKind::Lost,
                         format!("{name} ended before it was ready ({end}); what it wrote above says why"),
@@ -308,11 +337,52 @@ impl Dispatch {
         }
     }
 
+    /// Ends what has been silent for longer than all of its calls may take: a worker of this machine says something five times a
+    /// second. A pool may take its time, such as a cluster that is busy; the user is told that it is waited for.
+    fn look_for_silent(&mut self) -> Result<()> {
+        let patience = self.options.limits.patience;
+        let Pool::Here(_) = self.options.pool else {
+            for connection in self.connections.iter_mut().filter(|connection| connection.slots.is_none()) {
+                if connection.opened.elapsed() > TOLD && !std::mem::replace(&mut connection.told, true) {
+                    eprintln!("pdk: waiting for {} to be ready", self.options.pool.name());
+                }
+            }
+            return Ok(());
+        };
+        let limit = |work: &Work| {
+            let calls = match work {
+                Work::Drive(_) | Work::Make(_) => 4,
+                Work::Evaluate(frame) => 4 + 2 * frame.evaluation.perturbations.len() as u32,
+            };
+            patience.saturating_mul(calls).saturating_add(GRACE)
+        };
+        let silent = self.connections.iter().position(|connection| {
+            let starting =
+                connection.slots.is_none() && connection.opened.elapsed() > patience.saturating_add(GRACE);
+            let late = |number: &u64| {
+                self.tasks.get(number).is_some_and(|task| task.heard.elapsed() > limit(&task.work))
+            };
+            starting || connection.jobs().iter().any(late)
+        });
+        let Some(place) = silent else { return Ok(()) };
+        let connection = self.connections.remove(place);
+        if connection.slots.is_none() {
+            let waited = connection.opened.elapsed().as_secs();
+            return Err(Error::of(ErrorKind::Late, format!("a worker has not been ready for {waited} s")));
+        }
+        self.lost(&connection, "it said nothing any more");
+        Ok(())
+    }
+
     /// A worker is gone: what it was at is done again by another one.
     fn lost(&mut self, connection: &Connection, end: &str) {
         let _ = pdk_bus::sweep_run(&self.options.run);
         for number in connection.jobs().into_iter().rev() {
             let Some(task) = self.tasks.get(&number) else { continue };
+            if interrupt::wish() != Wish::None {
+                self.finish(number, Err(interrupt::error()));
+                continue;
+            }
             if task.tries < TRIES {
                 self.queue.push_front(number);
                 continue;
@@ -320,7 +390,10 @@ impl Dispatch {
             let message =
                 format!("{} was lost {TRIES} times over it (the last: {end})", self.options.pool.name());
             let answer = match &task.work {
-                Work::Drive(_) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
+                Work::Drive(drive) => match write_trace(drive, &message) {
+                    Ok(()) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
+                    Err(error) => Answer::Broken(error.into()),
+                },
                 _ => Answer::Failed(Failure { kind: ErrorKind::Lost, message }),
             };
             self.done(number, answer);

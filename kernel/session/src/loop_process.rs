@@ -22,6 +22,8 @@ use crate::environment::Environment;
 use crate::lines::{self, Found};
 use crate::protocol::{Done, FromWorker, Hello, Progress, Ready, ToWorker, VERSION};
 
+/// How long taking leave of the components may take.
+const LEAVE: Duration = Duration::from_secs(10);
 /// How often progress is told.
 const PROGRESS: Duration = Duration::from_millis(200);
 
@@ -44,6 +46,9 @@ pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> 
                 }
                 found
             });
+            // The worker needs nothing any more. What does not leave by itself is made to.
+            std::thread::sleep(LEAVE);
+            leave_at_once();
         })
         .place("cannot start a thread")?;
 

@@ -12,12 +12,13 @@ use std::time::{Duration, Instant};
 use pdk_core::calls::Seen;
 use pdk_core::supervisor::{End, LOOK, Limits, Supervised};
 use pdk_sdk::error::{Error, Place, Result};
-use pdk_trace::writer::{Trace, part_of};
+use pdk_trace::writer::part_of;
 
 use crate::lines::{self, Found};
 use crate::protocol::{
     Answer, Done, Drive, Driven, Failure, FromWorker, Hello, Job, ToWorker, VERSION, Work,
 };
+use crate::recorder::write_trace;
 
 /// How often a job is done again whose process somebody else has killed.
 const TRIES: u32 = 3;
@@ -48,7 +49,7 @@ pub fn run() -> Result<()> {
     let patience = Duration::try_from_secs_f64(hello.patience)
         .map_err(|_| Error::new(format!("the patience is {} s, but has to be a time", hello.patience)))?;
     let limits = Limits { patience, memory: hello.memory };
-    Worker {
+    let mut worker = Worker {
         hello,
         limits,
         sender,
@@ -58,8 +59,11 @@ pub fn run() -> Result<()> {
         introduced: false,
         job: None,
         tries: 0,
-    }
-    .serve()
+    };
+    // The session tells the user. Where it is gone, all that is left is to leave.
+    let served = worker.serve().or_else(|error| say(&FromWorker::Failed(error.message().to_owned())));
+    worker.leave();
+    served
 }
 
 enum Event {
@@ -85,10 +89,12 @@ struct Worker {
 struct Process {
     supervised: Supervised,
     input: ChildStdin,
+    /// Since when it is over, although its output is still open.
+    over: Option<Instant>,
 }
 
 impl Worker {
-    fn serve(mut self) -> Result<()> {
+    fn serve(&mut self) -> Result<()> {
         self.start()?;
         let mut looked = Instant::now();
         loop {
@@ -103,10 +109,7 @@ impl Worker {
                     self.job = Some(job);
                     self.begin()?;
                 }
-                Some(Event::Session(Found::End)) => {
-                    self.leave();
-                    return Ok(());
-                }
+                Some(Event::Session(Found::End)) => return Ok(()),
                 Some(Event::Session(Found::Message(ToWorker::Hello(_)))) => {
                     return Err(Error::new("the session says `hello` twice"));
                 }
@@ -144,7 +147,7 @@ impl Worker {
             .place("cannot start a thread")?;
         // Where it is gone already, its end is noticed like any other.
         let _ = lines::write(&mut input, &ToWorker::Hello(self.hello.clone()));
-        self.process = Some(Process { supervised, input });
+        self.process = Some(Process { supervised, input, over: None });
         Ok(())
     }
 
@@ -195,11 +198,19 @@ impl Worker {
     /// Looks after the process.
     fn look(&mut self) -> Result<()> {
         let Some(process) = &mut self.process else { return Ok(()) };
-        match process.supervised.look().place("cannot look after the process of the components")? {
-            // What it said last may still be on its way, and tells more than its end.
-            Some(End::Done(_) | End::Exited(_) | End::Signal(_)) | None => Ok(()),
-            Some(end) => self.ended(&end),
+        let Some(end) = process.supervised.look().place("cannot look after the process of the components")?
+        else {
+            return Ok(());
+        };
+        if let End::Done(_) | End::Exited(_) | End::Signal(_) = end {
+            // What it said last may still be on its way, and tells more than its end; but a process that it started may hold its
+            // output open for ever.
+            let since = *process.over.get_or_insert_with(Instant::now);
+            if since.elapsed() < Duration::from_secs(1) {
+                return Ok(());
+            }
         }
+        self.ended(&end)
     }
 
     /// The process is over.
@@ -258,7 +269,7 @@ impl Worker {
     /// The session is gone, or needs no more.
     fn leave(&mut self) {
         let Some(process) = self.process.take() else { return };
-        let Process { mut supervised, input } = process;
+        let Process { mut supervised, input, .. } = process;
         drop(input);
         let started = Instant::now();
         // In the middle of a job it ends at once; else it takes leave of its components, which takes some time.
@@ -287,15 +298,6 @@ fn wait_or_kill(supervised: &mut Supervised) -> Result<End> {
             None => std::thread::sleep(Duration::from_millis(1)),
         }
     }
-}
-
-/// Writes a trace in the place of one that was not completed, so that equal failures leave equal records.
-fn write_trace(drive: &Drive, message: &str) -> Result<()> {
-    let Some(path) = &drive.trace else { return Ok(()) };
-    let mut trace = Trace::create(path)?;
-    trace.event(0.0, false, &drive.name)?;
-    trace.event(0.0, true, message)?;
-    trace.finish()
 }
 
 fn say(message: &FromWorker) -> Result<()> {
