@@ -56,6 +56,8 @@ pub struct Host {
     quiet: bool,
     settings: Option<Value>,
     directory: Option<RunDirectory>,
+    /// Whether the session has the ledger, which only scenarios need.
+    has_ledger: bool,
     /// The manifest that an earlier process left in the folder.
     earlier: Option<Manifest>,
     manifest: Option<Value>,
@@ -113,6 +115,7 @@ impl Host {
             quiet,
             settings: None,
             directory: None,
+            has_ledger: false,
             earlier: None,
             manifest: None,
             in_use: InUse::default(),
@@ -164,6 +167,7 @@ impl Host {
             self.check(scenario)?;
         }
         self.begin()?;
+        self.open_ledger()?;
         let mut tickets = Vec::with_capacity(submissions.len());
         for submission in submissions {
             let Scenario { simulator, duration, .. } = &submission.scenario;
@@ -398,7 +402,6 @@ impl Host {
     /// Writes down what is used from here on, before anything is computed with it.
     fn begin(&mut self) -> Result<()> {
         self.check_overrides()?;
-        let first = self.directory.is_none();
         let directory = self.open_directory()?;
         self.pipeline.modules = (self.modules)();
         let manifest = Manifest {
@@ -428,10 +431,16 @@ impl Host {
             directory.write_json(MANIFEST, &manifest)?;
             self.manifest = Some(manifest);
         }
-        if first {
+        Ok(())
+    }
+
+    /// Hands the session the ledger, so that it records scenarios.
+    fn open_ledger(&mut self) -> Result<()> {
+        if let (Some(directory), false) = (&self.directory, self.has_ledger) {
             directory.remove_partial_traces();
-            let ledger = Ledger::open(&directory)?;
-            self.session.record(directory, ledger);
+            let ledger = Ledger::open(directory)?;
+            self.session.record(directory.clone(), ledger);
+            self.has_ledger = true;
         }
         Ok(())
     }
