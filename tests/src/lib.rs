@@ -9,6 +9,8 @@ pub mod datasets;
 pub mod onnx;
 pub mod pictures;
 pub mod process;
+pub mod processes;
+pub mod records;
 
 use std::path::{Path, PathBuf};
 

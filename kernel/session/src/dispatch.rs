@@ -1,6 +1,6 @@
 //! The session's thread: gives jobs to workers, writes the ledger, and answers.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -76,6 +76,8 @@ pub struct Dispatch {
     record: Option<(RunDirectory, Ledger)>,
     /// The scenarios in the order in which they were submitted first.
     order: Vec<ScenarioId>,
+    /// Those that were driven, rather than found in the ledger.
+    driven: HashSet<ScenarioId>,
     connections: Vec<Connection>,
     /// How many connections there were.
     opened: u64,
@@ -113,6 +115,7 @@ impl Dispatch {
             shared,
             record: None,
             order: Vec::new(),
+            driven: HashSet::new(),
             connections: Vec::new(),
             opened: 0,
             tasks: HashMap::new(),
@@ -127,6 +130,8 @@ impl Dispatch {
     /// Works until nobody wants anything any more; `introduce` is told what the first worker has.
     pub fn serve(mut self, events: &Receiver<Event>, introduce: &Sender<Result<Ready>>) {
         let mut introduce = Some(introduce);
+        // What was killed with all of its workers has left its topics. Where they cannot be removed they are in nobody's way.
+        let _ = pdk_bus::sweep();
         if let Err(error) = self.connect() {
             self.fail(error, &mut introduce);
         }
@@ -154,7 +159,7 @@ impl Dispatch {
             let wish = interrupt::wish();
             if wish > announced {
                 announced = wish;
-                self.interrupted(wish);
+                self.interrupted(wish, &mut introduce);
             }
             if announced == Wish::None
                 && let Err(error) = self.give()
@@ -226,7 +231,8 @@ impl Dispatch {
         let trace = directory.trace(&id)?;
         self.order.push(id);
         if let Some(line) = known {
-            self.answer(ticket, Ok(Reply::Recorded(Box::new(line), true)));
+            let before = !self.driven.contains(&id);
+            self.answer(ticket, Ok(Reply::Recorded(Box::new(line), before)));
             return Ok(None);
         }
         let Submission { scenario, name, images_every } = submission.clone();
@@ -313,6 +319,11 @@ impl Dispatch {
         let _ = pdk_bus::sweep_run(&self.options.run);
         for number in connection.jobs().into_iter().rev() {
             let Some(task) = self.tasks.get(&number) else { continue };
+            if interrupt::wish() != Wish::None {
+                // Nothing is given away any more.
+                self.finish(number, Err(interrupt::error()));
+                continue;
+            }
             if task.tries < TRIES {
                 self.queue.push_front(number);
                 continue;
@@ -340,6 +351,7 @@ impl Dispatch {
                     Some((_, ledger)) => ledger.add(&line),
                     None => Ok(()),
                 };
+                self.driven.insert(line.id);
                 self.finish(number, written.map(|()| Reply::Recorded(Box::new(line), false)));
             }
             Answer::Evaluated(evaluated) => {
@@ -406,7 +418,11 @@ impl Dispatch {
     }
 
     /// The user wants an end.
-    fn interrupted(&mut self, wish: Wish) {
+    fn interrupted(&mut self, wish: Wish, introduce: &mut Option<&Sender<Result<Ready>>>) {
+        if let Some(introduce) = introduce.take() {
+            // Nothing has begun.
+            let _ = introduce.send(Err(interrupt::error()));
+        }
         let dropped: Vec<u64> = match wish {
             Wish::Drop => {
                 self.connections.clear();

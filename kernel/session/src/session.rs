@@ -129,6 +129,9 @@ impl Session {
                 self.open.remove(&ticket);
                 return answer;
             }
+            if !self.open.contains(&ticket) {
+                return Err(Error::new("what this came to was taken before, and is told once"));
+            }
             self.receive(tick)?;
         }
     }
