@@ -10,6 +10,8 @@ pub mod onnx;
 pub mod pictures;
 pub mod process;
 pub mod record;
+pub mod processes;
+pub mod records;
 
 use std::path::{Path, PathBuf};
 

@@ -15,6 +15,7 @@ use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
+use pdk_session::interrupt::{self, Wish};
 use pdk_session::protocol::{Evaluation, Made};
 use pdk_session::session::{Reply, Session, Submission, Ticket};
 use pdk_session::stages::LoopTimes;
@@ -462,6 +463,10 @@ impl Host {
     /// order is reported: that of the script, that of the record, those of scenarios, a setting that the pipeline does not
     /// have.
     pub fn finish(mut self, script: Result<()>) -> Finished {
+        let rest = match script.is_ok() || interrupt::wish() == Wish::Finish {
+            true => self.take_rest(),
+            false => Ok(()),
+        };
         self.progress.finish_and_clear();
         let outcomes: Vec<&Value> = self.outcomes.values().collect();
         let summary = json!({ "outcomes": outcomes, "evaluations": self.evaluations });
@@ -479,13 +484,29 @@ impl Host {
                 self.outcomes.len()
             ))
         });
-        let failures = [script.err(), written.err(), scenarios, self.check_overrides().err()];
+        let failures = [script.err(), rest.err(), written.err(), scenarios, self.check_overrides().err()];
         Finished {
             record: self.directory.as_ref().map(|directory| directory.path().to_owned()),
             summary,
             speed: self.speed,
             warnings: self.warnings,
             failure: failures.into_iter().flatten().next(),
+        }
+    }
+
+    /// Takes the outcomes that nobody has waited for: all where the script came to its end, and what was in flight where the user
+    /// interrupted it. After an error of the script there is nobody who wants them.
+    fn take_rest(&mut self) -> Result<()> {
+        let rest: BTreeSet<Ticket> =
+            self.submitted.keys().filter(|ticket| !self.outcomes.contains_key(ticket)).copied().collect();
+        let mut result = Ok(());
+        loop {
+            let (progress, spared) = (&self.progress, self.spared);
+            let next = self.session.next(&rest, &mut |frames| progress.set_position(frames + spared))?;
+            let Some((ticket, reply)) = next else { return result };
+            if let Err(error) = self.take(ticket, reply) {
+                result = result.and(Err(error));
+            }
         }
     }
 

@@ -71,7 +71,8 @@ impl SessionObject {
 /// Its class in Lua.
 pub const SESSION: ApiClass<SessionObject> = ApiClass {
     name: "Session",
-    doc: "Scenarios on their way to outcomes. What is submitted is driven as workers get free, while the pipeline goes on.",
+    doc: "Scenarios on their way to outcomes. What is submitted is driven as workers get free, while the pipeline goes on; what \
+          nobody has waited for is driven before the run ends.",
     properties: &[],
     methods: &[
         ApiMethod {

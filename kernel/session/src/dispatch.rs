@@ -1,6 +1,6 @@
 //! The session's thread: gives jobs to workers, writes the ledger, and answers.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -84,6 +84,8 @@ pub struct Dispatch {
     record: Option<(RunDirectory, Ledger)>,
     /// The scenarios in the order in which they were submitted first.
     order: Vec<ScenarioId>,
+    /// Those that were driven, rather than found in the ledger.
+    driven: HashSet<ScenarioId>,
     connections: Vec<Connection>,
     /// How many connections there were.
     opened: u64,
@@ -123,6 +125,7 @@ impl Dispatch {
             shared,
             record: None,
             order: Vec::new(),
+            driven: HashSet::new(),
             connections: Vec::new(),
             opened: 0,
             tasks: HashMap::new(),
@@ -167,10 +170,7 @@ impl Dispatch {
             let wish = interrupt::wish();
             if wish > announced {
                 announced = wish;
-                self.interrupted(wish);
-                if let Some(introduce) = introduce.take() {
-                    let _ = introduce.send(Err(interrupt::error()));
-                }
+                self.interrupted(wish, &mut introduce);
             }
             if let Err(error) = self.look_for_silent() {
                 self.fail(error, &mut introduce);
@@ -248,7 +248,8 @@ impl Dispatch {
         let trace = directory.trace(&id)?;
         self.order.push(id);
         if let Some(line) = known {
-            self.answer(ticket, Ok(Reply::Recorded(Box::new(line), true)));
+            let before = !self.driven.contains(&id);
+            self.answer(ticket, Ok(Reply::Recorded(Box::new(line), before)));
             return Ok(None);
         }
         let Submission { scenario, name, images_every } = submission.clone();
@@ -380,6 +381,7 @@ impl Dispatch {
         for number in connection.jobs().into_iter().rev() {
             let Some(task) = self.tasks.get(&number) else { continue };
             if interrupt::wish() != Wish::None {
+                // Nothing is given away any more.
                 self.finish(number, Err(interrupt::error()));
                 continue;
             }
@@ -413,6 +415,7 @@ impl Dispatch {
                     Some((_, ledger)) => ledger.add(&line),
                     None => Ok(()),
                 };
+                self.driven.insert(line.id);
                 self.finish(number, written.map(|()| Reply::Recorded(Box::new(line), false)));
             }
             Answer::Evaluated(evaluated) => {
@@ -479,7 +482,11 @@ impl Dispatch {
     }
 
     /// The user wants an end.
-    fn interrupted(&mut self, wish: Wish) {
+    fn interrupted(&mut self, wish: Wish, introduce: &mut Option<&Sender<Result<Ready>>>) {
+        if let Some(introduce) = introduce.take() {
+            // Nothing has begun.
+            let _ = introduce.send(Err(interrupt::error()));
+        }
         let dropped: Vec<u64> = match wish {
             Wish::Drop => {
                 self.connections.clear();
