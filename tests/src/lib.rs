@@ -9,7 +9,9 @@ pub mod datasets;
 pub mod onnx;
 pub mod pictures;
 pub mod process;
+pub mod processes;
 pub mod record;
+pub mod records;
 
 use std::path::{Path, PathBuf};
 

@@ -1,29 +1,39 @@
 //! The session's thread: gives jobs to workers, writes the ledger, and answers.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::{HashMap, HashSet, VecDeque};
+use std::os::unix::process::ExitStatusExt;
+use std::process::ExitStatus;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use pdk_core::directory::RunDirectory;
+use pdk_core::eprintln;
 use pdk_core::ledger::{Ledger, Line};
 use pdk_model::outcome::Outcome;
 use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 
-use crate::connection::Connection;
+use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
 use crate::lines::Found;
 use crate::protocol::{Answer, Drive, Driven, FromWorker, Hello, Job, Ready, VERSION, Work};
+use crate::recorder::write_trace;
 use crate::submission::{Options, Performance, Reply, Submission, Ticket};
 
-/// How often a job is given away whose worker was lost.
+/// How often a job is given away whose worker was lost, and a worker started that is killed before it is ready.
 const TRIES: u32 = 3;
 /// How long a worker may take to leave that has nothing to do any more: longer than it gives its own process.
 const LEAVE: Duration = Duration::from_secs(12);
+/// How long a worker may take to leave whose work nobody wants any more.
+const DROP: Duration = Duration::from_secs(3);
 /// How often the session looks up where nothing happens.
 const TICK: Duration = Duration::from_millis(50);
+/// How much longer than its calls may take a worker of this machine may take to be ready, or to say something of its job.
+const GRACE: Duration = Duration::from_secs(30);
+/// After so long the user is told what is being waited for.
+const TOLD: Duration = Duration::from_secs(10);
 
 /// What the handle sees of the thread's work.
 #[derive(Default)]
@@ -64,6 +74,8 @@ struct Task {
     waiting: Vec<Ticket>,
     /// How often it was given away.
     tries: u32,
+    /// When its worker last said something of it.
+    heard: Instant,
 }
 
 /// What the session's thread owns.
@@ -76,9 +88,13 @@ pub struct Dispatch {
     record: Option<(RunDirectory, Ledger)>,
     /// The scenarios in the order in which they were submitted first.
     order: Vec<ScenarioId>,
+    /// Those that were driven, rather than found in the ledger.
+    driven: HashSet<ScenarioId>,
     connections: Vec<Connection>,
     /// How many connections there were.
     opened: u64,
+    /// How many workers in a row were killed before they were ready.
+    stillborn: u32,
     tasks: HashMap<u64, Task>,
     /// The scenarios among them.
     scenarios: HashMap<ScenarioId, u64>,
@@ -113,8 +129,10 @@ impl Dispatch {
             shared,
             record: None,
             order: Vec::new(),
+            driven: HashSet::new(),
             connections: Vec::new(),
             opened: 0,
+            stillborn: 0,
             tasks: HashMap::new(),
             scenarios: HashMap::new(),
             next: 0,
@@ -127,6 +145,8 @@ impl Dispatch {
     /// Works until nobody wants anything any more; `introduce` is told what the first worker has.
     pub fn serve(mut self, events: &Receiver<Event>, introduce: &Sender<Result<Ready>>) {
         let mut introduce = Some(introduce);
+        // What runs left in shared memory that were killed with all of their workers. What cannot be removed is in nobody's way.
+        let _ = pdk_bus::sweep();
         if let Err(error) = self.connect() {
             self.fail(error, &mut introduce);
         }
@@ -154,7 +174,10 @@ impl Dispatch {
             let wish = interrupt::wish();
             if wish > announced {
                 announced = wish;
-                self.interrupted(wish);
+                self.interrupted(wish, &mut introduce);
+            }
+            if let Err(error) = self.look_for_silent() {
+                self.fail(error, &mut introduce);
             }
             if announced == Wish::None
                 && let Err(error) = self.give()
@@ -204,7 +227,10 @@ impl Dispatch {
         if let Some(submission) = &submission {
             self.scenarios.insert(submission.scenario.id(), number);
         }
-        self.tasks.insert(number, Task { work, submission, waiting: vec![ticket], tries: 0 });
+        self.tasks.insert(
+            number,
+            Task { work, submission, waiting: vec![ticket], tries: 0, heard: Instant::now() },
+        );
         self.queue.push_back(number);
     }
 
@@ -226,7 +252,8 @@ impl Dispatch {
         let trace = directory.trace(&id)?;
         self.order.push(id);
         if let Some(line) = known {
-            self.answer(ticket, Ok(Reply::Recorded(Box::new(line), true)));
+            let before = !self.driven.contains(&id);
+            self.answer(ticket, Ok(Reply::Recorded(Box::new(line), before)));
             return Ok(None);
         }
         let Submission { scenario, name, images_every } = submission.clone();
@@ -254,6 +281,7 @@ impl Dispatch {
             self.queue.pop_front();
             let Some(task) = self.tasks.get_mut(&number) else { continue };
             task.tries += 1;
+            task.heard = Instant::now();
             let connection = &mut self.connections[place];
             let job = Job { number, slot: connection.first_slot + slot as u32, work: task.work.clone() };
             connection.give(slot, &job);
@@ -274,6 +302,7 @@ impl Dispatch {
         match found {
             Found::Message(FromWorker::Ready(ready)) => {
                 self.connections[place].ready(&ready, &self.options.pool)?;
+                self.stillborn = 0;
                 if let Some(introduce) = introduce.take() {
                     let _ = introduce.send(Ok(ready));
                 }
@@ -281,6 +310,9 @@ impl Dispatch {
             }
             Found::Message(FromWorker::Progress(progress)) => {
                 self.shared.frames.fetch_add(progress.frames, Ordering::Relaxed);
+                if let Some(task) = self.tasks.get_mut(&progress.number) {
+                    task.heard = Instant::now();
+                }
                 Ok(())
             }
             Found::Message(FromWorker::Done(done)) => {
@@ -294,18 +326,62 @@ impl Dispatch {
             }
             Found::End => {
                 let mut connection = self.connections.remove(place);
-                let started = connection.slots.is_some();
                 let end = connection.wait(Duration::from_secs(1));
-                if !started {
-                    return Err(Error::of(
-                        ErrorKind::Lost,
-                        format!("{name} ended before it was ready ({end}); what it wrote above says why"),
-                    ));
+                if connection.slots.is_some() {
+                    self.lost(&connection, &said(end));
+                    return Ok(());
                 }
-                self.lost(&connection, &end);
-                Ok(())
+                // That came from outside, as a rule.
+                let killed = end.and_then(|status| status.signal()) == Some(libc::SIGKILL);
+                self.stillborn += 1;
+                if !killed || self.stillborn == TRIES {
+                    let sentence = format!(
+                        "{name} ended before it was ready ({}); what it wrote above says why",
+                        said(end)
+                    );
+                    return Err(Error::of(ErrorKind::Lost, sentence));
+                }
+                // Later ones are started where there is work for them.
+                if introduce.is_some() { self.connect() } else { Ok(()) }
             }
         }
+    }
+
+    /// Ends what has been silent for longer than all of its calls may take: a worker of this machine says something five times a
+    /// second. A pool may take its time, such as a cluster that is busy; the user is told that it is waited for.
+    fn look_for_silent(&mut self) -> Result<()> {
+        let patience = self.options.limits.patience;
+        let Pool::Here(_) = self.options.pool else {
+            for connection in self.connections.iter_mut().filter(|connection| connection.slots.is_none()) {
+                if connection.opened.elapsed() > TOLD && !std::mem::replace(&mut connection.told, true) {
+                    eprintln!("pdk: waiting for {} to be ready", self.options.pool.name());
+                }
+            }
+            return Ok(());
+        };
+        let limit = |work: &Work| {
+            let calls = match work {
+                Work::Drive(_) | Work::Make(_) => 4,
+                Work::Evaluate(frame) => 4 + 2 * frame.evaluation.perturbations.len() as u32,
+            };
+            patience.saturating_mul(calls).saturating_add(GRACE)
+        };
+        let silent = self.connections.iter().position(|connection| {
+            let starting =
+                connection.slots.is_none() && connection.opened.elapsed() > patience.saturating_add(GRACE);
+            let late = |number: &u64| {
+                self.tasks.get(number).is_some_and(|task| task.heard.elapsed() > limit(&task.work))
+            };
+            starting || connection.jobs().iter().any(late)
+        });
+        let Some(place) = silent else { return Ok(()) };
+        let connection = self.connections.remove(place);
+        if connection.slots.is_none() {
+            let waited = connection.opened.elapsed().as_secs();
+            return Err(Error::of(ErrorKind::Late, format!("a worker has not been ready for {waited} s")));
+        }
+        self.lost(&connection, "it said nothing any more");
+        Ok(())
     }
 
     /// A worker is gone: what it was at is done again by another one.
@@ -313,6 +389,11 @@ impl Dispatch {
         let _ = pdk_bus::sweep_run(&self.options.run);
         for number in connection.jobs().into_iter().rev() {
             let Some(task) = self.tasks.get(&number) else { continue };
+            if interrupt::wish() != Wish::None {
+                // Nothing is given away any more.
+                self.finish(number, Err(interrupt::error()));
+                continue;
+            }
             if task.tries < TRIES {
                 self.queue.push_front(number);
                 continue;
@@ -320,7 +401,10 @@ impl Dispatch {
             let message =
                 format!("{} was lost {TRIES} times over it (the last: {end})", self.options.pool.name());
             let answer = match &task.work {
-                Work::Drive(_) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
+                Work::Drive(drive) => match write_trace(drive, &message) {
+                    Ok(()) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
+                    Err(error) => Answer::Broken(error.into()),
+                },
                 _ => Answer::Failed(Error::of(ErrorKind::Lost, message).into()),
             };
             self.done(number, answer);
@@ -340,6 +424,7 @@ impl Dispatch {
                     Some((_, ledger)) => ledger.add(&line),
                     None => Ok(()),
                 };
+                self.driven.insert(line.id);
                 self.finish(number, written.map(|()| Reply::Recorded(Box::new(line), false)));
             }
             Answer::Evaluated(evaluated) => {
@@ -401,15 +486,19 @@ impl Dispatch {
         for number in tasks {
             self.finish(number, Err(error.clone()));
         }
-        self.connections.clear();
+        self.let_go(DROP);
         self.broken.get_or_insert(error);
     }
 
     /// The user wants an end.
-    fn interrupted(&mut self, wish: Wish) {
+    fn interrupted(&mut self, wish: Wish, introduce: &mut Option<&Sender<Result<Ready>>>) {
+        if let Some(introduce) = introduce.take() {
+            // Nothing has begun.
+            let _ = introduce.send(Err(interrupt::error()));
+        }
         let dropped: Vec<u64> = match wish {
             Wish::Drop => {
-                self.connections.clear();
+                self.let_go(DROP);
                 self.tasks.keys().copied().collect()
             }
             Wish::Finish | Wish::None => self.queue.iter().copied().collect(),
@@ -420,19 +509,29 @@ impl Dispatch {
         }
     }
 
-    /// Lets all workers go.
-    fn leave(&mut self) {
+    /// Says to all workers that there are no more jobs, and ends those that have not left by then.
+    fn let_go(&mut self, limit: Duration) {
         self.connections.iter_mut().for_each(Connection::close);
-        let until = Instant::now() + LEAVE;
+        let until = Instant::now() + limit;
         for connection in &mut self.connections {
             connection.wait(until.saturating_duration_since(Instant::now()));
         }
         self.connections.clear();
+    }
+
+    /// Ends the session.
+    fn leave(&mut self) {
+        self.let_go(LEAVE);
         if let Some((directory, _)) = &self.record {
             directory.remove_partial_traces();
         }
         let _ = pdk_bus::sweep_run(&self.options.run);
     }
+}
+
+/// How a worker ended, in words.
+fn said(end: Option<ExitStatus>) -> String {
+    end.map_or_else(|| "it did not end by itself".to_owned(), |status| status.to_string())
 }
 
 fn line_of(submission: &Submission, outcome: Outcome) -> Line {

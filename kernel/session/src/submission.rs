@@ -42,7 +42,7 @@ pub struct Ticket(pub(crate) u64);
 /// What something that was submitted came to.
 #[derive(Debug, Clone)]
 pub enum Reply {
-    /// A scenario that was recorded: its line, and whether it was in the ledger already.
+    /// A scenario that was recorded: its line, and whether that was in the ledger before the session.
     Recorded(Box<Line>, bool),
     /// A scenario that was driven without being recorded.
     Driven(Box<Driven>),

@@ -39,7 +39,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     common.seed = arguments.seed.unwrap_or(common.seed);
     common.workers = arguments.workers.map_or(common.workers, |workers| workers as usize);
     common.out = arguments.out.clone().or(common.out);
-    common.pool = arguments.pool.clone().or(common.pool);
+    common.pool = arguments.pool.clone().or(common.pool).filter(|command| !command.is_empty());
     let options = Options { common, overrides, search: global.search_path(), quiet: global.json };
     let finished = run::run(&arguments.pipeline, options)?;
     for warning in &finished.warnings {

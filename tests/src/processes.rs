@@ -1,0 +1,143 @@
+//! Processes of a run, found by the environment that they were started in, and what they leave in shared memory.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ExitStatus};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+/// Where the system keeps what processes share.
+const SHARED_MEMORY: &str = "/dev/shm";
+
+/// A folder for the topics of one test, so that what lies in it is of its runs and of nobody else's.
+pub struct BusFolder {
+    folder: tempfile::TempDir,
+}
+
+impl BusFolder {
+    /// Makes one.
+    ///
+    /// # Panics
+    /// Where it cannot be made.
+    #[allow(clippy::new_without_default)]
+    pub fn new() -> Self {
+        Self {
+            folder: tempfile::Builder::new().prefix("pt").rand_bytes(4).tempdir_in(SHARED_MEMORY).unwrap(),
+        }
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// The environment variable that tells `pdk` of it.
+    pub fn variable(&self) -> (&'static str, &Path) {
+        (pdk_bus::BASE_VARIABLE, self.path())
+    }
+
+    /// The processes that were started with this folder and live, but for those that are waiting for their parent only.
+    pub fn processes(&self) -> Vec<Process> {
+        let wanted = format!("{}={}", pdk_bus::BASE_VARIABLE, self.path().display());
+        let mut found = all();
+        found.retain(|process| {
+            let environment = fs::read(format!("/proc/{}/environ", process.id)).unwrap_or_default();
+            environment.split(|&byte| byte == 0).any(|variable| variable == wanted.as_bytes())
+        });
+        found
+    }
+
+    /// What the buses in it have in memory: their folders, and the files that belong to them.
+    ///
+    /// # Panics
+    /// Where the folder cannot be read.
+    pub fn left(&self) -> Vec<PathBuf> {
+        fs::read_dir(self.path()).unwrap().map(|entry| entry.unwrap().path()).collect()
+    }
+}
+
+/// The files of buses in shared memory, of whichever run.
+pub fn shared_memory() -> Vec<PathBuf> {
+    let files = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten().map(|entry| entry.path());
+    let ours =
+        |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("pdk_"));
+    files.filter(ours).collect()
+}
+
+/// A process.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Process {
+    /// Its number.
+    pub id: u32,
+    /// The number of its parent.
+    pub parent: u32,
+    /// Its arguments, with blanks between them.
+    pub command: String,
+}
+
+impl Process {
+    /// Sends it a signal; it may be gone already.
+    pub fn signal(&self, signal: Signal) {
+        let _ = kill_process(pid(self.id), signal);
+    }
+}
+
+/// All processes but those that are waiting for their parent only.
+fn all() -> Vec<Process> {
+    let ids = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let ids = ids.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+    ids.filter_map(|id: u32| {
+        let status = fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
+        // Behind the name, which is in brackets: the state and the parent.
+        let mut fields = status.rsplit(')').next()?.split_whitespace();
+        let (state, parent) = (fields.next()?, fields.next()?.parse().ok()?);
+        let command = fs::read(format!("/proc/{id}/cmdline")).ok()?;
+        let command = String::from_utf8_lossy(&command).replace('\0', " ").trim().to_owned();
+        (state != "Z" && state != "X").then_some(Process { id, parent, command })
+    })
+    .collect()
+}
+
+fn pid(id: u32) -> Pid {
+    Pid::from_raw(i32::try_from(id).unwrap()).unwrap()
+}
+
+/// Sends a child a signal.
+///
+/// # Panics
+/// Where it has been waited for.
+pub fn signal(child: &Child, signal: Signal) {
+    kill_process(pid(child.id()), signal).unwrap();
+}
+
+/// Waits for a child's end; none where it has not ended by then.
+///
+/// # Panics
+/// Where the system does not say.
+pub fn ended_within(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
+    let started = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            return Some(status);
+        }
+        if started.elapsed() > limit {
+            return None;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Waits until `done`; whether it came to that in time.
+pub fn comes_true(limit: Duration, mut done: impl FnMut() -> bool) -> bool {
+    let started = Instant::now();
+    loop {
+        if done() {
+            return true;
+        }
+        if started.elapsed() > limit {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}

@@ -1,0 +1,107 @@
+//! Compares the records of runs, and waits for what comes into them.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Child;
+use std::time::{Duration, Instant};
+
+use pdk_core::directory::{PERFORMANCE, SCENARIOS};
+
+/// No record of a test takes longer to come to what is waited for.
+const LIMIT: Duration = Duration::from_secs(120);
+
+/// All files of a record by their path in it, but the one with times.
+///
+/// # Panics
+/// Where one cannot be read.
+pub fn files(record: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![record.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if !path.ends_with(PERFORMANCE) {
+                found.insert(path.strip_prefix(record).unwrap().to_owned(), fs::read(&path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+/// The first thing in which a record differs from what is expected; none where it is equal.
+///
+/// # Panics
+/// Where a file cannot be read.
+pub fn difference(record: &Path, expected: &BTreeMap<PathBuf, Vec<u8>>) -> Option<String> {
+    let found = files(record);
+    let missing = expected.keys().find(|path| !found.contains_key(*path));
+    let other = found.iter().find(|(path, bytes)| expected.get(*path) != Some(bytes));
+    match (missing, other) {
+        (Some(path), _) => Some(format!("{} is missing", path.display())),
+        (None, Some((path, bytes))) => match expected.get(path) {
+            None => Some(format!("{} is there besides", path.display())),
+            Some(wanted) => {
+                let place = bytes.iter().zip(wanted).position(|(is, was)| is != was);
+                let place = place.unwrap_or(bytes.len().min(wanted.len()));
+                let near = |bytes: &[u8]| {
+                    let part = &bytes[place.saturating_sub(60)..bytes.len().min(place + 60)];
+                    String::from_utf8_lossy(part).into_owned()
+                };
+                Some(format!(
+                    "{} differs from byte {place}: `{}` instead of `{}`",
+                    path.display(),
+                    near(bytes),
+                    near(wanted)
+                ))
+            }
+        },
+        (None, None) => None,
+    }
+}
+
+/// Makes sure that a record is as expected.
+///
+/// # Panics
+/// Where it differs.
+#[track_caller]
+pub fn assert_equal(record: &Path, expected: &BTreeMap<PathBuf, Vec<u8>>) {
+    if let Some(difference) = difference(record, expected) {
+        panic!("{}: {difference}", record.display());
+    }
+}
+
+/// How many complete lines a file has; none where there is no such file yet.
+pub fn lines(path: &Path) -> usize {
+    fs::read(path).map_or(0, |bytes| bytes.iter().filter(|&&byte| byte == b'\n').count())
+}
+
+/// Waits until a record has so many scenarios, or the process that writes it has ended.
+///
+/// # Panics
+/// Where neither happens in two minutes.
+pub fn wait_for_scenarios(child: &mut Child, record: &Path, count: usize) {
+    wait_for_lines(child, &record.join(SCENARIOS), count);
+}
+
+/// Waits until a file has so many lines, or the process that writes it has ended.
+///
+/// # Panics
+/// Where neither happens in two minutes.
+pub fn wait_for_lines(child: &mut Child, path: &Path, count: usize) {
+    let started = Instant::now();
+    while lines(path) < count && child.try_wait().unwrap().is_none() {
+        assert!(started.elapsed() < LIMIT, "line {count} of {} did not come", path.display());
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// The files of a record that are not complete.
+///
+/// # Panics
+/// Where the folder cannot be read.
+pub fn partial(record: &Path) -> Vec<PathBuf> {
+    files(record).into_keys().filter(|path| path.extension().is_some_and(|ending| ending == "part")).collect()
+}

@@ -1,0 +1,294 @@
+//! Rounds of runs that are killed at random moments, and continued: each ends like an undisturbed one, and leaves nothing.
+//!
+//! `PDK_KILLS` sets the number of rounds, and `PDK_KILLS_SEED` where the moments are drawn from;
+//! `PDK_KILLS=200 cargo test --release -p pdk-tests --test kills -- --nocapture` prints what was met.
+
+#![allow(clippy::unwrap_used)]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::Child;
+use std::time::{Duration, Instant};
+
+use pdk_tests::process::pipeline;
+use pdk_tests::processes::{BusFolder, Process, comes_true, ended_within, shared_memory, signal};
+use pdk_tests::records::{difference, files, lines, partial};
+use pdk_tests::{Pdk, temp};
+use rustix::process::Signal;
+
+/// Rounds where nobody says how many.
+const ROUNDS: usize = 12;
+/// A run is killed at most so many times.
+const MOST_KILLS: u32 = 3;
+
+/// Twenty short scenarios, of which the second half depends on what the first came to.
+const SOURCE: &str = r#"
+    local settings = pdk.settings({ width = 80 })
+    local function drive(first, last, level)
+        local scenarios = {}
+        for number = first, last do
+            table.insert(scenarios, {
+                road = { angles = { 0, number, -number }, segment = 10 }, duration = number % 4 == 0 and 2 or 0.7,
+                perturbations = { "gaussian_noise@" .. level, number % 3 == 0 and "banding@2" or "contrast@1" },
+            })
+        end
+        return pdk.drive({
+            simulator = { name = "lane", width = settings.width, height = 60 }, driver = "lane_keeper", images_every = 5,
+            scenarios = scenarios,
+        })
+    end
+    local first = drive(1, 10, 2)
+    local frames = 0
+    for _, outcome in first do
+        frames = frames + outcome.frames
+    end
+    drive(11, 20, frames % 5 / 2)
+    pdk.save("frames.json", { frames = frames })
+"#;
+
+/// Random numbers that are the same for the same seed (SplitMix64).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut mixed = self.0;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        mixed ^ (mixed >> 31)
+    }
+
+    fn below(&mut self, limit: usize) -> usize {
+        (self.next() % limit as u64) as usize
+    }
+
+    /// From 0 to 1.
+    fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// Who is killed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Target {
+    Run,
+    Worker,
+    Components,
+    RunAndWorker,
+    Everybody,
+}
+
+const TARGETS: [Target; 5] =
+    [Target::Run, Target::Worker, Target::Components, Target::RunAndWorker, Target::Everybody];
+
+/// What is the same in all rounds.
+struct Setting {
+    script: PathBuf,
+    expected: BTreeMap<PathBuf, Vec<u8>>,
+    /// How long an undisturbed run takes.
+    length: Duration,
+}
+
+/// What a round met.
+#[derive(Default)]
+struct Met {
+    counts: BTreeMap<String, usize>,
+    /// The names of the buses that were seen, as they are in the names of files in shared memory.
+    buses: BTreeSet<String>,
+}
+
+impl Met {
+    fn count(&mut self, what: impl Into<String>) {
+        *self.counts.entry(what.into()).or_default() += 1;
+    }
+
+    /// Notes the buses of a run: `BASE/RUN/SLOT-NAME`.
+    fn look(&mut self, bus: &BusFolder) {
+        let folders = |path: &Path| {
+            let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
+            entries.map(|entry| entry.path()).collect::<Vec<_>>()
+        };
+        for root in folders(bus.path()).iter().flat_map(|run| folders(run)) {
+            if let Some((_, name)) = root.file_name().unwrap().to_string_lossy().split_once('-') {
+                self.buses.insert(name.to_owned());
+            }
+        }
+    }
+}
+
+fn start(setting: &Setting, out: &Path, bus: &BusFolder) -> Child {
+    let (variable, value) = bus.variable();
+    Pdk::new(["run", "--workers", "2", "--out"]).arg(out).arg(&setting.script).env(variable, value).spawn()
+}
+
+/// Waits for a moment, or the end of the run before it; whether the moment came.
+fn wait_for(child: &mut Child, moment: Duration, bus: &BusFolder, met: &mut Met) -> bool {
+    let started = Instant::now();
+    while started.elapsed() < moment {
+        if child.try_wait().unwrap().is_some() {
+            return false;
+        }
+        met.look(bus);
+        std::thread::sleep(Duration::from_micros(500).min(moment.saturating_sub(started.elapsed())));
+    }
+    met.look(bus);
+    child.try_wait().unwrap().is_none()
+}
+
+/// Kills, and says whom.
+fn kill(target: Target, child: &mut Child, bus: &BusFolder, random: &mut Random) -> String {
+    let of_run: Vec<Process> = bus.processes();
+    let kill_one = |ending: &str, random: &mut Random| {
+        let found: Vec<&Process> =
+            of_run.iter().filter(|process| process.command.ends_with(ending)).collect();
+        match found.is_empty() {
+            true => "nobody".to_owned(),
+            false => {
+                found[random.below(found.len())].signal(Signal::KILL);
+                ending.trim().to_owned()
+            }
+        }
+    };
+    match target {
+        Target::Run => {
+            signal(child, Signal::KILL);
+            "run".to_owned()
+        }
+        Target::Worker => kill_one(" worker", random),
+        Target::Components => kill_one(" worker --components", random),
+        Target::RunAndWorker => {
+            let ending = [" worker", " worker --components"][random.below(2)];
+            let first = random.below(2) == 0;
+            if first {
+                signal(child, Signal::KILL);
+            }
+            let other = kill_one(ending, random);
+            if !first {
+                signal(child, Signal::KILL);
+            }
+            format!("run and {other}")
+        }
+        Target::Everybody => {
+            // The run first, so that it does not start anybody; then whoever there is by now.
+            signal(child, Signal::STOP);
+            bus.processes().iter().for_each(|process| process.signal(Signal::KILL));
+            "everybody".to_owned()
+        }
+    }
+}
+
+/// A run that is killed and continued until it comes to its end. What is wrong with it then.
+fn round(setting: &Setting, random: &mut Random, met: &mut Met) -> Result<(), String> {
+    let folder = temp();
+    let bus = BusFolder::new();
+    let out = folder.path().join("record");
+    met.buses.clear();
+    let mut kills = 0;
+    let mut story = String::new();
+    loop {
+        let mut child = start(setting, &out, &bus);
+        if kills == 0 || kills < MOST_KILLS && random.below(2) == 0 {
+            let early = random.below(5) == 0;
+            let length = if early { Duration::from_millis(50) } else { setting.length };
+            let moment = length.mul_f64(random.unit());
+            let target = TARGETS[random.below(TARGETS.len())];
+            if wait_for(&mut child, moment, &bus, met) {
+                let killed = kill(target, &mut child, &bus, random);
+                story += &format!(
+                    "[{killed} at {} ms, {} lines] ",
+                    moment.as_millis(),
+                    lines(&out.join("scenarios.jsonl"))
+                );
+                met.count(format!("killed: {killed}"));
+                met.count(if early { "within 50 ms" } else { "at any time" });
+            } else {
+                met.count("over before the kill");
+            }
+            kills += 1;
+        }
+        let status = loop {
+            met.look(&bus);
+            if let Some(status) = ended_within(&mut child, Duration::from_millis(2)) {
+                break status;
+            }
+        };
+        let output = child.wait_with_output().unwrap();
+        match (status.code(), status.signal()) {
+            (Some(0), _) => break,
+            (None, Some(9)) => met.count("continued"),
+            _ => {
+                let stderr = String::from_utf8_lossy(&output.stderr);
+                return Err(format!("{story}ended with {status}: {stderr}"));
+            }
+        }
+    }
+    let fail = |what: String| Err(format!("{story}{what}"));
+    if let Some(difference) = difference(&out, &setting.expected) {
+        return fail(difference);
+    }
+    if !partial(&out).is_empty() {
+        return fail(format!("left {:?}", partial(&out)));
+    }
+    if !comes_true(Duration::from_secs(2), || bus.processes().is_empty()) {
+        return fail(format!("left processes: {:?}", bus.processes()));
+    }
+    if !bus.left().is_empty() {
+        let inside: Vec<_> =
+            bus.left().iter().flat_map(std::fs::read_dir).flatten().flatten().map(|e| e.path()).collect();
+        return fail(format!("left in the folder of the buses: {:?} {inside:?}", bus.left()));
+    }
+    let ours = |path: &PathBuf| {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        met.buses.iter().any(|bus| name.starts_with(&format!("pdk_{bus}_")))
+    };
+    let left: Vec<PathBuf> = shared_memory().into_iter().filter(ours).collect();
+    if !left.is_empty() {
+        return fail(format!("left in shared memory: {left:?}"));
+    }
+    Ok(())
+}
+
+#[test]
+fn runs_that_are_killed_at_any_moment_end_like_undisturbed_ones() {
+    let number = |name: &str| std::env::var(name).ok().map(|text| text.parse::<usize>().unwrap());
+    let rounds = number("PDK_KILLS").unwrap_or(ROUNDS);
+    let seed = number("PDK_KILLS_SEED").unwrap_or(1);
+    let folder = temp();
+    let script = pipeline(folder.path(), SOURCE);
+    let mut setting = Setting { script, expected: BTreeMap::new(), length: Duration::ZERO };
+    let mut met = Met::default();
+    let bus = BusFolder::new();
+    for name in ["first", "second"] {
+        let whole = folder.path().join(name);
+        let started = Instant::now();
+        let mut child = start(&setting, &whole, &bus);
+        assert!(
+            !wait_for(&mut child, Duration::from_secs(60), &bus, &mut met),
+            "the run takes more than a minute"
+        );
+        setting.length = started.elapsed();
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        setting.expected = files(&whole);
+    }
+    assert_eq!(setting.expected.len(), 20 + 5, "{:?}", setting.expected.keys());
+    assert!(met.buses.len() >= 2, "the buses of a run are not seen: {:?}", met.buses);
+    println!("an undisturbed run takes {} ms; {rounds} rounds with seed {seed}", setting.length.as_millis());
+
+    let mut random = Random(seed as u64);
+    let mut failures = Vec::new();
+    let started = Instant::now();
+    for number in 0..rounds {
+        if let Err(failure) = round(&setting, &mut random, &mut met) {
+            println!("round {number}: {failure}");
+            failures.push(format!("round {number}: {failure}"));
+        }
+    }
+    println!("{rounds} rounds in {:.0} s, {} failed", started.elapsed().as_secs_f64(), failures.len());
+    met.counts.iter().for_each(|(what, count)| println!("{count:6} {what}"));
+    assert!(failures.is_empty(), "{} of {rounds} rounds failed:\n{}", failures.len(), failures.join("\n"));
+    let killed: usize =
+        met.counts.iter().filter(|(what, _)| what.starts_with("killed: ")).map(|(_, count)| count).sum();
+    assert!(killed * 2 > rounds, "only {killed} kills in {rounds} rounds: {:?}", met.counts);
+}
