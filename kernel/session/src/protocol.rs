@@ -252,11 +252,14 @@ pub struct Failure {
     pub kind: ErrorKind,
     /// Its sentence.
     pub message: String,
+    /// The name of the frame of a dataset, where the reader came to tell it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<String>,
 }
 
 impl From<Error> for Failure {
     fn from(error: Error) -> Self {
-        Self { kind: error.kind(), message: error.message().to_owned() }
+        Self { kind: error.kind(), message: error.message().to_owned(), frame: None }
     }
 }
 

@@ -125,7 +125,7 @@ impl Session {
         let ticket = self.request(Request::Work(Box::new(Work::Make(make))));
         match self.wait(ticket, &mut |_| {})? {
             Reply::Made(made) => Ok(made),
-            Reply::Failed(error) => Err(error),
+            Reply::Failed(failure) => Err(failure.into()),
             _ => Err(Error::new(format!("making {kind} `{}` gave something else", component.name))),
         }
     }
