@@ -19,7 +19,7 @@ use crate::protocol::{
     Answer, Done, Drive, Driven, Failure, FromWorker, Hello, Job, ToWorker, VERSION, Work,
 };
 
-/// How often a job is done again whose process somebody else has killed.
+/// How often a job is begun whose process somebody else kills, and how often a process is started that is killed before it is ready.
 const TRIES: u32 = 3;
 
 /// How long a process may take to leave that has nothing to do any more.
@@ -40,10 +40,11 @@ pub fn run() -> Result<()> {
         return Err(Error::new("the session's first message has to be `hello`; see docs/worker-protocol.md"));
     };
     if hello.protocol != VERSION {
-        return say(&FromWorker::Failed(format!(
+        let reason = format!(
             "the session speaks version {} of the worker protocol, and this worker version {VERSION}; use the same pdk at both ends",
             hello.protocol
-        )));
+        );
+        return lines::write(&mut io::stdout().lock(), &FromWorker::Failed(reason));
     }
     let patience = Duration::try_from_secs_f64(hello.patience)
         .map_err(|_| Error::new(format!("the patience is {} s, but has to be a time", hello.patience)))?;
@@ -58,6 +59,7 @@ pub fn run() -> Result<()> {
         introduced: false,
         job: None,
         tries: 0,
+        unheard: false,
     }
     .serve()
 }
@@ -78,8 +80,10 @@ struct Worker {
     /// Whether the session has heard of the components.
     introduced: bool,
     job: Option<Box<Job>>,
-    /// How often the job was begun.
+    /// How often the job was begun; before there is one, how often a process was killed before it was ready.
     tries: u32,
+    /// Whether the session does not listen any more.
+    unheard: bool,
 }
 
 struct Process {
@@ -121,6 +125,10 @@ impl Worker {
             if looked.elapsed() >= LOOK {
                 looked = Instant::now();
                 self.look()?;
+            }
+            if self.unheard {
+                self.leave();
+                return Ok(());
             }
         }
     }
@@ -166,7 +174,7 @@ impl Worker {
         match found {
             Found::Message(FromWorker::Ready(ready)) => {
                 if !std::mem::replace(&mut self.introduced, true) {
-                    say(&FromWorker::Ready(ready))?;
+                    self.say(&FromWorker::Ready(ready));
                 }
                 Ok(())
             }
@@ -174,12 +182,15 @@ impl Worker {
                 // Whatever its components write there, only the job's own answer counts.
                 if self.job.as_ref().is_some_and(|job| job.number == done.number) {
                     self.job = None;
-                    say(&FromWorker::Done(done))?;
+                    self.say(&FromWorker::Done(done));
                 }
                 Ok(())
             }
             Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
-            Found::Message(progress @ FromWorker::Progress(_)) => say(&progress),
+            Found::Message(progress @ FromWorker::Progress(_)) => {
+                self.say(&progress);
+                Ok(())
+            }
             Found::Nonsense(_) => Ok(()),
             Found::End => {
                 let end = match &mut self.process {
@@ -211,8 +222,9 @@ impl Worker {
         // What it had in shared memory.
         let _ = pdk_bus::sweep_run(&self.hello.run);
         let Some(job) = &self.job else {
-            return match self.introduced {
-                // Nobody is waiting for it.
+            self.tries += 1;
+            // Nobody is waiting for it, or it was killed while it started.
+            return match self.introduced || *end == End::Signal(libc::SIGKILL) && self.tries < TRIES {
                 true => self.start(),
                 false => Err(Error::of(end.kind(), self.sentence(end, &calls))),
             };
@@ -227,7 +239,7 @@ impl Worker {
         let answer = self.answer(job, end, &calls);
         let done = Done { number: job.number, answer };
         self.job = None;
-        say(&FromWorker::Done(done))?;
+        self.say(&FromWorker::Done(done));
         self.start()
     }
 
@@ -253,6 +265,10 @@ impl Worker {
             Ok(()) => Answer::Driven(Driven::lost(kind, message, frames)),
             Err(error) => Answer::Broken(error.into()),
         }
+    }
+
+    fn say(&mut self, message: &FromWorker) {
+        self.unheard |= lines::write(&mut io::stdout().lock(), message).is_err();
     }
 
     /// The session is gone, or needs no more.
@@ -296,8 +312,4 @@ fn write_trace(drive: &Drive, message: &str) -> Result<()> {
     trace.event(0.0, false, &drive.name)?;
     trace.event(0.0, true, message)?;
     trace.finish()
-}
-
-fn say(message: &FromWorker) -> Result<()> {
-    lines::write(&mut io::stdout().lock(), message)
 }
