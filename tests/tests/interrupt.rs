@@ -195,7 +195,8 @@ fn a_run_that_has_hardly_begun_can_be_ended() {
             "{number}: {found:?} {said:?}"
         );
         if out.join("scenarios.jsonl").is_file() {
-            is_whole(&out);
+            json_lines(&out.join("scenarios.jsonl"));
+            assert!(found.is_none() || partial(&out).is_empty(), "{number}: {:?}", partial(&out));
         }
     }
     assert!(comes_true(Duration::from_secs(3), || bus.processes().is_empty()), "{:?}", bus.processes());
@@ -246,16 +247,13 @@ fn a_script_that_does_not_end_is_ended() {
     assert!(said.contains("1 s") && said.contains("PDK_SCRIPT_SECONDS"), "{said}");
     assert!(started.elapsed() < Duration::from_secs(15));
 
-    // The time that scenarios take is not the script's, nor is that between two of them added up.
+    // The time that scenarios take is not the script's.
     let patient = pipeline(
         folder.path(),
         r#"
-        for number = 1, 6 do
-            local begun = os.clock()
-            while os.clock() - begun < 0.3 do
-            end
+        for number = 1, 2 do
             pdk.drive({
-                simulator = { name = "lane", width = 64, height = 48 }, driver = "lane_keeper", duration = 0.5,
+                simulator = { name = "lane", width = 64, height = 48 }, driver = "lane_keeper", duration = 1.5, mode = "realtime",
                 scenarios = { { ["repeat"] = number } },
             })
         end

@@ -139,7 +139,7 @@ fn wait_for(child: &mut Child, moment: Duration, bus: &BusFolder, met: &mut Met)
 /// Kills, and says whom.
 fn kill(target: Target, child: &mut Child, bus: &BusFolder, random: &mut Random) -> String {
     let of_run: Vec<Process> = bus.processes();
-    let mut kill_one = |ending: &str, random: &mut Random| {
+    let kill_one = |ending: &str, random: &mut Random| {
         let found: Vec<&Process> =
             of_run.iter().filter(|process| process.command.ends_with(ending)).collect();
         match found.is_empty() {
