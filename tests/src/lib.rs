@@ -9,6 +9,7 @@ pub mod datasets;
 pub mod onnx;
 pub mod pictures;
 pub mod process;
+pub mod record;
 pub mod processes;
 pub mod records;
 

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use pdk::chain::modifiers::{MODIFIERS, Modifier};
+use pdk_core::modifiers::{MODIFIERS, Modifier};
 use pdk_tests::{Pdk, pictures, temp};
 use serde_json::Value;
 
@@ -10,8 +10,10 @@ use serde_json::Value;
 fn verbs() -> Vec<String> {
     let help = Pdk::new(["--help"]).succeed().stdout;
     let list = help.lines().skip_while(|line| *line != "Commands:").skip(1);
+    let list = list.take_while(|line| line.starts_with("  "));
+    // What is indented further is the rest of a sentence.
     let verbs =
-        list.take_while(|line| line.starts_with("  ")).filter_map(|line| line.split_whitespace().next());
+        list.filter(|line| !line.starts_with("   ")).filter_map(|line| line.split_whitespace().next());
     verbs.filter(|verb| *verb != "help").map(str::to_owned).collect()
 }
 
@@ -40,7 +42,7 @@ fn wrong_usage_has_a_code_of_its_own() {
         &["run"],
         &["list", "perturbations"],
         &["perturb", "in.png"],
-        &["run", "x.lua", "--threads", "many"],
+        &["run", "x.lua", "--workers", "many"],
         &["run", "x.lua", "--set", "nothing"],
         &[],
     ] {
@@ -358,10 +360,14 @@ fn a_road_is_told_in_numbers_as_text_and_drawn() {
     assert!(picture.starts_with("<svg") && picture.contains("<polyline"), "{picture}");
     let json = road(&["--angles", "0,30,0,-30,0,0,0,0", "--json"]).succeed().json();
     assert_eq!(json["turns"], 2);
-    assert_eq!(
-        json["waypoints"].as_str().unwrap().split('@').count(),
-        json["road"]["waypoints"].as_array().unwrap().len()
+    let angles = serde_json::json!([0.0, 30.0, 0.0, -30.0, 0.0, 0.0, 0.0, 0.0]);
+    assert_eq!(json["road"], serde_json::json!({ "angles": angles, "segment": 25.0 }));
+    let waypoints = json["waypoints"].as_str().unwrap().split('@');
+    assert!(
+        waypoints.clone().all(|point| point.split(',').filter(|n| n.parse::<f64>().is_ok()).count() == 3)
     );
+    // A point at least every metre and a half.
+    assert!(waypoints.count() as f64 > json["length"].as_f64().unwrap() / 1.5);
     road(&["--limit", "99"]).fail(1, &["`limit` is 99", "from 0 to 90 degrees"]);
     road(&["--angles", "0,30", "--seed", "3", "--turns", "1"]).fail(1, &["`angles` say all"]);
     road(&["-o", "missing/road.svg"]).fail(1, &["cannot write missing/road.svg"]);

@@ -5,10 +5,12 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use pdk_bus::{Message, Tap, Topic};
 use pdk_tests::process::{json_file, json_lines, pipeline};
+use pdk_tests::record::trace;
 use pdk_tests::{Pdk, repository, temp};
 use serde_json::json;
 
@@ -48,21 +50,35 @@ fn the_quickstart_drives_and_records() {
     assert_eq!(scenarios.len(), 2);
     let nominal = &scenarios[0];
     assert_eq!((&nominal["success"], &nominal["cause"]), (&json!(true), &json!("finished")), "{nominal}");
-    assert_eq!(nominal["scenario"]["name"], "nominal");
+    assert_eq!(nominal["name"], "nominal");
+    // What is driven is all there, and tells the scenario apart from every other.
+    let keys: Vec<_> = nominal["scenario"].as_object().unwrap().keys().map(String::as_str).collect();
+    assert_eq!(keys, ["simulator", "driver", "road", "duration", "seed"]);
+    assert_eq!(nominal["scenario"]["road"], serde_json::from_str::<serde_json::Value>(ROAD).unwrap());
+    assert_eq!(nominal["scenario"]["seed"], scenarios[1]["scenario"]["seed"], "the same world for both");
+    assert_ne!(nominal["id"], scenarios[1]["id"]);
+    for (text, line) in fs::read_to_string(out.join("scenarios.jsonl")).unwrap().lines().zip(&scenarios) {
+        assert!(text.starts_with(&format!("{{\"id\":{},\"name\":", line["id"])), "{text}");
+        assert_eq!(line["id"].as_str().unwrap().len(), 32);
+    }
     // 20 m or so at 8 m/s.
     let time = nominal["time"].as_f64().unwrap();
     assert!((2.0..6.0).contains(&time), "{time}");
     assert!(nominal["max_cross_track_error"].as_f64().unwrap() < 0.6);
     assert_ne!(nominal["digest"], scenarios[1]["digest"]);
-    let telemetry = nominal["telemetry"].as_array().unwrap();
-    // Every quarter of a second, and at the end.
-    assert!(telemetry.len() as f64 >= time * 4.0 && telemetry.len() as f64 <= time * 4.0 + 2.0);
 
     let summary = json_file(&out.join("summary.json"));
-    assert_eq!(summary["outcomes"].as_array().unwrap().len(), 2);
+    let outcomes = summary["outcomes"].as_array().unwrap();
+    assert_eq!(outcomes.len(), 2);
+    for (number, (outcome, scenario)) in outcomes.iter().zip(&scenarios).enumerate() {
+        assert_eq!((&outcome["number"], &outcome["id"]), (&json!(number), &scenario["id"]));
+        assert_eq!(outcome["digest"], scenario["digest"]);
+    }
     let performance = json_file(&out.join("performance.json"));
     let frames: u64 = scenarios.iter().map(|scenario| scenario["frames"].as_u64().unwrap()).sum();
-    assert_eq!(performance["steps"][0]["drive"]["stages"]["steps"], frames);
+    assert_eq!(performance["drive"]["stages"]["steps"], frames);
+    assert!(performance["drive"]["wall_seconds"].as_f64().unwrap() > 0.0);
+    assert_eq!(performance["evaluations"], json!([]));
     assert!(speed.starts_with(&format!("{frames} frames in ")) && speed.contains(" a second, "), "{speed}");
 }
 
@@ -72,8 +88,8 @@ fn the_trace_is_what_other_tools_read() {
     let out = folder.path().join("record");
     quickstart(&out).set("duration", 1).succeed();
     let scenarios = json_lines(&out.join("scenarios.jsonl"));
-    for (number, scenario) in scenarios.iter().enumerate() {
-        let bytes = fs::read(out.join(format!("traces/{number:04}.mcap"))).unwrap();
+    for scenario in &scenarios {
+        let bytes = fs::read(trace(&out, scenario)).unwrap();
         let mut topics: BTreeMap<String, (u64, String, String)> = BTreeMap::new();
         let mut last_time = 0;
         for message in mcap::MessageStream::new(&bytes).unwrap() {
@@ -107,11 +123,12 @@ fn the_trace_is_what_other_tools_read() {
         assert_eq!(
             counts,
             [
-                ("/control", frames, "controlmessage.ControlMessage"),
+                ("/control", frames, "pdk.Control"),
                 ("/event", 2, "foxglove.Log"),
                 ("/perturbed", images, "foxglove.CompressedImage"),
                 ("/raw", images, "foxglove.CompressedImage"),
-                ("/state", frames, "statemessage.StateMessage"),
+                ("/road", 1, "pdk.Road"),
+                ("/state", frames, "pdk.State"),
             ]
         );
         assert!(topics.values().all(|(_, _, encoding)| encoding == "protobuf"));
@@ -136,11 +153,11 @@ fn the_record_of_a_failure_shows_what_came_before_it() {
     "#;
     let out = folder.path().join("record");
     Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).succeed();
-    let causes: Vec<_> =
-        json_lines(&out.join("scenarios.jsonl")).iter().map(|line| line["cause"].clone()).collect();
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    let causes: Vec<_> = lines.iter().map(|line| line["cause"].clone()).collect();
     assert_eq!(causes, ["time_out", "finished"]);
-    let images = |number: u64, topic: &str| {
-        let bytes = fs::read(out.join(format!("traces/{number:04}.mcap"))).unwrap();
+    let images = |number: usize, topic: &str| {
+        let bytes = fs::read(trace(&out, &lines[number])).unwrap();
         let messages = mcap::MessageStream::new(&bytes).unwrap().map(Result::unwrap);
         messages
             .filter(|message| message.channel.topic == topic)
@@ -215,17 +232,47 @@ fn several_drives_of_one_pipeline_number_their_scenarios_on() {
     let out = folder.path().join("record");
     let source = r#"
         for round = 1, 3 do
-            local outcomes = pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, {} } })
-            assert(#outcomes == 2 and outcomes[1].success and outcomes[2].index == round * 2 - 1)
+            local outcomes = pdk.drive({ simulator = "misbehave", driver = "misbehave",
+                scenarios = { { seed = round }, { seed = 10 * round } } })
+            assert(#outcomes == 2 and outcomes[1].success and outcomes[2].number == round * 2 - 1)
+            assert(#outcomes[1].id == 32 and outcomes[1].id ~= outcomes[2].id)
         end
     "#;
     Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).misbehave().succeed();
-    let indexes: Vec<_> = json_lines(&out.join("scenarios.jsonl"))
-        .iter()
-        .map(|outcome| outcome["index"].as_u64().unwrap())
-        .collect();
-    assert_eq!(indexes, [0, 1, 2, 3, 4, 5]);
-    assert!(out.join("traces/0005.mcap").is_file());
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    let seeds: Vec<_> = lines.iter().map(|line| line["scenario"]["seed"].as_u64().unwrap()).collect();
+    assert_eq!(seeds, [1, 10, 2, 20, 3, 30], "the order in which they were submitted");
+    assert!(lines.iter().all(|line| trace(&out, line).is_file()));
+    assert_eq!(fs::read_dir(out.join("traces")).unwrap().count(), 6);
+}
+
+#[test]
+fn a_scenario_that_is_asked_for_twice_is_driven_once() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    // At the same time, later, under another name, with another spelling; but not another repeat.
+    let source = r#"
+        local function drive(scenarios)
+            return pdk.drive({ simulator = "misbehave", driver = { name = "misbehave", at = -1 }, scenarios = scenarios })
+        end
+        local first = drive({ {}, {}, { name = "other" }, { ["repeat"] = 1 } })
+        local second = drive({ { ["repeat"] = 0, perturbations = {} } })
+        for _, outcome in { first[2], first[3], second[1] } do
+            assert(outcome.id == first[1].id and outcome.number == 0 and outcome.digest == first[1].digest)
+        end
+        assert(first[4].number == 1 and first[4].id ~= first[1].id)
+        pdk.save("names.json", { first[1].name, first[3].name, second[1].name })
+    "#;
+    let ran = Pdk::new(["run", "--workers", "2", "--out"])
+        .arg(&out)
+        .arg(pipeline(folder.path(), source))
+        .misbehave()
+        .succeed();
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    assert_eq!(lines.len(), 2);
+    assert_eq!((&lines[0]["scenario"]["repeat"], &lines[1]["scenario"]["repeat"]), (&json!(null), &json!(1)));
+    assert_eq!(fs::read_dir(out.join("traces")).unwrap().count(), 2);
+    assert!(ran.stdout.contains("42 frames in "), "each of 21 frames was driven once: {}", ran.stdout);
 }
 
 #[test]
@@ -241,11 +288,16 @@ fn a_course_that_scenarios_share_is_sampled_for_each() {
     "#;
     Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).misbehave().succeed();
     let scenarios = json_lines(&out.join("scenarios.jsonl"));
-    let last = |number: usize| {
-        let points = &scenarios[number]["scenario"]["perturbations"][0]["level"]["points"];
-        points.as_array().unwrap().last().unwrap()[0].as_f64().unwrap()
-    };
-    assert_eq!((last(0), last(1)), (0.5, 3.0));
+    for (scenario, duration) in scenarios.iter().zip([0.5, 3.0]) {
+        let frames = &scenario["scenario"]["perturbations"][0]["level"]["frames"];
+        assert_eq!(frames["rate"], 20.0);
+        let levels = frames["levels"].as_array().unwrap();
+        // One for each frame, the one at the end too.
+        assert_eq!(levels.len() as f64, duration * 20.0 + 1.0);
+        for (number, level) in levels.iter().enumerate() {
+            assert_eq!(level.as_f64().unwrap(), number as f64 / 20.0);
+        }
+    }
 }
 
 #[test]
@@ -294,8 +346,7 @@ fn a_drop_in_is_in_the_manifest_with_the_library_that_shows_it() {
 fn a_line_that_was_cut_off_does_not_hide_the_others() {
     let folder = temp();
     let out = folder.path().join("record");
-    let source =
-        r#"pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, {}, {} } })"#;
+    let source = r#"pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, { seed = 1 }, { seed = 2 } } })"#;
     Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).misbehave().succeed();
     let lines = out.join("scenarios.jsonl");
     let text = fs::read_to_string(&lines).unwrap();
@@ -303,9 +354,13 @@ fn a_line_that_was_cut_off_does_not_hide_the_others() {
     let exported = Pdk::new(["export"]).arg(&out).succeed();
     assert_eq!(exported.json().as_array().unwrap().len(), 2);
     assert!(exported.stderr.contains("warning: the last line of"), "{}", exported.stderr);
-    // Damage within the file is another matter.
-    fs::write(&lines, text.replacen("}\n", "\n", 1)).unwrap();
-    Pdk::new(["export"]).arg(&out).fail(1, &["scenarios.jsonl:1"]);
+    // Damage within the file is another matter, whether it is JSON or not.
+    for damaged in [text.replacen("}\n", "\n", 1), text.replacen("\"success\":true", "\"success\":false", 1)]
+    {
+        assert_ne!(damaged, text);
+        fs::write(&lines, damaged).unwrap();
+        Pdk::new(["export"]).arg(&out).fail(1, &["scenarios.jsonl:1", "is damaged or was edited"]);
+    }
 }
 
 #[test]
@@ -315,22 +370,23 @@ fn a_drive_that_fails_keeps_its_numbers() {
     // The first drive's traces outgrow what a file may hold.
     let source = r#"
         local ok, error = pcall(pdk.drive, { simulator = { name = "misbehave", how = "stand_still" },
-            driver = "misbehave", images_every = 1, scenarios = { {}, {} } })
+            driver = "misbehave", images_every = 1, scenarios = { {}, { seed = 1 } } })
         assert(not ok and string.find(tostring(error), "cannot write"), tostring(error))
-        pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, {} } })
+        local outcomes = pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, { seed = 1 } } })
+        assert(outcomes[1].number == 2 and outcomes[2].number == 3)
     "#;
     Pdk::program("sh")
         .args(["-c", "trap '' XFSZ; ulimit -f 140; exec \"$0\" \"$@\""])
         .arg(pdk_tests::built("pdk"))
-        .args(["run", "--threads", "1", "--out"])
+        .args(["run", "--workers", "1", "--out"])
         .arg(&out)
         .arg(pipeline(folder.path(), source))
         .misbehave()
         .succeed();
-    let indexes: Vec<_> =
-        json_lines(&out.join("scenarios.jsonl")).iter().map(|outcome| outcome["index"].clone()).collect();
-    assert_eq!(indexes, [2, 3]);
-    assert!(out.join("traces/0000.mcap").is_file() && out.join("traces/0003.mcap").is_file());
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    let seeds: Vec<_> = lines.iter().map(|line| &line["scenario"]["seed"]).collect();
+    assert_eq!((seeds.len(), seeds[1]), (2, &json!(1)));
+    assert!(lines.iter().all(|line| trace(&out, line).is_file()));
 }
 
 /// A pipeline that drives for long on small frames.
@@ -338,13 +394,13 @@ fn long_run(folder: &Path, name: &str) -> (Pdk, std::path::PathBuf) {
     let source = r#"
         local scenarios = {}
         for index = 1, 1000 do
-            table.insert(scenarios, { road = { angles = { 0, 4, -4 }, segment = 10 }, perturbations = { "contrast@1" } })
+            table.insert(scenarios, { road = { angles = { 0, 4, -4 }, segment = 10 }, seed = index, perturbations = { "contrast@1" } })
         end
         pdk.drive({ simulator = { name = "lane", width = 80, height = 60, rate = 20 }, driver = "lane_keeper",
             duration = 1, scenarios = scenarios })
     "#;
     let out = folder.join(name);
-    (Pdk::new(["run", "--threads", "2", "--out"]).arg(&out).arg(pipeline(folder, source)), out)
+    (Pdk::new(["run", "--workers", "2", "--out"]).arg(&out).arg(pipeline(folder, source)), out)
 }
 
 /// Waits until something holds.
@@ -356,9 +412,11 @@ fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
     }
 }
 
-/// The name on the topics of the run of a process.
-fn run_of(process: u32) -> Option<String> {
-    Tap::list().unwrap().into_iter().find(|run| run.process == process).map(|run| run.run)
+/// The run of a process on the topics, and the processes that drive for it.
+fn topics_of(process: u32) -> Option<(String, Vec<u32>)> {
+    let ending = format!("-{process}");
+    let run = Tap::list().unwrap().into_iter().find(|run| run.run.ends_with(&ending))?;
+    Some((run.run, run.slots.iter().map(|slot| slot.process).collect()))
 }
 
 #[test]
@@ -366,9 +424,11 @@ fn another_process_taps_the_frames_while_they_are_driven() {
     let folder = temp();
     let (command, _) = long_run(folder.path(), "tapped");
     let mut child = command.spawn();
-    wait_for("the run", || run_of(child.id()).is_some());
-    let run = run_of(child.id()).unwrap();
-    assert!(run.starts_with("tapped-"), "{run}");
+    wait_for("the run", || topics_of(child.id()).is_some_and(|(_, slots)| slots.len() == 2));
+    let (run, processes) = topics_of(child.id()).unwrap();
+    assert!(run.starts_with("pipeline-"), "{run}");
+    // Components are called in processes of their own.
+    assert!(processes[0] != processes[1] && !processes.contains(&child.id()), "{processes:?}");
     for topic in [Topic::Raw, Topic::Perturbed] {
         let mut tap = Tap::open(&run, 1, topic, Duration::from_secs(10)).unwrap();
         let mut before: Option<pdk_bus::FrameHeader> = None;
@@ -377,7 +437,7 @@ fn another_process_taps_the_frames_while_they_are_driven() {
                 panic!("no frame came");
             };
             let header = *frame.header();
-            assert_eq!((header.lane, header.width, header.height, frame.len()), (1, 80, 60, 80 * 60 * 3));
+            assert_eq!((header.slot, header.width, header.height, frame.len()), (1, 80, 60, 80 * 60 * 3));
             assert!(frame.iter().any(|&byte| byte != frame[0]), "a frame without a picture");
             assert!((header.time - header.sequence as f64 / 20.0).abs() < 1e-9);
             if let Some(before) = before {
@@ -395,60 +455,135 @@ fn another_process_taps_the_frames_while_they_are_driven() {
     child.wait().unwrap();
 }
 
-/// The shared memory that a process has mapped, but for the counter that all processes share.
+/// The shared memory that processes have mapped, but for the counter that all processes share.
 #[cfg(target_os = "linux")]
-fn shared_memory(process: u32) -> Vec<String> {
-    let maps = fs::read_to_string(format!("/proc/{process}/maps")).unwrap();
-    let files = maps.lines().filter_map(|line| line.find("/dev/shm/").map(|start| line[start..].to_owned()));
-    let mut files: Vec<_> = files.filter(|file| !file.ends_with(".global_mgmt")).collect();
+fn shared_memory(processes: &[u32]) -> Vec<String> {
+    let mut files = Vec::new();
+    for process in processes {
+        let maps = fs::read_to_string(format!("/proc/{process}/maps")).unwrap_or_default();
+        let mapped =
+            maps.lines().filter_map(|line| line.find("/dev/shm/").map(|start| line[start..].to_owned()));
+        files.extend(mapped.filter(|file| !file.ends_with(".global_mgmt")));
+    }
     files.sort();
     files.dedup();
     files
 }
 
-#[test]
-fn a_killed_run_loses_only_what_was_in_flight() {
-    let folder = temp();
-    let (command, out) = long_run(folder.path(), "killed");
-    let mut child = command.spawn();
-    let lines = out.join("scenarios.jsonl");
-    let count = || fs::read_to_string(&lines).map_or(0, |text| text.lines().count());
-    wait_for("the fifth scenario", || count() >= 5);
-    #[cfg(target_os = "linux")]
-    let memory = shared_memory(child.id());
-    child.kill().unwrap();
-    child.wait().unwrap();
+#[cfg(target_os = "linux")]
+fn alive(process: u32) -> bool {
+    // A zombie waits for nothing but its parent.
+    let status = fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+    status.rsplit(") ").next().is_some_and(|rest| !rest.is_empty() && !rest.starts_with('Z'))
+}
 
-    // Complete lines only, each with a trace that is complete too.
-    let recorded = json_lines(&lines);
+/// The process that started one.
+#[cfg(target_os = "linux")]
+fn parent(process: u32) -> u32 {
+    let status = fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
+    status.rsplit(") ").next().unwrap().split_whitespace().nth(1).unwrap().parse().unwrap()
+}
+
+/// Complete lines only, each with a trace that is complete too.
+fn check_what_was_recorded(out: &Path) {
+    let recorded = json_lines(&out.join("scenarios.jsonl"));
     assert!((5..1000).contains(&recorded.len()), "{}", recorded.len());
     for outcome in &recorded {
-        let trace =
-            fs::read(out.join(format!("traces/{:04}.mcap", outcome["index"].as_u64().unwrap()))).unwrap();
+        let trace = fs::read(trace(out, outcome)).unwrap();
         let summary = mcap::Summary::read(&trace).unwrap().unwrap();
         assert!(summary.stats.unwrap().message_count >= outcome["frames"].as_u64().unwrap() * 2);
     }
     assert_eq!(json_file(&out.join("manifest.json"))["seed"], 0);
+}
 
-    // The next run works, and removes what the killed one left in shared memory.
-    let (command, _) = long_run(folder.path(), "next");
-    let mut next = command.spawn();
-    wait_for("the next run", || run_of(next.id()).is_some());
-    #[cfg(target_os = "linux")]
-    {
-        assert!(!memory.is_empty());
-        wait_for("the end of what was left", || !memory.iter().any(|file| Path::new(file).exists()));
+/// Waits until a run has recorded five scenarios, and returns the processes that drive for it.
+fn five_recorded(run: u32, out: &Path) -> Vec<u32> {
+    let lines = out.join("scenarios.jsonl");
+    let count = || fs::read_to_string(&lines).map_or(0, |text| text.lines().count());
+    wait_for("the fifth scenario", || count() >= 5);
+    wait_for("its topics", || topics_of(run).is_some_and(|(_, slots)| slots.len() == 2));
+    topics_of(run).unwrap().1
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_killed_run_loses_only_what_was_in_flight_and_leaves_nothing_behind() {
+    let folder = temp();
+    let (command, out) = long_run(folder.path(), "killed");
+    let mut child = command.spawn();
+    let drivers = five_recorded(child.id(), &out);
+    let workers: Vec<u32> = drivers.iter().map(|driver| parent(*driver)).collect();
+    let memory = shared_memory(&drivers);
+    assert!(!memory.is_empty());
+    child.kill().unwrap();
+    child.wait().unwrap();
+
+    // Its workers notice, and go with all that they have.
+    let processes = [drivers, workers].concat();
+    wait_for("the end of the workers", || !processes.iter().any(|process| alive(*process)));
+    assert_eq!(memory.iter().filter(|file| Path::new(file).exists()).count(), 0);
+    assert_eq!(topics_of(child.id()), None);
+    check_what_was_recorded(&out);
+    let traces = fs::read_dir(out.join("traces")).unwrap().map(|entry| entry.unwrap().file_name());
+    let half: Vec<_> = traces.filter(|name| name.to_string_lossy().ends_with(".part")).collect();
+    assert!(half.is_empty(), "{half:?}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_is_left_where_all_processes_of_a_run_are_killed_goes_with_the_next_run() {
+    let folder = temp();
+    let (command, out) = long_run(folder.path(), "killed");
+    let mut child = command.spawn();
+    let drivers = five_recorded(child.id(), &out);
+    let memory = shared_memory(&drivers);
+    // The workers first, as they would clean up after their drivers.
+    for process in drivers.iter().map(|driver| parent(*driver)).chain(drivers.iter().copied()) {
+        let killed = Command::new("kill").args(["-KILL", &process.to_string()]).status().unwrap();
+        assert!(killed.success() || !alive(process));
     }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    check_what_was_recorded(&out);
+
+    let (command, next_out) = long_run(folder.path(), "next");
+    let mut next = command.spawn();
+    five_recorded(next.id(), &next_out);
+    wait_for("the end of what was left", || !memory.iter().any(|file| Path::new(file).exists()));
     next.kill().unwrap();
     next.wait().unwrap();
-    assert_eq!(run_of(child.id()), None);
+    assert_eq!(topics_of(child.id()), None);
     quickstart(&folder.path().join("last")).set("duration", 0.5).succeed();
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_run_goes_on_where_one_of_its_workers_is_killed() {
+    let folder = temp();
+    let (command, out) = long_run(folder.path(), "disturbed");
+    let mut child = command.spawn();
+    for _ in 0..2 {
+        let drivers = five_recorded(child.id(), &out);
+        // Once the worker, and once the process of the components under it.
+        for victim in [parent(drivers[0]), drivers[1]] {
+            assert!(Command::new("kill").args(["-KILL", &victim.to_string()]).status().unwrap().success());
+        }
+        let count = || fs::read_to_string(out.join("scenarios.jsonl")).unwrap().lines().count();
+        let before = count();
+        wait_for("more scenarios", || count() >= before + 5);
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let status = child.wait().unwrap();
+    assert_eq!(status.code(), Some(130));
+    let recorded = json_lines(&out.join("scenarios.jsonl"));
+    assert!(recorded.iter().all(|line| line["cause"] == "time_out"), "nobody is to blame");
 }
 
 #[test]
 fn runs_that_start_at_the_same_time_have_records_of_their_own() {
     let folder = temp();
-    let source = r#"pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, {} } })"#;
+    let source =
+        r#"pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, { seed = 1 } } })"#;
     let path = pipeline(folder.path(), source);
     let runs: Vec<_> =
         (0..16).map(|_| Pdk::new(["run"]).arg(&path).misbehave().folder(folder.path()).spawn()).collect();
@@ -481,7 +616,7 @@ fn in_real_time_frames_that_come_too_fast_are_skipped_and_replayed_all_the_same(
     Pdk::new(["run", "--out"]).arg(&out).arg(&pipeline).succeed();
     let outcomes = json_lines(&out.join("scenarios.jsonl"));
     let [frames, skipped] = ["frames", "skipped_frames"].map(|name| outcomes[0][name].as_u64().unwrap());
-    assert_eq!(outcomes[0]["mode"], "realtime");
+    assert_eq!(outcomes[0]["scenario"]["mode"], "realtime");
     // Half a second of a thousand frames a second; what is under way at its end still counts.
     assert!(skipped > 100 && frames > 0 && frames + skipped > 500, "{frames} {skipped}");
     Pdk::new(["replay"]).arg(&out).succeed();

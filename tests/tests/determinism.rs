@@ -1,13 +1,14 @@
-//! Same key, same bytes: whatever the number of threads, the order of frames and the language.
+//! Same key, same bytes: whatever the number of workers, the order of frames and the language.
 
 #![allow(clippy::unwrap_used)]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-use pdk_tests::process::pipeline;
-use pdk_tests::{Pdk, datasets, onnx, pictures, temp};
+use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::{Pdk, datasets, onnx, pictures, record, temp};
+use pdk_trace::reader::{read_steps, read_steps_and_road};
 
 /// All perturbations that need no parameter, with whether they draw random numbers.
 fn perturbations() -> Vec<String> {
@@ -90,14 +91,14 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
-/// Runs a pipeline on one and on two threads, twice each, and compares everything but the times. Returns the names of
+/// Runs a pipeline on one worker and twice on two, and compares everything but the times. Returns the names of
 /// the files.
-fn compare_threads(folder: &Path, source: &str, code: i32) -> Vec<String> {
+fn compare_workers(folder: &Path, source: &str, code: i32) -> Vec<String> {
     let path = pipeline(folder, source);
     let mut records = Vec::new();
-    for (number, threads) in ["1", "2", "2"].iter().enumerate() {
+    for (number, workers) in ["1", "2", "2"].iter().enumerate() {
         let out = folder.join(format!("record-{number}"));
-        let ran = Pdk::new(["run", "--seed", "11", "--threads", threads, "--out"])
+        let ran = Pdk::new(["run", "--seed", "11", "--workers", workers, "--out"])
             .arg(&out)
             .arg(&path)
             .misbehave()
@@ -118,9 +119,9 @@ fn compare_threads(folder: &Path, source: &str, code: i32) -> Vec<String> {
 }
 
 #[test]
-fn a_closed_loop_is_the_same_on_any_number_of_threads() {
+fn a_closed_loop_is_the_same_on_any_number_of_workers() {
     let folder = temp();
-    let names = compare_threads(
+    let names = compare_workers(
         folder.path(),
         r#"
         local scenarios = {}
@@ -136,25 +137,66 @@ fn a_closed_loop_is_the_same_on_any_number_of_threads() {
         "#,
         1,
     );
+    let mut traces = Vec::new();
     for number in 0..3 {
-        let lines = folder.path().join(format!("record-{number}/scenarios.jsonl"));
-        let outcomes = pdk_tests::process::json_lines(&lines);
-        assert_eq!((&outcomes[2]["cause"], &outcomes[2]["waypoints"]), (&"error".into(), &"".into()));
-        assert!(outcomes.iter().filter(|o| o["cause"] != "error").all(|o| o["waypoints"] != ""));
+        let record = folder.path().join(format!("record-{number}"));
+        let outcomes = json_lines(&record.join("scenarios.jsonl"));
+        let roads: Vec<_> = outcomes
+            .iter()
+            .map(|outcome| {
+                let trace = record::trace(&record, outcome);
+                traces.push(trace.strip_prefix(&record).unwrap().to_string_lossy().into_owned());
+                read_steps_and_road(&trace).unwrap().1
+            })
+            .collect();
+        assert_eq!((&outcomes[2]["cause"], roads[2].as_str()), (&"error".into(), ""));
+        let others = [0, 1, 3, 4].map(|number| roads[number].as_str());
+        assert!(others.iter().all(|road| !road.is_empty()));
+        assert_eq!(BTreeSet::from(others).len(), 4, "each has its own road");
     }
-    let traces = [0, 1, 2, 3, 4].map(|number| format!("traces/000{number}.mcap"));
-    let traces = traces.each_ref().map(String::as_str);
-    assert_eq!(names, [&[".lock", "manifest.json", "scenarios.jsonl", "summary.json"][..], &traces].concat());
+    traces.truncate(5);
+    traces.sort();
+    let files = [".lock", "manifest.json", "scenarios.jsonl", "summary.json"].map(str::to_owned);
+    assert_eq!(names, [files.to_vec(), traces].concat());
+}
+
+/// Outcomes come in another order each time, and the record does not show it.
+#[test]
+fn a_session_that_takes_outcomes_as_they_come_leaves_the_same_record() {
+    let folder = temp();
+    compare_workers(
+        folder.path(),
+        r#"
+        local session = pdk.session({ simulator = { name = "lane", width = 80, height = 60, rate = 20 },
+            driver = "lane_keeper", images_every = 5 })
+        local submitted = {}
+        for index = 1, 6 do
+            local scenario = { duration = 0.2 * (7 - index), perturbations = { "gaussian_noise@" .. index % 4 } }
+            submitted[session:submit(scenario)] = index
+        end
+        local seen = 0
+        while session:pending() > 0 do
+            local outcome = session:next()
+            assert(outcome.number == submitted[outcome.ticket] - 1)
+            seen += 1
+        end
+        assert(seen == 6 and session:next() == nil)
+        "#,
+        0,
+    );
+    let lines = json_lines(&folder.path().join("record-0/scenarios.jsonl"));
+    let durations: Vec<_> = lines.iter().map(|line| line["scenario"]["duration"].as_f64().unwrap()).collect();
+    assert!(durations.len() == 6 && durations.is_sorted_by(|a, b| a > b), "{durations:?}");
 }
 
 #[test]
-fn an_offline_evaluation_is_the_same_on_any_number_of_threads() {
+fn an_offline_evaluation_is_the_same_on_any_number_of_workers() {
     let folder = temp();
     datasets::tub(&folder.path().join("tub"), 12, 40, 30);
     // One that cannot be read is part of the result.
     pictures::cut(&folder.path().join("tub/images/5_cam_image_array_.jpg"));
     onnx::pilot(&folder.path().join("pilot.onnx"), 3, 30, 40);
-    let names = compare_threads(
+    let names = compare_workers(
         folder.path(),
         r#"
         pdk.evaluate({
@@ -173,7 +215,7 @@ fn an_offline_evaluation_is_the_same_on_any_number_of_threads() {
 fn pixels_that_a_perturbation_leaves_out_are_black_whoever_came_before() {
     let folder = temp();
     datasets::folder(&folder.path().join("data"), 8, 32, 24);
-    compare_threads(
+    compare_workers(
         folder.path(),
         r#"
         local leaves = { name = "misbehave", how = "leave_pixels" }
@@ -187,17 +229,15 @@ fn pixels_that_a_perturbation_leaves_out_are_black_whoever_came_before() {
         0,
     );
     // The driver steers by the pixel in the middle, which is the first one that is left out.
-    let results = pdk_tests::process::json_lines(&folder.path().join("record-0/results.jsonl"));
+    let results = json_lines(&folder.path().join("record-0/results.jsonl"));
     let (left, noisy): (Vec<_>, Vec<_>) =
         results.iter().partition(|line| line["perturbation"] == "misbehave");
     assert!(left.len() == 8 && left.iter().all(|line| line["perturbed"]["steering"] == 0.0), "{left:?}");
     assert!(noisy.len() == 8 && noisy.iter().any(|line| line["perturbed"]["steering"] != 0.0));
-    let driven = pdk_tests::process::json_lines(&folder.path().join("record-0/scenarios.jsonl"));
-    let telemetry = driven[0]["telemetry"].as_array().unwrap();
-    assert!(
-        telemetry.len() >= 4 && telemetry.iter().all(|sample| sample["steering"] == 0.0),
-        "{telemetry:?}"
-    );
+    let record = folder.path().join("record-0");
+    let driven = json_lines(&record.join("scenarios.jsonl"));
+    let steps = read_steps(&record::trace(&record, &driven[0])).unwrap();
+    assert!(steps.len() == 21 && steps.iter().all(|step| step.control.steering == 0.0), "{steps:?}");
 }
 
 #[test]
@@ -215,7 +255,7 @@ fn a_frame_alone_is_the_frame_of_the_sequence() {
             .arg(pipeline(folder.path(), &source))
             .misbehave()
             .succeed();
-        for line in pdk_tests::process::json_lines(&out.join("results.jsonl")) {
+        for line in json_lines(&out.join("results.jsonl")) {
             let index = line["index"].as_u64().unwrap();
             // The folder's frames come at 20 a second where nothing else is known.
             let time = index as f64 / 20.0;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pdk::chain::modifiers;
+use pdk_core::modifiers;
 use pdk_tests::{Pdk, repository};
 
 #[test]

@@ -10,7 +10,7 @@ use std::cell::Cell;
 use std::fs::File;
 use std::os::fd::{AsRawFd, FromRawFd, OwnedFd, RawFd};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering, fence};
 use std::time::Duration;
 
 use rustix::mm::{MapFlags, ProtFlags, mmap};
@@ -181,7 +181,9 @@ fn note(noted: Option<Noted>) {
     // SAFETY: a call that is noted borrows its name until it ends, and an outer call outlives the inner one.
     let name = unsafe { &*name }.as_bytes();
     let length = name.len().min(LONGEST);
-    place.since.store(0, Ordering::Release);
+    place.since.store(0, Ordering::Relaxed);
+    // Whoever sees anything of what follows also sees that the call before is over.
+    fence(Ordering::Release);
     for (to, from) in place.name.iter().zip(&name[..length]) {
         to.store(*from, Ordering::Relaxed);
     }
@@ -319,7 +321,8 @@ impl Thread {
         let function = self.function.load(Ordering::Relaxed);
         let frame = self.frame.load(Ordering::Relaxed);
         // The process may have gone on while this was read; the call is over then.
-        if self.since.load(Ordering::Acquire) != since {
+        fence(Ordering::Acquire);
+        if self.since.load(Ordering::Relaxed) != since {
             return None;
         }
         Some(Seen {

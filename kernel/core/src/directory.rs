@@ -19,7 +19,7 @@ use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, Place, Result};
 use serde::Serialize;
 
-use crate::lines::write_error;
+use crate::lines::{sync_folder, write_error};
 use crate::manifest::Manifest;
 
 /// The name of the manifest in a run directory.
@@ -151,7 +151,9 @@ impl RunDirectory {
         let written = File::create(&part)
             .and_then(|mut file| file.write_all(&text).and_then(|()| file.sync_all()))
             .and_then(|()| fs::rename(&part, &path));
-        written.map_err(|error| write_error(&path, &error))
+        written.map_err(|error| write_error(&path, &error))?;
+        sync_folder(&path);
+        Ok(())
     }
 
     /// The path of a scenario's trace; makes the folder around it.

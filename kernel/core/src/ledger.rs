@@ -18,7 +18,7 @@ use pdk_sdk::error::{Error, Place, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::directory::{RunDirectory, SCENARIOS};
-use crate::lines::{Lines, complete, write_error};
+use crate::lines::{Lines, complete, sync_folder, write_error};
 
 /// A line of the ledger.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -106,7 +106,8 @@ impl Ledger {
         let text = String::from_utf8(text).map_err(|_| damaged(&path, 1))?;
         let mut places = HashMap::new();
         let mut start = 0;
-        for (number, line) in text.lines().enumerate() {
+        // Not `lines`, which would forgive an editor that changes how lines end.
+        for (number, line) in text.split_terminator('\n').enumerate() {
             let (id, _) = checked(line).ok_or_else(|| damaged(&path, number + 1))?;
             places.insert(id, (start, line.len()));
             start += line.len() as u64 + 1;
@@ -193,13 +194,6 @@ impl Ledger {
     }
 }
 
-/// Makes sure that a renamed file survives a power cut; some file systems cannot.
-fn sync_folder(path: &Path) {
-    if let Some(Ok(folder)) = path.parent().map(File::open) {
-        let _ = folder.sync_all();
-    }
-}
-
 fn read_at(path: &Path, start: u64, length: usize) -> std::io::Result<String> {
     let mut file = File::open(path)?;
     file.seek(SeekFrom::Start(start))?;
@@ -227,7 +221,7 @@ pub fn read(directory: &RunDirectory) -> Result<(Vec<Line>, bool)> {
         let (_, body) = checked(line).ok_or_else(|| damaged(&path, number + 1))?;
         parse(body).place(format_args!("{}:{}", path.display(), number + 1))
     };
-    Ok((whole.lines().enumerate().map(line).collect::<Result<_>>()?, complete < text.len()))
+    Ok((whole.split_terminator('\n').enumerate().map(line).collect::<Result<_>>()?, complete < text.len()))
 }
 
 #[cfg(test)]

@@ -23,6 +23,9 @@ impl Lines {
         let failed = |error| write_error(path, &error);
         let file = File::options().create(true).append(true).open(path).map_err(failed)?;
         let mut text = fs::read(path).map_err(failed)?;
+        if text.is_empty() {
+            sync_folder(path);
+        }
         let complete = complete(&text);
         if complete < text.len() {
             file.set_len(complete as u64).and_then(|()| file.sync_all()).map_err(failed)?;
@@ -71,6 +74,13 @@ impl Lines {
     /// Where the disk does not take them.
     pub fn sync(&mut self) -> Result<()> {
         self.file.sync_data().map_err(|error| write_error(&self.path, &error))
+    }
+}
+
+/// Makes sure that a file that was made or renamed is there after a power cut; some file systems cannot.
+pub fn sync_folder(path: &Path) {
+    if let Some(Ok(folder)) = path.parent().map(File::open) {
+        let _ = folder.sync_all();
     }
 }
 

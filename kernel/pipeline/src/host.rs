@@ -57,6 +57,8 @@ pub struct Host {
     quiet: bool,
     settings: Option<Value>,
     directory: Option<RunDirectory>,
+    /// Whether the session has the ledger, which only scenarios need.
+    has_ledger: bool,
     /// The manifest that an earlier process left in the folder.
     earlier: Option<Manifest>,
     manifest: Option<Value>,
@@ -114,6 +116,7 @@ impl Host {
             quiet,
             settings: None,
             directory: None,
+            has_ledger: false,
             earlier: None,
             manifest: None,
             in_use: InUse::default(),
@@ -165,6 +168,7 @@ impl Host {
             self.check(scenario)?;
         }
         self.begin()?;
+        self.open_ledger()?;
         let mut tickets = Vec::with_capacity(submissions.len());
         for submission in submissions {
             let Scenario { simulator, duration, .. } = &submission.scenario;
@@ -289,7 +293,7 @@ impl Host {
             evaluation: Evaluation { dataset: reader, driver, perturbations: cells, seed: self.common.seed },
             frames,
             number: self.evaluations.len() as u64,
-            workers: self.common.workers,
+            workers: self.session.slots(),
             results,
             progress: &mut |done| bar.set_position(done),
         };
@@ -399,7 +403,6 @@ impl Host {
     /// Writes down what is used from here on, before anything is computed with it.
     fn begin(&mut self) -> Result<()> {
         self.check_overrides()?;
-        let first = self.directory.is_none();
         let directory = self.open_directory()?;
         self.pipeline.modules = (self.modules)();
         let manifest = Manifest {
@@ -429,10 +432,16 @@ impl Host {
             directory.write_json(MANIFEST, &manifest)?;
             self.manifest = Some(manifest);
         }
-        if first {
+        Ok(())
+    }
+
+    /// Hands the session the ledger, so that it records scenarios.
+    fn open_ledger(&mut self) -> Result<()> {
+        if let (Some(directory), false) = (&self.directory, self.has_ledger) {
             directory.remove_partial_traces();
-            let ledger = Ledger::open(&directory)?;
-            self.session.record(directory, ledger);
+            let ledger = Ledger::open(directory)?;
+            self.session.record(directory.clone(), ledger);
+            self.has_ledger = true;
         }
         Ok(())
     }

@@ -40,14 +40,21 @@ fn outcome_table(outcomes: &[Value]) -> String {
     let mut table = table(["scenario", "outcome", "time s", "road", "mean |XTE| m", "max |XTE| m"]);
     for outcome in outcomes {
         let cause = outcome["cause"].as_str().unwrap_or_default().replace('_', " ");
-        let mark = if outcome["success"] == true { "ok" } else { "FAIL" };
+        // Where a component failed, there is nothing to say about the driver.
+        let void = cause == "error";
+        let mark = match outcome["success"] == true {
+            true => "ok",
+            false if void => "",
+            false => "FAIL",
+        };
+        let cell = |text: String| right(if void { String::new() } else { text });
         table.add_row([
             Cell::new(outcome["name"].as_str().unwrap_or_default()),
             Cell::new(format!("{mark:<4} {cause}")),
-            right(number(&outcome["time"], 1)),
-            right(format!("{:.0} %", outcome["progress"].as_f64().unwrap_or_default() * 100.0)),
-            right(number(&outcome["mean_cross_track_error"], 3)),
-            right(number(&outcome["max_cross_track_error"], 3)),
+            cell(number(&outcome["time"], 1)),
+            cell(format!("{:.0} %", outcome["progress"].as_f64().unwrap_or_default() * 100.0)),
+            cell(number(&outcome["mean_cross_track_error"], 3)),
+            cell(number(&outcome["max_cross_track_error"], 3)),
         ]);
     }
     table.to_string()

@@ -74,17 +74,19 @@ impl PublishedOutcome {
     }
 }
 
-/// All scenarios of a run in the published shape, in order; their samples come from the traces.
+/// All scenarios of a run in the published shape, in order, and whether a last line that was cut off is left out; their samples
+/// come from the traces.
 ///
 /// # Errors
 /// Where the folder holds no record of a closed loop, or a trace is missing or damaged.
-pub fn outcomes(directory: &RunDirectory) -> Result<Vec<PublishedOutcome>> {
-    let (lines, _) = ledger::read(directory)?;
+pub fn outcomes(directory: &RunDirectory) -> Result<(Vec<PublishedOutcome>, bool)> {
+    let (lines, cut_off) = ledger::read(directory)?;
     let read = |line: &Line| {
         let (steps, waypoints) = read_steps_and_road(&directory.trace_path(&line.id))?;
         Ok(PublishedOutcome::new(line, &steps, waypoints))
     };
-    parallel::map(&lines, read).into_iter().collect()
+    let outcomes = parallel::map(&lines, read).into_iter().collect::<Result<_>>()?;
+    Ok((outcomes, cut_off))
 }
 
 /// Writes them to a file.
@@ -148,7 +150,7 @@ mod tests {
             },
             "isSuccess": false, "timeout": true,
         }]);
-        assert_eq!(serde_json::to_value(outcomes(&directory).unwrap()).unwrap(), expected);
+        assert_eq!(serde_json::to_value(outcomes(&directory).unwrap().0).unwrap(), expected);
         std::fs::remove_dir_all(folder).unwrap();
     }
 }

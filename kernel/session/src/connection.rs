@@ -2,7 +2,7 @@
 
 use std::io;
 use std::os::unix::process::CommandExt;
-use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
@@ -65,6 +65,10 @@ pub struct Connection {
     pub first_slot: u32,
     /// What each slot is busy with, once the process has said how many there are.
     pub slots: Option<Vec<Option<u64>>>,
+    /// When it was opened.
+    pub opened: Instant,
+    /// Whether the user has been told that it is waited for.
+    pub told: bool,
 }
 
 impl Connection {
@@ -93,7 +97,15 @@ impl Connection {
             .place("cannot start a thread")?;
         // Where it is gone already, its end is noticed like any other.
         let _ = lines::write(&mut input, &ToWorker::Hello(hello.clone()));
-        Ok(Self { child, input: Some(input), number, first_slot, slots: None })
+        Ok(Self {
+            child,
+            input: Some(input),
+            number,
+            first_slot,
+            slots: None,
+            opened: Instant::now(),
+            told: false,
+        })
     }
 
     /// Takes the answer to hello.
@@ -106,6 +118,14 @@ impl Connection {
                 "{} speaks version {} of the worker protocol, and this pdk version {VERSION}; use the same pdk at both ends",
                 pool.name(),
                 ready.protocol
+            )));
+        }
+        let version = env!("CARGO_PKG_VERSION");
+        if ready.pdk != version {
+            return Err(Error::new(format!(
+                "{} is of pdk {}, and this is pdk {version}; results could differ, so use the same pdk at both ends",
+                pool.name(),
+                ready.pdk
             )));
         }
         if ready.slots == 0 {
@@ -151,16 +171,16 @@ impl Connection {
         self.input = None;
     }
 
-    /// Waits until it has left, and ends it where it does not. How it ended by itself; none where it did not.
-    pub fn wait(&mut self, limit: Duration) -> Option<ExitStatus> {
+    /// Waits until it has left, and ends it where it does not. How it ended, in words.
+    pub fn wait(&mut self, limit: Duration) -> String {
         let until = Instant::now() + limit;
         loop {
             match self.child.try_wait() {
-                Ok(Some(status)) => return Some(status),
+                Ok(Some(status)) => return status.to_string(),
                 Ok(None) if Instant::now() < until => std::thread::sleep(Duration::from_millis(1)),
                 Ok(None) | Err(_) => {
                     let _: io::Result<()> = self.kill();
-                    return None;
+                    return "it did not end by itself".to_owned();
                 }
             }
         }

@@ -1,33 +1,35 @@
 //! The session's thread: gives jobs to workers, writes the ledger, and answers.
 
 use std::collections::{HashMap, HashSet, VecDeque};
-use std::os::unix::process::ExitStatusExt;
-use std::process::ExitStatus;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use pdk_core::directory::RunDirectory;
+use pdk_core::eprintln;
 use pdk_core::ledger::{Ledger, Line};
 use pdk_model::outcome::Outcome;
 use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 
-use crate::connection::Connection;
+use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
 use crate::lines::Found;
 use crate::protocol::{Answer, Drive, Driven, Failure, FromWorker, Hello, Job, Ready, VERSION, Work};
+use crate::recorder::write_trace;
 use crate::submission::{Options, Performance, Reply, Submission, Ticket};
 
-/// How often a job is given away whose worker was lost, and a worker started that is killed before it is ready.
+/// How often a job is given away whose worker was lost.
 const TRIES: u32 = 3;
 /// How long a worker may take to leave that has nothing to do any more: longer than it gives its own process.
 const LEAVE: Duration = Duration::from_secs(12);
-/// How long a worker may take to leave whose work nobody wants any more.
-const DROP: Duration = Duration::from_secs(3);
 /// How often the session looks up where nothing happens.
 const TICK: Duration = Duration::from_millis(50);
+/// How much longer than its calls may take a worker of this machine may take to be ready, or to say something of its job.
+const GRACE: Duration = Duration::from_secs(30);
+/// After so long the user is told what is being waited for.
+const TOLD: Duration = Duration::from_secs(10);
 
 /// What the handle sees of the thread's work.
 #[derive(Default)]
@@ -68,6 +70,8 @@ struct Task {
     waiting: Vec<Ticket>,
     /// How often it was given away.
     tries: u32,
+    /// When its worker last said something of it.
+    heard: Instant,
 }
 
 /// What the session's thread owns.
@@ -85,13 +89,13 @@ pub struct Dispatch {
     connections: Vec<Connection>,
     /// How many connections there were.
     opened: u64,
-    /// How many workers in a row were killed before they were ready.
-    stillborn: u32,
     tasks: HashMap<u64, Task>,
     /// The scenarios among them.
     scenarios: HashMap<ScenarioId, u64>,
     next: u64,
     queue: VecDeque<u64>,
+    /// How many workers ended before they were ready.
+    failed_starts: u32,
     /// Why nothing more can be done.
     broken: Option<Error>,
     /// Since when at least one slot has been at work.
@@ -124,11 +128,11 @@ impl Dispatch {
             driven: HashSet::new(),
             connections: Vec::new(),
             opened: 0,
-            stillborn: 0,
             tasks: HashMap::new(),
             scenarios: HashMap::new(),
             next: 0,
             queue: VecDeque::new(),
+            failed_starts: 0,
             broken: None,
             busy_since: None,
         }
@@ -137,7 +141,7 @@ impl Dispatch {
     /// Works until nobody wants anything any more; `introduce` is told what the first worker has.
     pub fn serve(mut self, events: &Receiver<Event>, introduce: &Sender<Result<Ready>>) {
         let mut introduce = Some(introduce);
-        // What was killed with all of its workers has left its topics. Where they cannot be removed they are in nobody's way.
+        // What runs left in shared memory that were killed with all of their workers. What cannot be removed is in nobody's way.
         let _ = pdk_bus::sweep();
         if let Err(error) = self.connect() {
             self.fail(error, &mut introduce);
@@ -167,6 +171,9 @@ impl Dispatch {
             if wish > announced {
                 announced = wish;
                 self.interrupted(wish, &mut introduce);
+            }
+            if let Err(error) = self.look_for_silent() {
+                self.fail(error, &mut introduce);
             }
             if announced == Wish::None
                 && let Err(error) = self.give()
@@ -216,7 +223,10 @@ impl Dispatch {
         if let Some(submission) = &submission {
             self.scenarios.insert(submission.scenario.id(), number);
         }
-        self.tasks.insert(number, Task { work, submission, waiting: vec![ticket], tries: 0 });
+        self.tasks.insert(
+            number,
+            Task { work, submission, waiting: vec![ticket], tries: 0, heard: Instant::now() },
+        );
         self.queue.push_back(number);
     }
 
@@ -267,6 +277,7 @@ impl Dispatch {
             self.queue.pop_front();
             let Some(task) = self.tasks.get_mut(&number) else { continue };
             task.tries += 1;
+            task.heard = Instant::now();
             let connection = &mut self.connections[place];
             let job = Job { number, slot: connection.first_slot + slot as u32, work: task.work.clone() };
             connection.give(slot, &job);
@@ -287,7 +298,6 @@ impl Dispatch {
         match found {
             Found::Message(FromWorker::Ready(ready)) => {
                 self.connections[place].ready(&ready, &self.options.pool)?;
-                self.stillborn = 0;
                 if let Some(introduce) = introduce.take() {
                     let _ = introduce.send(Ok(ready));
                 }
@@ -295,6 +305,9 @@ impl Dispatch {
             }
             Found::Message(FromWorker::Progress(progress)) => {
                 self.shared.frames.fetch_add(progress.frames, Ordering::Relaxed);
+                if let Some(task) = self.tasks.get_mut(&progress.number) {
+                    task.heard = Instant::now();
+                }
                 Ok(())
             }
             Found::Message(FromWorker::Done(done)) => {
@@ -308,25 +321,58 @@ impl Dispatch {
             }
             Found::End => {
                 let mut connection = self.connections.remove(place);
+                let started = connection.slots.is_some();
                 let end = connection.wait(Duration::from_secs(1));
-                if connection.slots.is_some() {
-                    self.lost(&connection, &said(end));
-                    return Ok(());
+                // Where others work, one that cannot be started is not the end.
+                self.failed_starts += u32::from(!started);
+                let alone = self.connections.iter().all(|connection| connection.slots.is_none());
+                if !started && (alone || self.failed_starts > TRIES) {
+                    return Err(Error::of(
+                        ErrorKind::Lost,
+                        format!("{name} ended before it was ready ({end}); what it wrote above says why"),
+                    ));
                 }
-                // That came from outside, as a rule.
-                let killed = end.and_then(|status| status.signal()) == Some(libc::SIGKILL);
-                self.stillborn += 1;
-                if !killed || self.stillborn == TRIES {
-                    let sentence = format!(
-                        "{name} ended before it was ready ({}); what it wrote above says why",
-                        said(end)
-                    );
-                    return Err(Error::of(ErrorKind::Lost, sentence));
-                }
-                // Later ones are started where there is work for them.
-                if introduce.is_some() { self.connect() } else { Ok(()) }
+                self.lost(&connection, &end);
+                Ok(())
             }
         }
+    }
+
+    /// Ends what has been silent for longer than all of its calls may take: a worker of this machine says something five times a
+    /// second. A pool may take its time, such as a cluster that is busy; the user is told that it is waited for.
+    fn look_for_silent(&mut self) -> Result<()> {
+        let patience = self.options.limits.patience;
+        let Pool::Here(_) = self.options.pool else {
+            for connection in self.connections.iter_mut().filter(|connection| connection.slots.is_none()) {
+                if connection.opened.elapsed() > TOLD && !std::mem::replace(&mut connection.told, true) {
+                    eprintln!("pdk: waiting for {} to be ready", self.options.pool.name());
+                }
+            }
+            return Ok(());
+        };
+        let limit = |work: &Work| {
+            let calls = match work {
+                Work::Drive(_) | Work::Make(_) => 4,
+                Work::Evaluate(frame) => 4 + 2 * frame.evaluation.perturbations.len() as u32,
+            };
+            patience.saturating_mul(calls).saturating_add(GRACE)
+        };
+        let silent = self.connections.iter().position(|connection| {
+            let starting =
+                connection.slots.is_none() && connection.opened.elapsed() > patience.saturating_add(GRACE);
+            let late = |number: &u64| {
+                self.tasks.get(number).is_some_and(|task| task.heard.elapsed() > limit(&task.work))
+            };
+            starting || connection.jobs().iter().any(late)
+        });
+        let Some(place) = silent else { return Ok(()) };
+        let connection = self.connections.remove(place);
+        if connection.slots.is_none() {
+            let waited = connection.opened.elapsed().as_secs();
+            return Err(Error::of(ErrorKind::Late, format!("a worker has not been ready for {waited} s")));
+        }
+        self.lost(&connection, "it said nothing any more");
+        Ok(())
     }
 
     /// A worker is gone: what it was at is done again by another one.
@@ -346,7 +392,10 @@ impl Dispatch {
             let message =
                 format!("{} was lost {TRIES} times over it (the last: {end})", self.options.pool.name());
             let answer = match &task.work {
-                Work::Drive(_) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
+                Work::Drive(drive) => match write_trace(drive, &message) {
+                    Ok(()) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
+                    Err(error) => Answer::Broken(error.into()),
+                },
                 _ => Answer::Failed(Failure { kind: ErrorKind::Lost, message }),
             };
             self.done(number, answer);
@@ -428,7 +477,7 @@ impl Dispatch {
         for number in tasks {
             self.finish(number, Err(error.clone()));
         }
-        self.let_go(DROP);
+        self.connections.clear();
         self.broken.get_or_insert(error);
     }
 
@@ -440,7 +489,7 @@ impl Dispatch {
         }
         let dropped: Vec<u64> = match wish {
             Wish::Drop => {
-                self.let_go(DROP);
+                self.connections.clear();
                 self.tasks.keys().copied().collect()
             }
             Wish::Finish | Wish::None => self.queue.iter().copied().collect(),
@@ -451,29 +500,19 @@ impl Dispatch {
         }
     }
 
-    /// Says to all workers that there are no more jobs, and ends those that have not left by then.
-    fn let_go(&mut self, limit: Duration) {
+    /// Lets all workers go.
+    fn leave(&mut self) {
         self.connections.iter_mut().for_each(Connection::close);
-        let until = Instant::now() + limit;
+        let until = Instant::now() + LEAVE;
         for connection in &mut self.connections {
             connection.wait(until.saturating_duration_since(Instant::now()));
         }
         self.connections.clear();
-    }
-
-    /// Ends the session.
-    fn leave(&mut self) {
-        self.let_go(LEAVE);
         if let Some((directory, _)) = &self.record {
             directory.remove_partial_traces();
         }
         let _ = pdk_bus::sweep_run(&self.options.run);
     }
-}
-
-/// How a worker ended, in words.
-fn said(end: Option<ExitStatus>) -> String {
-    end.map_or_else(|| "it did not end by itself".to_owned(), |status| status.to_string())
 }
 
 fn line_of(submission: &Submission, outcome: Outcome) -> Line {

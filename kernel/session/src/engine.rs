@@ -25,6 +25,9 @@ use crate::stages::Stopwatch;
 /// The folder of this process's topics, for the thread that takes them off the machine when the process has to end at once.
 pub static BUS_ROOT: Mutex<Option<PathBuf>> = Mutex::new(None);
 
+/// The camera of a simulator that has not told of it.
+const NO_CAMERA: Camera = Camera { width: 0, height: 0, rate: 0.0 };
+
 /// A worker's instances and topics.
 pub struct Engine<'a> {
     registry: &'a Registry,
@@ -47,7 +50,7 @@ impl<'a> Engine<'a> {
             registry,
             run: hello.run.clone(),
             simulator: None,
-            camera: Camera { width: 0, height: 0, rate: 0.0 },
+            camera: NO_CAMERA,
             driver: None,
             evaluator: None,
             bus: None,
@@ -92,8 +95,7 @@ impl<'a> Engine<'a> {
 
     fn make(&self, make: &Make) -> Result<Made> {
         let Make { kind, component: ComponentSpec { name, parameters } } = make;
-        let held = |component: &ComponentSpec| component.clone();
-        let component = held(&make.component);
+        let component = make.component.clone();
         let mut made = Made::default();
         match kind {
             Kind::Simulator => {
@@ -148,13 +150,12 @@ impl<'a> Engine<'a> {
             progress: &mut |_| {},
         };
         let outcome: Outcome = run.into_outcome(error.as_ref(), self.camera, &witnesses);
-        if let Some(recorder) = recorder {
-            recorder.finish()?;
-        }
+        let recorded = recorder.map_or(Ok(()), Recorder::finish);
         if error.is_some() {
             // What failed may be in any state.
             (self.simulator, self.driver) = (None, None);
         }
+        recorded?;
         Ok(Driven { outcome, rate: self.camera.rate, times: self.stopwatch.times(), warnings: Vec::new() })
     }
 
@@ -169,6 +170,9 @@ impl<'a> Engine<'a> {
         let registry = self.registry;
         let held = self.simulator.as_ref().is_some_and(|held| *held.component() == scenario.simulator);
         self.stopwatch.start(None);
+        if !held {
+            self.camera = NO_CAMERA;
+        }
         let simulator = keep(&mut self.simulator, Kind::Simulator, &scenario.simulator, || {
             Ok(registry.simulator(&scenario.simulator.name, &scenario.simulator.parameters)?.0)
         })

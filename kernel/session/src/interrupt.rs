@@ -39,7 +39,7 @@ fn note(signal: i32) {
     LAST.store(signal, Ordering::SeqCst);
     let before = SIGNALS.fetch_add(if signal == libc::SIGTERM { 2 } else { 1 }, Ordering::SeqCst);
     if signal == libc::SIGINT && before == 0 {
-        let said = b"pdk: what is in flight is finished; Ctrl-C again drops it\n";
+        let said = b"pdk: finishing what is in flight; Ctrl-C again drops it\n";
         // SAFETY: writes constant bytes, which is allowed in a signal handler. Where nobody reads, nothing is lost.
         let _ = unsafe { libc::write(2, said.as_ptr().cast(), said.len()) };
     }
@@ -66,6 +66,7 @@ pub fn exit_code() -> Option<u8> {
 pub fn error() -> Error {
     Error::of(
         ErrorKind::Lost,
-        "the run was interrupted; what was recorded is kept, and running it again with --out and its folder goes on from there",
+        "the run was interrupted; what was recorded is kept, and the same command with --out and the folder of the record goes on from \
+         there",
     )
 }

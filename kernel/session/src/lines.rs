@@ -50,7 +50,10 @@ pub fn read_all<T: DeserializeOwned, E>(from: impl Read, events: &Sender<E>, wra
                     Err(error) => Found::Nonsense(error.to_string()),
                 }
             }
-            // Without a line feed it was cut off, or is longer than any message.
+            Ok(length) if length as u64 == LONGEST => {
+                Found::Nonsense(format!("a line of more than {} MiB", LONGEST >> 20))
+            }
+            // Without a line feed it was cut off.
             _ => Found::End,
         };
         let end = matches!(found, Found::End);

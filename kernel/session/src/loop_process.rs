@@ -22,6 +22,8 @@ use crate::environment::Environment;
 use crate::lines::{self, Found};
 use crate::protocol::{Done, FromWorker, Hello, Progress, Ready, ToWorker, VERSION};
 
+/// How long taking leave of the components may take.
+const LEAVE: Duration = Duration::from_secs(10);
 /// How often progress is told.
 const PROGRESS: Duration = Duration::from_millis(200);
 
@@ -44,18 +46,14 @@ pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> 
                 }
                 found
             });
+            // The worker needs nothing any more. What does not leave by itself is made to.
+            std::thread::sleep(LEAVE);
+            leave_at_once();
         })
         .place("cannot start a thread")?;
 
-    let hello = match messages.recv() {
-        Ok(Found::Message(ToWorker::Hello(hello))) => hello,
-        // The worker was killed before it came to that.
-        Ok(Found::End) => return Ok(()),
-        _ => {
-            return Err(Error::new(
-                "the worker's first message has to be `hello`; see docs/worker-protocol.md",
-            ));
-        }
+    let Ok(Found::Message(ToWorker::Hello(hello))) = messages.recv() else {
+        return Err(Error::new("the worker's first message has to be `hello`; see docs/worker-protocol.md"));
     };
     busy.store(true, Ordering::SeqCst);
     let registry = Registry::discover(&hello.search, scripts(&hello.search));
@@ -75,8 +73,7 @@ pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> 
         catalog: registry.catalog().clone(),
         refused: registry.refused().iter().map(ToString::to_string).collect(),
     };
-    // Where nobody listens any more, there is nobody to tell so either: here and below, the end of the input is noticed.
-    let _ = lines::write(&mut output, &FromWorker::Ready(ready));
+    lines::write(&mut output, &FromWorker::Ready(ready))?;
     serve(&registry, &hello, environment, &messages, &busy, &mut output)?;
     // Behind this, ending is what is wanted.
     calls::done();
@@ -110,14 +107,15 @@ fn serve(
             // The clock is looked at now and then only.
             if frames.is_multiple_of(8) && told.elapsed() >= PROGRESS {
                 told = Instant::now();
+                // Where nobody listens, the reading thread ends the process.
                 let _ = lines::write(output, &FromWorker::Progress(Progress { number, frames }));
                 frames = 0;
             }
         });
         if frames > 0 {
-            let _ = lines::write(output, &FromWorker::Progress(Progress { number, frames }));
+            lines::write(output, &FromWorker::Progress(Progress { number, frames }))?;
         }
-        let _ = lines::write(output, &FromWorker::Done(Done { number, answer }));
+        lines::write(output, &FromWorker::Done(Done { number, answer }))?;
         busy.store(false, Ordering::SeqCst);
         if !engine.is_usable() {
             break;

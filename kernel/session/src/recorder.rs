@@ -11,6 +11,8 @@ use pdk_sdk::prelude::{Frame, FrameBuf};
 use pdk_trace::step::{ImageTopic, Step};
 use pdk_trace::writer::Trace;
 
+use crate::protocol::Drive;
+
 /// Messages that go to the writer together: waking its thread costs the loop more than everything else here.
 const BATCH: usize = 32;
 /// Batches that may wait for the writer; when they are that many, the loop waits too and nothing is lost.
@@ -183,6 +185,15 @@ fn write_traces(
         // The pool is full where the loop was ahead: then this batch is one too many.
         let _ = give_batch_back.try_send(batch);
     }
+}
+
+/// Writes a trace in the place of one that was not completed, so that equal failures leave equal records.
+pub fn write_trace(drive: &Drive, message: &str) -> Result<()> {
+    let Some(path) = &drive.trace else { return Ok(()) };
+    let mut trace = Trace::create(path)?;
+    trace.event(0.0, false, &drive.name)?;
+    trace.event(0.0, true, message)?;
+    trace.finish()
 }
 
 #[cfg(test)]

@@ -29,6 +29,7 @@ pub struct Session {
     next: u64,
     catalog: Catalog,
     refused: Vec<String>,
+    slots: usize,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
@@ -39,6 +40,7 @@ impl Session {
     /// # Errors
     /// Where the worker cannot be started, or is of another version.
     pub fn start(options: Options) -> Result<Self> {
+        let connections = options.pool.connections();
         let (requests, events) = mpsc::channel();
         let (answer, answers) = mpsc::channel();
         let (introduce, introduced) = mpsc::channel();
@@ -56,10 +58,12 @@ impl Session {
             next: 0,
             catalog: Catalog::default(),
             refused: Vec::new(),
+            slots: 0,
             shared,
             thread: Some(thread),
         };
         let ready: Ready = introduced.recv().map_err(|_| gone())??;
+        session.slots = connections * ready.slots as usize;
         (session.catalog, session.refused) = (ready.catalog, ready.refused);
         Ok(session)
     }
@@ -72,6 +76,11 @@ impl Session {
     /// What was found but cannot be used, one sentence each.
     pub fn refused(&self) -> &[String] {
         &self.refused
+    }
+
+    /// How many jobs are done at the same time, once all workers are there.
+    pub fn slots(&self) -> usize {
+        self.slots
     }
 
     /// Records what is submitted from now on, and answers from the ledger what is there already.
@@ -130,7 +139,7 @@ impl Session {
                 return answer;
             }
             if !self.open.contains(&ticket) {
-                return Err(Error::new("what this came to was taken before, and is told once"));
+                return Err(Error::new("the answer to this submission was taken already"));
             }
             self.receive(tick)?;
         }

@@ -12,14 +12,15 @@ use std::time::{Duration, Instant};
 use pdk_core::calls::Seen;
 use pdk_core::supervisor::{End, LOOK, Limits, Supervised};
 use pdk_sdk::error::{Error, Place, Result};
-use pdk_trace::writer::{Trace, part_of};
+use pdk_trace::writer::part_of;
 
 use crate::lines::{self, Found};
 use crate::protocol::{
     Answer, Done, Drive, Driven, Failure, FromWorker, Hello, Job, ToWorker, VERSION, Work,
 };
+use crate::recorder::write_trace;
 
-/// How often a job is begun whose process somebody else kills, and how often a process is started that is killed before it is ready.
+/// How often a job is done again whose process somebody else has killed.
 const TRIES: u32 = 3;
 
 /// How long a process may take to leave that has nothing to do any more.
@@ -40,16 +41,15 @@ pub fn run() -> Result<()> {
         return Err(Error::new("the session's first message has to be `hello`; see docs/worker-protocol.md"));
     };
     if hello.protocol != VERSION {
-        let reason = format!(
+        return say(&FromWorker::Failed(format!(
             "the session speaks version {} of the worker protocol, and this worker version {VERSION}; use the same pdk at both ends",
             hello.protocol
-        );
-        return lines::write(&mut io::stdout().lock(), &FromWorker::Failed(reason));
+        )));
     }
     let patience = Duration::try_from_secs_f64(hello.patience)
         .map_err(|_| Error::new(format!("the patience is {} s, but has to be a time", hello.patience)))?;
     let limits = Limits { patience, memory: hello.memory };
-    Worker {
+    let mut worker = Worker {
         hello,
         limits,
         sender,
@@ -59,9 +59,11 @@ pub fn run() -> Result<()> {
         introduced: false,
         job: None,
         tries: 0,
-        unheard: false,
-    }
-    .serve()
+    };
+    // The session tells the user. Where it is gone, all that is left is to leave.
+    let served = worker.serve().or_else(|error| say(&FromWorker::Failed(error.message().to_owned())));
+    worker.leave();
+    served
 }
 
 enum Event {
@@ -80,19 +82,19 @@ struct Worker {
     /// Whether the session has heard of the components.
     introduced: bool,
     job: Option<Box<Job>>,
-    /// How often the job was begun; before there is one, how often a process was killed before it was ready.
+    /// How often the job was begun.
     tries: u32,
-    /// Whether the session does not listen any more.
-    unheard: bool,
 }
 
 struct Process {
     supervised: Supervised,
     input: ChildStdin,
+    /// Since when it is over, although its output is still open.
+    over: Option<Instant>,
 }
 
 impl Worker {
-    fn serve(mut self) -> Result<()> {
+    fn serve(&mut self) -> Result<()> {
         self.start()?;
         let mut looked = Instant::now();
         loop {
@@ -107,10 +109,7 @@ impl Worker {
                     self.job = Some(job);
                     self.begin()?;
                 }
-                Some(Event::Session(Found::End)) => {
-                    self.leave();
-                    return Ok(());
-                }
+                Some(Event::Session(Found::End)) => return Ok(()),
                 Some(Event::Session(Found::Message(ToWorker::Hello(_)))) => {
                     return Err(Error::new("the session says `hello` twice"));
                 }
@@ -125,10 +124,6 @@ impl Worker {
             if looked.elapsed() >= LOOK {
                 looked = Instant::now();
                 self.look()?;
-            }
-            if self.unheard {
-                self.leave();
-                return Ok(());
             }
         }
     }
@@ -152,7 +147,7 @@ impl Worker {
             .place("cannot start a thread")?;
         // Where it is gone already, its end is noticed like any other.
         let _ = lines::write(&mut input, &ToWorker::Hello(self.hello.clone()));
-        self.process = Some(Process { supervised, input });
+        self.process = Some(Process { supervised, input, over: None });
         Ok(())
     }
 
@@ -174,7 +169,7 @@ impl Worker {
         match found {
             Found::Message(FromWorker::Ready(ready)) => {
                 if !std::mem::replace(&mut self.introduced, true) {
-                    self.say(&FromWorker::Ready(ready));
+                    say(&FromWorker::Ready(ready))?;
                 }
                 Ok(())
             }
@@ -182,15 +177,12 @@ impl Worker {
                 // Whatever its components write there, only the job's own answer counts.
                 if self.job.as_ref().is_some_and(|job| job.number == done.number) {
                     self.job = None;
-                    self.say(&FromWorker::Done(done));
+                    say(&FromWorker::Done(done))?;
                 }
                 Ok(())
             }
             Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
-            Found::Message(progress @ FromWorker::Progress(_)) => {
-                self.say(&progress);
-                Ok(())
-            }
+            Found::Message(progress @ FromWorker::Progress(_)) => say(&progress),
             Found::Nonsense(_) => Ok(()),
             Found::End => {
                 let end = match &mut self.process {
@@ -206,11 +198,19 @@ impl Worker {
     /// Looks after the process.
     fn look(&mut self) -> Result<()> {
         let Some(process) = &mut self.process else { return Ok(()) };
-        match process.supervised.look().place("cannot look after the process of the components")? {
-            // What it said last may still be on its way, and tells more than its end.
-            Some(End::Done(_) | End::Exited(_) | End::Signal(_)) | None => Ok(()),
-            Some(end) => self.ended(&end),
+        let Some(end) = process.supervised.look().place("cannot look after the process of the components")?
+        else {
+            return Ok(());
+        };
+        if let End::Done(_) | End::Exited(_) | End::Signal(_) = end {
+            // What it said last may still be on its way, and tells more than its end; but a process that it started may hold its
+            // output open for ever.
+            let since = *process.over.get_or_insert_with(Instant::now);
+            if since.elapsed() < Duration::from_secs(1) {
+                return Ok(());
+            }
         }
+        self.ended(&end)
     }
 
     /// The process is over.
@@ -222,9 +222,8 @@ impl Worker {
         // What it had in shared memory.
         let _ = pdk_bus::sweep_run(&self.hello.run);
         let Some(job) = &self.job else {
-            self.tries += 1;
-            // Nobody is waiting for it, or it was killed while it started.
-            return match self.introduced || *end == End::Signal(libc::SIGKILL) && self.tries < TRIES {
+            return match self.introduced {
+                // Nobody is waiting for it.
                 true => self.start(),
                 false => Err(Error::of(end.kind(), self.sentence(end, &calls))),
             };
@@ -239,7 +238,7 @@ impl Worker {
         let answer = self.answer(job, end, &calls);
         let done = Done { number: job.number, answer };
         self.job = None;
-        self.say(&FromWorker::Done(done));
+        say(&FromWorker::Done(done))?;
         self.start()
     }
 
@@ -267,14 +266,10 @@ impl Worker {
         }
     }
 
-    fn say(&mut self, message: &FromWorker) {
-        self.unheard |= lines::write(&mut io::stdout().lock(), message).is_err();
-    }
-
     /// The session is gone, or needs no more.
     fn leave(&mut self) {
         let Some(process) = self.process.take() else { return };
-        let Process { mut supervised, input } = process;
+        let Process { mut supervised, input, .. } = process;
         drop(input);
         let started = Instant::now();
         // In the middle of a job it ends at once; else it takes leave of its components, which takes some time.
@@ -305,11 +300,6 @@ fn wait_or_kill(supervised: &mut Supervised) -> Result<End> {
     }
 }
 
-/// Writes a trace in the place of one that was not completed, so that equal failures leave equal records.
-fn write_trace(drive: &Drive, message: &str) -> Result<()> {
-    let Some(path) = &drive.trace else { return Ok(()) };
-    let mut trace = Trace::create(path)?;
-    trace.event(0.0, false, &drive.name)?;
-    trace.event(0.0, true, message)?;
-    trace.finish()
+fn say(message: &FromWorker) -> Result<()> {
+    lines::write(&mut io::stdout().lock(), message)
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use foxglove::Encode;
 use foxglove::messages::{CompressedImage, Log, Timestamp, log::Level};
 use mcap::records::MessageHeader;
-use pdk_core::lines::write_error;
+use pdk_core::lines::{sync_folder, write_error};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Control, Frame, State};
 
@@ -160,7 +160,9 @@ impl Trace {
         self.writer.finish().map_err(|error| trace_error(&self.path, &error))?;
         let failed = |error: std::io::Error| write_error(&self.path, &error);
         let file = self.writer.into_inner().into_inner().map_err(|error| failed(error.into_error()))?;
-        file.sync_data().and_then(|()| std::fs::rename(part_of(&self.path), &self.path)).map_err(failed)
+        file.sync_data().and_then(|()| std::fs::rename(part_of(&self.path), &self.path)).map_err(failed)?;
+        sync_folder(&self.path);
+        Ok(())
     }
 
     fn write<T: Encode>(&mut self, channel_id: u16, time: f64, message: &T) -> Result<()> {

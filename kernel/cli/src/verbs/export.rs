@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use pdk_core::directory::RunDirectory;
+use pdk_core::eprintln;
 use pdk_report::published;
 use pdk_sdk::error::Result;
 use serde_json::json;
@@ -22,7 +23,10 @@ pub struct Arguments {
 
 /// Reads the scenarios of a run and writes them in the published shape.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let outcomes = published::outcomes(&RunDirectory::open(&arguments.record)?)?;
+    let (outcomes, cut_off) = published::outcomes(&RunDirectory::open(&arguments.record)?)?;
+    if cut_off {
+        eprintln!("pdk: warning: the last line of scenarios.jsonl is cut off, so its scenario is left out");
+    }
     match &arguments.output {
         None => print_json(&json!(outcomes)),
         Some(path) => {
