@@ -9,8 +9,8 @@ pub mod datasets;
 pub mod onnx;
 pub mod pictures;
 pub mod process;
-pub mod record;
 pub mod processes;
+pub mod record;
 pub mod records;
 
 use std::path::{Path, PathBuf};

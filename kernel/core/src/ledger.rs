@@ -7,14 +7,14 @@
 //! A line is a JSON object that begins with the id and ends with a checksum over all before it, so that neither a half-written
 //! nor an edited line counts as a result.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs::{self, File};
-use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use pdk_model::outcome::Outcome;
 use pdk_model::scenario::{Scenario, ScenarioId};
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::directory::{RunDirectory, SCENARIOS};
@@ -91,8 +91,10 @@ fn damaged(path: &Path, number: usize) -> Error {
 pub struct Ledger {
     path: PathBuf,
     lines: Lines,
-    /// Where the line of each scenario is: its first byte and its length without the line feed.
+    /// Where the line of each scenario is: its first byte and its length without the line feed. Of several the last one counts.
     places: HashMap<ScenarioId, (u64, usize)>,
+    /// Whether there are lines that do not count.
+    superseded: bool,
 }
 
 impl Ledger {
@@ -105,14 +107,15 @@ impl Ledger {
         let (lines, text) = Lines::open(&path)?;
         let text = String::from_utf8(text).map_err(|_| damaged(&path, 1))?;
         let mut places = HashMap::new();
+        let mut superseded = false;
         let mut start = 0;
         // Not `lines`, which would forgive an editor that changes how lines end.
         for (number, line) in text.split_terminator('\n').enumerate() {
             let (id, _) = checked(line).ok_or_else(|| damaged(&path, number + 1))?;
-            places.insert(id, (start, line.len()));
+            superseded |= places.insert(id, (start, line.len())).is_some();
             start += line.len() as u64 + 1;
         }
-        Ok(Self { path, lines, places })
+        Ok(Self { path, lines, places, superseded })
     }
 
     /// How many scenarios it holds.
@@ -125,7 +128,8 @@ impl Ledger {
         self.places.is_empty()
     }
 
-    /// The line of a scenario; none where it has not been driven.
+    /// The line of a scenario; none where it has not been driven, or where its worker was lost or came too late over it, which may
+    /// be otherwise another time.
     ///
     /// # Errors
     /// Where it cannot be read any more.
@@ -133,7 +137,9 @@ impl Ledger {
         let Some((start, length)) = self.places.get(id) else { return Ok(None) };
         let text = read_at(&self.path, *start, *length).place(self.path.display())?;
         let body = checked(&text).map(|(_, body)| body).ok_or_else(|| damaged(&self.path, 0))?;
-        parse(body).place(self.path.display()).map(Some)
+        let line = parse(body).place(self.path.display())?;
+        let again = matches!(line.outcome.error_kind, Some(ErrorKind::Lost | ErrorKind::Late));
+        Ok(Some(line).filter(|_| !again))
     }
 
     /// Adds a line, which is on the disk when this returns.
@@ -145,7 +151,7 @@ impl Ledger {
         let start = self.lines.length();
         self.lines.add(text.as_bytes())?;
         self.lines.sync()?;
-        self.places.insert(line.id, (start, text.len() - 1));
+        self.superseded |= self.places.insert(line.id, (start, text.len() - 1)).is_some();
         Ok(())
     }
 
@@ -161,7 +167,7 @@ impl Ledger {
         let mut sorted: Vec<(ScenarioId, u64, usize)> =
             self.places.iter().map(|(id, (start, length))| (*id, *start, *length)).collect();
         sorted.sort_by_key(|(id, start, _)| (rank.get(id).copied().unwrap_or(usize::MAX), *start));
-        if sorted.is_sorted_by_key(|(_, start, _)| *start) {
+        if !self.superseded && sorted.is_sorted_by_key(|(_, start, _)| *start) {
             return Ok(());
         }
         let part = self.path.with_extension("part");
@@ -173,7 +179,7 @@ impl Ledger {
         })?;
         sync_folder(&self.path);
         let (lines, _) = Lines::open(&self.path)?;
-        self.lines = lines;
+        (self.lines, self.superseded) = (lines, false);
         let mut start = 0;
         for (id, _, length) in sorted {
             self.places.insert(id, (start, length));
@@ -182,24 +188,24 @@ impl Ledger {
         Ok(())
     }
 
-    fn write_sorted(&self, part: &Path, sorted: &[(ScenarioId, u64, usize)]) -> std::io::Result<()> {
+    fn write_sorted(&self, part: &Path, sorted: &[(ScenarioId, u64, usize)]) -> io::Result<()> {
         let text = fs::read(&self.path)?;
-        let mut file = std::io::BufWriter::new(File::create(part)?);
+        let mut file = io::BufWriter::new(File::create(part)?);
         for (_, start, length) in sorted {
             // With the line feed.
             let line = text.get(*start as usize..*start as usize + length + 1);
-            file.write_all(line.ok_or(ErrorKind::UnexpectedEof)?)?;
+            file.write_all(line.ok_or(io::ErrorKind::UnexpectedEof)?)?;
         }
-        file.into_inner().map_err(std::io::IntoInnerError::into_error)?.sync_all()
+        file.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()
     }
 }
 
-fn read_at(path: &Path, start: u64, length: usize) -> std::io::Result<String> {
+fn read_at(path: &Path, start: u64, length: usize) -> io::Result<String> {
     let mut file = File::open(path)?;
     file.seek(SeekFrom::Start(start))?;
     let mut bytes = vec![0; length];
     file.read_exact(&mut bytes)?;
-    String::from_utf8(bytes).map_err(|_| ErrorKind::InvalidData.into())
+    String::from_utf8(bytes).map_err(|_| io::ErrorKind::InvalidData.into())
 }
 
 /// All lines of a record, in the order in which they stand, and whether a last line that was cut off is left out.
@@ -209,7 +215,7 @@ fn read_at(path: &Path, start: u64, length: usize) -> std::io::Result<String> {
 pub fn read(directory: &RunDirectory) -> Result<(Vec<Line>, bool)> {
     let path = directory.path().join(SCENARIOS);
     let text = fs::read(&path).map_err(|error| match error.kind() {
-        ErrorKind::NotFound => Error::new(format!(
+        io::ErrorKind::NotFound => Error::new(format!(
             "there is no {}, so no scenarios to read; was it an offline run?",
             path.display()
         )),
@@ -221,13 +227,17 @@ pub fn read(directory: &RunDirectory) -> Result<(Vec<Line>, bool)> {
         let (_, body) = checked(line).ok_or_else(|| damaged(&path, number + 1))?;
         parse(body).place(format_args!("{}:{}", path.display(), number + 1))
     };
-    Ok((whole.split_terminator('\n').enumerate().map(line).collect::<Result<_>>()?, complete < text.len()))
+    let mut lines: Vec<Line> = whole.split_terminator('\n').enumerate().map(line).collect::<Result<_>>()?;
+    // Of several lines of a scenario, which only a run that has not ended has, the last one counts.
+    let mut seen = HashSet::new();
+    let mut last: Vec<bool> = lines.iter().rev().map(|line| seen.insert(line.id)).collect();
+    lines.retain(|_| last.pop().unwrap_or_default());
+    Ok((lines, complete < text.len()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_model::error::ErrorKind;
     use serde_json::json;
 
     fn line(seed: u64) -> Line {
@@ -235,7 +245,7 @@ mod tests {
             "simulator": {"name": "lane"}, "driver": {"name": "dave2"}, "duration": 9.5, "seed": seed,
         }))
         .unwrap();
-        let outcome = Outcome::of_error(ErrorKind::Lost, "driver `x` is gone".to_owned());
+        let outcome = Outcome::of_error(ErrorKind::Failed, "driver `x`: it cannot see".to_owned());
         Line { id: scenario.id(), name: "nominal".to_owned(), scenario, images_every: 6, outcome }
     }
 
@@ -263,6 +273,24 @@ mod tests {
         assert_eq!(ledger.len(), 6);
         assert_eq!(ledger.get(&line(9).id).unwrap(), Some(line(9)));
         assert_eq!(ledger.get(&line(7).id).unwrap(), None);
+        fs::remove_dir_all(directory.path()).unwrap();
+    }
+
+    #[test]
+    fn what_was_lost_is_driven_again_and_the_last_line_counts() {
+        let directory = directory("lost");
+        let mut ledger = Ledger::open(&directory).unwrap();
+        let lost = Outcome::of_error(ErrorKind::Late, "driver `x` has not come back".to_owned());
+        ledger.add(&Line { outcome: lost, ..line(0) }).unwrap();
+        ledger.add(&line(1)).unwrap();
+        assert_eq!(ledger.get(&line(0).id).unwrap(), None);
+        ledger.add(&line(0)).unwrap();
+        assert_eq!(ledger.get(&line(0).id).unwrap(), Some(line(0)));
+        assert_eq!(read(&directory).unwrap().0, [1, 0].map(line));
+        let mut ledger = Ledger::open(&directory).unwrap();
+        ledger.finish(&[0, 1].map(|seed| line(seed).id)).unwrap();
+        assert_eq!(fs::read_to_string(directory.path().join(SCENARIOS)).unwrap().lines().count(), 2);
+        assert_eq!(read(&directory).unwrap().0, [0, 1].map(line));
         fs::remove_dir_all(directory.path()).unwrap();
     }
 

@@ -14,7 +14,8 @@ use pdk_model::outcome::Cause;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_sdk::describe::Kind;
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_session::drive::expected_frames;
 use pdk_session::interrupt::{self, Wish};
 use pdk_session::protocol::{Evaluation, Made};
 use pdk_session::session::{Reply, Session, Submission, Ticket};
@@ -65,23 +66,34 @@ pub struct Host {
     in_use: InUse,
     /// What components said when they were made, by kind and what they were made from.
     made: BTreeMap<(Kind, String), Made>,
-    /// For each ticket the number of its scenario, and how many frames that may have.
-    submitted: BTreeMap<Ticket, (usize, u64)>,
+    /// What was submitted under each ticket.
+    submitted: BTreeMap<Ticket, Submitted>,
     /// The numbers of the scenarios, in the order in which they were submitted first, which is that of the ledger in the end.
     numbers: BTreeMap<ScenarioId, usize>,
-    outcomes: BTreeMap<Ticket, Value>,
+    /// What came of it, as far as anybody has taken it.
+    outcomes: BTreeMap<Ticket, Result<Line>>,
     evaluations: Vec<Value>,
     evaluation_times: Vec<Value>,
     results: Option<Results>,
     speed: Vec<String>,
     warnings: Vec<String>,
-    failed: Vec<String>,
     /// Outcomes that were in the ledger already.
     kept: usize,
     progress: ProgressBar,
-    /// Frames that scenarios did not need.
+    /// Frames that scenarios did not need, and those that were driven before the bar began.
     spared: u64,
+    before: u64,
     started: SystemTime,
+}
+
+/// A scenario that was submitted.
+struct Submitted {
+    /// Its number in the run, which is its place in the ledger in the end.
+    number: usize,
+    /// What the pipeline calls it this time.
+    name: String,
+    /// How many frames it may have.
+    expected: u64,
 }
 
 /// What it takes to make a host.
@@ -129,10 +141,10 @@ impl Host {
             results: None,
             speed: Vec::new(),
             warnings: Vec::new(),
-            failed: Vec::new(),
             kept: 0,
-            progress: output::progress(quiet, "{pos}/{len} frames, {per_sec}, {eta} left"),
+            progress: progress(quiet),
             spared: 0,
+            before: 0,
             started: SystemTime::now(),
         }
     }
@@ -171,13 +183,20 @@ impl Host {
         self.open_ledger()?;
         let mut tickets = Vec::with_capacity(submissions.len());
         for submission in submissions {
-            let Scenario { simulator, duration, .. } = &submission.scenario;
-            let expected = (duration * self.rate(&simulator.clone())?).ceil() as u64 + 1;
-            self.progress.set_length(self.progress.length().unwrap_or(0) + expected);
+            // A simulator that cannot be made has no rate, and its scenarios no frames.
+            let simulator = submission.scenario.simulator.clone();
+            let rate = self.make(Kind::Simulator, &simulator)?.camera.map_or(0.0, |camera| camera.rate);
+            let expected = expected_frames(&submission.scenario, rate);
+            if self.outcomes.len() == self.submitted.len() {
+                self.progress = progress(self.quiet);
+                (self.before, self.spared) = (self.session.frames(), 0);
+            }
+            self.progress.inc_length(expected);
             let count = self.numbers.len();
             let number = *self.numbers.entry(submission.scenario.id()).or_insert(count);
+            let name = submission.name.clone();
             let ticket = self.session.submit(submission);
-            self.submitted.insert(ticket, (number, expected));
+            self.submitted.insert(ticket, Submitted { number, name, expected });
             tickets.push(ticket);
         }
         Ok(tickets)
@@ -185,42 +204,54 @@ impl Host {
 
     /// Waits for an outcome.
     pub(crate) fn wait(&mut self, ticket: Ticket) -> Result<Value> {
-        if let Some(row) = self.outcomes.get(&ticket) {
-            return Ok(row.clone());
+        if !self.outcomes.contains_key(&ticket) {
+            let (progress, before, spared) = (&self.progress, self.before, self.spared);
+            let mut tick = |frames: u64| progress.set_position(frames - before + spared);
+            let reply = self.session.wait(ticket, &mut tick);
+            self.take(ticket, reply);
         }
-        let (progress, spared) = (&self.progress, self.spared);
-        let reply = self.session.wait(ticket, &mut |frames| progress.set_position(frames + spared));
-        self.take(ticket, reply)
+        self.row(ticket)
+    }
+
+    /// An outcome that was taken, as scripts see it.
+    fn row(&self, ticket: Ticket) -> Result<Value> {
+        match (self.outcomes.get(&ticket), self.submitted.get(&ticket)) {
+            (Some(Ok(line)), Some(submitted)) => Ok(outcome_row(line, submitted)),
+            (Some(Err(error)), _) => Err(error.clone()),
+            _ => Err(Error::new("nothing was submitted under this ticket")),
+        }
     }
 
     /// Waits for the next of several outcomes, as they come; none where there is none left.
-    pub(crate) fn next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<(Ticket, Value)>> {
-        let (progress, spared) = (&self.progress, self.spared);
-        let next = self.session.next(among, &mut |frames| progress.set_position(frames + spared))?;
-        let Some((ticket, reply)) = next else { return Ok(None) };
-        Ok(Some((ticket, self.take(ticket, reply)?)))
+    pub(crate) fn next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<(Ticket, Result<Value>)>> {
+        let taken = self.take_next(among)?;
+        Ok(taken.map(|ticket| (ticket, self.row(ticket))))
     }
 
-    fn take(&mut self, ticket: Ticket, reply: Result<Reply>) -> Result<Value> {
-        let (number, expected) = self.submitted.get(&ticket).copied().unwrap_or_default();
-        let reply = reply.inspect_err(|_| self.progress.finish_and_clear())?;
-        let Reply::Recorded(line, known) = reply else {
-            return Err(Error::new("a scenario came to something else, which is a defect in pdk"));
-        };
-        let driven = if known { 0 } else { line.outcome.frames };
-        self.spared += expected.saturating_sub(driven);
-        self.kept += usize::from(known);
-        let row = outcome_row(&line, number);
-        if line.outcome.cause == Cause::Error {
-            let error = line.outcome.error.as_deref().unwrap_or_default();
-            self.failed.push(format!("scenario {number} `{}`: {error}", line.name));
-        }
-        self.outcomes.insert(ticket, row.clone());
+    /// Takes the next of several outcomes, as they come.
+    fn take_next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<Ticket>> {
+        let (progress, before, spared) = (&self.progress, self.before, self.spared);
+        let mut tick = |frames: u64| progress.set_position(frames - before + spared);
+        let Some((ticket, reply)) = self.session.next(among, &mut tick)? else { return Ok(None) };
+        self.take(ticket, reply);
+        Ok(Some(ticket))
+    }
+
+    fn take(&mut self, ticket: Ticket, reply: Result<Reply>) {
+        let line = reply.and_then(|reply| match reply {
+            Reply::Recorded(line, known) => {
+                self.kept += usize::from(known);
+                let driven = if known { 0 } else { line.outcome.frames };
+                let expected = self.submitted.get(&ticket).map_or(0, |submitted| submitted.expected);
+                self.spared += expected.saturating_sub(driven);
+                Ok(*line)
+            }
+            _ => Err(Error::new("a scenario came to something else, which is a defect in pdk")),
+        });
+        self.outcomes.insert(ticket, line);
         if self.outcomes.len() == self.submitted.len() {
-            self.progress.set_length(0);
-            self.progress.reset();
+            self.progress.finish_and_clear();
         }
-        Ok(row)
     }
 
     /// `pdk.drive`: submits all, and waits for all.
@@ -235,7 +266,7 @@ impl Host {
         let made = self.make(Kind::Simulator, simulator)?;
         made.camera.map(|camera| camera.rate).ok_or_else(|| {
             Error::new(format!(
-                "the simulator `{}` did not tell its camera, which is a defect in pdk",
+                "the simulator `{}` did not tell its camera, so a level cannot be a function of time",
                 simulator.name
             ))
         })
@@ -247,7 +278,18 @@ impl Host {
         if let Some(made) = self.made.get(&key) {
             return Ok(made.clone());
         }
-        let made = self.session.make(kind, component)?;
+        let made = match self.session.make(kind, component) {
+            Ok(made) => made,
+            // A component that cannot be made is an error at once; one that takes its process along, or does not come back, is the
+            // outcome of each scenario that needs it.
+            Err(error)
+                if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late | ErrorKind::Panic)
+                    && interrupt::wish() == Wish::None =>
+            {
+                Made::default()
+            }
+            Err(error) => return Err(error),
+        };
         self.made.insert(key, made.clone());
         Ok(made)
     }
@@ -437,10 +479,11 @@ impl Host {
 
     /// Hands the session the ledger, so that it records scenarios.
     fn open_ledger(&mut self) -> Result<()> {
-        if let (Some(directory), false) = (&self.directory, self.has_ledger) {
+        if let (Some(directory), false) = (self.directory.clone(), self.has_ledger) {
             directory.remove_partial_traces();
-            let ledger = Ledger::open(directory)?;
-            self.session.record(directory.clone(), ledger);
+            // A record that is damaged stays as it is.
+            let ledger = Ledger::open(&directory).inspect_err(|_| self.directory = None)?;
+            self.session.record(directory, ledger);
             self.has_ledger = true;
         }
         Ok(())
@@ -468,20 +511,17 @@ impl Host {
             false => Ok(()),
         };
         self.progress.finish_and_clear();
-        let outcomes: Vec<&Value> = self.outcomes.values().collect();
-        let summary = json!({ "outcomes": outcomes, "evaluations": self.evaluations });
+        let rows: Vec<Value> = self.outcomes.keys().filter_map(|ticket| self.row(*ticket).ok()).collect();
+        let (all, failed) = (rows.len(), self.failed());
+        let summary = json!({ "outcomes": rows, "evaluations": self.evaluations });
         let written = self.complete(&summary);
         if self.kept > 0 {
-            self.speed.insert(
-                0,
-                format!("{} of {} scenarios were in the record already", self.kept, self.outcomes.len()),
-            );
+            self.speed.insert(0, format!("{} of {all} scenarios were in the record already", self.kept));
         }
-        let scenarios = self.failed.first().map(|first| {
+        let scenarios = failed.first().map(|first| {
             Error::new(format!(
-                "{} of {} scenarios could not be driven because a component failed; the first: {first}",
-                self.failed.len(),
-                self.outcomes.len()
+                "{} of {all} scenarios could not be driven because a component failed; the first: {first}",
+                failed.len(),
             ))
         });
         let failures = [script.err(), rest.err(), written.err(), scenarios, self.check_overrides().err()];
@@ -494,20 +534,27 @@ impl Host {
         }
     }
 
+    /// The scenarios in which a component failed, in the order of submission.
+    fn failed(&self) -> Vec<String> {
+        let of = |(ticket, line): (&Ticket, &Result<Line>)| {
+            let outcome = &line.as_ref().ok()?.outcome;
+            let Submitted { number, name, .. } = self.submitted.get(ticket)?;
+            let error = outcome.error.as_deref().filter(|_| outcome.cause == Cause::Error)?;
+            Some(format!("scenario {number} `{name}`: {error}"))
+        };
+        self.outcomes.iter().filter_map(of).collect()
+    }
+
     /// Takes the outcomes that nobody has waited for: all where the script came to its end, and what was in flight where the user
     /// interrupted it. After an error of the script there is nobody who wants them.
     fn take_rest(&mut self) -> Result<()> {
         let rest: BTreeSet<Ticket> =
             self.submitted.keys().filter(|ticket| !self.outcomes.contains_key(ticket)).copied().collect();
         let mut result = Ok(());
-        loop {
-            let (progress, spared) = (&self.progress, self.spared);
-            let next = self.session.next(&rest, &mut |frames| progress.set_position(frames + spared))?;
-            let Some((ticket, reply)) = next else { return result };
-            if let Err(error) = self.take(ticket, reply) {
-                result = result.and(Err(error));
-            }
+        while let Some(ticket) = self.take_next(&rest)? {
+            result = result.and(self.row(ticket).map(drop));
         }
+        result
     }
 
     fn complete(&mut self, summary: &Value) -> Result<()> {
@@ -551,13 +598,18 @@ impl Host {
     }
 }
 
+/// A bar for frames on the road.
+fn progress(quiet: bool) -> ProgressBar {
+    output::progress(quiet, "{pos}/{len} frames, {per_sec}, {eta} left")
+}
+
 /// What a pipeline and the summary see of an outcome.
-fn outcome_row(line: &Line, number: usize) -> Value {
+fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
     let outcome = &line.outcome;
     json!({
-        "number": number,
+        "number": submitted.number,
         "id": line.id,
-        "name": line.name,
+        "name": submitted.name,
         "success": outcome.success,
         "cause": outcome.cause,
         "error": outcome.error,

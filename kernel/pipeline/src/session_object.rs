@@ -21,14 +21,23 @@ pub struct SessionObject {
     duration: Option<LuaValue>,
     /// The tickets that it gave out, by the numbers that the script knows.
     tickets: BTreeMap<u64, Ticket>,
-    /// Those whose outcomes have not been taken by `next`.
+    /// The same the other way round.
+    numbers: BTreeMap<Ticket, u64>,
+    /// Those whose outcomes have not been taken.
     open: BTreeSet<Ticket>,
 }
 
 impl SessionObject {
     /// A session whose scenarios have these defaults; simulator and duration also as the script wrote them.
     pub fn new(defaults: Defaults, simulator: Option<LuaValue>, duration: Option<LuaValue>) -> Self {
-        Self { defaults, simulator, duration, tickets: BTreeMap::new(), open: BTreeSet::new() }
+        Self {
+            defaults,
+            simulator,
+            duration,
+            tickets: BTreeMap::new(),
+            numbers: BTreeMap::new(),
+            open: BTreeSet::new(),
+        }
     }
 
     fn submit(&mut self, lua: &Lua, scenario: &LuaValue) -> mlua::Result<u64> {
@@ -44,6 +53,7 @@ impl SessionObject {
         let number = self.tickets.len() as u64 + 1;
         for ticket in tickets {
             self.tickets.insert(number, ticket);
+            self.numbers.insert(ticket, number);
             self.open.insert(ticket);
         }
         Ok(number)
@@ -54,16 +64,16 @@ impl SessionObject {
             number.as_u64().and_then(|number| self.tickets.get(&number)).copied().ok_or_else(|| {
                 Error::new(format!("session:wait takes what session:submit returned, not {number}"))
             })?;
-        let outcome = host.wait(ticket)?;
+        let outcome = host.wait(ticket);
         self.open.remove(&ticket);
-        Ok(outcome)
+        outcome
     }
 
     fn next(&mut self, host: &mut Host) -> Result<Value> {
-        let Some((ticket, mut outcome)) = host.next(&self.open)? else { return Ok(Value::Null) };
+        let Some((ticket, outcome)) = host.next(&self.open)? else { return Ok(Value::Null) };
         self.open.remove(&ticket);
-        let number = self.tickets.iter().find(|(_, known)| **known == ticket).map(|(number, _)| *number);
-        outcome["ticket"] = number.into();
+        let mut outcome = outcome?;
+        outcome["ticket"] = self.numbers.get(&ticket).copied().into();
         Ok(outcome)
     }
 }

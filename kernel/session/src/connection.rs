@@ -2,7 +2,7 @@
 
 use std::io;
 use std::os::unix::process::CommandExt;
-use std::process::{Child, ChildStdin, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
@@ -171,16 +171,16 @@ impl Connection {
         self.input = None;
     }
 
-    /// Waits until it has left, and ends it where it does not. How it ended, in words.
-    pub fn wait(&mut self, limit: Duration) -> String {
+    /// Waits until it has left, and ends it where it does not. How it ended by itself; none where it did not.
+    pub fn wait(&mut self, limit: Duration) -> Option<ExitStatus> {
         let until = Instant::now() + limit;
         loop {
             match self.child.try_wait() {
-                Ok(Some(status)) => return status.to_string(),
+                Ok(Some(status)) => return Some(status),
                 Ok(None) if Instant::now() < until => std::thread::sleep(Duration::from_millis(1)),
                 Ok(None) | Err(_) => {
                     let _: io::Result<()> = self.kill();
-                    return "it did not end by itself".to_owned();
+                    return None;
                 }
             }
         }

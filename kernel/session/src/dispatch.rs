@@ -1,6 +1,8 @@
 //! The session's thread: gives jobs to workers, writes the ledger, and answers.
 
 use std::collections::{HashMap, HashSet, VecDeque};
+use std::os::unix::process::ExitStatusExt;
+use std::process::ExitStatus;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -20,10 +22,12 @@ use crate::protocol::{Answer, Drive, Driven, Failure, FromWorker, Hello, Job, Re
 use crate::recorder::write_trace;
 use crate::submission::{Options, Performance, Reply, Submission, Ticket};
 
-/// How often a job is given away whose worker was lost.
+/// How often a job is given away whose worker was lost, and a worker started that is killed before it is ready.
 const TRIES: u32 = 3;
 /// How long a worker may take to leave that has nothing to do any more: longer than it gives its own process.
 const LEAVE: Duration = Duration::from_secs(12);
+/// How long a worker may take to leave whose work nobody wants any more.
+const DROP: Duration = Duration::from_secs(3);
 /// How often the session looks up where nothing happens.
 const TICK: Duration = Duration::from_millis(50);
 /// How much longer than its calls may take a worker of this machine may take to be ready, or to say something of its job.
@@ -89,13 +93,13 @@ pub struct Dispatch {
     connections: Vec<Connection>,
     /// How many connections there were.
     opened: u64,
+    /// How many workers in a row were killed before they were ready.
+    stillborn: u32,
     tasks: HashMap<u64, Task>,
     /// The scenarios among them.
     scenarios: HashMap<ScenarioId, u64>,
     next: u64,
     queue: VecDeque<u64>,
-    /// How many workers ended before they were ready.
-    failed_starts: u32,
     /// Why nothing more can be done.
     broken: Option<Error>,
     /// Since when at least one slot has been at work.
@@ -128,11 +132,11 @@ impl Dispatch {
             driven: HashSet::new(),
             connections: Vec::new(),
             opened: 0,
+            stillborn: 0,
             tasks: HashMap::new(),
             scenarios: HashMap::new(),
             next: 0,
             queue: VecDeque::new(),
-            failed_starts: 0,
             broken: None,
             busy_since: None,
         }
@@ -298,6 +302,7 @@ impl Dispatch {
         match found {
             Found::Message(FromWorker::Ready(ready)) => {
                 self.connections[place].ready(&ready, &self.options.pool)?;
+                self.stillborn = 0;
                 if let Some(introduce) = introduce.take() {
                     let _ = introduce.send(Ok(ready));
                 }
@@ -321,19 +326,23 @@ impl Dispatch {
             }
             Found::End => {
                 let mut connection = self.connections.remove(place);
-                let started = connection.slots.is_some();
                 let end = connection.wait(Duration::from_secs(1));
-                // Where others work, one that cannot be started is not the end.
-                self.failed_starts += u32::from(!started);
-                let alone = self.connections.iter().all(|connection| connection.slots.is_none());
-                if !started && (alone || self.failed_starts > TRIES) {
-                    return Err(Error::of(
-                        ErrorKind::Lost,
-                        format!("{name} ended before it was ready ({end}); what it wrote above says why"),
-                    ));
+                if connection.slots.is_some() {
+                    self.lost(&connection, &said(end));
+                    return Ok(());
                 }
-                self.lost(&connection, &end);
-                Ok(())
+                // That came from outside, as a rule.
+                let killed = end.and_then(|status| status.signal()) == Some(libc::SIGKILL);
+                self.stillborn += 1;
+                if !killed || self.stillborn == TRIES {
+                    let sentence = format!(
+                        "{name} ended before it was ready ({}); what it wrote above says why",
+                        said(end)
+                    );
+                    return Err(Error::of(ErrorKind::Lost, sentence));
+                }
+                // Later ones are started where there is work for them.
+                if introduce.is_some() { self.connect() } else { Ok(()) }
             }
         }
     }
@@ -477,7 +486,7 @@ impl Dispatch {
         for number in tasks {
             self.finish(number, Err(error.clone()));
         }
-        self.connections.clear();
+        self.let_go(DROP);
         self.broken.get_or_insert(error);
     }
 
@@ -489,7 +498,7 @@ impl Dispatch {
         }
         let dropped: Vec<u64> = match wish {
             Wish::Drop => {
-                self.connections.clear();
+                self.let_go(DROP);
                 self.tasks.keys().copied().collect()
             }
             Wish::Finish | Wish::None => self.queue.iter().copied().collect(),
@@ -500,19 +509,29 @@ impl Dispatch {
         }
     }
 
-    /// Lets all workers go.
-    fn leave(&mut self) {
+    /// Says to all workers that there are no more jobs, and ends those that have not left by then.
+    fn let_go(&mut self, limit: Duration) {
         self.connections.iter_mut().for_each(Connection::close);
-        let until = Instant::now() + LEAVE;
+        let until = Instant::now() + limit;
         for connection in &mut self.connections {
             connection.wait(until.saturating_duration_since(Instant::now()));
         }
         self.connections.clear();
+    }
+
+    /// Ends the session.
+    fn leave(&mut self) {
+        self.let_go(LEAVE);
         if let Some((directory, _)) = &self.record {
             directory.remove_partial_traces();
         }
         let _ = pdk_bus::sweep_run(&self.options.run);
     }
+}
+
+/// How a worker ended, in words.
+fn said(end: Option<ExitStatus>) -> String {
+    end.map_or_else(|| "it did not end by itself".to_owned(), |status| status.to_string())
 }
 
 fn line_of(submission: &Submission, outcome: Outcome) -> Line {

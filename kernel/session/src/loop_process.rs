@@ -52,8 +52,15 @@ pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> 
         })
         .place("cannot start a thread")?;
 
-    let Ok(Found::Message(ToWorker::Hello(hello))) = messages.recv() else {
-        return Err(Error::new("the worker's first message has to be `hello`; see docs/worker-protocol.md"));
+    let hello = match messages.recv() {
+        Ok(Found::Message(ToWorker::Hello(hello))) => hello,
+        // The worker was killed before it came to that.
+        Ok(Found::End) => return Ok(()),
+        _ => {
+            return Err(Error::new(
+                "the worker's first message has to be `hello`; see docs/worker-protocol.md",
+            ));
+        }
     };
     busy.store(true, Ordering::SeqCst);
     let registry = Registry::discover(&hello.search, scripts(&hello.search));
@@ -73,7 +80,8 @@ pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> 
         catalog: registry.catalog().clone(),
         refused: registry.refused().iter().map(ToString::to_string).collect(),
     };
-    lines::write(&mut output, &FromWorker::Ready(ready))?;
+    // Where nobody listens any more, there is nobody to tell so either: here and below, the end of the input is noticed.
+    let _ = lines::write(&mut output, &FromWorker::Ready(ready));
     serve(&registry, &hello, environment, &messages, &busy, &mut output)?;
     // Behind this, ending is what is wanted.
     calls::done();
@@ -107,15 +115,14 @@ fn serve(
             // The clock is looked at now and then only.
             if frames.is_multiple_of(8) && told.elapsed() >= PROGRESS {
                 told = Instant::now();
-                // Where nobody listens, the reading thread ends the process.
                 let _ = lines::write(output, &FromWorker::Progress(Progress { number, frames }));
                 frames = 0;
             }
         });
         if frames > 0 {
-            lines::write(output, &FromWorker::Progress(Progress { number, frames }))?;
+            let _ = lines::write(output, &FromWorker::Progress(Progress { number, frames }));
         }
-        lines::write(output, &FromWorker::Done(Done { number, answer }))?;
+        let _ = lines::write(output, &FromWorker::Done(Done { number, answer }));
         busy.store(false, Ordering::SeqCst);
         if !engine.is_usable() {
             break;

@@ -20,7 +20,7 @@ use crate::protocol::{
 };
 use crate::recorder::write_trace;
 
-/// How often a job is done again whose process somebody else has killed.
+/// How often a job is begun whose process somebody else kills, and how often a process is started that is killed before it is ready.
 const TRIES: u32 = 3;
 
 /// How long a process may take to leave that has nothing to do any more.
@@ -41,10 +41,11 @@ pub fn run() -> Result<()> {
         return Err(Error::new("the session's first message has to be `hello`; see docs/worker-protocol.md"));
     };
     if hello.protocol != VERSION {
-        return say(&FromWorker::Failed(format!(
+        let reason = format!(
             "the session speaks version {} of the worker protocol, and this worker version {VERSION}; use the same pdk at both ends",
             hello.protocol
-        )));
+        );
+        return lines::write(&mut io::stdout().lock(), &FromWorker::Failed(reason));
     }
     let patience = Duration::try_from_secs_f64(hello.patience)
         .map_err(|_| Error::new(format!("the patience is {} s, but has to be a time", hello.patience)))?;
@@ -59,11 +60,14 @@ pub fn run() -> Result<()> {
         introduced: false,
         job: None,
         tries: 0,
+        unheard: false,
     };
     // The session tells the user. Where it is gone, all that is left is to leave.
-    let served = worker.serve().or_else(|error| say(&FromWorker::Failed(error.message().to_owned())));
+    if let Err(error) = worker.serve() {
+        worker.say(&FromWorker::Failed(error.message().to_owned()));
+    }
     worker.leave();
-    served
+    Ok(())
 }
 
 enum Event {
@@ -82,8 +86,10 @@ struct Worker {
     /// Whether the session has heard of the components.
     introduced: bool,
     job: Option<Box<Job>>,
-    /// How often the job was begun.
+    /// How often the job was begun; before there is one, how often a process was killed before it was ready.
     tries: u32,
+    /// Whether the session does not listen any more.
+    unheard: bool,
 }
 
 struct Process {
@@ -124,6 +130,9 @@ impl Worker {
             if looked.elapsed() >= LOOK {
                 looked = Instant::now();
                 self.look()?;
+            }
+            if self.unheard {
+                return Ok(());
             }
         }
     }
@@ -169,7 +178,7 @@ impl Worker {
         match found {
             Found::Message(FromWorker::Ready(ready)) => {
                 if !std::mem::replace(&mut self.introduced, true) {
-                    say(&FromWorker::Ready(ready))?;
+                    self.say(&FromWorker::Ready(ready));
                 }
                 Ok(())
             }
@@ -177,12 +186,15 @@ impl Worker {
                 // Whatever its components write there, only the job's own answer counts.
                 if self.job.as_ref().is_some_and(|job| job.number == done.number) {
                     self.job = None;
-                    say(&FromWorker::Done(done))?;
+                    self.say(&FromWorker::Done(done));
                 }
                 Ok(())
             }
             Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
-            Found::Message(progress @ FromWorker::Progress(_)) => say(&progress),
+            Found::Message(progress @ FromWorker::Progress(_)) => {
+                self.say(&progress);
+                Ok(())
+            }
             Found::Nonsense(_) => Ok(()),
             Found::End => {
                 let end = match &mut self.process {
@@ -222,8 +234,9 @@ impl Worker {
         // What it had in shared memory.
         let _ = pdk_bus::sweep_run(&self.hello.run);
         let Some(job) = &self.job else {
-            return match self.introduced {
-                // Nobody is waiting for it.
+            self.tries += 1;
+            // Nobody is waiting for it, or it was killed while it started.
+            return match self.introduced || *end == End::Signal(libc::SIGKILL) && self.tries < TRIES {
                 true => self.start(),
                 false => Err(Error::of(end.kind(), self.sentence(end, &calls))),
             };
@@ -238,7 +251,7 @@ impl Worker {
         let answer = self.answer(job, end, &calls);
         let done = Done { number: job.number, answer };
         self.job = None;
-        say(&FromWorker::Done(done))?;
+        self.say(&FromWorker::Done(done));
         self.start()
     }
 
@@ -264,6 +277,10 @@ impl Worker {
             Ok(()) => Answer::Driven(Driven::lost(kind, message, frames)),
             Err(error) => Answer::Broken(error.into()),
         }
+    }
+
+    fn say(&mut self, message: &FromWorker) {
+        self.unheard |= lines::write(&mut io::stdout().lock(), message).is_err();
     }
 
     /// The session is gone, or needs no more.
@@ -298,8 +315,4 @@ fn wait_or_kill(supervised: &mut Supervised) -> Result<End> {
             None => std::thread::sleep(Duration::from_millis(1)),
         }
     }
-}
-
-fn say(message: &FromWorker) -> Result<()> {
-    lines::write(&mut io::stdout().lock(), message)
 }

@@ -103,7 +103,8 @@ impl Pool {
         } else if message.get("done").is_some() {
             self.workers[slot].job = None;
         }
-        writeln!(std::io::stdout(), "{message}").map_err(|error| format!("the session does not listen ({error})"))
+        writeln!(std::io::stdout(), "{message}")
+            .map_err(|error| format!("the session does not listen ({error})"))
     }
 
     /// The worker of a slot is gone.
