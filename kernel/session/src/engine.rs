@@ -68,6 +68,9 @@ impl<'a> Engine<'a> {
 
     /// Does a job. `progress` is told of every frame.
     pub fn work(&mut self, job: &Job, progress: &mut dyn FnMut(u64)) -> Answer {
+        if let Err(error) = check(&job.work) {
+            return Answer::Broken(error.into());
+        }
         let answer = match &job.work {
             Work::Drive(drive) => match self.drive(drive, job, progress) {
                 Ok(driven) => Answer::Driven(driven),
@@ -221,4 +224,14 @@ fn topics<'a>(
         }
     };
     Ok(bus)
+}
+
+/// Refuses what no session of pdk asks for: levels that are not on the scale.
+fn check(work: &Work) -> Result<()> {
+    let perturbations = match work {
+        Work::Drive(drive) => &drive.scenario.perturbations,
+        Work::Evaluate(frame) => &frame.evaluation.perturbations,
+        Work::Make(_) => return Ok(()),
+    };
+    perturbations.iter().try_for_each(|applied| applied.level.check(&applied.name))
 }

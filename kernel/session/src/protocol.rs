@@ -153,6 +153,9 @@ pub struct Ready {
     pub catalog: Catalog,
     /// What it found but cannot use, one sentence each.
     pub refused: Vec<String>,
+    /// What lies beside the pipeline and cannot be used: the name that it would have had, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub passed_over: Vec<(String, String)>,
 }
 
 /// How far a job is.
