@@ -263,7 +263,7 @@ impl Host {
 
     /// Frames a second of a simulator's camera.
     pub(crate) fn rate(&mut self, simulator: &ComponentSpec) -> Result<f64> {
-        let made = self.make(Kind::Simulator, simulator)?;
+        let made = self.try_making(Kind::Simulator, simulator)?;
         made.camera.map(|camera| camera.rate).ok_or_else(|| {
             Error::new(format!(
                 "the simulator `{}` did not tell its camera, so a level cannot be a function of time",
@@ -278,26 +278,32 @@ impl Host {
         if let Some(made) = self.made.get(&key) {
             return Ok(made.clone());
         }
-        let made = match self.session.make(kind, component) {
-            Ok(made) => made,
-            // A component that cannot be made is an error at once; one that takes its process along, or does not come back, is the
-            // outcome of each scenario that needs it.
-            Err(error)
-                if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late | ErrorKind::Panic)
-                    && interrupt::wish() == Wish::None =>
-            {
-                Made::default()
-            }
-            Err(error) => return Err(error),
-        };
+        let made = self.session.make(kind, component)?;
         self.made.insert(key, made.clone());
         Ok(made)
     }
 
+    /// What a component for scenarios is like. One that cannot be made is an error at once; one that takes its process along, or
+    /// does not come back, is the outcome of each scenario that needs it.
+    fn try_making(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
+        let result = self.make(kind, component);
+        match result {
+            Err(error)
+                if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late | ErrorKind::Panic)
+                    && interrupt::wish() == Wish::None =>
+            {
+                let key = (kind, serde_json::to_string(component)?);
+                self.made.insert(key, Made::default());
+                Ok(Made::default())
+            }
+            result => result,
+        }
+    }
+
     /// Makes sure that a scenario's components can be made, and notes them.
     fn check(&mut self, scenario: &Scenario) -> Result<()> {
-        self.make(Kind::Simulator, &scenario.simulator)?;
-        let info = self.make(Kind::Driver, &scenario.driver)?.info;
+        self.try_making(Kind::Simulator, &scenario.simulator)?;
+        let info = self.try_making(Kind::Driver, &scenario.driver)?.info;
         self.check_perturbations(&scenario.perturbations)?;
         self.in_use.add_scenario(self.session.catalog(), scenario, info)
     }
@@ -305,7 +311,7 @@ impl Host {
     fn check_perturbations(&mut self, applied: &[AppliedPerturbation]) -> Result<()> {
         for AppliedPerturbation { name, parameters, .. } in applied {
             let component = ComponentSpec { name: name.clone(), parameters: parameters.clone() };
-            self.make(Kind::Perturbation, &component)?;
+            self.try_making(Kind::Perturbation, &component)?;
         }
         Ok(())
     }
@@ -314,7 +320,7 @@ impl Host {
     pub(crate) fn evaluate(&mut self, request: Value) -> Result<Value> {
         let Evaluate { dataset, driver, cells, frames } = Evaluate::from_json(request)?;
         let (reader, available) = self.open_dataset(&dataset)?;
-        let info = self.make(Kind::Driver, &driver)?.info;
+        let info = self.try_making(Kind::Driver, &driver)?.info;
         self.check_perturbations(&cells)?;
         let catalog = self.session.catalog();
         self.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;
