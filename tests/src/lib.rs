@@ -10,7 +10,6 @@ pub mod onnx;
 pub mod pictures;
 pub mod process;
 pub mod processes;
-pub mod record;
 pub mod records;
 
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Compares the records of runs, and waits for what comes into them.
+//! Compares the records of runs, changes them, and waits for what comes into them.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -6,10 +6,34 @@ use std::path::{Path, PathBuf};
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-use pdk_core::directory::{PERFORMANCE, SCENARIOS};
+use pdk_core::directory::{PERFORMANCE, RunDirectory, SCENARIOS};
+use pdk_core::ledger::{self, Ledger, Line};
+use serde_json::Value;
 
 /// No record of a test takes longer to come to what is waited for.
 const LIMIT: Duration = Duration::from_secs(120);
+
+/// The trace of a scenario, of which this is the line in `scenarios.jsonl`.
+///
+/// # Panics
+/// Where the line has no id.
+pub fn trace(record: &Path, line: &Value) -> PathBuf {
+    record.join(format!("traces/{}.mcap", line["id"].as_str().unwrap()))
+}
+
+/// Changes the lines of `scenarios.jsonl`, and makes their checksums right again.
+///
+/// # Panics
+/// Where they cannot be read or written.
+pub fn edit(record: &Path, change: impl FnOnce(&mut Vec<Line>)) {
+    let directory = RunDirectory::open(record).unwrap();
+    let (mut lines, cut_off) = ledger::read(&directory).unwrap();
+    assert!(!cut_off, "the last line is cut off");
+    change(&mut lines);
+    fs::remove_file(record.join(SCENARIOS)).unwrap();
+    let mut ledger = Ledger::open(&directory).unwrap();
+    lines.iter().for_each(|line| ledger.add(line).unwrap());
+}
 
 /// All files of a record by their path in it, but the one with times.
 ///

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use pdk_bus::{Message, Tap, Topic};
 use pdk_tests::process::{json_file, json_lines, pipeline};
-use pdk_tests::record::trace;
+use pdk_tests::records::trace;
 use pdk_tests::{Pdk, repository, temp};
 use serde_json::json;
 
@@ -244,35 +244,6 @@ fn several_drives_of_one_pipeline_number_their_scenarios_on() {
     assert_eq!(seeds, [1, 10, 2, 20, 3, 30], "the order in which they were submitted");
     assert!(lines.iter().all(|line| trace(&out, line).is_file()));
     assert_eq!(fs::read_dir(out.join("traces")).unwrap().count(), 6);
-}
-
-#[test]
-fn a_scenario_that_is_asked_for_twice_is_driven_once() {
-    let folder = temp();
-    let out = folder.path().join("record");
-    // At the same time, later, under another name, with another spelling; but not another repeat.
-    let source = r#"
-        local function drive(scenarios)
-            return pdk.drive({ simulator = "misbehave", driver = { name = "misbehave", at = -1 }, scenarios = scenarios })
-        end
-        local first = drive({ {}, {}, { name = "other" }, { ["repeat"] = 1 } })
-        local second = drive({ { ["repeat"] = 0, perturbations = {} } })
-        for _, outcome in { first[2], first[3], second[1] } do
-            assert(outcome.id == first[1].id and outcome.number == 0 and outcome.digest == first[1].digest)
-        end
-        assert(first[4].number == 1 and first[4].id ~= first[1].id)
-        pdk.save("names.json", { first[1].name, first[3].name, second[1].name })
-    "#;
-    let ran = Pdk::new(["run", "--workers", "2", "--out"])
-        .arg(&out)
-        .arg(pipeline(folder.path(), source))
-        .misbehave()
-        .succeed();
-    let lines = json_lines(&out.join("scenarios.jsonl"));
-    assert_eq!(lines.len(), 2);
-    assert_eq!((&lines[0]["scenario"]["repeat"], &lines[1]["scenario"]["repeat"]), (&json!(null), &json!(1)));
-    assert_eq!(fs::read_dir(out.join("traces")).unwrap().count(), 2);
-    assert!(ran.stdout.contains("42 frames in "), "each of 21 frames was driven once: {}", ran.stdout);
 }
 
 #[test]

@@ -2,12 +2,12 @@
 
 #![allow(clippy::unwrap_used)]
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
 use pdk_tests::process::{json_lines, pipeline};
-use pdk_tests::{Pdk, datasets, onnx, pictures, record, temp};
+use pdk_tests::{Pdk, datasets, onnx, pictures, records, temp};
 use pdk_trace::reader::{read_steps, read_steps_and_road};
 
 /// All perturbations that need no parameter, with whether they draw random numbers.
@@ -73,29 +73,11 @@ fn noise_is_drawn_anew_for_each_frame_and_for_each_instance() {
     assert_eq!(grey, perturb(folder.path(), &["gaussian_noise@2", "grayscale_filter@4,weight=0"], &[]));
 }
 
-/// All files of a folder by their path in it.
-fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(next) = folders.pop() {
-        for entry in fs::read_dir(next).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let name = path.strip_prefix(folder).unwrap().to_string_lossy().into_owned();
-                found.insert(name, fs::read(&path).unwrap());
-            }
-        }
-    }
-    found
-}
-
 /// Runs a pipeline on one worker and twice on two, and compares everything but the times. Returns the names of
 /// the files.
 fn compare_workers(folder: &Path, source: &str, code: i32) -> Vec<String> {
     let path = pipeline(folder, source);
-    let mut records = Vec::new();
+    let mut first = None;
     for (number, workers) in ["1", "2", "2"].iter().enumerate() {
         let out = folder.join(format!("record-{number}"));
         let ran = Pdk::new(["run", "--seed", "11", "--workers", workers, "--out"])
@@ -104,18 +86,11 @@ fn compare_workers(folder: &Path, source: &str, code: i32) -> Vec<String> {
             .misbehave()
             .run();
         assert_eq!(ran.code, Some(code), "{}", ran.stderr);
-        let mut record = files(&out);
-        assert!(record.remove("performance.json").is_some());
-        records.push(record);
+        assert!(out.join("performance.json").is_file());
+        let first = first.get_or_insert_with(|| records::files(&out));
+        records::assert_equal(&out, first);
     }
-    let names: Vec<_> = records[0].keys().cloned().collect();
-    for record in &records[1..] {
-        assert_eq!(record.keys().cloned().collect::<Vec<_>>(), names);
-        for (name, content) in record {
-            assert!(records[0][name] == *content, "{name} differs");
-        }
-    }
-    names
+    first.unwrap_or_default().into_keys().map(|path| path.to_string_lossy().into_owned()).collect()
 }
 
 #[test]
@@ -144,7 +119,7 @@ fn a_closed_loop_is_the_same_on_any_number_of_workers() {
         let roads: Vec<_> = outcomes
             .iter()
             .map(|outcome| {
-                let trace = record::trace(&record, outcome);
+                let trace = records::trace(&record, outcome);
                 traces.push(trace.strip_prefix(&record).unwrap().to_string_lossy().into_owned());
                 read_steps_and_road(&trace).unwrap().1
             })
@@ -236,7 +211,7 @@ fn pixels_that_a_perturbation_leaves_out_are_black_whoever_came_before() {
     assert!(noisy.len() == 8 && noisy.iter().any(|line| line["perturbed"]["steering"] != 0.0));
     let record = folder.path().join("record-0");
     let driven = json_lines(&record.join("scenarios.jsonl"));
-    let steps = read_steps(&record::trace(&record, &driven[0])).unwrap();
+    let steps = read_steps(&records::trace(&record, &driven[0])).unwrap();
     assert!(steps.len() == 21 && steps.iter().all(|step| step.control.steering == 0.0), "{steps:?}");
 }
 
