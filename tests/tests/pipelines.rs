@@ -24,7 +24,7 @@ fn tiny(script: &str, out: &Path) -> Pdk {
 
 /// The outcome of a scenario by its name.
 fn outcome<'a>(outcomes: &'a [Value], name: &str) -> &'a Value {
-    outcomes.iter().find(|outcome| outcome["scenario"]["name"] == name).expect(name)
+    outcomes.iter().find(|outcome| outcome["name"] == name).expect(name)
 }
 
 #[test]
@@ -32,7 +32,7 @@ fn greedy_climbs_until_the_first_failure() {
     let folder = temp();
     let outs = ["a", "b"].map(|name| folder.path().join(name));
     let ran = tiny("greedy.lua", &outs[0]).succeed();
-    tiny("greedy.lua", &outs[1]).set("threads", 1).succeed();
+    tiny("greedy.lua", &outs[1]).set("workers", 1).succeed();
     let read = |out: &Path| fs::read_to_string(out.join("greedy.json")).unwrap();
     assert_eq!(read(&outs[0]), read(&outs[1]));
     assert!(ran.stdout.contains("translate_image") && ran.stdout.contains("fails at"), "{}", ran.stdout);
@@ -119,8 +119,8 @@ fn an_error_of_a_component_is_no_failure_of_the_driver() {
 fn the_study_ranks_by_failures() {
     let folder = temp();
     let outs = ["a", "b"].map(|name| folder.path().join(name));
-    for (out, threads) in outs.iter().zip([2, 1]) {
-        tiny("study.lua", out).set("roads", 1).set("repeats", 2).set("threads", threads).succeed();
+    for (out, workers) in outs.iter().zip([2, 1]) {
+        tiny("study.lua", out).set("roads", 1).set("repeats", 2).set("workers", workers).succeed();
     }
     let read = |out: &Path| fs::read_to_string(out.join("ranking.json")).unwrap();
     assert_eq!(read(&outs[0]), read(&outs[1]));
@@ -133,7 +133,7 @@ fn the_study_ranks_by_failures() {
         let name = entry["perturbation"].as_str().unwrap();
         let of_entry: Vec<&Value> = outcomes
             .iter()
-            .filter(|outcome| outcome["scenario"]["name"].as_str().unwrap().starts_with(&format!("{name}@")))
+            .filter(|outcome| outcome["name"].as_str().unwrap().starts_with(&format!("{name}@")))
             .collect();
         let failed = of_entry.iter().filter(|outcome| outcome["success"] == false).count();
         assert_eq!((entry["scenarios"].as_u64(), entry["failures"].as_u64()), (Some(4), Some(failed as u64)));
@@ -142,7 +142,7 @@ fn the_study_ranks_by_failures() {
             let name = format!("{name}@{}, ", by_level["level"]);
             let of_level = of_entry
                 .iter()
-                .filter(|outcome| outcome["scenario"]["name"].as_str().unwrap().starts_with(&name));
+                .filter(|outcome| outcome["name"].as_str().unwrap().starts_with(&name));
             let failed = of_level.filter(|outcome| outcome["success"] == false).count();
             assert_eq!((&by_level["scenarios"], &by_level["failures"]), (&json!(2), &json!(failed)));
         }
@@ -153,7 +153,7 @@ fn the_study_ranks_by_failures() {
         let increase: f64 = of_entry
             .iter()
             .map(|outcome| {
-                let road = outcome["scenario"]["name"].as_str().unwrap().split(", ").nth(1).unwrap();
+                let road = outcome["name"].as_str().unwrap().split(", ").nth(1).unwrap();
                 let nominal = self::outcome(&outcomes, &format!("nominal, {road}"));
                 let error = |outcome: &Value| outcome["mean_cross_track_error"].as_f64().unwrap();
                 error(outcome) - error(nominal)

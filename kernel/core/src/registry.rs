@@ -43,6 +43,8 @@ pub struct Registry {
     /// Every folder that was looked into.
     places: Vec<PathBuf>,
     refused: Vec<Error>,
+    /// What lies beside a pipeline and cannot be used: the name that it would have had, and why.
+    passed_over: Vec<(String, String)>,
 }
 
 enum Source {
@@ -84,6 +86,7 @@ impl Registry {
             seen: BTreeSet::new(),
             places: Vec::new(),
             refused: Vec::new(),
+            passed_over: Vec::new(),
         };
         registry.add_built_in();
         for folder in &search.plugins {
@@ -120,6 +123,11 @@ impl Registry {
     /// What was found but cannot be used, one sentence each.
     pub fn refused(&self) -> &[Error] {
         &self.refused
+    }
+
+    /// What lies beside a pipeline and cannot be used: the name that it would have had, and why. Nobody has asked for it yet.
+    pub fn passed_over(&self) -> &[(String, String)] {
+        &self.passed_over
     }
 
     /// The plugins that were loaded.
@@ -203,27 +211,23 @@ impl Registry {
 
     /// Adds the scripts and drop-ins of a folder that nobody named.
     fn add_beside(&mut self, folder: &Path) {
-        let refused = self.refused.len();
-        let files = self.files_of(folder);
-        files.iter().filter(|file| is_script(file)).for_each(|file| self.add_file(file));
+        for file in self.files_of(folder).into_iter().filter(|file| is_script(file)) {
+            // A script that is no component may be there for something else, so nobody is warned.
+            if let Err(error) = self.add_script(&file) {
+                self.passed_over.push((drop_in_name(&file), error.to_string()));
+            }
+        }
         self.places.push(folder.to_owned());
-        self.refused.truncate(refused);
     }
 
     fn add_file(&mut self, file: &Path) {
-        let file = std::fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
-        if !self.seen.insert(file.clone()) {
-            return;
-        }
-        if is_script(&file) {
-            let name = format!("script {}", file.display());
-            match calls::call(&name, Function::Load, || self.scripts.describe(&file)) {
-                Ok(Some(description)) => self.add(description, file, None, Source::Script),
-                Ok(None) => {}
-                Err(error) => self.refused.push(error),
+        if is_script(file) {
+            if let Err(error) = self.add_script(file) {
+                self.refused.push(error);
             }
             return;
         }
+        let Some(file) = self.first_look(file) else { return };
         match Plugin::load(&file) {
             Ok(plugin) => {
                 let (number, descriptions) = (self.plugins.len(), plugin.description.components.clone());
@@ -234,6 +238,22 @@ impl Registry {
             }
             Err(error) => self.refused.push(error),
         }
+    }
+
+    /// Adds the component in a script, where it has one.
+    fn add_script(&mut self, file: &Path) -> Result<()> {
+        let Some(file) = self.first_look(file) else { return Ok(()) };
+        let name = format!("script {}", file.display());
+        if let Some(description) = calls::call(&name, Function::Load, || self.scripts.describe(&file))? {
+            self.add(description, file, None, Source::Script);
+        }
+        Ok(())
+    }
+
+    /// A file by its full name; none where it was looked at before.
+    fn first_look(&mut self, file: &Path) -> Option<PathBuf> {
+        let file = std::fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
+        self.seen.insert(file.clone()).then_some(file)
     }
 
     /// Adds the files that components ask for: in the given folders, and in those of the right name wherever plugins lie.

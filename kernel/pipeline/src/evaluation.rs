@@ -12,7 +12,7 @@ use pdk_core::lines::Lines;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::Control;
-use pdk_session::protocol::{EvaluateFrame, Evaluated, Evaluation};
+use pdk_session::protocol::{EvaluateFrame, Evaluated, Evaluation, Failure};
 use pdk_session::session::{Reply, Session};
 use serde::{Deserialize, Serialize};
 
@@ -238,8 +238,9 @@ pub fn evaluate(session: &mut Session, job: Job<'_>) -> Result<(Summary, Perform
         let Some(ticket) = under_way.pop_front() else { break };
         let frame = match session.wait(ticket, &mut |_| {})? {
             Reply::Evaluated(evaluated) => collector.evaluated(*evaluated),
-            Reply::Failed(error) => {
-                Frame::Bad(BadFrame { frame: format!("frame {index}"), error: error.to_string() })
+            Reply::Failed(Failure { message, frame, .. }) => {
+                let frame = frame.unwrap_or_else(|| format!("frame {index}"));
+                Frame::Bad(BadFrame { frame, error: message })
             }
             _ => return Err(Error::new("a frame came to something else, which is a defect in pdk")),
         };

@@ -18,7 +18,7 @@ use pdk_sdk::error::{Error, ErrorKind, Result};
 use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
 use crate::lines::Found;
-use crate::protocol::{Answer, Drive, Driven, Failure, FromWorker, Hello, Job, Ready, VERSION, Work};
+use crate::protocol::{Answer, Drive, Driven, FromWorker, Hello, Job, Ready, VERSION, Work};
 use crate::recorder::write_trace;
 use crate::submission::{Options, Performance, Reply, Submission, Ticket};
 
@@ -405,7 +405,7 @@ impl Dispatch {
                     Ok(()) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
                     Err(error) => Answer::Broken(error.into()),
                 },
-                _ => Answer::Failed(Failure { kind: ErrorKind::Lost, message }),
+                _ => Answer::Failed(Error::of(ErrorKind::Lost, message).into()),
             };
             self.done(number, answer);
         }
@@ -432,7 +432,7 @@ impl Dispatch {
                 self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
             }
             Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
-            Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure.into()))),
+            Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
             Answer::Broken(failure) => self.finish(number, Err(failure.into())),
         }
     }

@@ -17,7 +17,7 @@ use crate::drive::{Fault, Instances, Run, Witnesses};
 use crate::environment::Environment;
 use crate::evaluate::Evaluator;
 use crate::held::{Held, keep};
-use crate::protocol::{Answer, Drive, Driven, Hello, Job, Made, Make, Work};
+use crate::protocol::{Answer, Drive, Driven, Failure, Hello, Job, Made, Make, Work};
 use crate::recent::Recent;
 use crate::recorder::Recorder;
 use crate::stages::Stopwatch;
@@ -68,6 +68,9 @@ impl<'a> Engine<'a> {
 
     /// Does a job. `progress` is told of every frame.
     pub fn work(&mut self, job: &Job, progress: &mut dyn FnMut(u64)) -> Answer {
+        if let Err(error) = check(&job.work) {
+            return Answer::Broken(error.into());
+        }
         let answer = match &job.work {
             Work::Drive(drive) => match self.drive(drive, job, progress) {
                 Ok(driven) => Answer::Driven(driven),
@@ -75,12 +78,13 @@ impl<'a> Engine<'a> {
             },
             Work::Evaluate(frame) => {
                 let evaluator = Evaluator::kept(&mut self.evaluator, self.registry, &frame.evaluation);
-                let evaluated = evaluator.and_then(|evaluator| evaluator.evaluate(frame.index));
-                if evaluated.as_ref().is_err_and(|error| error.kind() == ErrorKind::Panic) {
+                let evaluated =
+                    evaluator.map_err(Failure::from).and_then(|evaluator| evaluator.evaluate(frame.index));
+                if evaluated.as_ref().is_err_and(|failure| failure.kind == ErrorKind::Panic) {
                     // What panicked may be in any state.
                     self.evaluator = None;
                 }
-                evaluated.map_or_else(|error| Answer::Failed(error.into()), Answer::Evaluated)
+                evaluated.map_or_else(Answer::Failed, Answer::Evaluated)
             }
             Work::Make(make) => {
                 self.make(make).map_or_else(|error| Answer::Failed(error.into()), Answer::Made)
@@ -132,7 +136,7 @@ impl<'a> Engine<'a> {
                 Some(recorder) => recorder,
                 None => Recorder::new()?,
             };
-            recorder.start(path.clone());
+            recorder.start(path);
             self.recorder = Some(recorder);
         }
         let mut run = Run::new(drive, job.number, job.slot);
@@ -220,4 +224,14 @@ fn topics<'a>(
         }
     };
     Ok(bus)
+}
+
+/// Refuses what no session of pdk asks for: levels that are not on the scale.
+fn check(work: &Work) -> Result<()> {
+    let perturbations = match work {
+        Work::Drive(drive) => &drive.scenario.perturbations,
+        Work::Evaluate(frame) => &frame.evaluation.perturbations,
+        Work::Make(_) => return Ok(()),
+    };
+    perturbations.iter().try_for_each(|applied| applied.level.check(&applied.name))
 }

@@ -10,7 +10,7 @@ use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Control, Dataset, DriveContext, Driver, Entry, FrameBuf};
 
 use crate::held::Held;
-use crate::protocol::{Evaluated, Evaluation};
+use crate::protocol::{Evaluated, Evaluation, Failure};
 
 /// Instances for one evaluation.
 pub struct Evaluator {
@@ -58,10 +58,16 @@ impl Evaluator {
     /// Evaluates a frame.
     ///
     /// # Errors
-    /// Where the frame cannot be read, or a component fails.
-    pub fn evaluate(&mut self, index: usize) -> Result<Evaluated> {
+    /// Where the frame cannot be read, or a component fails; with the name of the frame, unless that is what failed.
+    pub fn evaluate(&mut self, index: usize) -> Result<Evaluated, Failure> {
+        let frame =
+            self.dataset.call(Function::Name, Some(index as u64), |dataset| Ok(dataset.name(index)))?;
+        self.evaluate_named(index, frame.clone())
+            .map_err(|error| Failure { frame: Some(frame), ..Failure::from(error) })
+    }
+
+    fn evaluate_named(&mut self, index: usize, frame: String) -> Result<Evaluated> {
         let at = Some(index as u64);
-        let frame = self.dataset.call(Function::Name, at, |dataset| Ok(dataset.name(index)))?;
         let entry = self.dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?))?;
         let cx = DriveContext { frame_index: index as u64, time: entry.time, speed: f64::NAN };
         let source = entry.frame.as_ref();

@@ -79,6 +79,7 @@ pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> 
         slots: 1,
         catalog: registry.catalog().clone(),
         refused: registry.refused().iter().map(ToString::to_string).collect(),
+        passed_over: registry.passed_over().to_vec(),
     };
     // Where nobody listens any more, there is nobody to tell so either: here and below, the end of the input is noticed.
     let _ = lines::write(&mut output, &FromWorker::Ready(ready));

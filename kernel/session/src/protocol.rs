@@ -153,6 +153,9 @@ pub struct Ready {
     pub catalog: Catalog,
     /// What it found but cannot use, one sentence each.
     pub refused: Vec<String>,
+    /// What lies beside the pipeline and cannot be used: the name that it would have had, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub passed_over: Vec<(String, String)>,
 }
 
 /// How far a job is.
@@ -249,11 +252,14 @@ pub struct Failure {
     pub kind: ErrorKind,
     /// Its sentence.
     pub message: String,
+    /// The name of the frame of a dataset, where the reader came to tell it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<String>,
 }
 
 impl From<Error> for Failure {
     fn from(error: Error) -> Self {
-        Self { kind: error.kind(), message: error.message().to_owned() }
+        Self { kind: error.kind(), message: error.message().to_owned(), frame: None }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Writes a scenario's trace on a thread of its own, so that encoding images does not slow the loop.
 
 use std::cell::RefCell;
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
@@ -34,7 +34,7 @@ pub struct Recorder {
 }
 
 enum Message {
-    Start(PathBuf),
+    Start(Box<Result<Trace>>),
     Step(Step),
     Image { topic: ImageTopic, sequence: u64, time: f64, frame: FrameBuf },
     Event { time: f64, failure: bool, text: String },
@@ -64,9 +64,10 @@ impl Recorder {
         Ok(Self { sender: Some(sender), batch, spare_batches, spare, finished, thread: Some(thread) })
     }
 
-    /// Starts the trace of a scenario.
-    pub fn start(&self, path: PathBuf) {
-        self.send(Message::Start(path));
+    /// Starts the trace of a scenario. Its file is opened here, before components are called: one that closes files that are not
+    /// its own, such as standard output, must not come between.
+    pub fn start(&self, path: &Path) {
+        self.send(Message::Start(Box::new(Trace::create(path))));
     }
 
     /// Adds what one step of the loop did.
@@ -148,8 +149,8 @@ fn write_traces(
         for message in batch.drain(..) {
             // After an error the rest of the scenario is read but not written; the error waits for `Finish`.
             let result = match (message, &mut trace) {
-                (Message::Start(path), _) => {
-                    trace = Some(Trace::create(&path));
+                (Message::Start(started), _) => {
+                    trace = Some(*started);
                     Ok(())
                 }
                 (Message::Finish, _) => {
@@ -208,7 +209,7 @@ mod tests {
         let recorder = Recorder::new().unwrap();
         let frame = FrameBuf::new(64, 48);
         let scenario = |file: &str| {
-            recorder.start(folder.join(file));
+            recorder.start(&folder.join(file));
             for sequence in 0..4 * IMAGES as u64 {
                 recorder.image(ImageTopic::Raw, sequence, sequence as f64, frame.as_ref());
             }

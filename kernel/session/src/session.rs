@@ -29,6 +29,7 @@ pub struct Session {
     next: u64,
     catalog: Catalog,
     refused: Vec<String>,
+    passed_over: Vec<(String, String)>,
     slots: usize,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -58,6 +59,7 @@ impl Session {
             next: 0,
             catalog: Catalog::default(),
             refused: Vec::new(),
+            passed_over: Vec::new(),
             slots: 0,
             shared,
             thread: Some(thread),
@@ -65,6 +67,7 @@ impl Session {
         let ready: Ready = introduced.recv().map_err(|_| gone())??;
         session.slots = connections * ready.slots as usize;
         (session.catalog, session.refused) = (ready.catalog, ready.refused);
+        session.passed_over = ready.passed_over;
         Ok(session)
     }
 
@@ -109,12 +112,20 @@ impl Session {
     /// # Errors
     /// Where there is no such component, or it refuses its parameters.
     pub fn make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
-        self.catalog.check(kind, &component.name, &component.parameters)?;
+        self.catalog.check(kind, &component.name, &component.parameters).map_err(|error| {
+            // It may be there and broken.
+            match self.passed_over.iter().find(|(name, _)| *name == component.name) {
+                Some((_, reason)) if self.catalog.get(kind, &component.name).is_err() => {
+                    Error::of(error.kind(), format!("{error}; {reason}"))
+                }
+                _ => error,
+            }
+        })?;
         let make = Make { kind, component: component.clone() };
         let ticket = self.request(Request::Work(Box::new(Work::Make(make))));
         match self.wait(ticket, &mut |_| {})? {
             Reply::Made(made) => Ok(made),
-            Reply::Failed(error) => Err(error),
+            Reply::Failed(failure) => Err(failure.into()),
             _ => Err(Error::new(format!("making {kind} `{}` gave something else", component.name))),
         }
     }

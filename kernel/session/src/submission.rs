@@ -6,10 +6,9 @@ use pdk_core::ledger::Line;
 use pdk_core::search_path::SearchPath;
 use pdk_core::supervisor::Limits;
 use pdk_model::scenario::Scenario;
-use pdk_sdk::error::Error;
 
 use crate::connection::Pool;
-use crate::protocol::{Driven, Evaluated, Made};
+use crate::protocol::{Driven, Evaluated, Failure, Made};
 use crate::stages::Times;
 
 /// How a session works.
@@ -52,7 +51,7 @@ pub enum Reply {
     /// A component.
     Made(Made),
     /// A component failed, so that there is no result.
-    Failed(Error),
+    Failed(Failure),
 }
 
 /// What all scenarios took together.

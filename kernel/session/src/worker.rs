@@ -15,9 +15,7 @@ use pdk_sdk::error::{Error, Place, Result};
 use pdk_trace::writer::part_of;
 
 use crate::lines::{self, Found};
-use crate::protocol::{
-    Answer, Done, Drive, Driven, Failure, FromWorker, Hello, Job, ToWorker, VERSION, Work,
-};
+use crate::protocol::{Answer, Done, Drive, Driven, FromWorker, Hello, Job, ToWorker, VERSION, Work};
 use crate::recorder::write_trace;
 
 /// How often a job is begun whose process somebody else kills, and how often a process is started that is killed before it is ready.
@@ -279,7 +277,7 @@ impl Worker {
     /// What becomes of a job whose process came to this end.
     fn answer(&self, job: &Job, end: &End, calls: &[Seen]) -> Answer {
         let (kind, message) = (end.kind(), self.sentence(end, calls));
-        let Work::Drive(drive) = &job.work else { return Answer::Failed(Failure { kind, message }) };
+        let Work::Drive(drive) = &job.work else { return Answer::Failed(Error::of(kind, message).into()) };
         let frames = calls.iter().find_map(|call| call.frame).unwrap_or_default();
         match write_trace(drive, &message) {
             Ok(()) => Answer::Driven(Driven::lost(kind, message, frames)),
