@@ -15,9 +15,14 @@
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 
-use pdk::chain::{Chain, Draws, Level, Spec};
-use pdk::preview;
-use pdk::registry::{Registry, SearchPath};
+use pdk_core::chain::Chain;
+use pdk_core::registry::Registry;
+use pdk_core::search_path::SearchPath;
+use pdk_lua::LuaScripts;
+use pdk_model::component::ComponentSpec;
+use pdk_model::level::Level;
+use pdk_model::perturbation::{AppliedPerturbation, Draws};
+use pdk_preview::preview;
 use pdk_sdk::prelude::{Control, FrameBuf, Scenario};
 use pdk_tests::Pdk;
 use pdk_tests::process::json_file;
@@ -103,13 +108,13 @@ impl Row {
 }
 
 fn main() {
-    let registry = Registry::discover(&SearchPath::default()).unwrap();
+    let registry = Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap();
     let (small, large) = (rendered(&registry, 320, 240), rendered(&registry, 1280, 720));
     let copy = [&small, &large].map(|frame| {
         let mut target = FrameBuf::new(frame.width(), frame.height());
         median(&mut |_| target.as_mut().copy_from(frame.as_ref()))
     });
-    let rows: Vec<Row> = preview::chosen(&registry, &[], true)
+    let rows: Vec<Row> = preview::chosen(registry.catalog(), &[], true)
         .unwrap()
         .iter()
         .map(|shown| {
@@ -144,7 +149,7 @@ fn main() {
 /// What a frame of the closed loop takes, on frames of 320x160: the simulator alone, and all of it on one thread.
 fn closed_loop(registry: &Registry) -> String {
     let (mut simulator, _) = registry.simulator("lane", &Map::new()).unwrap();
-    simulator.reset(&Scenario { index: 0, seed: 1, road: Value::Null, duration: 60.0 }).unwrap();
+    simulator.reset(&scenario(), 0).unwrap();
     let mut frame = FrameBuf::new(320, 160);
     let alone = median(&mut |_| {
         simulator.frame(frame.as_mut()).unwrap();
@@ -164,14 +169,14 @@ fn closed_loop(registry: &Registry) -> String {
             .set("chains", "gaussian_noise@2")
             .set("roads", 2)
             .set("images_every", 0)
-            .set("threads", 1)
+            .set("workers", 1)
             .run();
         if backend == "onnxruntime" && run.code != Some(0) {
             println!("the loop is measured without ONNX Runtime: {}", run.stderr.trim());
             continue;
         }
         assert_eq!(run.code, Some(0), "{}", run.stderr);
-        let drive = &json_file(&record.join("performance.json"))["steps"][0]["drive"];
+        let drive = &json_file(&record.join("performance.json"))["drive"];
         let [frames, real_time] =
             ["frames_per_second", "real_time_factor"].map(|name| drive[name].as_f64().unwrap());
         writeln!(
@@ -186,12 +191,18 @@ fn closed_loop(registry: &Registry) -> String {
     text
 }
 
+/// The scenario that is rendered.
+fn scenario() -> Scenario {
+    let [simulator, driver] = ["lane", "dave2"].map(ComponentSpec::new);
+    Scenario { seed: 1, ..Scenario::new(simulator, driver) }
+}
+
 /// A frame of the embedded simulator.
 fn rendered(registry: &Registry, width: usize, height: usize) -> FrameBuf {
     let size =
         [("width", width), ("height", height)].map(|(name, size)| (name.to_owned(), Value::from(size)));
     let (mut simulator, _) = registry.simulator("lane", &Map::from_iter(size)).unwrap();
-    simulator.reset(&Scenario { index: 0, seed: 1, road: Value::Null, duration: 60.0 }).unwrap();
+    simulator.reset(&scenario(), 0).unwrap();
     let mut frame = FrameBuf::new(width, height);
     for _ in 0..30 {
         simulator.frame(frame.as_mut()).unwrap();
@@ -201,11 +212,11 @@ fn rendered(registry: &Registry, width: usize, height: usize) -> FrameBuf {
 }
 
 /// Milliseconds a frame at the slowest level.
-fn slowest(registry: &Registry, mut spec: Spec, source: &FrameBuf) -> f64 {
+fn slowest(registry: &Registry, mut spec: AppliedPerturbation, source: &FrameBuf) -> f64 {
     let mut target = FrameBuf::new(source.width(), source.height());
     let time_at = |level: u32| {
         spec.level = Level::Constant(f64::from(level));
-        let mut chain = Chain::new(registry, std::slice::from_ref(&spec), 0, 0).unwrap();
+        let mut chain = Chain::new(registry, std::slice::from_ref(&spec), 0).unwrap();
         median(&mut |call| chain.apply(source.as_ref(), target.as_mut(), call, call as f64 / RATE).unwrap())
     };
     (0..5).map(time_at).fold(0.0, f64::max)

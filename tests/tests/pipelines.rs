@@ -140,9 +140,8 @@ fn the_study_ranks_by_failures() {
         assert_eq!(of_entry.len(), 4);
         for by_level in entry["by_level"].as_array().unwrap() {
             let name = format!("{name}@{}, ", by_level["level"]);
-            let of_level = of_entry
-                .iter()
-                .filter(|outcome| outcome["name"].as_str().unwrap().starts_with(&name));
+            let of_level =
+                of_entry.iter().filter(|outcome| outcome["name"].as_str().unwrap().starts_with(&name));
             let failed = of_level.filter(|outcome| outcome["success"] == false).count();
             assert_eq!((&by_level["scenarios"], &by_level["failures"]), (&json!(2), &json!(failed)));
         }

@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -147,4 +148,63 @@ fn what_a_lost_slot_was_at_is_done_again() {
         );
         assert_eq!(bus.left(), Vec::<PathBuf>::new(), "{name}");
     }
+}
+
+#[test]
+fn a_scenario_over_which_workers_are_lost_again_and_again_has_a_line_that_says_so() {
+    let folder = temp();
+    // The first takes its time, so that there is time to kill who drives it.
+    let script = pipeline(
+        folder.path(),
+        r#"
+        pdk.drive({
+            simulator = { name = "lane", width = 64, height = 48 }, driver = "lane_keeper",
+            scenarios = { { name = "long", duration = 20, mode = "realtime" }, { name = "short", duration = 0.5 } },
+        })
+        "#,
+    );
+    let bus = BusFolder::new();
+    let (variable, value) = bus.variable();
+    let out = folder.path().join("out");
+    let mut child = run(&script, &out).args(["--workers", "1"]).env(variable, value).spawn();
+    let mut killed = BTreeSet::new();
+    for _ in 0..3 {
+        // It is at the scenario as soon as there is the beginning of a trace of this process.
+        let mut at_work = None;
+        let found = comes_true(Duration::from_secs(30), || {
+            let processes = bus.processes();
+            let names: Vec<String> = partial(&out).iter().map(|path| path.display().to_string()).collect();
+            at_work = processes.iter().find_map(|process| {
+                let is_worker = process.command.ends_with(" worker") && !killed.contains(&process.id);
+                let own = processes.iter().find(|other| other.parent == process.id)?;
+                let begun = names.iter().any(|name| name.ends_with(&format!(".{}.part", own.id)));
+                (is_worker && begun).then(|| process.clone())
+            });
+            at_work.is_some()
+        });
+        assert!(found, "nobody drives: {:?}", bus.processes());
+        let worker = at_work.unwrap();
+        worker.signal(Signal::KILL);
+        killed.insert(worker.id);
+    }
+    let status = ended_within(&mut child, Duration::from_secs(60)).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(status.code(), Some(1), "{stderr}");
+    let said = "a worker was lost 3 times over it (the last: signal: 9 (SIGKILL))";
+    assert!(stderr.contains("1 of 2 scenarios") && stderr.contains(said), "{stderr}");
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    assert_eq!(
+        (&lines[0]["cause"], &lines[0]["error_kind"], &lines[0]["error"]),
+        (&"error".into(), &"lost".into(), &said.into())
+    );
+    assert_eq!(
+        (lines.len(), &lines[1]["name"], &lines[1]["cause"]),
+        (2, &"short".into(), &"time_out".into())
+    );
+    // Both have a trace, and nothing else is left.
+    let traces: Vec<PathBuf> = files(&out).into_keys().filter(|path| path.starts_with("traces")).collect();
+    assert_eq!((traces.len(), partial(&out)), (2, Vec::<PathBuf>::new()), "{traces:?}");
+    assert!(comes_true(Duration::from_secs(2), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert_eq!(bus.left(), Vec::<PathBuf>::new());
 }

@@ -5,11 +5,16 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use pdk::record::trace::Trace;
-use pdk::record::trace_reader::{Entry, Step, TraceReader, read_steps};
+use pdk_core::directory::RunDirectory;
+use pdk_core::ledger::{self, Ledger, Line};
+use pdk_model::level::Level;
+use pdk_model::outcome::Cause;
 use pdk_sdk::prelude::FrameBuf;
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::{Pdk, datasets, pictures, temp};
+use pdk_trace::reader::{Entry, TraceReader, read_steps};
+use pdk_trace::step::Step;
+use pdk_trace::writer::Trace;
 use pdk_video::{Reader, Yuv420};
 use serde_json::json;
 
@@ -41,7 +46,7 @@ fn record(folder: &Path) -> PathBuf {
     fs::create_dir_all(sticker.parent().unwrap()).unwrap();
     pictures::write(&sticker, 16, 12);
     let out = folder.join("record");
-    Pdk::new(["run", "--seed", "5", "--threads", "2", "--out"])
+    Pdk::new(["run", "--seed", "5", "--workers", "2", "--out"])
         .arg(&out)
         .arg("--plugins")
         .arg(folder.join("mine"))
@@ -54,8 +59,19 @@ fn replay(record: &Path) -> Pdk {
     Pdk::new(["replay"]).arg(record)
 }
 
-fn trace(record: &Path, index: u64) -> PathBuf {
-    record.join(format!("traces/{index:04}.mcap"))
+fn trace(record: &Path, number: usize) -> PathBuf {
+    let id = &json_lines(&record.join("scenarios.jsonl"))[number]["id"];
+    record.join(format!("traces/{}.mcap", id.as_str().unwrap()))
+}
+
+/// Writes the ledger anew, with other lines.
+fn edit(record: &Path, change: impl FnOnce(&mut Vec<Line>)) {
+    let directory = RunDirectory::open(record).unwrap();
+    let (mut lines, _) = ledger::read(&directory).unwrap();
+    change(&mut lines);
+    fs::remove_file(record.join("scenarios.jsonl")).unwrap();
+    let mut ledger = Ledger::open(&directory).unwrap();
+    lines.iter().for_each(|line| ledger.add(line).unwrap());
 }
 
 /// Writes a trace without images anew, with other steps.
@@ -79,20 +95,20 @@ fn rewrite(path: &Path, change: impl FnOnce(&mut Vec<Step>)) {
 }
 
 #[test]
-fn what_was_recorded_comes_out_again_on_any_number_of_threads() {
+fn what_was_recorded_comes_out_again_on_any_number_of_workers() {
     let folder = temp();
     let out = record(folder.path());
     let before = fs::read_dir(&out).unwrap().count();
     let outcomes = json_lines(&out.join("scenarios.jsonl"));
     assert_eq!(outcomes.len(), 5);
-    for threads in ["1", "2", "5"] {
+    for workers in ["1", "2", "5"] {
         // From elsewhere, and with nothing said about where the sticker lies.
         let elsewhere = temp();
-        let ran = replay(&out).args(["--threads", threads]).folder(elsewhere.path()).succeed();
+        let ran = replay(&out).args(["--workers", workers]).folder(elsewhere.path()).succeed();
         let lines: Vec<_> = ran.stdout.lines().collect();
-        for (outcome, line) in outcomes.iter().zip(&lines) {
-            let (index, frames) = (&outcome["index"], &outcome["frames"]);
-            assert!(line.starts_with(&format!("scenario {index} (")), "{line}");
+        for (number, (outcome, line)) in outcomes.iter().zip(&lines).enumerate() {
+            let frames = &outcome["frames"];
+            assert!(line.starts_with(&format!("scenario {number} (")), "{line}");
             assert!(line.ends_with(&format!("): {frames} frames, equal")), "{line}");
         }
         assert!(lines[1].starts_with("scenario 1 (gaussian_noise@2 + contrast@1): "), "{}", lines[1]);
@@ -102,8 +118,13 @@ fn what_was_recorded_comes_out_again_on_any_number_of_threads() {
     }
     let some = replay(&out).args(["--scenario", "3", "--scenario", "1", "--json"]).succeed().json();
     let scenarios = some["scenarios"].as_array().unwrap();
-    let indexes: Vec<_> = scenarios.iter().map(|scenario| scenario["index"].as_u64().unwrap()).collect();
-    assert_eq!(indexes, [1, 3]);
+    let numbers: Vec<_> = scenarios.iter().map(|scenario| scenario["number"].as_u64().unwrap()).collect();
+    assert_eq!(numbers, [1, 3]);
+    assert!(scenarios.iter().all(|scenario| scenario["id"].as_str().unwrap().len() == 32));
+    // By id as well, as far as it is unique.
+    let id = outcomes[2]["id"].as_str().unwrap();
+    let found = replay(&out).args(["--scenario", &id[..8]]).succeed().stdout;
+    assert!(found.starts_with("scenario 2 ("), "{found}");
     assert!(scenarios.iter().all(|scenario| scenario["equal"] == true && scenario["difference"].is_null()));
     // The record is only read.
     assert_eq!(fs::read_dir(&out).unwrap().count(), before);
@@ -175,12 +196,16 @@ fn the_first_difference_is_named_with_both_values() {
     // The outcome alone.
     let lines = out.join("scenarios.jsonl");
     let text = fs::read_to_string(&lines).unwrap();
-    fs::write(&lines, text.replacen("\"cause\":\"time_out\"", "\"cause\":\"collision\"", 1)).unwrap();
+    edit(&out, |lines| lines[0].outcome.cause = Cause::Collision);
     replay(&out)
         .fail(1, &["scenario 0 (nominal): the outcome: `cause` was \"collision\" and is \"time_out\""]);
-    let digest = &json_lines(&lines)[4]["digest"];
-    fs::write(&lines, text.replacen(digest.as_str().unwrap(), "0", 1)).unwrap();
+    let digest = json_lines(&lines)[4]["digest"].clone();
+    fs::write(&lines, &text).unwrap();
+    edit(&out, |lines| lines[4].outcome.digest = "0".to_owned());
     replay(&out).fail(1, &["1 of 5 ", "scenario 4 ", &format!("`digest` was \"0\" and is {digest}")]);
+    // Edited by hand, a line does not count.
+    fs::write(&lines, text.replacen("\"cause\":\"time_out\"", "\"cause\":\"collision\"", 1)).unwrap();
+    replay(&out).fail(1, &["scenarios.jsonl:1 is damaged or was edited"]);
     fs::write(&lines, text).unwrap();
     replay(&out).succeed();
 }
@@ -189,22 +214,13 @@ fn the_first_difference_is_named_with_both_values() {
 fn another_seed_or_perturbation_shows_in_the_frames() {
     let folder = temp();
     let out = record(folder.path());
-    let (manifest, lines) = (out.join("manifest.json"), out.join("scenarios.jsonl"));
-    let (seed, scenarios) = (fs::read_to_string(&manifest).unwrap(), fs::read_to_string(&lines).unwrap());
-    fs::write(&manifest, seed.replacen("\"seed\": 5", "\"seed\": 6", 1)).unwrap();
-    // Without noise nothing depends on the seed: 0 and the sticker of 3 are the same.
-    let parts = ["3 of 5 scenarios differ", "scenario 1 ", "frame 0 at 0.000 s: the hash of the frame was "];
+    let lines = out.join("scenarios.jsonl");
+    let text = fs::read_to_string(&lines).unwrap();
+    edit(&out, |lines| lines[1].scenario.seed += 1);
+    let parts = ["1 of 5 scenarios differ", "scenario 1 ", "frame 0 at 0.000 s: the hash of the frame was "];
     replay(&out).fail(1, &parts);
-    fs::write(&manifest, &seed).unwrap();
-    fs::write(
-        &lines,
-        scenarios.replacen(
-            "{\"name\":\"contrast\",\"level\":1.0}",
-            "{\"name\":\"contrast\",\"level\":1.5}",
-            1,
-        ),
-    )
-    .unwrap();
+    fs::write(&lines, text).unwrap();
+    edit(&out, |lines| lines[1].scenario.perturbations[1].level = Level::Constant(1.5));
     replay(&out).fail(1, &["1 of 5 scenarios differ", "scenario 1 ", "frame 0 at 0.000 s: the hash of "]);
 }
 
@@ -215,12 +231,12 @@ fn traces_that_cannot_be_read_are_named_and_the_others_compared() {
     pictures::cut(&trace(&out, 1));
     let ran = replay(&out).run();
     assert_eq!((ran.code, ran.stdout.matches(", equal").count()), (Some(1), 4), "{}", ran.stdout);
-    let parts = ["1 of 5 scenarios could not be compared", "0001.mcap is cut off after "];
+    let parts = ["1 of 5 scenarios could not be compared", ".mcap is cut off after "];
     replay(&out).fail(1, &parts);
     fs::remove_file(trace(&out, 1)).unwrap();
     replay(&out)
         .args(["--scenario", "1"])
-        .fail(1, &["0001.mcap is missing; delete its line from scenarios.jsonl"]);
+        .fail(1, &[".mcap is missing; delete its line from scenarios.jsonl"]);
     replay(&out).args(["--scenario", "1", "--clip", "x.mp4"]).folder(folder.path()).fail(1, &["is missing"]);
     assert!(!folder.path().join("x.mp4").exists());
     rewrite(&trace(&out, 2), |steps| steps[3].control.throttle = 0.5);
@@ -239,7 +255,7 @@ fn what_is_no_record_of_scenarios_is_refused() {
     let source = r#"pdk.evaluate({ dataset = pdk.path("data"), driver = "misbehave", perturbations = { "contrast" }, levels = { 1 } })"#;
     let script = pipeline(folder.path(), source);
     Pdk::new(["run", "--out"]).arg(&offline).arg(script).misbehave().succeed();
-    replay(&offline).fail(1, &["holds results of pdk.evaluate only", "pdk.drive"]);
+    replay(&offline).fail(1, &["holds results of pdk.evaluate only"]);
 
     let out = record(folder.path());
     replay(&out).args(["--scenario", "7"]).fail(1, &["holds no scenario 7; it has 5 of them, from 0 to 4"]);
@@ -248,7 +264,7 @@ fn what_is_no_record_of_scenarios_is_refused() {
         .fail(1, &["--clip shows one scenario, and these are 5", "--scenario"]);
     replay(&out).args(["--scenario", "1", "--clip", "x.gif"]).fail(1, &["x.gif", ".mp4"]);
     replay(&out).args(["--patience", "0"]).fail(1, &["--patience"]);
-    assert_eq!(replay(&out).args(["--threads", "0"]).run().code, Some(2));
+    assert_eq!(replay(&out).args(["--workers", "0"]).run().code, Some(2));
     fs::write(out.join("scenarios.jsonl"), "").unwrap();
     replay(&out).fail(1, &["holds no scenarios: its run ended before the first was over"]);
     fs::write(out.join("manifest.json"), "{}").unwrap();
@@ -334,7 +350,7 @@ fn a_component_that_failed_fails_again() {
     let out = folder.path().join("record");
     let source = r#"
         pdk.drive({ simulator = "misbehave", driver = { name = "misbehave", how = "panic_in_drive", at = 6 },
-            scenarios = { {}, {} } })
+            scenarios = { { seed = 1 }, { seed = 2 } } })
     "#;
     let script = pipeline(folder.path(), source);
     Pdk::new(["run", "--out"]).arg(&out).arg(script).misbehave().fail(1, &["2 of 2 scenarios"]);
@@ -391,15 +407,20 @@ fn a_clip_shows_every_frame_and_marks_the_last_second_of_a_failure() {
             replay(&out).args(["--scenario", &index.to_string(), "--clip"]).arg(&clip).succeed().stdout;
         assert!(said.ends_with(&format!("Clip: {}\n", clip.display())), "{said}");
         let (frames, rate) = video(&clip);
-        assert_eq!((frames.len() as u64, rate), (outcomes[index]["frames"].as_u64().unwrap(), 20.0));
+        // The last frame of a failure is held for a second.
+        let held = if index == 0 { 20 } else { 0 };
+        assert_eq!((frames.len() as u64, rate), (outcomes[index]["frames"].as_u64().unwrap() + held, 20.0));
         // Two frames of six times their size beside each other.
         assert!(frames[0].width() >= 960 && frames[0].height() >= 360);
         frames
     };
     let failed = film(0);
     let marked: Vec<bool> = failed.iter().map(|frame| red(frame) > 2000).collect();
-    let first = failed.len() - 21;
+    let first = failed.len() - 20 - 21;
     assert!(marked[first..].iter().all(|marked| *marked) && !marked[..first].iter().any(|marked| *marked));
+    // The very last frame is there, and stays.
+    let last = failed.len() - 21;
+    assert!((mean(&failed[last], 20) - mean(&failed[failed.len() - 1], 20)).abs() < 1.0);
     assert!((mean(&failed[3], 20) - mean(&failed[3], 512)).abs() < 2.0);
     let finished = film(1);
     assert!(finished.iter().all(|frame| red(frame) < 2000));

@@ -114,7 +114,11 @@ fn scripts_that_fail_are_told_why() {
             "comes out differently the second time",
         ),
         ("return { doc = 'x', apply = function() while true do end end }", "odd sizes", "used more than"),
-        ("pdk.settings({})", "loading", "is a pipeline, but a perturbation is expected here; run it with `pdk run"),
+        (
+            "pdk.settings({})",
+            "loading",
+            "is a pipeline, but a perturbation is expected here; run it with `pdk run",
+        ),
     ] {
         let checked = check(folder.path(), "fails.lua", source);
         assert_eq!(checked.code, Some(1), "{source}: {}", checked.stdout);

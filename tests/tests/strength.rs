@@ -6,10 +6,13 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use pdk::chain::Chain;
-use pdk::picture;
-use pdk::preview::{self, Shown};
-use pdk::registry::{Registry, SearchPath};
+use pdk_core::chain::Chain;
+use pdk_core::registry::Registry;
+use pdk_core::search_path::SearchPath;
+use pdk_lua::LuaScripts;
+use pdk_model::component::ComponentSpec;
+use pdk_preview::picture;
+use pdk_preview::preview::{self, Shown};
 use pdk_sdk::describe::Temporal;
 use pdk_sdk::ops::compare::{mean_squared_difference, structural_similarity};
 use pdk_sdk::prelude::{Control, FrameBuf, Scenario};
@@ -40,7 +43,8 @@ fn frames(registry: &Registry) -> Vec<FrameBuf> {
     let (mut simulator, _) = registry.simulator("lane", &Map::from_iter(size)).unwrap();
     let mut frames = Vec::new();
     for seed in [1, 2] {
-        simulator.reset(&Scenario { index: 0, seed, road: Value::Null, duration: 60.0 }).unwrap();
+        let [simulated, driver] = ["lane", "lane_keeper"].map(ComponentSpec::new);
+        simulator.reset(&Scenario { seed, ..Scenario::new(simulated, driver) }, 0).unwrap();
         let mut frame = FrameBuf::new(200, 150);
         for _ in 0..20 {
             simulator.frame(frame.as_mut()).unwrap();
@@ -60,7 +64,7 @@ fn frames(registry: &Registry) -> Vec<FrameBuf> {
 fn perturbed(registry: &Registry, shown: &Shown, level: f64, source: &FrameBuf, moment: u64) -> FrameBuf {
     let mut spec = shown.at(level);
     spec.parameters.extend(shown.description.grows_with.clone());
-    let mut chain = Chain::new(registry, &[spec], 3, 0).unwrap();
+    let mut chain = Chain::new(registry, &[spec], 3).unwrap();
     let mut target = FrameBuf::new(source.width(), source.height());
     chain.apply(source.as_ref(), target.as_mut(), moment, moment as f64 / 30.0).unwrap();
     target
@@ -118,9 +122,9 @@ fn fault(registry: &Registry, shown: &Shown, frames: &[FrameBuf]) -> Option<Stri
 
 #[test]
 fn strength_grows_with_the_intensity() {
-    let registry = Registry::discover(&SearchPath::default()).unwrap();
+    let registry = Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap();
     let frames = frames(&registry);
-    let perturbations = preview::chosen(&registry, &[], true).unwrap();
+    let perturbations = preview::chosen(registry.catalog(), &[], true).unwrap();
     assert!(perturbations.len() > 10, "only {} perturbations were found", perturbations.len());
     let next = AtomicUsize::new(0);
     let wrong = Mutex::new(Vec::new());

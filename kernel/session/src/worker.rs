@@ -95,6 +95,8 @@ struct Process {
     input: ChildStdin,
     /// Since when it is over, although its output is still open.
     over: Option<Instant>,
+    /// Whether it has done a job.
+    used: bool,
 }
 
 impl Worker {
@@ -154,7 +156,7 @@ impl Worker {
             .place("cannot start a thread")?;
         // Where it is gone already, its end is noticed like any other.
         let _ = lines::write(&mut input, &ToWorker::Hello(self.hello.clone()));
-        self.process = Some(Process { supervised, input, over: None });
+        self.process = Some(Process { supervised, input, over: None, used: false });
         Ok(())
     }
 
@@ -184,6 +186,9 @@ impl Worker {
                 // Whatever its components write there, only the job's own answer counts.
                 if self.job.as_ref().is_some_and(|job| job.number == done.number) {
                     self.job = None;
+                    if let Some(process) = &mut self.process {
+                        process.used = true;
+                    }
                     self.say(&FromWorker::Done(done));
                 }
                 Ok(())
@@ -228,6 +233,7 @@ impl Worker {
         let Some(mut process) = self.process.take() else { return Ok(()) };
         let calls = process.supervised.calls();
         process.supervised.kill();
+        self.remove_part(process.supervised.child().id());
         self.generation += 1;
         // What it had in shared memory.
         let _ = pdk_bus::sweep_run(&self.hello.run);
@@ -241,8 +247,10 @@ impl Worker {
         };
         // A kill comes from outside, as a rule; and a process whose standard files a component has closed leaves by itself after
         // its job, maybe just when it was given another one.
-        let blameless = matches!(end, End::Signal(libc::SIGKILL) | End::Done(_));
-        if blameless && self.tries < TRIES {
+        let blameless = matches!(end, End::Signal(libc::SIGKILL) | End::Done(_)) && self.tries < TRIES;
+        // What is left of an earlier job may be to blame: memory that was overwritten or is missing, an instance that crashes when it
+        // is dropped. So that an outcome does not depend on what came before, only a new process is believed.
+        if blameless || process.used {
             self.start()?;
             return self.begin();
         }
@@ -277,6 +285,14 @@ impl Worker {
         }
     }
 
+    /// Removes what a process has written of the job's trace.
+    fn remove_part(&self, process: u32) {
+        if let Some(Work::Drive(Drive { trace: Some(trace), .. })) = self.job.as_ref().map(|job| &job.work) {
+            // There may be none.
+            let _ = std::fs::remove_file(part_of(trace, process));
+        }
+    }
+
     fn say(&mut self, message: &FromWorker) {
         self.unheard |= lines::write(&mut io::stdout().lock(), message).is_err();
     }
@@ -292,10 +308,8 @@ impl Worker {
         while started.elapsed() < limit && matches!(supervised.look(), Ok(None)) {
             std::thread::sleep(Duration::from_millis(1));
         }
-        drop(supervised);
-        if let Some(Work::Drive(Drive { trace: Some(trace), .. })) = self.job.as_ref().map(|job| &job.work) {
-            let _ = std::fs::remove_file(part_of(trace));
-        }
+        supervised.kill();
+        self.remove_part(supervised.child().id());
         let _ = pdk_bus::sweep_run(&self.hello.run);
     }
 }

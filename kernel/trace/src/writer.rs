@@ -52,12 +52,12 @@ pub(crate) const WAYPOINTS: &str = "waypoints";
 const PACKAGE: &str = "pdk";
 
 impl Trace {
-    /// Starts a trace. Until it is complete it has `.part` behind its name.
+    /// Starts a trace. Until it is complete it has the number of this process and `.part` behind its name.
     ///
     /// # Errors
     /// Where the file cannot be written.
     pub fn create(path: &Path) -> Result<Self> {
-        let part = part_of(path);
+        let part = part_of(path, std::process::id());
         let file = File::create(&part).map_err(|error| write_error(path, &error))?;
         let options =
             mcap::WriteOptions::new().library(concat!("pdk ", env!("CARGO_PKG_VERSION")).to_owned());
@@ -160,7 +160,7 @@ impl Trace {
         self.writer.finish().map_err(|error| trace_error(&self.path, &error))?;
         let failed = |error: std::io::Error| write_error(&self.path, &error);
         let file = self.writer.into_inner().into_inner().map_err(|error| failed(error.into_error()))?;
-        file.sync_data().and_then(|()| std::fs::rename(part_of(&self.path), &self.path)).map_err(failed)?;
+        file.sync_data().and_then(|()| std::fs::rename(part_of(&self.path, std::process::id()), &self.path)).map_err(failed)?;
         sync_folder(&self.path);
         Ok(())
     }
@@ -184,9 +184,10 @@ impl Trace {
     }
 }
 
-/// The name of a trace that is not complete.
-pub fn part_of(path: &Path) -> PathBuf {
-    path.with_extension("mcap.part")
+/// The name of a trace that is not complete. It is of the process that writes it: another one may write the same trace while this
+/// one has not yet noticed that nobody wants its own.
+pub fn part_of(path: &Path, process: u32) -> PathBuf {
+    path.with_extension(format!("{process}.part"))
 }
 
 /// Simulation time in seconds as a trace counts it.

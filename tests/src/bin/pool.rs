@@ -93,8 +93,10 @@ impl Pool {
 
     fn hear(&mut self, slot: usize, line: &str) -> Result<()> {
         let mut message = json(line)?;
+        let mut line = line.to_owned();
         if let Some(slots) = message.pointer_mut("/ready/slots") {
             *slots = self.workers.len().into();
+            line = message.to_string();
             self.ready += 1;
             // All of them say the same, and one that was started anew says it again.
             if self.ready != self.workers.len() {
@@ -103,7 +105,7 @@ impl Pool {
         } else if message.get("done").is_some() {
             self.workers[slot].job = None;
         }
-        writeln!(std::io::stdout(), "{message}")
+        writeln!(std::io::stdout(), "{line}")
             .map_err(|error| format!("the session does not listen ({error})"))
     }
 
