@@ -5,13 +5,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use pdk_core::directory::RunDirectory;
-use pdk_core::ledger::{self, Ledger, Line};
 use pdk_model::level::Level;
 use pdk_model::outcome::Cause;
 use pdk_sdk::prelude::FrameBuf;
 use pdk_tests::process::{json_lines, pipeline};
-use pdk_tests::{Pdk, datasets, pictures, temp};
+use pdk_tests::{Pdk, datasets, pictures, records, temp};
 use pdk_trace::reader::{Entry, TraceReader, read_steps};
 use pdk_trace::step::Step;
 use pdk_trace::writer::Trace;
@@ -59,19 +57,9 @@ fn replay(record: &Path) -> Pdk {
     Pdk::new(["replay"]).arg(record)
 }
 
+/// The trace of the scenario with this number.
 fn trace(record: &Path, number: usize) -> PathBuf {
-    let id = &json_lines(&record.join("scenarios.jsonl"))[number]["id"];
-    record.join(format!("traces/{}.mcap", id.as_str().unwrap()))
-}
-
-/// Writes the ledger anew, with other lines.
-fn edit(record: &Path, change: impl FnOnce(&mut Vec<Line>)) {
-    let directory = RunDirectory::open(record).unwrap();
-    let (mut lines, _) = ledger::read(&directory).unwrap();
-    change(&mut lines);
-    fs::remove_file(record.join("scenarios.jsonl")).unwrap();
-    let mut ledger = Ledger::open(&directory).unwrap();
-    lines.iter().for_each(|line| ledger.add(line).unwrap());
+    records::trace(record, &json_lines(&record.join("scenarios.jsonl"))[number])
 }
 
 /// Writes a trace without images anew, with other steps.
@@ -196,12 +184,12 @@ fn the_first_difference_is_named_with_both_values() {
     // The outcome alone.
     let lines = out.join("scenarios.jsonl");
     let text = fs::read_to_string(&lines).unwrap();
-    edit(&out, |lines| lines[0].outcome.cause = Cause::Collision);
+    records::edit(&out, |lines| lines[0].outcome.cause = Cause::Collision);
     replay(&out)
         .fail(1, &["scenario 0 (nominal): the outcome: `cause` was \"collision\" and is \"time_out\""]);
     let digest = json_lines(&lines)[4]["digest"].clone();
     fs::write(&lines, &text).unwrap();
-    edit(&out, |lines| lines[4].outcome.digest = "0".to_owned());
+    records::edit(&out, |lines| lines[4].outcome.digest = "0".to_owned());
     replay(&out).fail(1, &["1 of 5 ", "scenario 4 ", &format!("`digest` was \"0\" and is {digest}")]);
     // Edited by hand, a line does not count.
     fs::write(&lines, text.replacen("\"cause\":\"time_out\"", "\"cause\":\"collision\"", 1)).unwrap();
@@ -216,12 +204,23 @@ fn another_seed_or_perturbation_shows_in_the_frames() {
     let out = record(folder.path());
     let lines = out.join("scenarios.jsonl");
     let text = fs::read_to_string(&lines).unwrap();
-    edit(&out, |lines| lines[1].scenario.seed += 1);
+    records::edit(&out, |lines| lines[1].scenario.seed += 1);
     let parts = ["1 of 5 scenarios differ", "scenario 1 ", "frame 0 at 0.000 s: the hash of the frame was "];
     replay(&out).fail(1, &parts);
-    fs::write(&lines, text).unwrap();
-    edit(&out, |lines| lines[1].scenario.perturbations[1].level = Level::Constant(1.5));
+    fs::write(&lines, &text).unwrap();
+    records::edit(&out, |lines| lines[1].scenario.perturbations[1].level = Level::Constant(1.5));
     replay(&out).fail(1, &["1 of 5 scenarios differ", "scenario 1 ", "frame 0 at 0.000 s: the hash of "]);
+    // Without noise nothing depends on the seed: 0 and the sticker of 3 are the same.
+    fs::write(&lines, &text).unwrap();
+    records::edit(&out, |lines| lines.iter_mut().for_each(|line| line.scenario.seed += 1));
+    replay(&out).fail(1, &["3 of 5 scenarios differ", "scenario 1 "]);
+    // The seed of the run is in its scenarios already.
+    fs::write(&lines, &text).unwrap();
+    let manifest = out.join("manifest.json");
+    let seed = fs::read_to_string(&manifest).unwrap();
+    assert!(seed.contains("\"seed\": 5"));
+    fs::write(&manifest, seed.replacen("\"seed\": 5", "\"seed\": 6", 1)).unwrap();
+    replay(&out).succeed();
 }
 
 #[test]

@@ -104,6 +104,23 @@ fn a_page_says_what_the_record_says() {
     assert_eq!(page.matches("class=\"mark\"").count(), 2, "one in the legend, one on the road");
 }
 
+/// It has one line in the ledger, and an outcome in the summary each time.
+#[test]
+fn a_scenario_that_was_asked_for_twice_is_shown_once() {
+    let folder = temp();
+    let source = r#"
+        for round = 1, 2 do
+            pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, {} } })
+        end
+    "#;
+    let record = folder.path().join("record");
+    let script = pipeline(folder.path(), source);
+    Pdk::new(["run", "--out"]).arg(&record).arg(script).misbehave().succeed();
+    let ran = report(&record).arg("--json").succeed();
+    assert_eq!(ran.json()["unfinished"], false);
+    assert!(page(&record).contains("1 scenario was driven"), "{}", page(&record));
+}
+
 #[test]
 fn what_users_write_is_escaped() {
     let folder = temp();
@@ -193,14 +210,14 @@ fn what_is_no_record_is_named() {
     report(&record).fail(1, &["manifest.json"]);
 }
 
-/// The page goes without the frames where a trace is gone, and says so.
+/// The page goes without frames and paths where traces are gone, and says so.
 #[test]
 fn a_missing_trace_costs_only_its_frames() {
     let folder = temp();
     let record = driven(folder.path());
     fs::remove_dir_all(record.join("traces")).unwrap();
     let ran = report(&record).succeed();
-    assert!(ran.stderr.contains("scenario 2 is shown without its frames"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("scenario 2 is shown without its path"), "{}", ran.stderr);
     let page = page(&record);
     assert!(page.contains("There are no frames of the failures") && !page.contains("data:image"));
 }

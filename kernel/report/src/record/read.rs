@@ -1,11 +1,12 @@
 //! Reads a record as a whole.
 
+use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Read as _, Seek, SeekFrom};
 use std::path::Path;
 
 use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SCENARIOS, SUMMARY};
-use pdk_core::ledger;
+use pdk_core::ledger::{self, Line};
 use pdk_sdk::error::{Error, Place, Result};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -49,7 +50,7 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
             folder.display()
         )));
     }
-    let unfinished = unfinished(&directory, lines.len(), cut_off, evaluations.len())?;
+    let unfinished = unfinished(&directory, &lines, cut_off, evaluations.len())?;
     let mut drives = closed_loop::drives(&lines, folder, &clip_folder(folder, page)?);
     let warnings = traces::add(&directory, &lines, &mut drives, SHOWN_FAILURES);
     let performance: Option<Performance> = json(&directory, PERFORMANCE)?;
@@ -85,7 +86,7 @@ fn json<T: DeserializeOwned>(directory: &RunDirectory, name: &str) -> Result<Opt
 /// How the record shows that its run did not come to the end: the summary is written last, and knows all lines.
 fn unfinished(
     directory: &RunDirectory,
-    scenarios: usize,
+    lines: &[Line],
     cut_off: bool,
     evaluations: usize,
 ) -> Result<Option<String>> {
@@ -101,8 +102,11 @@ fn unfinished(
     let Some(summary) = summary else {
         return Ok(Some(format!("It has no {SUMMARY}: it was ended early or is still going on. {what}")));
     };
-    let known = |field: &str| summary[field].as_array().map_or(0, Vec::len);
-    let same = known("outcomes") == scenarios && known("evaluations") == evaluations;
+    let known = |field: &str| summary[field].as_array().map_or(&[][..], Vec::as_slice);
+    // A scenario that was asked for several times has one line, and an outcome each time.
+    let ids: HashSet<&str> = known("outcomes").iter().filter_map(|outcome| outcome["id"].as_str()).collect();
+    let same = lines.iter().all(|line| ids.contains(line.id.to_string().as_str()))
+        && known("evaluations").len() == evaluations;
     Ok((!same).then(|| format!("Its {SUMMARY} does not know all that was recorded. {what}")))
 }
 
