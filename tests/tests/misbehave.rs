@@ -86,9 +86,8 @@ fn in_every_function(ends: &[(&str, &'static str, &str)]) -> Vec<Way> {
                 _ => vec![format!("{who} `misbehave"), format!("` in `{called}`{at} {said}")],
             };
             let expected = match function {
-                // Whoever drops an instance has what it was made for.
-                "drop" if end == "panic" => Expected::Driven { same: true },
-                "new" | "camera" | "drop" => Expected::Refused(parts),
+                // An instance that is kept is dropped when the scenario is over, which it cannot change, nor the next one.
+                "drop" if end == "panic" || who != "perturbation" => Expected::Driven { same: true },
                 _ => Expected::Outcome(kind, parts),
             };
             ways.push(Way { who, how: format!("{end}_in_{function}"), expected });
