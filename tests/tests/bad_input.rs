@@ -37,7 +37,9 @@ fn images_that_cannot_be_read_are_named() {
     for name in ["text.jpg", "empty.png", "large.png", "missing.png", "."] {
         perturb(folder.path(), name, "contrast@1", "out.png").fail(1, &[name]);
     }
-    for (output, said) in [("out.mp4", "neither a video in MP4 nor an image"), ("out.png", "it is no JPEG")] {
+    for (output, said) in
+        [("out.mp4", "neither a video in MP4 nor an image"), ("out.png", "JPEG, PNG, BMP or WebP")]
+    {
         perturb(folder.path(), "text.jpg", "contrast@1", output).fail(1, &["text.jpg", said]);
     }
     perturb(folder.path(), "cut.png", "contrast@1", "out.mp4")
@@ -66,7 +68,7 @@ fn a_level_function_without_a_level_is_named() {
         .arg(pipeline(folder.path(), source))
         .misbehave()
         .folder(folder.path())
-        .fail(1, &["pipeline.lua:1", "the level of `contrast` is nothing at 0.3 s", "from 0 to 4"]);
+        .fail(1, &["pipeline.lua:1", "the level of `contrast` is nothing at 0.25 s", "from 0 to 4"]);
 }
 
 #[test]
@@ -125,10 +127,10 @@ fn places_that_cannot_be_written_are_named() {
     }
 }
 
-/// Many scenarios with long telemetry, so that the record soon fills a disk.
+/// Many scenarios, so that the record soon fills a disk.
 const HUNGRY: &str = r#"
     local scenarios = {}
-    for index = 1, 600 do table.insert(scenarios, {}) end
+    for index = 1, 600 do table.insert(scenarios, { seed = index }) end
     pdk.drive({ simulator = "misbehave", driver = "misbehave", images_every = 1, scenarios = scenarios })
 "#;
 
@@ -155,7 +157,7 @@ fn a_file_that_may_not_grow_ends_the_run_with_a_sentence() {
             .arg("-c")
             .arg(format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" \"$@\""))
             .arg(pdk_tests::built("pdk"))
-            .args(["run", "--threads", "2", "--out"])
+            .args(["run", "--workers", "2", "--out"])
             .arg(&out)
             .arg(&hungry)
             .misbehave()
@@ -209,20 +211,21 @@ fn wrong_settings_are_answered_with_what_there_is() {
     let run = || Pdk::new(["run"]).arg(&script).folder(folder.path());
     for (setting, parts) in [
         ("dration=3", &["dration", "did you mean `duration`"][..]),
-        ("duration=long", &["duration", "`long` is no number"]),
-        ("duration=-1", &["lasts -1 s"]),
+        ("duration=long", &["duration", "`long` is not a number"]),
+        ("duration=-1", &["`duration` is -1 s"]),
         ("duration=1e9", &["86400"]),
-        ("levels=high", &["levels", "`high` is no number"]),
+        ("levels=high", &["levels", "`high` is not a number"]),
         ("levels=5", &["from 0 to 4"]),
         ("perturbations=fogg", &["`fogg`"]),
         ("driver=lane_keper", &["lane_keper", "did you mean `lane_keeper`"]),
-        ("duration.unit=3", &["duration.unit", "is no table"]),
+        ("duration.unit=3", &["duration.unit", "is not a table"]),
         ("driver.speed=3", &["dave2", "has no parameter `speed`"]),
         (r#"driver={"name":"lane_keeper","speed":3}"#, &["speed", "target_speed"]),
         ("simulator=line", &["simulator", "`line`"]),
         ("seed=-1", &["seed", "whole number"]),
         ("seed=1.5", &["seed", "whole number"]),
-        ("threads=0", &["threads", "at least 1"]),
+        ("workers=0", &["workers", "from 1 to 1024"]),
+        ("memory=0", &["memory", "positive number of MiB"]),
         ("patience=0", &["patience", "positive"]),
     ] {
         let sentence = run().arg("--set").arg(setting).fail(1, parts);
@@ -259,7 +262,11 @@ fn a_pipeline_that_fails_says_where() {
         ("\n\nerror('on purpose')", &["pipeline.lua:3", "on purpose"]),
         ("local t = nil\nreturn t.x", &["pipeline.lua:2", "nil"]),
         ("pdk.drvie({})", &["pipeline.lua:1"]),
-        ("pdk.drive({ simulator = 'misbehave' })", &["pipeline.lua:1", "driver"]),
+        ("pdk.drive({ simulator = 'misbehave' })", &["pipeline.lua:1", "`scenarios` is missing"]),
+        (
+            "pdk.drive({ simulator = 'misbehave', scenarios = { {} } })",
+            &["pipeline.lua:1", "scenarios[1]", "`driver` is missing"],
+        ),
         ("pdk.drive(7)", &["pipeline.lua:1", "pdk.drive"]),
         (
             "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', scenarios = {} })",
@@ -276,6 +283,18 @@ fn a_pipeline_that_fails_says_where() {
         (
             "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', scenarios = { { perturbations = 'contrast@1' } } })",
             &["scenarios[1]", "`perturbations` is \"contrast@1\"", "a list"],
+        ),
+        (
+            "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', duration = 0/0, scenarios = { {} } })",
+            &["pipeline.lua:1", "pdk.drive.duration is NaN, but has to be a finite number"],
+        ),
+        (
+            "pdk.drive({ simulator = 'lane', driver = 'misbehave', scenarios = { { road = { angles = { 0, 1/0 } } } } })",
+            &["pipeline.lua:1", "angles[2] is inf, but has to be a finite number"],
+        ),
+        (
+            "pdk.table({ 'a' }, { { -1/0 } })",
+            &["pipeline.lua:1", "pdk.table", "is -inf, but has to be a finite number"],
         ),
         ("pdk.settings({ seed = 3 })", &["seed", "every pipeline"]),
         ("pdk.settings({}) pdk.settings({})", &["once"]),
@@ -342,7 +361,8 @@ fn a_script_that_runs_away_is_stopped() {
 #[test]
 fn a_lua_perturbation_that_runs_away_fails_its_scenario_only() {
     let folder = temp();
-    let scripts = folder.path().join("scripts");
+    // Where everything has to be a perturbation.
+    let scripts = folder.path().join("perturbations");
     fs::create_dir(&scripts).unwrap();
     let perturbation = |name: &str, body: &str| {
         let text = format!("return {{ doc = \"Fails\", apply = function(image, cx)\n{body}\nend }}");
@@ -354,7 +374,8 @@ fn a_lua_perturbation_that_runs_away_fails_its_scenario_only() {
     fs::write(scripts.join("nothing.lua"), "return 7").unwrap();
     let source = r#"
         pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = {
-            {}, { perturbations = { "endless" } }, { perturbations = { "greedy" } }, { perturbations = { "broken" } }, {},
+            {}, { perturbations = { "endless" } }, { perturbations = { "greedy" } }, { perturbations = { "broken" } },
+            { seed = 1 },
         } })
     "#;
     let out = folder.path().join("record");

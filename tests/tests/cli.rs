@@ -303,6 +303,34 @@ fn scripts_get_json_and_nothing_else() {
     assert!(checked["checks"].as_array().unwrap().iter().all(|check| check["failure"].is_null()));
 }
 
+/// In a command, and in a pipeline as text and as a table.
+#[test]
+fn a_level_that_is_left_out_is_two_everywhere() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 33, 17);
+    let perturbed = ["contrast", "contrast@2", "contrast@3"].map(|with| {
+        Pdk::new(["perturb", "in.png", "--with", with, "-o", "out.png"]).folder(folder.path()).succeed();
+        std::fs::read(folder.path().join("out.png")).unwrap()
+    });
+    assert!(perturbed[0] == perturbed[1] && perturbed[0] != perturbed[2]);
+    let source = r#"
+        local outcomes = pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = {
+            { perturbations = { "contrast" } }, { perturbations = { { name = "contrast" } } },
+            { perturbations = { { name = "contrast", level = 2 } } }, { perturbations = { "contrast@2" } },
+            { perturbations = { "contrast@3" } },
+        } })
+        for number = 1, 4 do
+            assert(outcomes[number].name == "contrast@2" and outcomes[number].id == outcomes[1].id)
+        end
+        assert(outcomes[5].id ~= outcomes[1].id)
+    "#;
+    Pdk::new(["run"])
+        .arg(pdk_tests::process::pipeline(folder.path(), source))
+        .misbehave()
+        .folder(folder.path())
+        .succeed();
+}
+
 #[test]
 fn all_formats_of_images_are_read_and_written() {
     let folder = temp();

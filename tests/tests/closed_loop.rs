@@ -337,27 +337,35 @@ fn a_line_that_was_cut_off_does_not_hide_the_others() {
 #[test]
 fn a_drive_that_fails_keeps_its_numbers() {
     let folder = temp();
-    let out = folder.path().join("record");
-    // The first drive's traces outgrow what a file may hold.
-    let source = r#"
-        local ok, error = pcall(pdk.drive, { simulator = { name = "misbehave", how = "stand_still" },
-            driver = "misbehave", images_every = 1, scenarios = { {}, { seed = 1 } } })
-        assert(not ok and string.find(tostring(error), "cannot write"), tostring(error))
-        local outcomes = pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {}, { seed = 1 } } })
-        assert(outcomes[1].number == 2 and outcomes[2].number == 3)
-    "#;
-    Pdk::program("sh")
-        .args(["-c", "trap '' XFSZ; ulimit -f 140; exec \"$0\" \"$@\""])
-        .arg(pdk_tests::built("pdk"))
-        .args(["run", "--workers", "1", "--out"])
-        .arg(&out)
-        .arg(pipeline(folder.path(), source))
-        .misbehave()
-        .succeed();
-    let lines = json_lines(&out.join("scenarios.jsonl"));
-    let seeds: Vec<_> = lines.iter().map(|line| &line["scenario"]["seed"]).collect();
-    assert_eq!((seeds.len(), seeds[1]), (2, &json!(1)));
-    assert!(lines.iter().all(|line| trace(&out, line).is_file()));
+    // The first drive's traces outgrow what a file may hold. Of one error a script can make what it wants; of one that it never
+    // looked at, the run makes a failure.
+    for (count, code) in [(1, 0), (2, 1)] {
+        let out = folder.path().join(format!("record-{count}"));
+        let source = format!(
+            r#"
+            local scenarios = {{ {{}}, {{ seed = 1 }} }}
+            local ok, error = pcall(pdk.drive, {{ simulator = {{ name = "misbehave", how = "stand_still" }},
+                driver = "misbehave", images_every = 1, scenarios = {{ table.unpack(scenarios, 1, {count}) }} }})
+            assert(not ok and string.find(tostring(error), "cannot write"), tostring(error))
+            local outcomes = pdk.drive({{ simulator = "misbehave", driver = "misbehave", scenarios = scenarios }})
+            assert(outcomes[1].number == {count} and outcomes[2].number == {count} + 1)
+            "#
+        );
+        let ran = Pdk::program("sh")
+            .args(["-c", "trap '' XFSZ; ulimit -f 140; exec \"$0\" \"$@\""])
+            .arg(pdk_tests::built("pdk"))
+            .args(["run", "--workers", "1", "--out"])
+            .arg(&out)
+            .arg(pipeline(folder.path(), &source))
+            .misbehave()
+            .run();
+        assert_eq!(ran.code, Some(code), "{}", ran.stderr);
+        assert_eq!(ran.stderr.contains("cannot write"), code == 1, "{}", ran.stderr);
+        let lines = json_lines(&out.join("scenarios.jsonl"));
+        let seeds: Vec<_> = lines.iter().map(|line| &line["scenario"]["seed"]).collect();
+        assert_eq!((seeds.len(), seeds[1]), (2, &json!(1)));
+        assert!(lines.iter().all(|line| trace(&out, line).is_file()));
+    }
 }
 
 /// A pipeline that drives for long on small frames.

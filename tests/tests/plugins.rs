@@ -6,10 +6,13 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use pdk_sdk::prelude::Control;
 use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::records::trace;
 use pdk_tests::{
     Finished, Pdk, built_in_libraries, datasets, library, onnx, pictures, repository, target_folder, temp,
 };
+use pdk_trace::reader::read_steps;
 use serde_json::{Value, json};
 
 /// Three scenarios with everything from the misbehaving plugin; the perturbation of the second misbehaves.
@@ -23,20 +26,25 @@ pdk.drive({
     simulator = settings.simulator,
     driver = settings.driver,
     duration = 5,
-    scenarios = { { name = "first" }, { name = "second", perturbations = { settings.perturbation } }, { name = "third" } },
+    scenarios = {
+        { name = "first", seed = 1 }, { name = "second", seed = 2, perturbations = { settings.perturbation } },
+        { name = "third", seed = 3 },
+    },
 })
 "#;
 
 struct Run {
     finished: Finished,
     outcomes: Vec<Value>,
+    /// The controls of the driver in each scenario, as its trace has them.
+    controls: Vec<Vec<Control>>,
 }
 
-/// Drives the three scenarios on one thread, where `who` misbehaves in this manner.
+/// Drives the three scenarios on one worker, where `who` misbehaves in this manner.
 fn three_scenarios(who: &str, how: &str, more: &[(&str, &str)]) -> Run {
     let folder = temp();
     let out = folder.path().join("out");
-    let mut command = Pdk::new(["run", "--threads", "1", "--out"])
+    let mut command = Pdk::new(["run", "--workers", "1", "--out"])
         .arg(&out)
         .arg(pipeline(folder.path(), THREE_SCENARIOS))
         .misbehave()
@@ -47,7 +55,12 @@ fn three_scenarios(who: &str, how: &str, more: &[(&str, &str)]) -> Run {
     let finished = command.run();
     let lines = out.join("scenarios.jsonl");
     let outcomes = if lines.exists() { json_lines(&lines) } else { Vec::new() };
-    Run { finished, outcomes }
+    let controls = |outcome: &Value| {
+        let steps = read_steps(&trace(&out, outcome)).unwrap();
+        steps.iter().map(|step| step.control).collect()
+    };
+    let controls = outcomes.iter().map(controls).collect();
+    Run { finished, outcomes, controls }
 }
 
 fn causes(run: &Run) -> Vec<&str> {
@@ -88,11 +101,8 @@ fn a_panic_in_the_middle_of_a_scenario_keeps_what_was_driven() {
     let run = three_scenarios("driver", "panic_in_drive", &[("driver.at", "7")]);
     says(&run, 1, &["3 of 3 scenarios", "driver `misbehave`", "as asked to in `drive`"]);
     assert_eq!(causes(&run), ["error"; 3]);
-    assert!(
-        run.outcomes
-            .iter()
-            .all(|outcome| outcome["frames"] == 7 && !outcome["telemetry"].as_array().unwrap().is_empty())
-    );
+    assert!(run.outcomes.iter().all(|outcome| outcome["frames"] == 7));
+    assert!(run.controls.iter().all(|controls| controls.len() == 7));
 }
 
 #[test]
@@ -110,16 +120,17 @@ fn a_panic_at_every_entry_point_is_an_error_with_a_name() {
         says(&run, 1, &["3 of 3 scenarios", &format!("{who} `misbehave`"), &place]);
         assert_eq!(causes(&run), ["error"; 3], "{who} {how}");
     }
-    // Without instances there is nothing to drive.
-    for (who, how) in [
-        ("simulator", "panic_in_new"),
-        ("simulator", "panic_in_camera"),
-        ("driver", "panic_in_new"),
-        ("perturbation", "panic_in_new"),
-    ] {
-        let run = three_scenarios(who, how, &[]);
-        says(&run, 1, &[&format!("{who} `misbehave`"), "panicked"]);
-        assert!(run.outcomes.is_empty());
+    // Without instances there is nothing to drive, and the others are driven.
+    for (who, how) in
+        [("simulator", "new"), ("simulator", "camera"), ("driver", "new"), ("perturbation", "new")]
+    {
+        let run = three_scenarios(who, &format!("panic_in_{how}"), &[]);
+        let expected = match who {
+            "perturbation" => ["finished", "error", "finished"],
+            _ => ["error"; 3],
+        };
+        assert_eq!(causes(&run), expected, "{who} {how}");
+        says(&run, 1, &[&format!("{who} `misbehave`"), "panicked", &format!("as asked to in `{how}`")]);
     }
 }
 
@@ -159,7 +170,8 @@ fn numbers_that_are_none_are_errors() {
 
     let run = three_scenarios("driver", "wild", &[]);
     assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
-    assert_eq!(run.outcomes[0]["telemetry"][0]["steering"], 1.0);
+    assert!(run.controls.iter().all(|controls| controls.len() == 21));
+    assert!(run.controls.iter().flatten().all(|control| control.steering == 1.0));
 }
 
 #[test]
@@ -190,45 +202,87 @@ fn pixels_that_were_not_written_are_the_same_every_time() {
     assert_eq!(digests[0], digests[1]);
 }
 
+/// Each ends its scenario, of which the line says who did what at which frame; the others come out as if nothing had happened.
 #[test]
-fn who_does_not_come_back_is_named_and_the_record_kept() {
-    for (who, how, recorded) in [
-        ("perturbation", "hang_in_apply", 1),
-        ("perturbation", "hang_in_drop", 0),
-        ("perturbation", "hang_in_new", 0),
-        ("driver", "hang_in_new", 0),
-        ("driver", "hang_in_drive", 0),
-        ("driver", "hang_in_drop", 0),
-        ("simulator", "hang_in_frame", 0),
+fn who_hangs_or_ends_the_process_is_named_and_the_run_goes_on() {
+    let undisturbed = three_scenarios("perturbation", "behave", &[]);
+    for (how, kind, said) in [
+        (
+            "hang_in_apply",
+            "late",
+            "has not come back for 0.4 s (the limit is raised with --set patience=SECONDS)",
+        ),
+        ("exit_in_apply", "lost", "ended the process with exit code 0 (a component has to return an error"),
+        ("segfault_in_apply", "lost", "was ended by signal 11 (SIGSEGV, memory that it may not use)"),
+        ("abort_in_apply", "lost", "was ended by signal 6 (SIGABRT, it aborted)"),
     ] {
+        let run = three_scenarios("perturbation", how, &[("perturbation.at", "7"), ("patience", "0.4")]);
+        let who = format!("in `apply` at frame 7 {said}");
+        says(&run, 1, &["1 of 3 scenarios", "scenario 1 `second`: perturbation `misbehave@0", &who]);
+        assert_eq!(causes(&run), ["finished", "error", "finished"], "{how}");
+        let second = &run.outcomes[1];
+        assert_eq!((&second["error_kind"], &second["frames"]), (&json!(kind), &json!(7)), "{how}");
+        assert!(second["error"].as_str().unwrap().contains(&who), "{second}");
+        for number in [0, 2] {
+            assert_eq!(run.outcomes[number], undisturbed.outcomes[number], "{how}");
+        }
+    }
+    for (who, how) in
+        [("driver", "exit_in_drive"), ("simulator", "hang_in_frame"), ("simulator", "exit_in_act")]
+    {
         let run = three_scenarios(who, how, &[("patience", "0.4")]);
-        says(&run, 75, &[&format!("{who} `misbehave"), "has not come back for 0.4 s", "patience"]);
-        assert_eq!(run.outcomes.len(), recorded, "{who} {how}");
+        let function = how.split_once("_in_").unwrap().1;
+        says(&run, 1, &["3 of 3 scenarios", &format!("{who} `misbehave` in `{function}` at frame 0 ")]);
+        assert_eq!(causes(&run), ["error"; 3], "{who} {how}");
     }
 }
 
 #[test]
-fn who_ends_the_process_is_named_and_the_record_kept() {
-    for (who, how, recorded) in [
-        ("perturbation", "exit_in_apply", 1),
-        ("perturbation", "exit_in_drop", 0),
-        ("perturbation", "exit_in_new", 0),
-        ("driver", "exit_in_drive", 0),
-        ("driver", "exit_in_drop", 0),
-        ("simulator", "exit_in_act", 0),
-        ("simulator", "exit_in_camera", 0),
+fn who_cannot_even_be_made_is_the_outcome_of_who_needs_it() {
+    for (who, how, function) in [
+        ("perturbation", "hang_in_drop", "drop"),
+        ("perturbation", "exit_in_new", "new"),
+        ("driver", "hang_in_new", "new"),
+        // The camera is asked for when the simulator is made.
+        ("simulator", "exit_in_camera", "new"),
     ] {
-        let run = three_scenarios(who, how, &[]);
-        says(&run, 70, &[&format!("{who} `misbehave"), "ended the process"]);
-        assert_eq!(run.outcomes.len(), recorded, "{who} {how}");
+        let run = three_scenarios(who, how, &[("patience", "0.4")]);
+        let end = if how.starts_with("hang") { "has not come back for 0.4 s" } else { "ended the process" };
+        let (count, name) = if who == "perturbation" { (1, "second") } else { (3, "first") };
+        let said = format!("` in `{function}` {end}");
+        says(&run, 1, &[&format!("{count} of 3 scenarios"), &format!("`{name}`: {who} `misbehave"), &said]);
+        let lost: Vec<_> = run.outcomes.iter().filter(|outcome| outcome["cause"] == "error").collect();
+        assert_eq!(lost.len(), count, "{who} {how}");
+        assert!(lost.iter().all(|outcome| outcome["frames"] == 0 && outcome["digest"] == ""), "{lost:?}");
     }
-    let image = temp();
-    pictures::write(&image.path().join("in.png"), 16, 16);
-    Pdk::new(["perturb", "in.png", "--with", "misbehave,how=exit_in_apply", "-o", "out.png"])
-        .folder(image.path())
-        .misbehave()
-        .fail(70, &["ended the process"]);
-    assert!(!image.path().join("out.png").exists());
+}
+
+/// These verbs call components beside a process that looks after them.
+#[test]
+fn verbs_that_call_components_survive_them() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 16, 16);
+    for (how, function, said) in [
+        ("exit_in_apply", "apply` at frame", "ended the process with exit code 0"),
+        ("segfault_in_apply", "apply` at frame", "was ended by signal 11 (SIGSEGV"),
+        ("kill_in_new", "new`", "was ended by signal 9 (SIGKILL)"),
+        ("quit_in_drop", "drop`", "ended the process with exit code 0"),
+    ] {
+        let with = format!("misbehave@1,how={how}");
+        for verb in [["perturb", "out.png"], ["preview", "sheets"]] {
+            Pdk::new([verb[0], "in.png", "--with", &with, "-o", verb[1]])
+                .folder(folder.path())
+                .misbehave()
+                .fail(70, &["perturbation `misbehave", &format!(" in `{function}"), said]);
+        }
+        assert!(how == "quit_in_drop" || !folder.path().join("out.png").exists(), "{how}");
+    }
+    let describe = |verb: &[&str]| Pdk::new(verb).misbehave().folder(folder.path());
+    for verb in [&["list"][..], &["show", "contrast"], &["doctor"], &["new", "perturbation", "x"]] {
+        describe(verb)
+            .env("MISBEHAVE", "abort_in_describe")
+            .fail(70, &["libmisbehave", "in `load`", "SIGABRT"]);
+    }
 }
 
 #[test]
@@ -242,7 +296,7 @@ fn a_description_that_misbehaves_is_refused_by_name() {
     );
     // The other plugins are there nevertheless.
     assert!(panicked.stdout.contains("lane_keeper"));
-    list("exit_in_describe").fail(70, &["libmisbehave", "ended the process"]);
+    list("exit_in_describe").fail(70, &["libmisbehave", "in `load` ended the process"]);
     // One that hangs has a minute, but `pdk check` has the patience that it is told to have.
     let check = Pdk::new(["check", "--patience", "0.7"]).arg(library("misbehave"));
     let hung = check.env("MISBEHAVE", "hang_in_describe").run();
@@ -269,10 +323,10 @@ fn offline_a_panic_costs_the_frame_at_hand_only() {
     ] {
         let records: Vec<_> = ["1", "2"]
             .iter()
-            .map(|threads| {
+            .map(|workers| {
                 let folder = temp();
                 let out = folder.path().join("out");
-                let finished = Pdk::new(["run", "--threads", threads, "--out"])
+                let finished = Pdk::new(["run", "--workers", workers, "--out"])
                     .arg(&out)
                     .arg(pipeline(folder.path(), source))
                     .misbehave()
@@ -307,7 +361,7 @@ fn offline_a_panic_costs_the_frame_at_hand_only() {
         .misbehave()
         .set("dataset.how", "hang_in_new")
         .set("patience", "0.4")
-        .fail(75, &["dataset `misbehave`", "has not come back for 0.4 s", "patience"]);
+        .fail(1, &["dataset `misbehave` in `new` has not come back for 0.4 s", "patience"]);
 }
 
 #[test]
@@ -352,15 +406,15 @@ fn no_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
     let whole = fs::read(library("misbehave")).unwrap();
     let mut files = vec![
         (library("stranger"), "was built with pdk-sdk 0.0.1"),
-        (file("text.so", b"this is no library\n"), "is no library"),
-        (file("empty.so", b""), "is no library"),
+        (file("text.so", b"this is no library\n"), "is not a library"),
+        (file("empty.so", b""), "is not a library"),
         (file("head.so", &whole[..100]), "is cut off"),
         (file("half.so", &whole[..400_000]), "is cut off"),
         (file("script.lua", b"return 7"), "script.lua"),
     ];
     let libc = ["/lib/x86_64-linux-gnu/libc.so.6", "/lib64/libc.so.6", "/lib/aarch64-linux-gnu/libc.so.6"];
     match libc.iter().map(Path::new).find(|path| path.exists()) {
-        Some(libc) => files.push((libc.to_owned(), "is no pdk plugin")),
+        Some(libc) => files.push((libc.to_owned(), "is not a pdk plugin")),
         None => eprintln!("skipped: no libc.so.6 in the usual places"),
     }
     files

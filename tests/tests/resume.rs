@@ -2,13 +2,12 @@
 
 #![allow(clippy::unwrap_used)]
 
-use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::path::Path;
 
-use pdk_tests::process::pipeline;
-use pdk_tests::{Pdk, temp};
+use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::records::{assert_equal, files, trace, wait_for_scenarios};
+use pdk_tests::{Pdk, datasets, temp};
 
 /// Two drives of eight scenarios each, of which the second needs what the first returned.
 const SOURCE: &str = r#"
@@ -27,36 +26,13 @@ const SOURCE: &str = r#"
 "#;
 
 fn run(script: &Path, out: &Path) -> Pdk {
-    Pdk::new(["run", "--threads", "2", "--out"]).arg(out).arg(script)
-}
-
-/// All files of a record but the one with times.
-fn files(record: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let entries = |folder: &Path| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    entries(record)
-        .chain(entries(&record.join("traces")))
-        .filter(|path| path.is_file() && !path.ends_with("performance.json"))
-        .map(|path| (path.strip_prefix(record).unwrap().to_owned(), fs::read(path).unwrap()))
-        .collect()
-}
-
-fn assert_equal(record: &Path, expected: &BTreeMap<PathBuf, Vec<u8>>) {
-    let files = files(record);
-    assert_eq!(files.keys().collect::<Vec<_>>(), expected.keys().collect::<Vec<_>>());
-    for (path, bytes) in files {
-        assert!(bytes == expected[&path], "{} differs", path.display());
-    }
+    Pdk::new(["run", "--workers", "2", "--out"]).arg(out).arg(script)
 }
 
 /// Runs until so many lines are recorded, and kills.
 fn killed_after(script: &Path, out: &Path, lines: usize) {
     let mut child = run(script, out).spawn();
-    let started = Instant::now();
-    let count = || fs::read_to_string(out.join("scenarios.jsonl")).map_or(0, |text| text.lines().count());
-    while count() < lines && child.try_wait().unwrap().is_none() {
-        assert!(started.elapsed() < Duration::from_secs(60), "line {lines} did not come");
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    wait_for_scenarios(&mut child, out, lines);
     child.kill().unwrap();
     child.wait().unwrap();
 }
@@ -91,21 +67,20 @@ fn what_was_in_flight_is_driven_again() {
     run(&script, &out).succeed();
     let expected = files(&out);
     // Six scenarios are complete, the seventh line is cut off and its trace ends early; there is no summary yet.
+    let scenarios = json_lines(&out.join("scenarios.jsonl"));
     let lines = out.join("scenarios.jsonl");
     let text = fs::read_to_string(&lines).unwrap();
     let end: usize = text.split_inclusive('\n').take(6).map(str::len).sum();
     fs::write(&lines, &text[..end + 40]).unwrap();
-    for index in 7..16 {
-        fs::remove_file(out.join(format!("traces/{index:04}.mcap"))).unwrap();
+    for scenario in &scenarios[7..] {
+        fs::remove_file(trace(&out, scenario)).unwrap();
     }
-    fs::write(out.join("traces/0006.mcap"), b"half a trace").unwrap();
+    let seventh = trace(&out, &scenarios[6]);
+    fs::remove_file(&seventh).unwrap();
+    fs::write(seventh.with_extension("mcap.part"), b"half a trace").unwrap();
     fs::remove_file(out.join("summary.json")).unwrap();
     let ran = run(&script, &out).succeed();
-    assert!(
-        ran.stdout.contains("6 of 8 scenarios are in the record already; driving the other 2"),
-        "{}",
-        ran.stdout
-    );
+    assert!(ran.stdout.contains("\n6 of 16 scenarios were in the record already\n"), "{}", ran.stdout);
     assert_equal(&out, &expected);
 }
 
@@ -117,7 +92,8 @@ fn a_finished_record_is_shown_again() {
     let first = run(&script, &out).succeed();
     let (expected, times) = (files(&out), fs::read(out.join("performance.json")).unwrap());
     let second = run(&script, &out).succeed();
-    assert!(second.stdout.contains("8 of 8 scenarios are in the record already; nothing is left to drive"));
+    assert!(second.stdout.contains("\n16 of 16 scenarios were in the record already\n"), "{}", second.stdout);
+    assert!(!second.stdout.contains("a second"), "nothing was driven: {}", second.stdout);
     let table = |text: &str| {
         text.lines().filter(|line| line.contains("gaussian_noise@2")).map(str::to_owned).collect::<Vec<_>>()
     };
@@ -143,12 +119,18 @@ fn the_record_of_another_run_is_refused_and_kept() {
     run(&other, &out).fail(1, &["the text of the pipeline", "--out"]);
     assert_equal(&out, &expected);
 
-    // The record says something else of a scenario, or of a component.
+    // A line was edited, or the record says something else of a component.
     let lines = out.join("scenarios.jsonl");
     let text = fs::read_to_string(&lines).unwrap();
     fs::write(&lines, text.replacen("\"seed\":3", "\"seed\":4", 1)).unwrap();
-    again().fail(1, &["scenario 2 ", "was recorded as another one", "--out"]);
-    fs::write(&lines, &text).unwrap();
+    again().fail(1, &["scenarios.jsonl:3 is damaged or was edited", "delete it and run the pipeline again"]);
+    // As the sentence says.
+    let without: String =
+        text.split_inclusive('\n').enumerate().filter(|(n, _)| *n != 2).map(|(_, l)| l).collect();
+    fs::write(&lines, without).unwrap();
+    let ran = again().succeed();
+    assert!(ran.stdout.contains("\n15 of 16 scenarios were in the record already\n"), "{}", ran.stdout);
+    assert_equal(&out, &expected);
     let manifest = out.join("manifest.json");
     let kept = fs::read_to_string(&manifest).unwrap();
     let start = kept.find("\"blake3\": \"").unwrap() + 11;
@@ -160,8 +142,84 @@ fn the_record_of_another_run_is_refused_and_kept() {
     fs::write(out.join("notes.txt"), "mine").unwrap();
     again().fail(1, &["is not empty", "--out"]);
     fs::remove_file(out.join("notes.txt")).unwrap();
-    fs::write(out.join("results.jsonl"), "").unwrap();
-    again().fail(1, &["holds results of pdk.evaluate, which cannot be continued", "--out"]);
+    assert_equal(&out, &expected);
+}
+
+/// What another scenario is driven with does not matter to one whose line is there.
+#[test]
+fn a_pipeline_that_asks_for_more_drives_only_what_is_new() {
+    let folder = temp();
+    let source = r#"
+        -- What decides comes from outside of the text and the settings.
+        local known = pcall(require, "./more")
+        local scenarios = { { seed = 5 } }
+        if known then
+            table.insert(scenarios, 1, { seed = 6 })
+        end
+        local outcomes = pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = scenarios })
+        for number, outcome in outcomes do
+            assert(outcome.number == number - 1)
+        end
+    "#;
+    let script = pipeline(folder.path(), source);
+    let out = folder.path().join("record");
+    let again = || run(&script, &out).misbehave();
+    again().succeed();
+    let first = json_lines(&out.join("scenarios.jsonl")).remove(0);
+    fs::write(folder.path().join("more.luau"), "return {}").unwrap();
+    let ran = again().succeed();
+    assert!(
+        ran.stdout.contains("1 of 2 scenarios were in the record already\n21 frames in "),
+        "{}",
+        ran.stdout
+    );
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    assert_eq!((lines.len(), &lines[1]), (2, &first), "in the order in which they were asked for");
+}
+
+#[test]
+fn an_offline_run_goes_on_behind_the_last_whole_frame() {
+    let folder = temp();
+    datasets::folder(&folder.path().join("data"), 12, 32, 24);
+    let source = r#"
+        local request = { dataset = pdk.path("data"), driver = "misbehave", levels = { 2, 4 },
+            perturbations = { "contrast", "gaussian_noise" } }
+        pdk.evaluate(request)
+        request.frames = 5
+        pdk.evaluate(request)
+    "#;
+    let script = pipeline(folder.path(), source);
+    let out = folder.path().join("record");
+    let again = || run(&script, &out).misbehave().succeed();
+    let whole = again();
+    assert!(
+        whole.stdout.contains("48 perturbed frames in ") && whole.stdout.contains("20 perturbed frames in ")
+    );
+    let expected = files(&out);
+    let results = fs::read(out.join("results.jsonl")).unwrap();
+    let lines: Vec<&[u8]> = results.split_inclusive(|byte| *byte == b'\n').collect();
+    assert_eq!(lines.len(), 48 + 20);
+    // Within a line, between two lines of a frame, between two frames, and in the second evaluation.
+    for (kept, more, new) in
+        [(6, 9, [Some(44), Some(20)]), (9, 0, [Some(40), Some(20)]), (48 + 8, 0, [None, Some(12)])]
+    {
+        let length = lines[..kept].iter().map(|line| line.len()).sum::<usize>() + more;
+        fs::write(out.join("results.jsonl"), &results[..length]).unwrap();
+        fs::remove_file(out.join("summary.json")).unwrap();
+        let ran = again();
+        let said =
+            ran.stdout.lines().filter_map(|line| line.split_once(" perturbed frames in ")?.0.parse().ok());
+        assert_eq!(
+            said.collect::<Vec<u64>>(),
+            new.into_iter().flatten().collect::<Vec<_>>(),
+            "{}",
+            ran.stdout
+        );
+        assert_equal(&out, &expected);
+    }
+    let ran = again();
+    assert!(!ran.stdout.contains("perturbed frames"), "nothing is left to do: {}", ran.stdout);
+    assert_equal(&out, &expected);
 }
 
 #[test]
@@ -170,11 +228,7 @@ fn two_processes_do_not_write_to_one_record() {
     let script = pipeline(folder.path(), &SOURCE.replace("seed = 1, 8", "seed = 1, 2000"));
     let out = folder.path().join("record");
     let mut child = run(&script, &out).spawn();
-    let started = Instant::now();
-    while !out.join("scenarios.jsonl").exists() {
-        assert!(started.elapsed() < Duration::from_secs(60), "the run did not begin");
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    wait_for_scenarios(&mut child, &out, 1);
     run(&script, &out).fail(1, &["another process is writing to", "--out"]);
     child.kill().unwrap();
     child.wait().unwrap();

@@ -262,12 +262,14 @@ impl Host {
     pub(crate) fn drive(&mut self, request: Value) -> Result<Value> {
         let submissions = self.defaults().drive(request)?;
         let tickets = self.submit(submissions)?;
-        tickets.into_iter().map(|ticket| self.wait(ticket)).collect::<Result<_>>().map(Value::Array)
+        // All of them, also where one of them is an error: then nothing of this drive is still under way when the script goes on.
+        let rows: Vec<Result<Value>> = tickets.into_iter().map(|ticket| self.wait(ticket)).collect();
+        rows.into_iter().collect::<Result<_>>().map(Value::Array)
     }
 
     /// Frames a second of a simulator's camera.
     pub(crate) fn rate(&mut self, simulator: &ComponentSpec) -> Result<f64> {
-        let made = self.make(Kind::Simulator, simulator)?;
+        let made = self.try_to_make(Kind::Simulator, simulator)?;
         made.camera.map(|camera| camera.rate).ok_or_else(|| {
             Error::new(format!(
                 "the simulator `{}` did not tell its camera, so a level cannot be a function of time",

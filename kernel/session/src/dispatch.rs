@@ -505,6 +505,11 @@ impl Dispatch {
         };
         self.queue.clear();
         for number in dropped {
+            // Its worker may have completed the trace just before it left; without a line it is of no scenario.
+            let work = self.tasks.get(&number).map(|task| (&task.work, task.submission.is_some()));
+            if let Some((Work::Drive(Drive { trace: Some(trace), .. }), true)) = work {
+                let _ = std::fs::remove_file(trace);
+            }
             self.finish(number, Err(interrupt::error()));
         }
     }
