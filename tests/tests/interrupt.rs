@@ -73,7 +73,8 @@ fn is_whole_besides(record: &Path, workers: usize) -> usize {
     for line in &lines {
         let path = record.join(format!("traces/{}.mcap", line["id"].as_str().unwrap()));
         let bytes = fs::read(&path).unwrap();
-        let messages = mcap::MessageStream::new(&bytes).unwrap().inspect(|message| assert!(message.is_ok())).count();
+        let messages =
+            mcap::MessageStream::new(&bytes).unwrap().inspect(|message| assert!(message.is_ok())).count();
         assert!(
             messages as u64 > line["frames"].as_u64().unwrap(),
             "{}: {messages} messages",

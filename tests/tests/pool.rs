@@ -124,8 +124,8 @@ fn what_a_lost_slot_was_at_is_done_again() {
     let is_worker = |process: &Process| process.command.ends_with(" worker");
     let does_components = |process: &Process| process.command.ends_with(" worker --components");
     let is_pool = |process: &Process| process.command.starts_with(env!("CARGO_BIN_EXE_pool"));
-    let kinds: [(&str, &dyn Fn(&Process) -> bool); 3] =
-        [("worker", &is_worker), ("components", &does_components), ("pool", &is_pool)];
+    type Kind<'a> = (&'a str, &'a dyn Fn(&Process) -> bool);
+    let kinds: [Kind<'_>; 3] = [("worker", &is_worker), ("components", &does_components), ("pool", &is_pool)];
     for (name, wanted) in kinds {
         let bus = BusFolder::new();
         let (variable, value) = bus.variable();
