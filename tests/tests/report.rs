@@ -200,7 +200,7 @@ fn a_missing_trace_costs_only_its_frames() {
     let record = driven(folder.path());
     fs::remove_dir_all(record.join("traces")).unwrap();
     let ran = report(&record).succeed();
-    assert!(ran.stderr.contains("scenario 2 is shown without its frames"), "{}", ran.stderr);
+    assert!(ran.stderr.contains("scenario 2 is shown without its path"), "{}", ran.stderr);
     let page = page(&record);
     assert!(page.contains("There are no frames of the failures") && !page.contains("data:image"));
 }
