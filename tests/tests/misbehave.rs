@@ -275,11 +275,11 @@ fn whatever_is_done_to_the_process_does_not_reach_the_next_scenario() {
         "which signals are blocked",
         "how floating-point numbers are rounded",
     ] {
-        let said = format!("pdk: warning: a component changed {changed} in 3 scenarios");
+        let said = format!("pdk: warning: a component changed {changed}, 3 times");
         assert!(stderr.contains(&said), "no `{said}`: {}", last_lines(&stderr));
     }
     assert!(
-        stderr.contains("closed standard input, output or error in 3 scenarios"),
+        stderr.contains("a component closed standard input, output or error, 3 times"),
         "{}",
         last_lines(&stderr)
     );
