@@ -40,19 +40,12 @@ pub fn edit(record: &Path, change: impl FnOnce(&mut Vec<Line>)) {
 /// # Panics
 /// Where one cannot be read.
 pub fn files(record: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    let mut folders = vec![record.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(&folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if !path.ends_with(PERFORMANCE) {
-                found.insert(path.strip_prefix(record).unwrap().to_owned(), fs::read(&path).unwrap());
-            }
-        }
-    }
-    found
+    assert!(record.is_dir(), "there is no {}", record.display());
+    let read = |path: PathBuf| {
+        let bytes = fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        (path.strip_prefix(record).unwrap().to_owned(), bytes)
+    };
+    paths(record).into_iter().filter(|path| !path.ends_with(PERFORMANCE)).map(read).collect()
 }
 
 /// The first thing in which a record differs from what is expected; none where it is equal.
@@ -122,10 +115,20 @@ pub fn wait_for_lines(child: &mut Child, path: &Path, count: usize) {
     }
 }
 
-/// The files of a record that are not complete.
-///
-/// # Panics
-/// Where the folder cannot be read.
+/// The files of a record that are not complete; none where there is no record yet.
 pub fn partial(record: &Path) -> Vec<PathBuf> {
-    files(record).into_keys().filter(|path| path.extension().is_some_and(|ending| ending == "part")).collect()
+    paths(record).into_iter().filter(|path| path.extension().is_some_and(|ending| ending == "part")).collect()
+}
+
+/// The path of each file of a record, as far as they are not removed meanwhile.
+fn paths(record: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut folders = vec![record.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            if path.is_dir() { folders.push(path) } else { found.push(path) }
+        }
+    }
+    found
 }

@@ -337,9 +337,8 @@ fn a_line_that_was_cut_off_does_not_hide_the_others() {
 #[test]
 fn a_drive_that_fails_keeps_its_numbers() {
     let folder = temp();
-    // The first drive's traces outgrow what a file may hold. Of one error a script can make what it wants; of one that it never
-    // looked at, the run makes a failure.
-    for (count, code) in [(1, 0), (2, 1)] {
+    // The first drive's traces outgrow what a file may hold. Of its error a script can make what it wants.
+    for count in [1, 2] {
         let out = folder.path().join(format!("record-{count}"));
         let source = format!(
             r#"
@@ -359,8 +358,7 @@ fn a_drive_that_fails_keeps_its_numbers() {
             .arg(pipeline(folder.path(), &source))
             .misbehave()
             .run();
-        assert_eq!(ran.code, Some(code), "{}", ran.stderr);
-        assert_eq!(ran.stderr.contains("cannot write"), code == 1, "{}", ran.stderr);
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
         let lines = json_lines(&out.join("scenarios.jsonl"));
         let seeds: Vec<_> = lines.iter().map(|line| &line["scenario"]["seed"]).collect();
         assert_eq!((seeds.len(), seeds[1]), (2, &json!(1)));

@@ -130,12 +130,46 @@ fn equal_scenarios_of_a_run_are_driven_once() {
         let rows = json_file(&out.join("summary.json"))["outcomes"].clone();
         let rows = rows.as_array().unwrap();
         assert_eq!(rows.len(), 4);
-        assert!(rows.iter().all(|row| *row == rows[0]), "{rows:#?}");
+        assert!(rows[..3].iter().all(|row| *row == rows[0]), "{rows:#?}");
+        let mut fourth = rows[3].clone();
+        assert_eq!(std::mem::replace(&mut fourth["name"], "a".into()), "another name");
+        assert_eq!(fourth, rows[0]);
         assert_eq!((&rows[0]["id"], &rows[0]["digest"]), (&lines[0]["id"], &lines[0]["digest"]));
         let performance = json_file(&out.join("performance.json"));
         assert_eq!(performance["drive"]["stages"]["steps"], lines[0]["frames"], "{performance}");
         // It was not there before this run.
         assert!(!ran.stdout.contains("in the record already"), "{}", ran.stdout);
+    }
+}
+
+#[test]
+fn equal_scenarios_that_fail_are_driven_once_a_run() {
+    let folder = temp();
+    let script = pipeline(
+        folder.path(),
+        r#"
+        local session = pdk.session({ simulator = "misbehave", driver = { name = "misbehave", how = "abort_in_drive", at = 3 } })
+        for count = 1, 3 do
+            local outcome = session:wait(session:submit({ name = "bad" }))
+            assert(outcome.cause == "error" and outcome.frames == 3)
+        end
+        pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {} } })
+        "#,
+    );
+    let out = folder.path().join("out");
+    let mut expected = None;
+    // The second time it is driven again, because another worker may do better, and comes to the same.
+    for _ in 0..2 {
+        let ran = run(&script, &out, "2").misbehave().run();
+        assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+        assert!(ran.stderr.contains("3 of 4 scenarios could not be driven"), "{}", ran.stderr);
+        let kept = ran.stdout.contains("1 of 4 scenarios were in the record already");
+        assert_eq!(kept, expected.is_some(), "{}", ran.stdout);
+        assert_eq!(scenarios(&out).len(), 2);
+        match &expected {
+            None => expected = Some(files(&out)),
+            Some(expected) => assert_equal(&out, expected),
+        }
     }
 }
 

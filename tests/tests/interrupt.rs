@@ -37,7 +37,7 @@ const IN_A_SESSION: &str = r#"
 "#;
 
 /// What an interrupted run says.
-const SAID: &str = "the run was interrupted; what was recorded is kept, and running it again with --out and its folder goes on";
+const SAID: &str = "the run was interrupted; what was recorded is kept, and the same command with --out and the folder of the record goes on";
 
 fn run(script: &Path, out: &Path) -> Pdk {
     Pdk::new(["run", "--workers", "2", "--out"]).arg(out).arg(script)
@@ -60,14 +60,15 @@ fn end(mut child: Child, limit: Duration) -> (Option<i32>, Vec<String>, Duration
     (status.code(), said, took)
 }
 
-/// Makes sure that a record that was broken off has a whole trace for each line, and nothing else.
+/// Makes sure that a record that was broken off has a whole trace for each line, and nothing else. How many lines it has.
 #[track_caller]
 fn is_whole(record: &Path) -> usize {
     let lines = json_lines(&record.join("scenarios.jsonl"));
     for line in &lines {
         let path = record.join(format!("traces/{}.mcap", line["id"].as_str().unwrap()));
         let bytes = fs::read(&path).unwrap();
-        let messages = mcap::MessageStream::new(&bytes).unwrap().map(|message| message.unwrap()).count();
+        let messages =
+            mcap::MessageStream::new(&bytes).unwrap().inspect(|message| assert!(message.is_ok())).count();
         assert!(
             messages as u64 > line["frames"].as_u64().unwrap(),
             "{}: {messages} messages",
@@ -201,6 +202,40 @@ fn a_run_that_has_hardly_begun_can_be_ended() {
     }
     assert!(comes_true(Duration::from_secs(3), || bus.processes().is_empty()), "{:?}", bus.processes());
     assert_eq!(bus.left(), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn what_is_dropped_keeps_what_an_earlier_process_recorded() {
+    let folder = temp();
+    let script = pipeline(
+        folder.path(),
+        r#"
+        pdk.drive({ simulator = "misbehave", scenarios = {
+            { name = "hangs", driver = { name = "misbehave", how = "hang_in_reset" } },
+            { name = "aborts", driver = { name = "misbehave", how = "abort_in_drive" } },
+        } })
+        "#,
+    );
+    let out = folder.path().join("record");
+    // First one worker hangs and the other one aborts; then there is one worker, which hangs, so that what may go better now waits.
+    let mut expected = None;
+    for workers in ["2", "1"] {
+        let mut child =
+            Pdk::new(["run", "--workers", workers, "--out"]).arg(&out).arg(&script).misbehave().spawn();
+        wait_for_scenarios(&mut child, &out, 1);
+        assert!(comes_true(Duration::from_secs(60), || !partial(&out).is_empty()), "nothing is driven");
+        signal(&child, Signal::TERM);
+        let (code, said, _) = end(child, Duration::from_secs(30));
+        assert_eq!(code, Some(143), "{said:?}");
+        assert_eq!(is_whole(&out), 1);
+        let mut found = files(&out);
+        // It holds what this process came to.
+        found.remove(Path::new("summary.json"));
+        match &expected {
+            None => expected = Some(found),
+            Some(expected) => assert!(found == *expected, "{:?}", found.keys()),
+        }
+    }
 }
 
 #[test]

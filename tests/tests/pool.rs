@@ -87,7 +87,7 @@ fn a_pool_that_does_not_speak_as_it_should_is_a_sentence() {
     fail(5, "echo hello; cat > /dev/null", &["says what is not a message"]);
     fail(6, "echo '{\"ready\": 7}'; cat > /dev/null", &["says what is not a message"]);
     // One that takes its worker for whatever is there.
-    fail(7, &format!("'{}' 2 /bin/cat", env!("CARGO_BIN_EXE_pool")), &["ended before it was ready"]);
+    fail(7, &format!("'{}' 2 /bin/true", env!("CARGO_BIN_EXE_pool")), &["ended before it was ready"]);
     let said = run(&script, &folder.path().join("both")).args(["--pool", ""]).env(name, value).run();
     assert_eq!(said.code, Some(0), "an empty command means no pool: {}", said.stderr);
     assert!(comes_true(Duration::from_secs(2), || bus.processes().is_empty()), "{:?}", bus.processes());
@@ -124,8 +124,8 @@ fn what_a_lost_slot_was_at_is_done_again() {
     let is_worker = |process: &Process| process.command.ends_with(" worker");
     let does_components = |process: &Process| process.command.ends_with(" worker --components");
     let is_pool = |process: &Process| process.command.starts_with(env!("CARGO_BIN_EXE_pool"));
-    let kinds: [(&str, &dyn Fn(&Process) -> bool); 3] =
-        [("worker", &is_worker), ("components", &does_components), ("pool", &is_pool)];
+    type Kind<'a> = (&'a str, &'a dyn Fn(&Process) -> bool);
+    let kinds: [Kind<'_>; 3] = [("worker", &is_worker), ("components", &does_components), ("pool", &is_pool)];
     for (name, wanted) in kinds {
         let bus = BusFolder::new();
         let (variable, value) = bus.variable();

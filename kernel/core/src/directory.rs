@@ -52,7 +52,7 @@ pub struct RunDirectory {
 
 impl RunDirectory {
     /// Makes the folder of a run, or takes one that holds a record or the beginning of one; whether that can be continued is for
-    /// [`RunDirectory::recorded`] to say.
+    /// [`RunDirectory::manifest`] and the ledger to say.
     ///
     /// # Errors
     /// Where the folder holds something else, another process writes there, or it cannot be made.

@@ -45,6 +45,11 @@ const ID: &str = "{\"id\":\"";
 const DIGITS: usize = 16;
 
 impl Line {
+    /// Whether it may be otherwise another time: a worker was lost over it, or something came too late.
+    pub fn is_chance(&self) -> bool {
+        matches!(self.outcome.error_kind, Some(ErrorKind::Lost | ErrorKind::Late))
+    }
+
     /// As it is written, with its checksum and a line feed.
     ///
     /// # Errors
@@ -128,8 +133,12 @@ impl Ledger {
         self.places.is_empty()
     }
 
-    /// The line of a scenario; none where it has not been driven, or where its worker was lost or came too late over it, which may
-    /// be otherwise another time.
+    /// Whether there is a line of a scenario.
+    pub fn has(&self, id: &ScenarioId) -> bool {
+        self.places.contains_key(id)
+    }
+
+    /// The line of a scenario; none where it has not been driven.
     ///
     /// # Errors
     /// Where it cannot be read any more.
@@ -137,9 +146,7 @@ impl Ledger {
         let Some((start, length)) = self.places.get(id) else { return Ok(None) };
         let text = read_at(&self.path, *start, *length).place(self.path.display())?;
         let body = checked(&text).map(|(_, body)| body).ok_or_else(|| damaged(&self.path, 0))?;
-        let line = parse(body).place(self.path.display())?;
-        let again = matches!(line.outcome.error_kind, Some(ErrorKind::Lost | ErrorKind::Late));
-        Ok(Some(line).filter(|_| !again))
+        parse(body).place(self.path.display()).map(Some)
     }
 
     /// Adds a line, which is on the disk when this returns.
@@ -277,13 +284,15 @@ mod tests {
     }
 
     #[test]
-    fn what_was_lost_is_driven_again_and_the_last_line_counts() {
+    fn what_was_lost_can_be_driven_again_and_the_last_line_counts() {
         let directory = directory("lost");
         let mut ledger = Ledger::open(&directory).unwrap();
         let lost = Outcome::of_error(ErrorKind::Late, "driver `x` has not come back".to_owned());
         ledger.add(&Line { outcome: lost, ..line(0) }).unwrap();
         ledger.add(&line(1)).unwrap();
-        assert_eq!(ledger.get(&line(0).id).unwrap(), None);
+        assert!(ledger.get(&line(0).id).unwrap().unwrap().is_chance());
+        assert!(!ledger.get(&line(1).id).unwrap().unwrap().is_chance());
+        assert!(ledger.has(&line(0).id) && !ledger.has(&line(2).id));
         ledger.add(&line(0)).unwrap();
         assert_eq!(ledger.get(&line(0).id).unwrap(), Some(line(0)));
         assert_eq!(read(&directory).unwrap().0, [1, 0].map(line));

@@ -159,6 +159,12 @@ impl Results {
                 if self.recorded.len() < cells.len() || !self.recorded.iter().zip(cells).all(fits) {
                     return None;
                 }
+                // One line more for this frame is of an evaluation with more perturbations.
+                if let Some((Line::Result { evaluation, index: at, .. }, _)) = self.recorded.get(cells.len())
+                    && (*evaluation, *at) == (number, index)
+                {
+                    return None;
+                }
                 let mut found = None;
                 let mut controls = Vec::with_capacity(cells.len());
                 for (line, length) in self.recorded.drain(..cells.len()) {

@@ -66,6 +66,8 @@ pub struct Host {
     in_use: InUse,
     /// What components said when they were made, by kind and what they were made from.
     made: BTreeMap<(Kind, String), Made>,
+    /// Those that panicked then, took their process along or did not come back.
+    fatal: BTreeSet<(Kind, String)>,
     /// What was submitted under each ticket.
     submitted: BTreeMap<Ticket, Submitted>,
     /// The numbers of the scenarios, in the order in which they were submitted first, which is that of the ledger in the end.
@@ -133,6 +135,7 @@ impl Host {
             manifest: None,
             in_use: InUse::default(),
             made: BTreeMap::new(),
+            fatal: BTreeSet::new(),
             submitted: BTreeMap::new(),
             numbers: BTreeMap::new(),
             outcomes: BTreeMap::new(),
@@ -185,7 +188,8 @@ impl Host {
         for submission in submissions {
             // A simulator that cannot be made has no rate, and its scenarios no frames.
             let simulator = submission.scenario.simulator.clone();
-            let rate = self.make(Kind::Simulator, &simulator)?.camera.map_or(0.0, |camera| camera.rate);
+            let rate =
+                self.try_to_make(Kind::Simulator, &simulator)?.camera.map_or(0.0, |camera| camera.rate);
             let expected = expected_frames(&submission.scenario, rate);
             if self.outcomes.len() == self.submitted.len() {
                 self.progress = progress(self.quiet);
@@ -258,12 +262,14 @@ impl Host {
     pub(crate) fn drive(&mut self, request: Value) -> Result<Value> {
         let submissions = self.defaults().drive(request)?;
         let tickets = self.submit(submissions)?;
-        tickets.into_iter().map(|ticket| self.wait(ticket)).collect::<Result<_>>().map(Value::Array)
+        // All of them, also where one of them is an error: then nothing of this drive is still under way when the script goes on.
+        let rows: Vec<Result<Value>> = tickets.into_iter().map(|ticket| self.wait(ticket)).collect();
+        rows.into_iter().collect::<Result<_>>().map(Value::Array)
     }
 
     /// Frames a second of a simulator's camera.
     pub(crate) fn rate(&mut self, simulator: &ComponentSpec) -> Result<f64> {
-        let made = self.try_making(Kind::Simulator, simulator)?;
+        let made = self.try_to_make(Kind::Simulator, simulator)?;
         made.camera.map(|camera| camera.rate).ok_or_else(|| {
             Error::new(format!(
                 "the simulator `{}` did not tell its camera, so a level cannot be a function of time",
@@ -283,45 +289,43 @@ impl Host {
         Ok(made)
     }
 
-    /// What a component for scenarios is like. One that cannot be made is an error at once; one that takes its process along, or
-    /// does not come back, is the outcome of each scenario that needs it.
-    fn try_making(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
-        let result = self.make(kind, component);
-        match result {
+    /// As [`make`](Self::make), for a scenario: a component that cannot be made is an error at once, but one that panics, takes its
+    /// process along or does not come back is the outcome of each scenario that needs it.
+    fn try_to_make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
+        let key = (kind, serde_json::to_string(component)?);
+        if self.fatal.contains(&key) {
+            return Ok(Made::default());
+        }
+        match self.make(kind, component) {
             Err(error)
                 if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late | ErrorKind::Panic)
                     && interrupt::wish() == Wish::None =>
             {
-                let key = (kind, serde_json::to_string(component)?);
-                self.made.insert(key, Made::default());
+                self.fatal.insert(key);
                 Ok(Made::default())
             }
-            result => result,
+            made => made,
         }
     }
 
     /// Makes sure that a scenario's components can be made, and notes them.
     fn check(&mut self, scenario: &Scenario) -> Result<()> {
-        self.try_making(Kind::Simulator, &scenario.simulator)?;
-        let info = self.try_making(Kind::Driver, &scenario.driver)?.info;
-        self.check_perturbations(&scenario.perturbations)?;
-        self.in_use.add_scenario(self.session.catalog(), scenario, info)
-    }
-
-    fn check_perturbations(&mut self, applied: &[AppliedPerturbation]) -> Result<()> {
-        for AppliedPerturbation { name, parameters, .. } in applied {
-            let component = ComponentSpec { name: name.clone(), parameters: parameters.clone() };
-            self.try_making(Kind::Perturbation, &component)?;
+        self.try_to_make(Kind::Simulator, &scenario.simulator)?;
+        let info = self.try_to_make(Kind::Driver, &scenario.driver)?.info;
+        for component in components(&scenario.perturbations) {
+            self.try_to_make(Kind::Perturbation, &component)?;
         }
-        Ok(())
+        self.in_use.add_scenario(self.session.catalog(), scenario, info)
     }
 
     /// `pdk.evaluate`: the offline loop.
     pub(crate) fn evaluate(&mut self, request: Value) -> Result<Value> {
         let Evaluate { dataset, driver, cells, frames } = Evaluate::from_json(request)?;
         let (reader, available) = self.open_dataset(&dataset)?;
-        let info = self.try_making(Kind::Driver, &driver)?.info;
-        self.check_perturbations(&cells)?;
+        let info = self.make(Kind::Driver, &driver)?.info;
+        for component in components(&cells) {
+            self.make(Kind::Perturbation, &component)?;
+        }
         let catalog = self.session.catalog();
         self.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;
         self.in_use.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
@@ -569,7 +573,8 @@ impl Host {
         directory.write_json(SUMMARY, summary)?;
         let total = self.session.performance();
         for (warning, times) in &total.warnings {
-            self.warnings.push(format!("{warning} in {times} scenarios; it was put back after each"));
+            self.warnings
+                .push(format!("{warning}, {times} times; what can be put back was put back after each"));
         }
         let stages = total.times.summary();
         // The times of the process that drove are worth more than those of one that did not.
@@ -607,6 +612,15 @@ impl Host {
 /// A bar for frames on the road.
 fn progress(quiet: bool) -> ProgressBar {
     output::progress(quiet, "{pos}/{len} frames, {per_sec}, {eta} left")
+}
+
+/// What perturbations are made from.
+fn components(applied: &[AppliedPerturbation]) -> Vec<ComponentSpec> {
+    let component = |applied: &AppliedPerturbation| ComponentSpec {
+        name: applied.name.clone(),
+        parameters: applied.parameters.clone(),
+    };
+    applied.iter().map(component).collect()
 }
 
 /// What a pipeline and the summary see of an outcome.

@@ -12,12 +12,12 @@
 //! | module | subject |
 //! |---|---|
 //! | [`preview`] | which perturbations are shown, and the frames that they make |
-//! | [`reference`] | the pages of the reference |
+//! | [`mod@reference`] | the pages of the reference |
 //! | [`picture`] | frames to pictures, side by side and on sheets, and GIFs |
 //! | [`text`] | labels, with a font that comes with the program |
 //!
 //! [`preview`] calls components, so it belongs in a process that another one supervises (`pdk_core::supervisor`). Everything
-//! else is a function of plain data: [`reference`] needs a catalog and no component, and [`picture`] and [`text`] serve the clips
+//! else is a function of plain data: [`mod@reference`] needs a catalog and no component, and [`picture`] and [`text`] serve the clips
 //! of a replay as well.
 //!
 //! A frame is shown at two seconds, when what moves has begun to. Sizes of perturbations are in pixels, so the frame is

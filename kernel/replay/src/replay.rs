@@ -217,5 +217,5 @@ impl Driving<'_> {
 /// A sentence about what was noticed in so many scenarios.
 fn noticed((warning, times): (&String, &u64)) -> String {
     let scenarios = if *times == 1 { "scenario" } else { "scenarios" };
-    format!("{warning} in {times} {scenarios}; it was put back after each")
+    format!("{warning} in {times} {scenarios}; what can be put back was put back after each")
 }

@@ -248,11 +248,12 @@ impl Dispatch {
             task.waiting.push(ticket);
             return Ok(None);
         }
-        let known = ledger.get(&id)?;
+        let before = !self.driven.contains(&id);
+        // What was lost in an earlier process may go better now.
+        let known = ledger.get(&id)?.filter(|line| !before || !line.is_chance());
         let trace = directory.trace(&id)?;
         self.order.push(id);
         if let Some(line) = known {
-            let before = !self.driven.contains(&id);
             self.answer(ticket, Ok(Reply::Recorded(Box::new(line), before)));
             return Ok(None);
         }
@@ -505,6 +506,14 @@ impl Dispatch {
         };
         self.queue.clear();
         for number in dropped {
+            // Its worker may have completed the trace just before it left; without a line it is of no scenario.
+            if let Some(Task { work: Work::Drive(drive), submission: Some(submission), .. }) =
+                self.tasks.get(&number)
+                && let (Some(trace), Some((_, ledger))) = (&drive.trace, &self.record)
+                && !ledger.has(&submission.scenario.id())
+            {
+                let _ = std::fs::remove_file(trace);
+            }
             self.finish(number, Err(interrupt::error()));
         }
     }

@@ -160,7 +160,9 @@ impl Trace {
         self.writer.finish().map_err(|error| trace_error(&self.path, &error))?;
         let failed = |error: std::io::Error| write_error(&self.path, &error);
         let file = self.writer.into_inner().into_inner().map_err(|error| failed(error.into_error()))?;
-        file.sync_data().and_then(|()| std::fs::rename(part_of(&self.path, std::process::id()), &self.path)).map_err(failed)?;
+        file.sync_data()
+            .and_then(|()| std::fs::rename(part_of(&self.path, std::process::id()), &self.path))
+            .map_err(failed)?;
         sync_folder(&self.path);
         Ok(())
     }

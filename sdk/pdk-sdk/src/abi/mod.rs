@@ -35,7 +35,7 @@ pub type VersionFn = extern "C" fn() -> *const c_char;
 /// What a call returns: a value or an error.
 pub type Outcome<T> = RResult<T, RawError>;
 
-/// What [`Error`](crate::error::Error) holds.
+/// What [`Error`] holds.
 #[repr(C)]
 #[derive(StableAbi)]
 pub struct RawError {
