@@ -146,6 +146,17 @@ fn a_panic_on_a_thread_of_the_plugin_is_said() {
     assert_eq!(run.finished.stderr.matches("as asked to").count(), 1, "{}", run.finished.stderr);
 }
 
+/// At every frame, so that whatever file the process opens in between and gets such a number for is closed as well.
+#[test]
+fn who_closes_files_that_are_not_its_own_is_driven_to_the_end() {
+    for who in ["simulator", "driver", "perturbation"] {
+        let run = three_scenarios(who, "close_stdout", &[]);
+        assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
+        assert_eq!(causes(&run), ["finished"; 3], "{who}");
+        assert!(run.controls.iter().all(|controls| controls.len() == 21), "{who}");
+    }
+}
+
 #[test]
 fn a_panic_while_an_instance_is_dropped_is_said_and_harmless() {
     for who in ["simulator", "driver", "perturbation"] {
