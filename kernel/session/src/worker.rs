@@ -287,7 +287,9 @@ impl Worker {
 
     /// Removes what a process has written of the job's trace.
     fn remove_part(&self, process: u32) {
-        if let Some(Work::Drive(Drive { trace: Some(trace), .. })) = self.job.as_ref().map(|job| &job.work) {
+        if let Some(Work::Drive(drive)) = self.job.as_ref().map(|job| &job.work)
+            && let Some(trace) = &drive.trace
+        {
             // There may be none.
             let _ = std::fs::remove_file(part_of(trace, process));
         }
