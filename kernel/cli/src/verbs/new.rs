@@ -4,8 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
 use pdk_core::catalog::Catalog;
 use pdk_core::{installation, println};
+use pdk_lua::shipped::PIPELINES;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
 
@@ -24,6 +26,9 @@ pub struct Arguments {
     /// The folder of the pdk-sdk crate that a plugin builds against [default: the one that comes with pdk]
     #[arg(long, value_name = "DIR")]
     sdk: Option<PathBuf>,
+    /// Begin a pipeline with a copy of this one that comes with pdk
+    #[arg(long, value_name = "PIPELINE", value_parser = PossibleValuesParser::new(PIPELINES.iter().map(|script| script.name)))]
+    from: Option<String>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -45,6 +50,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             "`{name}` is not a name; use lower-case letters, digits and underscores, with a letter first"
         )));
     }
+    if arguments.from.is_some() && !matches!(arguments.what, What::Pipeline) {
+        return Err(Error::new("--from is for pipelines; leave it out, or write `pdk new pipeline`"));
+    }
     if matches!(arguments.what, What::Perturbation | What::Plugin) {
         refuse_taken(global.registry()?.catalog(), name)?;
     }
@@ -58,7 +66,10 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         }
         What::Pipeline => {
             let file = folder.join(format!("{name}.lua"));
-            write(&file, include_str!("../../templates/pipeline.lua"), arguments)?;
+            let copied = PIPELINES.iter().find(|script| Some(script.name) == arguments.from.as_deref());
+            let template =
+                copied.map_or(include_str!("../../templates/pipeline.lua"), |script| script.source);
+            write(&file, template, arguments)?;
             println!("Wrote {}. Try it:\n  pdk run {}", file.display(), file.display());
         }
         What::Plugin => {
