@@ -59,7 +59,7 @@ fn libraries_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let names = names.collect::<Vec<_>>().join(", ");
     let shown = folder.display();
     Err(Error::new(format!(
-        "pdk is not complete: {} of its {} libraries are missing in {shown} ({names}); unpack the whole archive again, copy them \
+        "pdk is not complete: it does not find {} of its {} libraries in {shown} ({names}); unpack the whole archive again, copy them \
          there together with the executable, or build them with `cargo build --release`",
         missing.len(),
         LIBRARIES.len()
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(library_folder_of(&installed), installed);
         let error = libraries_in(&installed).unwrap_err().to_string();
         let count = LIBRARIES.len();
-        assert!(error.contains(&format!("{count} of its {count} libraries are missing")), "{error}");
+        assert!(error.contains(&format!("{count} of its {count} libraries in")), "{error}");
         assert!(sdk_of(&installed).unwrap_err().to_string().contains("--sdk"));
 
         let libraries = folder.join("prefix/lib/pdk");

@@ -48,7 +48,7 @@ impl Script {
             let known = PIPELINES.iter().map(|script| script.name);
             let script = PIPELINES.iter().find(|script| script.name == name).ok_or_else(|| {
                 Error::new(format!(
-                    "pdk comes with no pipeline `{name}`; {}; a file is named with its folder or its ending, as in ./{name}",
+                    "pdk comes with no pipeline `{name}`, and a file is named with its folder or its ending, as in ./{name}; {}",
                     suggest::hint(&name, known)
                 ))
             })?;
