@@ -15,7 +15,7 @@ use pdk_sdk::error::{Error, Place, Result};
 use pdk_trace::writer::part_of;
 
 use crate::lines::{self, Found};
-use crate::protocol::{Answer, Done, Drive, Driven, FromWorker, Hello, Job, ToWorker, VERSION, Work};
+use crate::protocol::{Answer, Done, Driven, FromWorker, Hello, Job, ToWorker, VERSION, Work};
 use crate::recorder::write_trace;
 
 /// How often a job is begun whose process somebody else kills, and how often a process is started that is killed before it is ready.

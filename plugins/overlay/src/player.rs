@@ -60,7 +60,7 @@ impl Player {
     /// Where the clip cannot be read.
     pub fn new(clip: Clip, settings: Settings, motion: Motion) -> Result<Self> {
         let hash = clip.hash().place(&clip)?;
-        let folder = cache::folder();
+        let folder = cache::folder()?;
         let (held, mixed) = (Default::default(), Layer::default());
         Ok(Self { clip, hash, settings, motion, folder, store: None, held, mixed })
     }

@@ -1,13 +1,12 @@
 //! The shipped library, in pipelines whose `pdk` answers without driving anything, and has simple statistics.
 
-use std::path::PathBuf;
-
 use mlua::{LuaSerdeExt, Table, Value};
 use pdk_sdk::serde_json::{self, json};
 
 use super::Modules;
 use crate::limits::Limits;
 use crate::sandbox::Sandbox;
+use crate::shipped::{LIBRARY, PIPELINES};
 
 /// Notes all calls. A scenario succeeds unless it is on road 2, or has fog at level 3 or more.
 const PDK: &str = r#"
@@ -87,13 +86,14 @@ const PDK: &str = r#"
     }
 "#;
 
-fn scripts() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap().join("scripts")
+/// The text of a pipeline.
+fn source(name: &str) -> &'static str {
+    PIPELINES.iter().find(|script| script.name == name).unwrap().source
 }
 
 /// What a shipped pipeline does, after a change of its text.
 fn run(name: &str, from: &str, to: &str) -> Result<(serde_json::Value, Modules), String> {
-    let modules = Modules::new(&scripts(), vec![scripts().join("library")]);
+    let modules = Modules::new(None, LIBRARY);
     let mut calls = None;
     let sandbox = Sandbox::with_api(Limits::default(), |lua| {
         let (noted, pdk): (Table, Table) = lua.load(PDK).eval()?;
@@ -102,7 +102,7 @@ fn run(name: &str, from: &str, to: &str) -> Result<(serde_json::Value, Modules),
         modules.install(lua)
     })
     .unwrap();
-    let source = std::fs::read_to_string(scripts().join(name)).unwrap();
+    let source = source(name);
     assert!(source.contains(from), "{from}");
     let chunk = sandbox.load(name, source.replace(from, to).as_bytes()).unwrap();
     sandbox.call(name, &chunk, ()).map_err(|error| error.to_string())?;
@@ -115,7 +115,7 @@ fn drives(calls: &serde_json::Value) -> Vec<&str> {
 
 #[test]
 fn a_climb_goes_level_by_level_and_repeats_what_draws() {
-    let (greedy, modules) = run("greedy.lua", r#"search = "bisect""#, r#"search = "climb""#).unwrap();
+    let (greedy, modules) = run("greedy", r#"search = "bisect""#, r#"search = "climb""#).unwrap();
     let drives = drives(&greedy);
     assert_eq!(
         drives[..3],
@@ -151,7 +151,7 @@ fn a_climb_goes_level_by_level_and_repeats_what_draws() {
 
 #[test]
 fn a_bisection_drives_what_it_is_told() {
-    let (greedy, _) = run("greedy.lua", "dave2", "dave3").unwrap();
+    let (greedy, _) = run("greedy", "dave2", "dave3").unwrap();
     let drives = drives(&greedy);
     assert_eq!(drives[3..5], ["fog@3, road 1 1 dave3 30", "rain@3, road 1 1 dave3 30"]);
     // The highest level everywhere, then the lowest where fog failed.
@@ -165,7 +165,7 @@ fn a_bisection_drives_what_it_is_told() {
 
 #[test]
 fn a_study_repeats_what_draws_and_compares_drivers() {
-    let (study, _) = run("study.lua", "dave2", "dave3").unwrap();
+    let (study, _) = run("study", "dave2", "dave3").unwrap();
     let found = drives(&study);
     assert_eq!(
         found[..4],
@@ -196,7 +196,7 @@ fn a_study_repeats_what_draws_and_compares_drivers() {
     assert_eq!(saved["by_level"][2]["failures"], 2);
     assert_eq!(saved.get("comparison"), None);
 
-    let (both, _) = run("study.lua", r#"against = """#, r#"against = "lane_keeper""#).unwrap();
+    let (both, _) = run("study", r#"against = """#, r#"against = "lane_keeper""#).unwrap();
     let drives = drives(&both);
     assert_eq!(drives.len(), 2 * found.len());
     assert_eq!(drives.iter().filter(|drive| drive.contains("lane_keeper")).count(), found.len());
@@ -209,8 +209,8 @@ fn a_study_repeats_what_draws_and_compares_drivers() {
 
 #[test]
 fn settings_that_make_no_study_are_refused_at_their_pipeline() {
-    for name in ["greedy.lua", "study.lua"] {
-        let source = std::fs::read_to_string(scripts().join(name)).unwrap();
+    for name in ["greedy", "study"] {
+        let source = source(name);
         let line = 1 + source.lines().position(|line| line.contains("study.checked")).unwrap();
         let error = |to: &str| run(name, "study.checked(settings", to).map(|_| ()).unwrap_err();
         assert_eq!(
@@ -233,7 +233,7 @@ fn settings_that_make_no_study_are_refused_at_their_pipeline() {
 #[test]
 fn no_perturbations_are_the_default_set() {
     let none = "local none = table.clone(settings) none.perturbations = {}\nlocal names, levels = study.checked(none";
-    let (study, _) = run("study.lua", "local names, levels = study.checked(settings", none).unwrap();
+    let (study, _) = run("study", "local names, levels = study.checked(settings", none).unwrap();
     let ranking = study["saved"]["ranking.json"]["ranking"].as_array().unwrap();
     assert_eq!(ranking.len(), 1);
     assert_eq!(ranking[0]["perturbation"], "fog");
