@@ -249,3 +249,56 @@ fn the_ranking_that_comes_along_is_of_the_default_set() {
     assert!(shares.is_sorted_by(|a, b| a >= b));
     assert!(entries.iter().all(|entry| entry["scenarios"] == 50), "five levels on ten roads");
 }
+
+#[test]
+fn a_pipeline_has_the_statistics_of_the_report() {
+    let folder = temp();
+    let source = r#"
+        pdk.drive({ simulator = "misbehave", driver = "misbehave", scenarios = { {} } })
+        local never, always, roads = {}, {}, {}
+        for road = 1, 10 do
+            never[road], always[road] = { false }, { true, true }
+            roads[road] = {}
+            local level = pdk.next_level(roads[road], { resolution = 0.5 })
+            while level do
+                table.insert(roads[road], { level = level, failed = level > 1.6 + road / 20 })
+                level = pdk.next_level(roads[road], { resolution = 0.5 })
+            end
+        end
+        local ones, zeros = table.create(10, 1), table.create(10, 0)
+        pdk.save("told.json", {
+            never = pdk.failed_share(never),
+            always = pdk.failed_share(always, 0.9),
+            mean = pdk.mean({ 1, 2, 3 }),
+            paired = pdk.compare(ones, zeros),
+            groups = pdk.groups({ ones, zeros, zeros }),
+            level = pdk.failing_level(roads),
+            noise = pdk.draws("gaussian_noise"),
+            contrast = pdk.draws("contrast"),
+        })
+    "#;
+    let out = folder.path().join("record");
+    let run = |source: &str, out: &Path| {
+        Pdk::new(["run", "--out"]).arg(out).arg(pipeline(folder.path(), source)).misbehave()
+    };
+    run(source, &out).succeed();
+    let told = json_file(&out.join("told.json"));
+    let number = |value: &Value| value.as_f64().unwrap();
+    // "0 of 10" is at most 28 %.
+    assert!((number(&told["never"]["high"]) - 0.2775).abs() < 1e-4, "{told}");
+    assert!(told["always"]["value"] == 1 && number(&told["always"]["low"]) > 0.7);
+    assert_eq!(told["mean"]["value"], 2);
+    assert_eq!((&told["paired"]["effect_size"], &told["paired"]["roads"]), (&json!(1), &json!(10)));
+    assert_eq!(told["groups"], json!([1, 2, 2]));
+    let level = number(&told["level"]["level"]);
+    assert!((1.5..2.2).contains(&level) && number(&told["level"]["drives"]) < 60.0, "{told}");
+    assert_eq!((&told["noise"], &told["contrast"]), (&json!(true), &json!(false)));
+    for (call, said) in [
+        ("pdk.failed_share({ 1 })", "pdk.failed_share: 1 is not a list"),
+        ("pdk.compare({ 0.5 }, {})", "the lists have 1 and 0 entries"),
+        ("pdk.draws('contrst')", "did you mean `contrast`?"),
+        ("pdk.next_level({}, { lowest = 4 })", "there is nothing to look for"),
+    ] {
+        run(call, &folder.path().join("wrong")).fail(1, &[said]);
+    }
+}

@@ -14,8 +14,11 @@
 //! | [`level`] | the level at which the probability of failing reaches one half, and how to find it with few drives |
 //! | `bootstrap` | resampling of roads |
 //!
-//! All draws come from a keyed ChaCha stream, so that equal numbers give equal results on every machine. Intervals cover the
-//! truth as often as they promise: `tests/coverage.rs` checks that on made-up failures with known probabilities.
+//! All draws come from a keyed ChaCha stream, so that equal numbers give equal results on every machine.
+//!
+//! `tests/coverage.rs` checks on made-up failures with known probabilities how often intervals cover the truth. With ten roads or
+//! more nominal 95 % are 93 to 97 % in most conditions; they are more where failures are rare, and were 91 % at worst, where each road
+//! has one sharp level. Five roads are too few: 83 % at worst.
 
 mod bootstrap;
 pub mod estimate;
