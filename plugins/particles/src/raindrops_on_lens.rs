@@ -60,6 +60,23 @@ impl Component for RaindropsOnLens {
             Parameter::by_level("size", [0.026, 0.033, 0.041, 0.05, 0.06], "radius of the largest drops")
                 .range(0.0, 0.2)
                 .unit("frame heights"),
+        )
+        .parameter(
+            Parameter::number(
+                "defocus",
+                0.012,
+                "radius of the disc that a point of the water becomes, because it is too near to be in focus; 0: sharp",
+            )
+            .range(0.0, 0.1)
+            .unit("frame heights"),
+        )
+        .parameter(
+            Parameter::number(
+                "veil",
+                0.6,
+                "how much stray light lies over the frame, as a share of the part that water covers",
+            )
+            .range(0.0, 4.0),
         );
         with_common(description, "drops that run down", 0.23, "raining")
     }
