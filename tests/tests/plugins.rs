@@ -416,7 +416,10 @@ fn no_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
     };
     let whole = fs::read(library("misbehave")).unwrap();
     let mut files = vec![
-        (library("stranger"), "was built with pdk-sdk 0.0.1"),
+        (
+            library("stranger"),
+            "was built for version 2 of the plugin interface, but this pdk has version 1; get a newer pdk, or ",
+        ),
         (file("text.so", b"this is no library\n"), "is not a library"),
         (file("empty.so", b""), "is not a library"),
         (file("head.so", &whole[..100]), "is cut off"),

@@ -28,6 +28,21 @@ pub struct Entry {
     /// The component that makes this one from a file of the user's; none where it stands for itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
+    /// The plugin that it is in; none where it is in a script, or is made from a file of the user's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plugin: Option<PluginRecord>,
+}
+
+/// What tells a plugin from others, for whoever has to find it again.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct PluginRecord {
+    /// Its name.
+    pub name: String,
+    /// Its own version.
+    pub version: String,
+    /// Where to get it; empty where it does not say.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub homepage: String,
 }
 
 impl Catalog {
@@ -79,6 +94,11 @@ impl Catalog {
     /// The library or script with the code of a component.
     pub fn code_of<'a>(&'a self, entry: &'a Entry) -> &'a Path {
         &self.base_of(entry).unwrap_or(entry).file
+    }
+
+    /// The plugin with the code of a component; none where that is in a script.
+    pub fn plugin_of<'a>(&'a self, entry: &'a Entry) -> Option<&'a PluginRecord> {
+        self.base_of(entry).unwrap_or(entry).plugin.as_ref()
     }
 
     /// Says what is wrong with a component's name or its parameters.

@@ -12,7 +12,7 @@ use pdk_sdk::error::{Place, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::catalog::Catalog;
+use crate::catalog::{Catalog, PluginRecord};
 
 /// The manifest of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -73,6 +73,9 @@ pub struct ComponentRecord {
     pub version: u32,
     /// The library or script that it comes from.
     pub file: FileRecord,
+    /// The plugin that the library is; none for a script.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plugin: Option<PluginRecord>,
     /// What it decided itself when it was made, such as the library that runs a network.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub info: Vec<(String, String)>,
@@ -272,6 +275,7 @@ impl InUse {
                 name: name.to_owned(),
                 version: entry.description.version,
                 file: self.hashed(catalog.code_of(entry))?,
+                plugin: catalog.plugin_of(entry).cloned(),
                 info,
             });
         }

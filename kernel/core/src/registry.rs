@@ -230,10 +230,17 @@ impl Registry {
         let Some(file) = self.first_look(file) else { return };
         match Plugin::load(&file) {
             Ok(plugin) => {
+                let skipped = plugin.skipped.iter();
+                self.refused.extend(
+                    skipped.map(|sentence| Error::new(format!("plugin {}: {sentence}", file.display()))),
+                );
+                let record = plugin.record();
                 let (number, descriptions) = (self.plugins.len(), plugin.description.components.clone());
                 self.plugins.push(plugin);
                 for (index, description) in descriptions.into_iter().enumerate() {
-                    self.add(description, file.clone(), None, Source::Plugin { plugin: number, index });
+                    let (file, plugin) = (file.clone(), Some(record.clone()));
+                    let entry = Entry { description, file, base: None, plugin };
+                    self.add(entry, Source::Plugin { plugin: number, index });
                 }
             }
             Err(error) => self.refused.push(error),
@@ -245,7 +252,7 @@ impl Registry {
         let Some(file) = self.first_look(file) else { return Ok(()) };
         let name = format!("script {}", file.display());
         if let Some(description) = calls::call(&name, Function::Load, || self.scripts.describe(&file))? {
-            self.add(description, file, None, Source::Script);
+            self.add(Entry { description, file, base: None, plugin: None }, Source::Script);
         }
         Ok(())
     }
@@ -310,18 +317,14 @@ impl Registry {
         description.examples.clear();
         // It is the user's own, so it is there by name.
         description.default = false;
-        self.add(
-            description,
-            file,
-            Some(base.name.clone()),
-            Source::DropIn { parameter: parameter.to_owned() },
-        );
+        let entry = Entry { description, file, base: Some(base.name.clone()), plugin: None };
+        self.add(entry, Source::DropIn { parameter: parameter.to_owned() });
     }
 
-    fn add(&mut self, description: Description, file: PathBuf, base: Option<String>, source: Source) {
-        let key = (description.kind, description.name.clone());
-        let shown = file.display().to_string();
-        match self.catalog.add(Entry { description, file, base }) {
+    fn add(&mut self, entry: Entry, source: Source) {
+        let key = (entry.description.kind, entry.description.name.clone());
+        let shown = entry.file.display().to_string();
+        match self.catalog.add(entry) {
             Some(first) => self.refused.push(Error::new(format!(
                 "{} `{}` of {shown} is left out, because {} has one of the same name and comes first; rename {shown}",
                 key.0,

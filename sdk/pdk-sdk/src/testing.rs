@@ -29,8 +29,8 @@ use crate::describe::{Description, LEVELS};
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, Result};
 use crate::perturbation::{Context, Perturbation};
-use crate::saliency::{HeatmapMut, Saliency};
-use crate::search::{Evaluated, Search};
+use crate::saliency::{HeatmapMut, MapContext, Saliency};
+use crate::search::{Evaluated, Problem, Search};
 use crate::simulator::{Scenario, Simulator};
 
 /// Makes an instance from parameters.
@@ -207,9 +207,17 @@ pub fn check_simulator(config: &Config, make: Make<'_, dyn Simulator>) -> Result
 pub fn check_saliency(config: &Config, make: Make<'_, dyn Saliency>) -> Result<()> {
     let mut method = make(config)?;
     let frame = sample_frame(160, 120);
-    let mut maps = [vec![f32::NAN; 160 * 120], vec![f32::NAN; 160 * 120]];
+    let [width, height] = method.map_size(160, 120)?;
+    ensure((1..=160).contains(&width) && (1..=120).contains(&height), || {
+        format!(
+            "its map of a frame of 160x120 has {width}x{height} values; it has to have one, and no more than the frame has pixels"
+        )
+    })?;
+    let key = Key([9; 32]);
+    let mut maps = [vec![f32::NAN; width * height], vec![f32::NAN; width * height]];
     for map in &mut maps {
-        method.map(frame.as_ref(), HeatmapMut::new(map, 160, 120)?)?;
+        let cx = MapContext { frame_index: 5, time: 0.25, key: &key };
+        method.map(frame.as_ref(), &cx, HeatmapMut::new(map, width, height)?)?;
         ensure(map.iter().all(|value| (0.0..=1.0).contains(value)), || {
             "its map has values that are not from 0 to 1, or that were not written".to_owned()
         })?;
@@ -223,6 +231,7 @@ pub fn check_saliency(config: &Config, make: Make<'_, dyn Saliency>) -> Result<(
 /// The first check that fails.
 pub fn check_search(config: &Config, make: Make<'_, dyn Search>) -> Result<()> {
     let mut strategy = make(config)?;
+    strategy.start(&Problem::Object(Map::new()), &Key([9; 32]))?;
     for _ in 0..3 {
         let candidates = strategy.ask(4)?;
         ensure(candidates.len() <= 4, || format!("asked for 4 candidates it proposes {}", candidates.len()))?;
