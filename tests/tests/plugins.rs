@@ -420,7 +420,7 @@ fn no_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
             library("stranger"),
             "was built for version 2 of the plugin interface, but this pdk has version 1; get a newer pdk, or ",
         ),
-        (file("text.so", b"this is no library\n"), "is not a library"),
+        (file("text.so", b"this is not a library\n"), "is not a library"),
         (file("empty.so", b""), "is not a library"),
         (file("head.so", &whole[..100]), "is cut off"),
         (file("half.so", &whole[..400_000]), "is cut off"),

@@ -129,9 +129,9 @@ impl Found {
         let unreadable = |why: &dyn std::fmt::Display| {
             Error::new(format!("the module {} cannot be read ({why})", self.shown))
         };
-        // What is no file, such as a pipe, might keep the reader waiting.
+        // What is not a file, such as a pipe, might keep the reader waiting.
         if !self.file.is_file() {
-            return Err(unreadable(&"it is no file"));
+            return Err(unreadable(&"it is not a file"));
         }
         let mut source = Vec::new();
         let file = File::open(&self.file).map_err(|error| unreadable(&error))?;
