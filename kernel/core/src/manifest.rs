@@ -151,7 +151,7 @@ impl Manifest {
     pub fn changed_parts(&self, recorded: &Manifest, places_count: bool) -> Vec<String> {
         let mut changed = Vec::new();
         // A library holds many components, and its content is said to be another once.
-        let mut other_files: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
+        let mut other_files: BTreeMap<&Path, (Vec<String>, &ComponentRecord)> = BTreeMap::new();
         for component in &self.components {
             let same = |c: &&ComponentRecord| c.kind == component.kind && c.name == component.name;
             let Some(first) = recorded.components.iter().find(same) else { continue };
@@ -160,7 +160,8 @@ impl Manifest {
                 changed.push(differs(&format!("the version of {name}"), &first.version, &component.version));
             }
             if first.file.blake3 != component.file.blake3 {
-                let names = other_files.entry(&component.file.path).or_default();
+                let (names, _) =
+                    other_files.entry(&component.file.path).or_insert_with(|| (Vec::new(), first));
                 if !names.contains(&name) {
                     names.push(name.clone());
                 }
@@ -184,9 +185,10 @@ impl Manifest {
                 ));
             }
         }
-        for (path, names) in other_files {
-            let path = path.display();
-            changed.push(format!("the file of {}, {path}, is another", names.join(", ")));
+        for (path, (names, recorded)) in other_files {
+            let (names, path) = (names.join(", "), path.display());
+            let place = recorded.where_to_get().map_or_else(String::new, |place| format!(" ({place})"));
+            changed.push(format!("the file of {names}, {path}, is another{place}"));
         }
         for file in &self.files {
             let known = recorded.files.iter().find(|known| known.path == file.path);
@@ -220,6 +222,18 @@ pub fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value
         return pairs.find_map(|(position, (was, is))| difference(&format!("{place}[{position}]"), was, is));
     }
     (was != is).then(|| (format!("`{place}`"), was.clone(), is.clone()))
+}
+
+impl ComponentRecord {
+    /// Where to get the very plugin that it was in, as a command; none where it was in a script.
+    pub fn where_to_get(&self) -> Option<String> {
+        let PluginRecord { name, version, homepage } = self.plugin.as_ref()?;
+        let place = match homepage.as_str() {
+            "" => "from its author".to_owned(),
+            homepage => format!("at {homepage}"),
+        };
+        Some(format!("get the plugin {name} {version} {place} (BLAKE3 {})", self.file.blake3))
+    }
 }
 
 impl Machine {

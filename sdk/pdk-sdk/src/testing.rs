@@ -46,9 +46,36 @@ const SIZES: [(usize, usize); 4] = [(1, 1), (3, 2), (33, 17), (160, 120)];
 pub fn perturbation<T: Component + Perturbation + 'static>() {
     let description = T::description();
     let mut make = |config: &Config| Ok(Box::new(T::new(config)?) as Box<dyn Perturbation>);
-    for config in configs(&description) {
-        let checked = config.and_then(|config| check_perturbation(&description, &config, &mut make));
-        if let Err(error) = checked {
+    for_each_config(&description, |config| check_perturbation(&description, config, &mut make));
+}
+
+/// One function for each other kind.
+macro_rules! on_types {
+    ($($function:ident: $bound:ident by $check:ident;)*) => {
+        $(
+            #[doc = concat!("Runs [`", stringify!($check), "`] on a type, in a test.")]
+            ///
+            /// # Panics
+            /// Where a check fails, with its sentence.
+            pub fn $function<T: Component + $bound + 'static>() {
+                let mut make = |config: &Config| Ok(Box::new(T::new(config)?) as Box<dyn $bound>);
+                for_each_config(&T::description(), |config| $check(config, &mut make));
+            }
+        )*
+    };
+}
+
+on_types! {
+    driver: Driver by check_driver;
+    simulator: Simulator by check_simulator;
+    saliency: Saliency by check_saliency;
+    search: Search by check_search;
+    dataset: Dataset by check_dataset;
+}
+
+fn for_each_config(description: &Description, mut check: impl FnMut(&Config) -> Result<()>) {
+    for config in configs(description) {
+        if let Err(error) = config.and_then(|config| check(&config)) {
             panic!("{}: {error}", description.name);
         }
     }
