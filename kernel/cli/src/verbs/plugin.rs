@@ -8,8 +8,8 @@ use pdk_core::catalog::PluginRecord;
 use pdk_core::loader::Plugin;
 use pdk_core::manifest::FileRecord;
 use pdk_core::registry::Registry;
-use pdk_core::search_path::{executable_folder, is_script, user_folder};
-use pdk_core::{println, suggest};
+use pdk_core::search_path::{is_script, user_folder};
+use pdk_core::{installation, println, suggest};
 use pdk_pipeline::table::table;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, Place, Result};
@@ -126,10 +126,12 @@ fn add(global: &Global, folder: &Path, file: &Path, replace: bool) -> Result<()>
 
 /// Refuses what would be left out, because something else has the name of one of its components.
 fn refuse_taken(registry: &Registry, new: &Installable, file: &Path, target: &Path) -> Result<()> {
+    let libraries = installation::libraries()?;
     for (kind, name) in &new.components {
         let Ok(taken) = registry.catalog().get(*kind, name) else { continue };
         let same = |path: &Path| fs::canonicalize(path).is_ok_and(|path| path == taken.file);
-        let built_in = taken.file.parent() == executable_folder().as_deref();
+        // A library of pdk's, or a script within it.
+        let built_in = taken.blake3.is_some() || libraries.contains(&taken.file);
         if same(file) && !built_in || same(target) {
             continue;
         }
