@@ -37,6 +37,7 @@ fn source(width: usize, height: usize) -> FrameBuf {
 fn a_plugin_of_the_first_sdk_describes_itself_and_keeps_the_rules() {
     let registry = registry("frozen");
     assert!(registry.refused().is_empty(), "{:?}", registry.refused());
+    assert!(registry.skipped().is_empty(), "{:?}", registry.skipped());
     let plugin =
         &registry.plugins().iter().find(|plugin| plugin.description.name == "frozen").unwrap().description;
     assert_eq!((plugin.version.as_str(), plugin.homepage.as_str()), ("1.2.3", "https://example.org/frozen"));
@@ -235,6 +236,8 @@ fn a_plugin_that_knows_more_works_with_a_word() {
     }
     let shown = verb(&["show", "later"]).succeed();
     assert!(shown.stdout.contains("kind      driver") && !shown.stdout.contains("mask"), "{}", shown.stdout);
+    let doctor = verb(&["doctor"]).succeed();
+    assert_eq!(doctor.stdout.matches("note left out").count(), 4, "{}", doctor.stdout);
     let checked = Pdk::new(["check"]).arg(library("later")).succeed();
     assert!(checked.stdout.contains("ok   driver `later`"), "{}", checked.stdout);
     assert_eq!(checked.stdout.matches("note ").count(), 4, "{}", checked.stdout);

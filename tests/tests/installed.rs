@@ -127,24 +127,24 @@ fn a_new_simulator_and_a_new_driver_drive_together_and_a_replay_says_where_to_ge
     let original = fs::read(&installed).unwrap();
     fs::write(&installed, [original.as_slice(), b"changed"].concat()).unwrap();
     let hash = driver["file"]["blake3"].as_str().unwrap();
-    let place = format!("get the plugin my_driver 0.1.0 at https://example.org/my_driver (BLAKE3 {hash})");
+    let place =
+        format!("the plugin my_driver 0.1.0 (BLAKE3 {hash}), to be had at https://example.org/my_driver");
     let warned = replay().succeed().stderr;
-    assert!(warned.contains(&format!("{}, is another ({place})", installed.display())), "{warned}");
+    assert!(
+        warned.contains(&format!("{}, is not that of {place}, so the replay", installed.display())),
+        "{warned}"
+    );
 
     user(home, &["plugin", "remove", "my_driver"]).succeed();
-    let remedy = "then install it with `pdk plugin add FILE`, or name its folder with --plugins";
-    replay().fail(1, &["there is no driver `my_driver`", &installed.display().to_string(), &place, remedy]);
-    user(home, &["plugin", "remove", "my_simulator"]).succeed();
-    // One that does not say where it is to be had.
-    replay().fail(1, &["get the plugin my_driver 0.1.0 at https://example.org/my_driver"]);
+    let remedy = ": install it with `pdk plugin add FILE`, or name its folder with --plugins";
+    let from = format!("the record has it from {}, {place}{remedy}", installed.display());
+    replay().fail(1, &["there is no driver `my_driver`", &from]);
     fs::write(&installed, original).unwrap();
-    replay().fail(
-        1,
-        &[
-            "there is no simulator `my_simulator`",
-            "get the plugin my_simulator 0.1.0 from its author (BLAKE3 ",
-        ],
-    );
+    user(home, &["plugin", "remove", "my_simulator"]).succeed();
+    // One that does not say where to get it.
+    let parts =
+        ["the plugin my_simulator 0.1.0 (BLAKE3 ", "), to be had from its author: ", "pdk plugin add"];
+    replay().fail(1, &["there is no simulator `my_simulator`", parts[0], parts[1], parts[2]]);
 }
 
 #[test]

@@ -57,6 +57,9 @@ pub struct PluginRecord {
     /// Where to get it; empty where it does not say.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub homepage: String,
+    /// It comes with pdk.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub built_in: bool,
 }
 
 impl Catalog {

@@ -45,9 +45,9 @@ impl Plugin {
     }
 
     /// What tells it from others.
-    pub fn record(&self) -> PluginRecord {
+    pub fn record(&self, built_in: bool) -> PluginRecord {
         let PluginDescription { name, version, homepage, .. } = self.description.clone();
-        PluginRecord { name, version, homepage }
+        PluginRecord { name, version, homepage, built_in }
     }
 
     /// Makes an instance of the component at `index` of the description.

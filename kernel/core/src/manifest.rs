@@ -185,10 +185,12 @@ impl Manifest {
                 ));
             }
         }
-        for (path, (names, recorded)) in other_files {
+        for (path, (names, first)) in other_files {
             let (names, path) = (names.join(", "), path.display());
-            let place = recorded.where_to_get().map_or_else(String::new, |place| format!(" ({place})"));
-            changed.push(format!("the file of {names}, {path}, is another{place}"));
+            let other = first
+                .origin(&recorded.pdk)
+                .map_or_else(|| "another".to_owned(), |origin| format!("not that of {origin}"));
+            changed.push(format!("the file of {names}, {path}, is {other}"));
         }
         for file in &self.files {
             let known = recorded.files.iter().find(|known| known.path == file.path);
@@ -225,14 +227,16 @@ pub fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value
 }
 
 impl ComponentRecord {
-    /// Where to get the very plugin that it was in, as a command; none where it was in a script.
-    pub fn where_to_get(&self) -> Option<String> {
-        let PluginRecord { name, version, homepage } = self.plugin.as_ref()?;
+    /// The very plugin that it was in, with its hash and where to get it; none where it was in a script. `pdk` is the version of
+    /// pdk then.
+    pub fn origin(&self, pdk: &str) -> Option<String> {
+        let PluginRecord { name, version, homepage, built_in } = self.plugin.as_ref()?;
         let place = match homepage.as_str() {
-            "" => "from its author".to_owned(),
-            homepage => format!("at {homepage}"),
+            _ if *built_in => format!("which came with pdk {pdk}"),
+            "" => "to be had from its author".to_owned(),
+            homepage => format!("to be had at {homepage}"),
         };
-        Some(format!("get the plugin {name} {version} {place} (BLAKE3 {})", self.file.blake3))
+        Some(format!("the plugin {name} {version} (BLAKE3 {}), {place}", self.file.blake3))
     }
 }
 

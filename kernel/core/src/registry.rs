@@ -72,6 +72,8 @@ pub struct Registry {
     /// Every folder that was looked into.
     places: Vec<PathBuf>,
     refused: Vec<Error>,
+    /// What plugins say and is not known here.
+    skipped: Vec<String>,
     /// What lies beside a pipeline and cannot be used: the name that it would have had, and why.
     passed_over: Vec<(String, String)>,
 }
@@ -116,6 +118,7 @@ impl Registry {
             seen: BTreeSet::new(),
             places: Vec::new(),
             refused: Vec::new(),
+            skipped: Vec::new(),
             passed_over: Vec::new(),
         };
         registry.add_built_in()?;
@@ -153,6 +156,11 @@ impl Registry {
     /// What was found but cannot be used, one sentence each.
     pub fn refused(&self) -> &[Error] {
         &self.refused
+    }
+
+    /// What plugins have or say that is not known here, one sentence each. They work without it.
+    pub fn skipped(&self) -> &[String] {
+        &self.skipped
     }
 
     /// What lies beside a pipeline and cannot be used: the name that it would have had, and why. Nobody has asked for it yet.
@@ -225,7 +233,7 @@ impl Registry {
     /// mean something else then.
     fn add_built_in(&mut self) -> Result<()> {
         for library in installation::libraries()? {
-            self.add_library(&library)?;
+            self.add_library(&library, true)?;
         }
         for script in self.scripts.built_in() {
             let file = script.path();
@@ -264,20 +272,20 @@ impl Registry {
     }
 
     fn add_file(&mut self, file: &Path) {
-        let added = if is_script(file) { self.add_script(file) } else { self.add_library(file) };
+        let added = if is_script(file) { self.add_script(file) } else { self.add_library(file, false) };
         if let Err(error) = added {
             self.refused.push(error);
         }
     }
 
-    /// Adds the components of a plugin.
-    fn add_library(&mut self, file: &Path) -> Result<()> {
+    /// Adds the components of a plugin, which may be one of pdk's own.
+    fn add_library(&mut self, file: &Path, built_in: bool) -> Result<()> {
         let Some(file) = self.first_look(file) else { return Ok(()) };
         let plugin = Plugin::load(&file)?;
         let shown = file.display();
-        let sentence = |sentence: &String| Error::new(format!("plugin {shown}: {sentence}"));
-        self.refused.extend(plugin.skipped.iter().map(sentence));
-        let record = plugin.record();
+        let sentence = |sentence: &String| format!("plugin {shown}: {sentence}");
+        self.skipped.extend(plugin.skipped.iter().map(sentence));
+        let record = plugin.record(built_in);
         let (number, descriptions) = (self.plugins.len(), plugin.description.components.clone());
         self.plugins.push(plugin);
         for (index, description) in descriptions.into_iter().enumerate() {

@@ -129,11 +129,14 @@ fn missing(manifest: &Manifest, kind: Kind, name: &str, error: &Error) -> Error 
     let recorded = manifest.components.iter().find(|c| c.kind == kind && c.name == name);
     let from = shown.or(recorded.map(|component| &component.file));
     let from = from.map_or_else(String::new, |file| format!(" from {}", file.path.display()));
-    let remedy = match recorded.and_then(ComponentRecord::where_to_get) {
-        Some(place) => {
-            format!("{place}, then install it with `pdk plugin add FILE`, or name its folder with --plugins")
-        }
-        None => "name the folder in which it lies with --plugins or --overlays".to_owned(),
+    // A file of the user's is not to be had from anybody else.
+    let plugin = recorded.filter(|_| shown.is_none());
+    let origin = plugin.and_then(|component| component.origin(&manifest.pdk));
+    let remedy = match plugin.and_then(|component| component.plugin.as_ref()) {
+        Some(plugin) if plugin.built_in => "replay it with that version",
+        Some(_) => "install it with `pdk plugin add FILE`, or name its folder with --plugins",
+        None => "name the folder in which it lies with --plugins or --overlays",
     };
-    Error::of(error.kind(), format!("{error}; the record has it{from}: {remedy}"))
+    let origin = origin.map_or_else(String::new, |origin| format!(", {origin}"));
+    Error::of(error.kind(), format!("{error}; the record has it{from}{origin}: {remedy}"))
 }

@@ -77,6 +77,9 @@ impl Global {
         for refused in registry.refused() {
             eprintln!("pdk: warning: {refused}");
         }
+        for skipped in registry.skipped() {
+            eprintln!("pdk: warning: {skipped}");
+        }
         Ok(registry)
     }
 

@@ -68,12 +68,12 @@ impl Installable {
         if is_script(file) {
             let description = pdk_lua::description(file)?;
             let (name, version) = (description.name.clone(), description.version.to_string());
-            let record = PluginRecord { name, version, homepage: String::new() };
+            let record = PluginRecord { name, version, homepage: String::new(), built_in: false };
             return Ok(Self { record, components: vec![key(&description)] });
         }
         let plugin = Plugin::load(file)?;
         let components = plugin.description.components.iter().map(key).collect();
-        Ok(Self { record: plugin.record(), components })
+        Ok(Self { record: plugin.record(false), components })
     }
 
     /// The name of the file under which it is installed: one for each name, so that it is found without loading it.
