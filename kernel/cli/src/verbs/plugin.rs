@@ -10,6 +10,7 @@ use pdk_core::manifest::FileRecord;
 use pdk_core::registry::Registry;
 use pdk_core::search_path::{is_script, user_folder};
 use pdk_core::{installation, println, suggest};
+use pdk_lua::perturbation::Source;
 use pdk_pipeline::table::table;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, Place, Result};
@@ -66,7 +67,7 @@ impl Installable {
     fn load(file: &Path) -> Result<Self> {
         let key = |description: &Description| (description.kind, description.name.clone());
         if is_script(file) {
-            let description = pdk_lua::description(file)?;
+            let description = pdk_lua::description(&Source::read(file)?)?;
             let (name, version) = (description.name.clone(), description.version.to_string());
             let record = PluginRecord { name, version, homepage: String::new(), built_in: false };
             return Ok(Self { record, components: vec![key(&description)] });
