@@ -43,7 +43,7 @@ pub fn run(project: &Project, profile: Profile) -> Result<Compiled> {
             command.args(["zigbuild", "--profile", "dist", "--target", &format!("{TARGET}.{GLIBC}")]);
             command.args(["--package", EXECUTABLE]);
             for plugin in project.plugins() {
-                command.args(["--package", &plugin.name]);
+                command.args(["--package", plugin.name.as_str()]);
             }
             target.join(TARGET).join("dist")
         }

@@ -11,7 +11,7 @@ use crate::project::{EXECUTABLE, Project, succeed};
 /// The version of cargo-deb.
 const VERSION: &str = "3.8.0";
 
-/// Makes the package, and returns it. Installs cargo-deb below `target/dist` where it is not there yet.
+/// Makes the package, and returns it. Installs cargo-deb below `target/pdk-dist` where it is not there yet.
 ///
 /// # Errors
 /// Where cargo-deb cannot be installed or fails.

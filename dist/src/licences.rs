@@ -24,6 +24,9 @@ const DEPTH: usize = 3;
 /// A longer file is not a licence.
 const LARGEST: u64 = 256 << 10;
 
+/// What the name of a crate ends in that brings the source which a build script compiles.
+const SOURCE: &str = "-src";
+
 /// Something that is compiled in.
 struct Part {
     name: String,
@@ -40,7 +43,7 @@ struct Part {
 /// Where a crate names no licence, or names one without a text that is known.
 pub fn page(project: &Project, profile: Profile) -> Result<String> {
     let mut parts = compiled_in(project)?.into_iter().map(part).collect::<Result<Vec<_>>>()?;
-    let named = |name: &str, licence: &str, home: &str| {
+    let named = |name: &str, licence: &str, home: &str| -> Result<Part> {
         let texts = spdx_texts(licence).place(name)?;
         Ok(Part { name: name.to_owned(), licence: licence.to_owned(), home: home.to_owned(), texts })
     };
@@ -65,13 +68,14 @@ fn compiled_in(project: &Project) -> Result<Vec<&Package>> {
         if !found.insert(id) {
             continue;
         }
-        for dependency in nodes.get(id).into_iter().flat_map(|node| &node.deps) {
+        // What a crate that brings source needs, it needs to compile it.
+        let node = nodes.get(id).filter(|_| !metadata[id].name.ends_with(SOURCE));
+        for dependency in node.into_iter().flat_map(|node| &node.deps) {
             let package = &metadata[&dependency.pkg];
             let is_macro = package.targets.iter().any(|target| target.kind.contains(&TargetKind::ProcMacro));
             let is_linked = dependency.dep_kinds.iter().any(|kind| match kind.kind {
                 DependencyKind::Normal => !is_macro,
-                // Such a crate brings the source that a build script compiles.
-                DependencyKind::Build => package.name.ends_with("-src"),
+                DependencyKind::Build => package.name.ends_with(SOURCE),
                 _ => false,
             });
             if is_linked {

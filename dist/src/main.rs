@@ -11,7 +11,7 @@
 //! | make sure that what is in the tree works, and say which glibc it needs | [`check`] |
 //! | pack it | [`archive`], [`debian`] |
 //!
-//! Everything is written below `target/dist`.
+//! Everything is written below `target/pdk-dist`.
 
 mod archive;
 mod check;
@@ -29,7 +29,7 @@ use pdk_model::error::Result;
 
 use crate::project::Project;
 
-/// Makes an archive of pdk that can be unpacked anywhere, and a Debian package, in target/dist
+/// Makes an archive of pdk that can be unpacked anywhere, and a Debian package, in target/pdk-dist
 #[derive(Parser)]
 #[command(name = "pdk-dist", version)]
 struct Arguments {

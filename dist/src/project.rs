@@ -40,7 +40,7 @@ impl Project {
 
     /// The folder that everything is written to.
     pub fn out(&self) -> PathBuf {
-        self.root().join("target/dist")
+        self.root().join("target/pdk-dist")
     }
 
     /// The package with the executable.
