@@ -1,8 +1,8 @@
 -- The lowest level at which each perturbation makes a driver fail: all climb level by level until they fail. An error of a
 -- component says nothing about the driver: it ends the climb without a failing level.
 --
---   pdk run scripts/greedy.lua
---   pdk run scripts/greedy.lua --set perturbations=gaussian_noise,dirty_lens --set roads=3 --seed 7
+--   pdk run greedy
+--   pdk run greedy --set perturbations=gaussian_noise,dirty_lens --set roads=3 --seed 7
 --
 -- Roads that the driver does not manage with a clear view are left out. greedy.json in the record holds what the table
 -- shows.

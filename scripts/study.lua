@@ -1,7 +1,7 @@
 -- Which perturbations degrade a driver most: perturbations x levels x random roads, ranked.
 --
---   pdk run scripts/study.lua
---   pdk run scripts/study.lua --set perturbations=gaussian_noise,dirty_lens --set levels=0,2,4 --set roads=3
+--   pdk run study
+--   pdk run study --set perturbations=gaussian_noise,dirty_lens --set levels=0,2,4 --set roads=3
 --
 -- The ranking goes by the share of scenarios that failed, then by how much the mean |XTE| grew over that of the same road
 -- with a clear view: the first few places say what breaks a driver, the many that never do are close to each other. Roads that the driver does not manage with a clear view are left out. ranking.json in the record
