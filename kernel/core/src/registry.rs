@@ -213,9 +213,14 @@ impl Registry {
     fn add_beside(&mut self, folder: &Path) {
         for file in self.files_of(folder).into_iter().filter(|file| is_script(file)) {
             // A script that is no component may be there for something else, so nobody is warned.
-            if let Err(error) = self.add_script(&file) {
-                self.passed_over.push((drop_in_name(&file), error.to_string()));
-            }
+            let reason = match self.add_script(&file) {
+                Ok(true) => continue,
+                Ok(false) => {
+                    format!("{} is no perturbation: it returns no table with `apply`", file.display())
+                }
+                Err(error) => error.to_string(),
+            };
+            self.passed_over.push((drop_in_name(&file), reason));
         }
         self.places.push(folder.to_owned());
     }
@@ -240,14 +245,15 @@ impl Registry {
         }
     }
 
-    /// Adds the component in a script, where it has one.
-    fn add_script(&mut self, file: &Path) -> Result<()> {
-        let Some(file) = self.first_look(file) else { return Ok(()) };
+    /// Adds the component in a script; false where it has none.
+    fn add_script(&mut self, file: &Path) -> Result<bool> {
+        let Some(file) = self.first_look(file) else { return Ok(true) };
         let name = format!("script {}", file.display());
-        if let Some(description) = calls::call(&name, Function::Load, || self.scripts.describe(&file))? {
-            self.add(description, file, None, Source::Script);
-        }
-        Ok(())
+        let Some(description) = calls::call(&name, Function::Load, || self.scripts.describe(&file))? else {
+            return Ok(false);
+        };
+        self.add(description, file, None, Source::Script);
+        Ok(true)
     }
 
     /// A file by its full name; none where it was looked at before.

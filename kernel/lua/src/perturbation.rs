@@ -7,10 +7,12 @@ use pdk_core::suggest;
 use pdk_sdk::config::{Config, frame_values};
 use pdk_sdk::describe::{Description, ParameterType};
 use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
 use pdk_sdk::ops::{Frame, FrameMut, Key};
 use pdk_sdk::perturbation::{Context, Perturbation};
 
 use crate::absent::{self, Reached};
+use crate::chunk::LARGEST_SCRIPT;
 use crate::declaration::{self, CONTEXT, Declaration, PARAMETER, PERTURBATION};
 use crate::failure::type_of;
 use crate::image::{ImageClass, LuaImage};
@@ -39,7 +41,7 @@ pub(crate) enum Script {
 /// # Errors
 /// Where the file cannot be read, is no valid script, or is something other than a perturbation.
 pub fn description(path: &Path) -> Result<Description> {
-    let source = std::fs::read(path).place(path.display())?;
+    let source = read(path)?;
     let machine = Machine::new(Limits::of_perturbation()?)?;
     machine
         .declare(&path.display().to_string(), &source, stem(path))
@@ -49,9 +51,9 @@ pub fn description(path: &Path) -> Result<Description> {
 /// Finds out what a script is.
 ///
 /// # Errors
-/// Where the file cannot be read, the script fails, or it returns a table with `apply` that is no valid perturbation.
+/// Where the file cannot be read, the script fails, or it returns a table that is meant as a perturbation and is no valid one.
 pub(crate) fn look_at(path: &Path) -> Result<Script> {
-    let source = std::fs::read(path).place(path.display())?;
+    let source = read(path)?;
     let machine = Machine::new(Limits::of_perturbation()?)?;
     machine.look_at(&path.display().to_string(), &source, stem(path))
 }
@@ -61,9 +63,14 @@ pub(crate) fn look_at(path: &Path) -> Result<Script> {
 /// # Errors
 /// As [`description`].
 pub fn open(path: &Path, config: &Config) -> Result<LuaPerturbation> {
-    let source = std::fs::read(path).place(path.display())?;
+    let source = read(path)?;
     let script = path.display().to_string();
     LuaPerturbation::new(&script, &source, stem(path), config.clone(), Limits::of_perturbation()?)
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    // The error about a script that is too large comes from where it is compiled.
+    file::read(path, 16 * LARGEST_SCRIPT as u64).place(path.display())
 }
 
 fn stem(path: &Path) -> &str {
@@ -95,7 +102,7 @@ impl Machine {
             returned => returned?,
         };
         match &returned {
-            Value::Table(table) if declaration::has_apply(table)? => {
+            Value::Table(table) if declaration::is_meant(table)? => {
                 let declaration = declaration::read(&returned, stem).map_err(|error| error.at(script))?;
                 Ok(Script::Perturbation(Box::new(declaration)))
             }

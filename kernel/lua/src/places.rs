@@ -1,10 +1,9 @@
 //! Where the modules of a pipeline are: names become files, and none of them leaves its folder.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::file;
 
 use crate::chunk::LARGEST_SCRIPT;
 
@@ -126,23 +125,9 @@ impl Found {
     /// # Errors
     /// Where it cannot be read, is too large, or is no text.
     pub(crate) fn read(&self) -> Result<String> {
-        let unreadable = |why: &dyn std::fmt::Display| {
-            Error::new(format!("the module {} cannot be read ({why})", self.shown))
-        };
-        // What is no file, such as a pipe, might keep the reader waiting.
-        if !self.file.is_file() {
-            return Err(unreadable(&"it is no file"));
-        }
-        let mut source = Vec::new();
-        let file = File::open(&self.file).map_err(|error| unreadable(&error))?;
-        file.take(LARGEST_SCRIPT as u64 + 1).read_to_end(&mut source).map_err(|error| unreadable(&error))?;
-        if source.len() > LARGEST_SCRIPT {
-            return Err(Error::new(format!(
-                "the module {} has more than {LARGEST_SCRIPT} bytes; split it",
-                self.shown
-            )));
-        }
-        String::from_utf8(source).map_err(|_| unreadable(&"it is not UTF-8"))
+        file::read_text(&self.file, LARGEST_SCRIPT as u64).map_err(|why| {
+            Error::new(format!("the module {} cannot be read ({why}); split what is too large", self.shown))
+        })
     }
 }
 

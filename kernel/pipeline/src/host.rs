@@ -79,8 +79,8 @@ pub struct Host {
     results: Option<Results>,
     speed: Vec<String>,
     warnings: Vec<String>,
-    /// Outcomes that were in the ledger already.
-    kept: usize,
+    /// The numbers of the scenarios whose outcomes were in the ledger already.
+    kept: BTreeSet<usize>,
     progress: ProgressBar,
     /// Frames that scenarios did not need, and those that were driven before the bar began.
     spared: u64,
@@ -144,7 +144,7 @@ impl Host {
             results: None,
             speed: Vec::new(),
             warnings: Vec::new(),
-            kept: 0,
+            kept: BTreeSet::new(),
             progress: progress(quiet),
             spared: 0,
             before: 0,
@@ -244,9 +244,10 @@ impl Host {
     fn take(&mut self, ticket: Ticket, reply: Result<Reply>) {
         let line = reply.and_then(|reply| match reply {
             Reply::Recorded(line, known) => {
-                self.kept += usize::from(known);
                 let driven = if known { 0 } else { line.outcome.frames };
-                let expected = self.submitted.get(&ticket).map_or(0, |submitted| submitted.expected);
+                let submitted = self.submitted.get(&ticket);
+                self.kept.extend(submitted.filter(|_| known).map(|submitted| submitted.number));
+                let expected = submitted.map_or(0, |submitted| submitted.expected);
                 self.spared += expected.saturating_sub(driven);
                 Ok(*line)
             }
@@ -522,11 +523,14 @@ impl Host {
         };
         self.progress.finish_and_clear();
         let rows: Vec<Value> = self.outcomes.keys().filter_map(|ticket| self.row(*ticket).ok()).collect();
-        let (all, failed) = (rows.len(), self.failed());
+        // A scenario that was asked for several times is one.
+        let (all, failed) = (self.numbers.len(), self.failed());
         let summary = json!({ "outcomes": rows, "evaluations": self.evaluations });
         let written = self.complete(&summary);
-        if self.kept > 0 {
-            self.speed.insert(0, format!("{} of {all} scenarios were in the record already", self.kept));
+        let troubles = self.session.end();
+        if !self.kept.is_empty() {
+            self.speed
+                .insert(0, format!("{} of {all} scenarios were in the record already", self.kept.len()));
         }
         let scenarios = failed.first().map(|first| {
             Error::new(format!(
@@ -534,7 +538,14 @@ impl Host {
                 failed.len(),
             ))
         });
-        let failures = [script.err(), rest.err(), written.err(), scenarios, self.check_overrides().err()];
+        let trouble = troubles.first().map(|first| {
+            Error::new(format!(
+                "{first}; what was recorded is kept, but what was computed in the same process before may be wrong"
+            ))
+        });
+        self.warnings.extend(troubles.into_iter().skip(1));
+        let overrides = self.check_overrides().err();
+        let failures = [script.err(), rest.err(), written.err(), scenarios, trouble, overrides];
         Finished {
             record: self.directory.as_ref().map(|directory| directory.path().to_owned()),
             summary,
@@ -544,15 +555,18 @@ impl Host {
         }
     }
 
-    /// The scenarios in which a component failed, in the order of submission.
+    /// The scenarios in which a component failed, in the order of submission, each once.
     fn failed(&self) -> Vec<String> {
-        let of = |(ticket, line): (&Ticket, &Result<Line>)| {
-            let outcome = &line.as_ref().ok()?.outcome;
-            let Submitted { number, name, .. } = self.submitted.get(ticket)?;
-            let error = outcome.error.as_deref().filter(|_| outcome.cause == Cause::Error)?;
-            Some(format!("scenario {number} `{name}`: {error}"))
-        };
-        self.outcomes.iter().filter_map(of).collect()
+        let mut failed = BTreeMap::new();
+        for (ticket, line) in &self.outcomes {
+            if let (Ok(line), Some(Submitted { number, name, .. })) = (line, self.submitted.get(ticket))
+                && line.outcome.cause == Cause::Error
+                && let Some(error) = &line.outcome.error
+            {
+                failed.entry(*number).or_insert_with(|| format!("scenario {number} `{name}`: {error}"));
+            }
+        }
+        failed.into_values().collect()
     }
 
     /// Takes the outcomes that nobody has waited for: all where the script came to its end, and what was in flight where the user

@@ -8,6 +8,7 @@ use pdk_core::manifest::Pipeline;
 use pdk_core::search_path::{SearchPath, shipped};
 use pdk_lua::{Limits, Modules, Sandbox};
 use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
 use pdk_session::interrupt;
 use pdk_session::session::{Options as SessionOptions, Session};
 
@@ -28,14 +29,17 @@ pub struct Options {
     pub quiet: bool,
 }
 
+/// Bytes of a file that may be a pipeline; a script that is compiled may have fewer.
+const LARGEST_PIPELINE: u64 = 16 << 20;
+
 /// Runs a pipeline to its end, or to an error of its script, which [`Finished::failure`] then holds. What was recorded
 /// until an error is complete and stays.
 ///
 /// # Errors
 /// Where nothing could be begun: the file cannot be read, or no worker can be started.
 pub fn run(path: &Path, options: Options) -> Result<Finished> {
-    let source =
-        std::fs::read_to_string(path).place(format_args!("cannot read the pipeline {}", path.display()))?;
+    let source = file::read_text(path, LARGEST_PIPELINE)
+        .place(format_args!("cannot read the pipeline {}", path.display()))?;
     let name = path.to_string_lossy().into_owned();
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let given = given(&options.search);

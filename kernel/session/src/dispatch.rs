@@ -1,6 +1,6 @@
 //! The session's thread: gives jobs to workers, writes the ledger, and answers.
 
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -28,6 +28,8 @@ const TRIES: u32 = 3;
 const LEAVE: Duration = Duration::from_secs(12);
 /// How long a worker may take to leave whose work nobody wants any more.
 const DROP: Duration = Duration::from_secs(3);
+/// How long what a worker said last may be on its way.
+const LAST_WORDS: Duration = Duration::from_secs(1);
 /// How often the session looks up where nothing happens.
 const TICK: Duration = Duration::from_millis(50);
 /// How much longer than its calls may take a worker of this machine may take to be ready, or to say something of its job.
@@ -42,6 +44,8 @@ pub struct Shared {
     pub frames: AtomicU64,
     /// What all scenarios took.
     pub performance: Mutex<Performance>,
+    /// Components that took their process along outside of any job's outcome, a sentence each, and how often.
+    pub troubles: Mutex<BTreeMap<String, u64>>,
 }
 
 /// What the thread is told.
@@ -186,7 +190,7 @@ impl Dispatch {
             }
             self.measure();
         }
-        self.leave();
+        self.leave(events);
     }
 
     /// Starts another worker.
@@ -319,6 +323,10 @@ impl Dispatch {
             Found::Message(FromWorker::Done(done)) => {
                 self.connections[place].release(done.number);
                 self.done(done.number, done.answer);
+                Ok(())
+            }
+            Found::Message(FromWorker::Trouble(sentence)) => {
+                self.note(sentence);
                 Ok(())
             }
             Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
@@ -528,9 +536,25 @@ impl Dispatch {
         self.connections.clear();
     }
 
-    /// Ends the session.
-    fn leave(&mut self) {
+    fn note(&self, trouble: String) {
+        *self.shared.troubles.lock().unwrap_or_else(PoisonError::into_inner).entry(trouble).or_default() += 1;
+    }
+
+    /// Ends the session. Workers say what happened when their components took leave.
+    fn leave(&mut self, events: &Receiver<Event>) {
+        let mut speaking: HashSet<u64> =
+            self.connections.iter().map(|connection| connection.number).collect();
         self.let_go(LEAVE);
+        while !speaking.is_empty() {
+            match events.recv_timeout(LAST_WORDS) {
+                Ok(Event::Worker(_, Found::Message(FromWorker::Trouble(sentence)))) => self.note(sentence),
+                Ok(Event::Worker(number, Found::End)) => {
+                    speaking.remove(&number);
+                }
+                Ok(_) => {}
+                Err(_) => break,
+            }
+        }
         if let Some((directory, _)) = &self.record {
             directory.remove_partial_traces();
         }

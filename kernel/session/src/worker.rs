@@ -9,7 +9,7 @@ use std::process::{ChildStdin, Command, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use pdk_core::calls::Seen;
+use pdk_core::calls::{Function, Seen};
 use pdk_core::supervisor::{End, LOOK, Limits, Supervised};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_trace::writer::part_of;
@@ -21,8 +21,8 @@ use crate::recorder::write_trace;
 /// How often a job is begun whose process somebody else kills, and how often a process is started that is killed before it is ready.
 const TRIES: u32 = 3;
 
-/// How long a process may take to leave that has nothing to do any more.
-const LEAVE: Duration = Duration::from_secs(10);
+/// How long a process may take to leave that has nothing to do any more: less than it gives itself.
+const LEAVE: Duration = Duration::from_secs(8);
 
 /// Does jobs until there are no more.
 ///
@@ -59,6 +59,7 @@ pub fn run() -> Result<()> {
         job: None,
         tries: 0,
         unheard: false,
+        suspect: None,
     };
     // The session tells the user. Where it is gone, all that is left is to leave.
     if let Err(error) = worker.serve() {
@@ -88,6 +89,8 @@ struct Worker {
     tries: u32,
     /// Whether the session does not listen any more.
     unheard: bool,
+    /// How a process ended that had done other jobs before this one.
+    suspect: Option<String>,
 }
 
 struct Process {
@@ -113,6 +116,7 @@ impl Worker {
                 Some(Event::Session(Found::Message(ToWorker::Job(job)))) => {
                     self.tries = 0;
                     self.job = Some(job);
+                    self.suspect = None;
                     self.begin()?;
                 }
                 Some(Event::Session(Found::End)) => return Ok(()),
@@ -189,11 +193,16 @@ impl Worker {
                     if let Some(process) = &mut self.process {
                         process.used = true;
                     }
+                    // Where it went well in a new process, nothing else would tell.
+                    if let Some(sentence) = self.suspect.take().filter(|_| done.answer.is_good()) {
+                        self.say(&FromWorker::Trouble(sentence));
+                    }
                     self.say(&FromWorker::Done(done));
                 }
                 Ok(())
             }
             Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
+            Found::Message(FromWorker::Trouble(_)) => Ok(()),
             Found::Message(progress @ FromWorker::Progress(_)) => {
                 self.say(&progress);
                 Ok(())
@@ -239,6 +248,10 @@ impl Worker {
         let _ = pdk_bus::sweep_run(&self.hello.run);
         let Some(job) = &self.job else {
             self.tries += 1;
+            if process.used && !matches!(end, End::Done(_) | End::Signal(libc::SIGKILL)) {
+                let sentence = self.sentence(end, &calls);
+                self.say(&FromWorker::Trouble(sentence));
+            }
             // Nobody is waiting for it, or it was killed while it started.
             return match self.introduced || *end == End::Signal(libc::SIGKILL) && self.tries < TRIES {
                 true => self.start(),
@@ -251,11 +264,19 @@ impl Worker {
         // What is left of an earlier job may be to blame: memory that was overwritten or is missing, an instance that crashes when it
         // is dropped. So that an outcome does not depend on what came before, only a new process is believed.
         if blameless || process.used {
+            if !blameless {
+                self.suspect = Some(self.sentence(end, &calls));
+            }
             self.start()?;
             return self.begin();
         }
         let answer = self.answer(job, end, &calls);
         let done = Done { number: job.number, answer };
+        if matches!(job.work, Work::Make(_)) && calls.iter().any(|call| call.function == Function::Drop) {
+            // A scenario with this component may go well all the same.
+            let sentence = self.sentence(end, &calls);
+            self.say(&FromWorker::Trouble(sentence));
+        }
         self.job = None;
         self.say(&FromWorker::Done(done));
         self.start()
@@ -305,10 +326,25 @@ impl Worker {
         let started = Instant::now();
         // In the middle of a job it ends at once; else it takes leave of its components, which takes some time.
         let limit = if self.job.is_some() { Duration::from_secs(1) } else { LEAVE };
-        while started.elapsed() < limit && matches!(supervised.look(), Ok(None)) {
-            std::thread::sleep(Duration::from_millis(1));
-        }
+        let end = loop {
+            match supervised.look() {
+                Ok(None) if started.elapsed() < limit => std::thread::sleep(Duration::from_millis(1)),
+                Ok(None) => break supervised.calls().into_iter().next().map(|call| End::Late(call, limit)),
+                end => break end.unwrap_or(None),
+            }
+        };
+        let calls = supervised.calls();
         supervised.kill();
+        if let Some(end) =
+            end.filter(|end| self.job.is_none() && !matches!(end, End::Done(_) | End::Signal(libc::SIGKILL)))
+        {
+            let sentence = match end {
+                // Here it is another limit.
+                End::Late(..) => end.said(&calls),
+                _ => self.sentence(&end, &calls),
+            };
+            self.say(&FromWorker::Trouble(sentence));
+        }
         self.remove_part(supervised.child().id());
         let _ = pdk_bus::sweep_run(&self.hello.run);
     }

@@ -7,6 +7,7 @@
 
 mod clock;
 mod folder;
+mod inside;
 mod record;
 mod tub;
 

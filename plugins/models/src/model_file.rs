@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pdk_sdk::error::Place;
+use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 use tract_onnx::pb;
 use tract_onnx::pb::tensor_proto::DataType;
@@ -58,6 +58,9 @@ pub struct SpeedInput {
 /// The name of the input for the speed.
 const SPEED: &str = "speed";
 
+/// Bytes of a model: a message in protocol buffers has no more.
+const LARGEST: u64 = 2 << 30;
+
 /// An ONNX file that takes an image, and maybe the speed.
 pub struct ModelFile {
     /// Where it lies.
@@ -79,7 +82,7 @@ impl ModelFile {
     /// Where the file cannot be read, is no ONNX model, or takes anything but one float image of a fixed size and
     /// maybe `speed`, one float.
     pub fn read(path: &Path, layout: &str) -> Result<Self> {
-        let bytes = std::fs::read(path).place("cannot read the file")?;
+        let bytes = file::read(path, LARGEST)?;
         let proto = tract_onnx::onnx()
             .proto_model_for_read(&mut bytes.as_slice())
             .map_err(|_| Error::new("the file is no ONNX model, or is damaged"))?;
@@ -272,6 +275,6 @@ mod tests {
         let whole = Pilot::new(&["1", "3", "4", "6"]).bytes();
         assert!(error(&whole[..whole.len() / 2]).contains("damaged"));
         let missing = ModelFile::read(Path::new("/no/such.onnx"), "auto").err().unwrap();
-        assert!(missing.message().starts_with("cannot read the file: "));
+        assert_eq!(missing.message(), "it does not exist");
     }
 }

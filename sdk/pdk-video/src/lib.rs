@@ -4,12 +4,10 @@
 //! 235.
 
 mod convert;
-mod file;
 mod index;
 mod reader;
 mod writer;
 
 pub use convert::Yuv420;
-pub use file::regular_file;
 pub use reader::{Container, Input, Opened, Reader, container, only_h264};
 pub use writer::Writer;

@@ -281,7 +281,10 @@ fn what_is_wrong_is_said_with_the_file_and_the_line() {
             "p.lua:1: the module pipelines/large.lua has more than 1048576 bytes; split it",
         ),
         ("require('./binary')", "p.lua:1: the module pipelines/binary.lua cannot be read (it is not UTF-8)"),
-        ("require('./folder')", "p.lua:1: the module pipelines/folder.lua cannot be read (it is no file)"),
+        (
+            "require('./folder')",
+            "p.lua:1: the module pipelines/folder.lua cannot be read (it is a folder, and only regular files are read; name a file); split what is too large",
+        ),
         (
             "require('./both')",
             "p.lua:1: require(\"./both\") could be pipelines/both.lua or pipelines/both.luau; rename one of them",
