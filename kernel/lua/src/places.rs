@@ -125,9 +125,8 @@ impl Found {
     /// # Errors
     /// Where it cannot be read, is too large, or is no text.
     pub(crate) fn read(&self) -> Result<String> {
-        file::read_text(&self.file, LARGEST_SCRIPT as u64).map_err(|why| {
-            Error::new(format!("the module {} cannot be read ({why}); split what is too large", self.shown))
-        })
+        file::read_text(&self.file, LARGEST_SCRIPT as u64)
+            .map_err(|why| Error::new(format!("the module {} cannot be read ({why})", self.shown)))
     }
 }
 

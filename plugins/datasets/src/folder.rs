@@ -23,7 +23,7 @@ pub struct Folder {
 
 /// A frame, or one half of it where the other is missing.
 struct Row {
-    /// The file name of the image; of the record where there is no image.
+    /// The file name of the image; of the record where there is not an image.
     name: String,
     files: Files,
 }
@@ -276,7 +276,7 @@ mod tests {
         std::fs::write(dir.path().join("notes.txt"), "").unwrap();
         assert!(open(dir.path()).err().unwrap().message().contains("has no frames"));
         let file = dir.path().join("notes.txt");
-        assert!(open(&file).err().unwrap().message().ends_with("it is no folder"));
+        assert!(open(&file).err().unwrap().message().ends_with("it is not a folder"));
         assert!(open(Path::new("/no/such/place")).err().unwrap().message().contains("/no/such/place"));
     }
 }

@@ -28,7 +28,7 @@ impl Inside {
     pub fn new(folder: &Path) -> Result<Self> {
         match folder.canonicalize() {
             Ok(root) if root.is_dir() => Ok(Self { shown: folder.to_owned(), root }),
-            Ok(_) => Err(Error::new("it is no folder")),
+            Ok(_) => Err(Error::new("it is not a folder")),
             Err(_) => Err(Error::new("there is no such folder")),
         }
     }

@@ -119,7 +119,7 @@ fn float_tensor<'a>(input: &'a pb::ValueInfoProto, expected: &str) -> Result<&'a
     let Some(pb::type_proto::Value::TensorType(tensor)) =
         input.r#type.as_ref().and_then(|t| t.value.as_ref())
     else {
-        return Err(Error::new(format!("its input `{name}` is no tensor, but has to be {expected}")));
+        return Err(Error::new(format!("its input `{name}` is not a tensor, but has to be {expected}")));
     };
     if tensor.elem_type != DataType::Float as i32 {
         let found = DataType::try_from(tensor.elem_type).map_or("of an unknown type", |t| t.as_str_name());

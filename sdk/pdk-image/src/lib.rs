@@ -56,7 +56,7 @@ pub fn decode(bytes: &[u8]) -> Result<DynamicImage> {
     let format = image::guess_format(bytes)
         .ok()
         .filter(is_still)
-        .ok_or_else(|| Error::new("it is no JPEG, PNG, BMP or WebP file"))?;
+        .ok_or_else(|| Error::new("it is not a JPEG, PNG, BMP or WebP file"))?;
     let (mut image, orientation) = match format {
         ImageFormat::Jpeg => jpeg::decode(bytes)?,
         ImageFormat::Png => png::decode(bytes)?,
@@ -465,7 +465,7 @@ mod tests {
             assert!(is_image(&encoded(format)[..12]), "{format:?}");
         }
         assert!(!is_image(b"hello hello!") && !is_image(b""));
-        assert_eq!(decode(b"hello").unwrap_err().message(), "it is no JPEG, PNG, BMP or WebP file");
+        assert_eq!(decode(b"hello").unwrap_err().message(), "it is not a JPEG, PNG, BMP or WebP file");
         let missing = read(Path::new("/no/such.jpg")).unwrap_err();
         assert_eq!(missing.message(), "image `/no/such.jpg` does not exist");
     }

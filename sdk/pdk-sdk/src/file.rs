@@ -63,7 +63,7 @@ pub fn read(path: &Path, largest: u64) -> Result<Vec<u8>> {
 pub fn read_text(path: &Path, largest: u64) -> Result<String> {
     let text = String::from_utf8(read(path, largest)?);
     text.map_err(|error| {
-        Error::new(format!("it is no text: byte {} is not UTF-8", error.utf8_error().valid_up_to()))
+        Error::new(format!("it is not text: byte {} is not UTF-8", error.utf8_error().valid_up_to()))
     })
 }
 
@@ -144,7 +144,7 @@ mod tests {
         std::fs::write(path("large"), vec![0xff; 2048]).unwrap();
         let error = |largest| read_text(&path("large"), largest).unwrap_err().to_string();
         assert_eq!(error(1024), "it has more than 1 KiB, which is too large for what it is to be");
-        assert_eq!(error(2048), "it is no text: byte 0 is not UTF-8");
+        assert_eq!(error(2048), "it is not text: byte 0 is not UTF-8");
         // It has no length, and no end that is far.
         assert!(!read(Path::new("/proc/self/maps"), 1 << 20).unwrap().is_empty());
     }
