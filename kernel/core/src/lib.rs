@@ -27,7 +27,7 @@ pub mod catalog;
 pub mod chain;
 mod description;
 pub mod directory;
-mod elf;
+pub mod elf;
 pub mod float;
 pub mod ledger;
 pub mod lines;

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use pdk_core::directory::RunDirectory;
 use pdk_core::eprintln;
 use pdk_core::ledger::{Ledger, Line};
+use pdk_core::supervisor::is_from_outside;
 use pdk_model::outcome::Outcome;
 use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, ErrorKind, Result};
@@ -256,6 +257,21 @@ impl Dispatch {
         // What was lost in an earlier process may go better now.
         let known = ledger.get(&id)?.filter(|line| !before || !line.is_chance());
         let trace = directory.trace(&id)?;
+        // Nor is a scenario done whose trace is not there or not whole.
+        let known = known.filter(|line| {
+            !before
+                || match pdk_trace::reader::check(&trace) {
+                    Err(error) => {
+                        eprintln!(
+                            "pdk: warning: scenario `{}` is driven again: {}",
+                            line.name,
+                            because(&error)
+                        );
+                        false
+                    }
+                    _ => true,
+                }
+        });
         self.order.push(id);
         if let Some(line) = known {
             self.answer(ticket, Ok(Reply::Recorded(Box::new(line), before)));
@@ -341,7 +357,7 @@ impl Dispatch {
                     return Ok(());
                 }
                 // That came from outside, as a rule.
-                let killed = end.and_then(|status| status.signal()) == Some(libc::SIGKILL);
+                let killed = end.and_then(|status| status.signal()).is_some_and(is_from_outside);
                 self.stillborn += 1;
                 if !killed || self.stillborn == TRIES {
                     let sentence = format!(
@@ -560,6 +576,11 @@ impl Dispatch {
         }
         let _ = pdk_bus::sweep_run(&self.options.run);
     }
+}
+
+/// The reason of an error about a trace, without what the user could do, which is being done.
+fn because(error: &Error) -> String {
+    error.message().split(';').next().unwrap_or_default().to_owned()
 }
 
 /// How a worker ended, in words.

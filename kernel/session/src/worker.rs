@@ -10,7 +10,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use pdk_core::calls::{Function, Seen};
-use pdk_core::supervisor::{End, LOOK, Limits, Supervised};
+use pdk_core::supervisor::{End, LOOK, Limits, Supervised, is_from_outside};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_trace::writer::part_of;
 
@@ -248,19 +248,19 @@ impl Worker {
         let _ = pdk_bus::sweep_run(&self.hello.run);
         let Some(job) = &self.job else {
             self.tries += 1;
-            if process.used && !matches!(end, End::Done(_) | End::Signal(libc::SIGKILL)) {
+            if process.used && !is_blameless(end) {
                 let sentence = self.sentence(end, &calls);
                 self.say(&FromWorker::Trouble(sentence));
             }
             // Nobody is waiting for it, or it was killed while it started.
-            return match self.introduced || *end == End::Signal(libc::SIGKILL) && self.tries < TRIES {
+            return match self.introduced || is_blameless(end) && self.tries < TRIES {
                 true => self.start(),
                 false => Err(Error::of(end.kind(), self.sentence(end, &calls))),
             };
         };
         // A kill comes from outside, as a rule; and a process whose standard files a component has closed leaves by itself after
         // its job, maybe just when it was given another one.
-        let blameless = matches!(end, End::Signal(libc::SIGKILL) | End::Done(_)) && self.tries < TRIES;
+        let blameless = is_blameless(end) && self.tries < TRIES;
         // What is left of an earlier job may be to blame: memory that was overwritten or is missing, an instance that crashes when it
         // is dropped. So that an outcome does not depend on what came before, only a new process is believed.
         if blameless || process.used {
@@ -287,6 +287,7 @@ impl Worker {
             End::Late(..) => " (the limit is raised with --set patience=SECONDS)",
             End::Memory(_) => " (the limit is raised with --set memory=MIB)",
             End::Signal(libc::SIGKILL) => " (killed from outside, or for want of memory)",
+            End::Signal(signal) if is_from_outside(*signal) => " (from outside)",
             End::Done(_) | End::Exited(_) => {
                 " (a component has to return an error instead of ending its process)"
             }
@@ -335,9 +336,7 @@ impl Worker {
         };
         let calls = supervised.calls();
         supervised.kill();
-        if let Some(end) =
-            end.filter(|end| self.job.is_none() && !matches!(end, End::Done(_) | End::Signal(libc::SIGKILL)))
-        {
+        if let Some(end) = end.filter(|end| self.job.is_none() && !is_blameless(end)) {
             let sentence = match end {
                 // Here it is another limit.
                 End::Late(..) => end.said(&calls),
@@ -347,6 +346,15 @@ impl Worker {
         }
         self.remove_part(supervised.child().id());
         let _ = pdk_bus::sweep_run(&self.hello.run);
+    }
+}
+
+/// Whether a process came to its end without a component's doing.
+fn is_blameless(end: &End) -> bool {
+    match end {
+        End::Done(_) => true,
+        End::Signal(signal) => is_from_outside(*signal),
+        End::Exited(_) | End::Late(..) | End::Memory(_) => false,
     }
 }
 

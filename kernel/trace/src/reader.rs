@@ -124,6 +124,14 @@ pub fn read_steps_and_road(path: &Path) -> Result<(Vec<Step>, String)> {
     Ok((steps, road))
 }
 
+/// Reads a trace to its end, with all checksums, to see whether it is whole.
+///
+/// # Errors
+/// As for [`TraceReader`].
+pub fn check(path: &Path) -> Result<()> {
+    TraceReader::open(path)?.try_for_each(|entry| entry.map(drop))
+}
+
 impl TraceReader {
     /// Opens a trace.
     ///

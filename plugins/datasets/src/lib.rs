@@ -14,4 +14,7 @@ mod tub;
 #[cfg(test)]
 mod fixture;
 
+pub use folder::Folder;
+pub use tub::Tub;
+
 pdk_sdk::export! { datasets: [tub::Tub, folder::Folder] }

@@ -18,4 +18,17 @@ mod tract;
 #[cfg(test)]
 mod fixture;
 
+/// Reads a model, prepares it and runs it once: what fuzzing tries.
+///
+/// # Errors
+/// Where it cannot be read, prepared or run.
+#[doc(hidden)]
+pub fn try_model(bytes: &[u8]) -> pdk_sdk::error::Result<()> {
+    use session::Session;
+    let model = model_file::ModelFile::parse(bytes, std::path::Path::new("model.onnx"), "auto")?;
+    let image = vec![0.5; model.input.len()];
+    let mut outputs = vec![Vec::new(); model.outputs.len()];
+    tract::Tract::new(&model)?.run(&image, 1.0, &mut outputs)
+}
+
 pdk_sdk::export! { drivers: [driver::Onnx] }

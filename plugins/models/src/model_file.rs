@@ -1,6 +1,6 @@
 //! What an ONNX file declares: its inputs, an image and maybe the speed, and its outputs.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
@@ -82,15 +82,23 @@ impl ModelFile {
     /// Where the file cannot be read, is no ONNX model, or takes anything but one float image of a fixed size and
     /// maybe `speed`, one float.
     pub fn read(path: &Path, layout: &str) -> Result<Self> {
-        let bytes = file::read(path, LARGEST)?;
+        Self::parse(&file::read(path, LARGEST)?, path, layout)
+    }
+
+    /// Reads a model that lies in memory. Files that it names lie in the folder of `path`.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn parse(mut bytes: &[u8], path: &Path, layout: &str) -> Result<Self> {
         let proto = tract_onnx::onnx()
-            .proto_model_for_read(&mut bytes.as_slice())
+            .proto_model_for_read(&mut bytes)
             .map_err(|_| Error::new("the file is no ONNX model, or is damaged"))?;
         let graph = proto
             .graph
             .as_ref()
             .filter(|graph| !graph.node.is_empty())
             .ok_or_else(|| Error::new("the file is no ONNX model: it contains no graph"))?;
+        check_external(graph, path.parent().unwrap_or(Path::new("")))?;
         // Old files list their weights among the inputs.
         let is_weight = |name: &str| graph.initializer.iter().any(|weight| weight.name == name);
         let inputs: Vec<_> = graph.input.iter().filter(|input| !is_weight(&input.name)).collect();
@@ -111,6 +119,25 @@ impl ModelFile {
         let outputs = graph.output.iter().map(|output| output.name.clone()).collect();
         Ok(Self { path: path.to_path_buf(), input, speed, outputs, proto })
     }
+}
+
+/// Looks at the files of weights that a graph names: they lie in the folder of the model, and are files.
+fn check_external(graph: &pb::GraphProto, folder: &Path) -> Result<()> {
+    let attributes = || graph.node.iter().flat_map(|node| &node.attribute);
+    let tensors = attributes().flat_map(|attribute| attribute.t.iter().chain(&attribute.tensors));
+    let entries = graph.initializer.iter().chain(tensors).flat_map(|tensor| &tensor.external_data);
+    for location in entries.filter(|entry| entry.key == "location").map(|entry| Path::new(&entry.value)) {
+        if location.components().any(|part| !matches!(part, Component::Normal(_) | Component::CurDir)) {
+            return Err(Error::new(format!(
+                "its weights lie in `{}`, outside of its folder, where nothing is read; put them beside the model",
+                location.display()
+            )));
+        }
+        file::open(&folder.join(location))
+            .map_err(|error| error.at(format_args!("its weights `{}`", location.display())))?;
+    }
+    let graphs = attributes().flat_map(|attribute| attribute.g.iter().chain(&attribute.graphs));
+    graphs.into_iter().try_for_each(|graph| check_external(graph, folder))
 }
 
 /// The type and shape of an input of 32-bit floats.
@@ -211,6 +238,8 @@ fn shape_text(shape: Option<&pb::TensorShapeProto>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use prost::Message;
+
     use super::*;
     use crate::fixture::Pilot;
 
@@ -261,6 +290,23 @@ mod tests {
         let two = Pilot { second_input: Some("mirror"), ..Pilot::new(&["1", "3", "4", "6"]) };
         let message = read(&two, "auto").unwrap_err().message().to_owned();
         assert!(message.starts_with("it has 2 inputs (`image`, `mirror`), but"), "{message}");
+    }
+
+    #[test]
+    fn weights_are_read_from_the_folder_of_the_model_only() {
+        let refused = |location: &str| {
+            let mut model = pb::ModelProto::decode(Pilot::new(&["1", "3", "4", "6"]).bytes().as_slice()).unwrap();
+            let entry = pb::StringStringEntryProto { key: "location".to_owned(), value: location.to_owned() };
+            let weight = &mut model.graph.as_mut().unwrap().initializer[0];
+            weight.external_data = vec![entry];
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("model.onnx");
+            ModelFile::parse(&model.encode_to_vec(), &path, "auto").err().unwrap().to_string()
+        };
+        for outside in ["/etc/passwd", "../weights", "a/../../weights"] {
+            assert!(refused(outside).contains("outside of its folder"), "{}", refused(outside));
+        }
+        assert_eq!(refused("none.bin"), "its weights `none.bin`: it does not exist");
     }
 
     #[test]

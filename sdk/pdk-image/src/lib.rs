@@ -460,7 +460,7 @@ mod tests {
 
     #[test]
     fn what_is_no_image_is_said_to_be_none() {
-        assert!(decode(b"GIF89a\x01\0\x01\0\0\0\0;").unwrap_err().message().starts_with("it is no JPEG"));
+        assert!(decode(b"GIF89a\x01\0\x01\0\0\0\0;").unwrap_err().message().starts_with("it is not a JPEG"));
         for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::WebP] {
             assert!(is_image(&encoded(format)[..12]), "{format:?}");
         }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SCENARIOS, SUMMARY};
 use pdk_core::ledger::{self, Line};
-use pdk_sdk::error::{Place, Result};
+use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
