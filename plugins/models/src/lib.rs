@@ -3,7 +3,8 @@
 //! A model is an ONNX file. [`model_file`] reads what the file declares and refuses what is no driving model, the same
 //! way whichever backend runs it later. [`backend`] chooses who runs it: [`tract`], which is part of this plugin, or
 //! [`onnxruntime`], a shared library that [`locate`] finds on the machine. [`pixels`] turns frames into the numbers that
-//! the model expects, [`selection`] says which of its outputs steer, and [`driver`] puts it all together.
+//! the model expects, [`selection`] says which of its outputs steer, and [`driver`] puts it all together. [`trained`] holds the
+//! networks that are part of the plugin.
 
 mod backend;
 mod driver;
@@ -14,6 +15,7 @@ mod pixels;
 mod selection;
 mod session;
 mod tract;
+mod trained;
 
 #[cfg(test)]
 mod fixture;
@@ -23,12 +25,12 @@ mod fixture;
 /// # Errors
 /// Where it cannot be read, prepared or run.
 #[doc(hidden)]
-pub fn try_model(bytes: &[u8]) -> pdk_sdk::error::Result<()> {
+pub fn try_model(path: &std::path::Path) -> pdk_sdk::error::Result<()> {
     use session::Session;
-    let model = model_file::ModelFile::parse(bytes, std::path::Path::new("model.onnx"), "auto")?;
+    let model = model_file::ModelFile::read(model_file::Source::File(path.to_owned()), "auto")?;
     let image = vec![0.5; model.input.len()];
     let mut outputs = vec![Vec::new(); model.outputs.len()];
     tract::Tract::new(&model)?.run(&image, 1.0, &mut outputs)
 }
 
-pdk_sdk::export! { drivers: [driver::Onnx] }
+pdk_sdk::export! { drivers: [driver::Onnx, trained::Dave2, trained::Dave2Augmented] }

@@ -1,5 +1,6 @@
 //! What an ONNX file declares: its inputs, an image and maybe the speed, and its outputs.
 
+use std::borrow::Cow;
 use std::path::{Component, Path, PathBuf};
 
 use pdk_sdk::file;
@@ -61,10 +62,19 @@ const SPEED: &str = "speed";
 /// Bytes of a model: a message in protocol buffers has no more.
 const LARGEST: u64 = 2 << 30;
 
+/// Where a model comes from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Source {
+    /// A file.
+    File(PathBuf),
+    /// The content of a file that is part of this plugin.
+    BuiltIn(&'static [u8]),
+}
+
 /// An ONNX file that takes an image, and maybe the speed.
 pub struct ModelFile {
-    /// Where it lies.
-    pub path: PathBuf,
+    /// Where it comes from.
+    pub source: Source,
     /// What it contains.
     pub proto: pb::ModelProto,
     /// Its image input.
@@ -81,24 +91,22 @@ impl ModelFile {
     /// # Errors
     /// Where the file cannot be read, is no ONNX model, or takes anything but one float image of a fixed size and
     /// maybe `speed`, one float.
-    pub fn read(path: &Path, layout: &str) -> Result<Self> {
-        Self::parse(&file::read(path, LARGEST)?, path, layout)
-    }
-
-    /// Reads a model that lies in memory. Files that it names lie in the folder of `path`.
-    ///
-    /// # Errors
-    /// As [`read`](Self::read).
-    pub fn parse(mut bytes: &[u8], path: &Path, layout: &str) -> Result<Self> {
+    pub fn read(source: Source, layout: &str) -> Result<Self> {
+        let bytes = match &source {
+            Source::File(path) => Cow::Owned(file::read(path, LARGEST)?),
+            Source::BuiltIn(bytes) => Cow::Borrowed(*bytes),
+        };
         let proto = tract_onnx::onnx()
-            .proto_model_for_read(&mut bytes)
+            .proto_model_for_read(&mut &*bytes)
             .map_err(|_| Error::new("the file is no ONNX model, or is damaged"))?;
         let graph = proto
             .graph
             .as_ref()
             .filter(|graph| !graph.node.is_empty())
             .ok_or_else(|| Error::new("the file is no ONNX model: it contains no graph"))?;
-        check_external(graph, path.parent().unwrap_or(Path::new("")))?;
+        if let Source::File(path) = &source {
+            check_external(graph, path.parent().unwrap_or(Path::new("")))?;
+        }
         // Old files list their weights among the inputs.
         let is_weight = |name: &str| graph.initializer.iter().any(|weight| weight.name == name);
         let inputs: Vec<_> = graph.input.iter().filter(|input| !is_weight(&input.name)).collect();
@@ -117,7 +125,7 @@ impl ModelFile {
         };
         let input = image_input(image, layout)?;
         let outputs = graph.output.iter().map(|output| output.name.clone()).collect();
-        Ok(Self { path: path.to_path_buf(), input, speed, outputs, proto })
+        Ok(Self { source, input, speed, outputs, proto })
     }
 }
 
@@ -243,9 +251,13 @@ mod tests {
     use super::*;
     use crate::fixture::Pilot;
 
+    fn model_in(path: &Path, layout: &str) -> Result<ModelFile> {
+        ModelFile::read(Source::File(path.to_owned()), layout)
+    }
+
     fn read(pilot: &Pilot, layout: &str) -> Result<ImageInput> {
         let file = pilot.file();
-        ModelFile::read(file.path(), layout).map(|model| model.input)
+        model_in(file.path(), layout).map(|model| model.input)
     }
 
     #[test]
@@ -263,7 +275,7 @@ mod tests {
     #[test]
     fn a_speed_is_taken_beside_the_image() {
         let with = Pilot { second_input: Some(SPEED), ..Pilot::new(&["1", "3", "4", "6"]) };
-        let model = |pilot: &Pilot| ModelFile::read(pilot.file().path(), "auto").unwrap().speed;
+        let model = |pilot: &Pilot| model_in(pilot.file().path(), "auto").unwrap().speed;
         assert_eq!(model(&with), Some(SpeedInput { first: false, shape: vec![1, 1] }));
         assert_eq!(model(&Pilot::new(&["1", "3", "4", "6"])), None);
     }
@@ -295,13 +307,15 @@ mod tests {
     #[test]
     fn weights_are_read_from_the_folder_of_the_model_only() {
         let refused = |location: &str| {
-            let mut model = pb::ModelProto::decode(Pilot::new(&["1", "3", "4", "6"]).bytes().as_slice()).unwrap();
+            let mut model =
+                pb::ModelProto::decode(Pilot::new(&["1", "3", "4", "6"]).bytes().as_slice()).unwrap();
             let entry = pb::StringStringEntryProto { key: "location".to_owned(), value: location.to_owned() };
             let weight = &mut model.graph.as_mut().unwrap().initializer[0];
             weight.external_data = vec![entry];
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("model.onnx");
-            ModelFile::parse(&model.encode_to_vec(), &path, "auto").err().unwrap().to_string()
+            std::fs::write(&path, model.encode_to_vec()).unwrap();
+            model_in(&path, "auto").err().unwrap().to_string()
         };
         for outside in ["/etc/passwd", "../weights", "a/../../weights"] {
             assert!(refused(outside).contains("outside of its folder"), "{}", refused(outside));
@@ -314,13 +328,13 @@ mod tests {
         let error = |content: &[u8]| {
             let file = tempfile::NamedTempFile::new().unwrap();
             std::fs::write(file.path(), content).unwrap();
-            ModelFile::read(file.path(), "auto").err().unwrap().to_string()
+            model_in(file.path(), "auto").err().unwrap().to_string()
         };
         assert!(error(b"").contains("no ONNX model"));
         assert!(error(b"PK\x03\x04 an archive of something else").contains("no ONNX model"));
         let whole = Pilot::new(&["1", "3", "4", "6"]).bytes();
         assert!(error(&whole[..whole.len() / 2]).contains("damaged"));
-        let missing = ModelFile::read(Path::new("/no/such.onnx"), "auto").err().unwrap();
+        let missing = model_in(Path::new("/no/such.onnx"), "auto").err().unwrap();
         assert_eq!(missing.message(), "it does not exist");
     }
 }

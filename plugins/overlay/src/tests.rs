@@ -491,7 +491,7 @@ fn damage_while_a_clip_plays_is_repaired() {
     let (first, second) = (at(0.0), at(0.04));
     let clip = Clip::Path(path);
     let mut damaged = 0;
-    for entry in std::fs::read_dir(crate::cache::folder()).unwrap() {
+    for entry in std::fs::read_dir(crate::cache::folder().unwrap()).unwrap() {
         let stored = entry.unwrap().path();
         if Store::open(&stored).is_ok_and(|store| (store.index().width, store.index().height) == (37, 23)) {
             let length = std::fs::metadata(&stored).unwrap().len() as usize;

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
+use pdk_lua::perturbation::Source;
 use pdk_sdk::config::Config;
 use pdk_sdk::perturbation::{Context, Perturbation};
 use pdk_sdk::prelude::FrameBuf;
@@ -28,15 +29,16 @@ fuzz_target!(|data: &[u8]| {
         _ => [b"return { doc = 'x', apply = function(image, cx)\n", text, b"\nend }"].concat(),
     };
     std::fs::write(&*SCRIPT, script).expect("the script is written");
-    let Ok(description) = pdk_lua::description(&SCRIPT) else { return };
+    let source = Source::read(&SCRIPT).expect("the script is there");
+    let Ok(description) = pdk_lua::description(&source) else { return };
     let Ok(config) = Config::check(&description, &Map::new()) else { return };
-    let Ok(mut perturbation) = pdk_lua::open(&SCRIPT, &config) else { return };
+    let Ok(mut perturbation) = pdk_lua::open(&source, &config) else { return };
     let key = seed::key(7, "script", 0);
-    let source = FrameBuf::from_vec((0..12 * 8 * 3).map(|i| i as u8).collect(), 12, 8).expect("a frame");
+    let frame_in = FrameBuf::from_vec((0..12 * 8 * 3).map(|i| i as u8).collect(), 12, 8).expect("a frame");
     let mut target = FrameBuf::new(12, 8);
     for frame in 0..2 {
         let context = Context::new(2.0, frame, frame as f64 / 20.0, &key);
-        if perturbation.apply(source.as_ref(), target.as_mut(), &context).is_err() {
+        if perturbation.apply(frame_in.as_ref(), target.as_mut(), &context).is_err() {
             return;
         }
     }

@@ -2,16 +2,19 @@
 
 #![no_main]
 
-use std::sync::Once;
+use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use pdk_fuzz as _;
 
-static QUIET: Once = Once::new();
-
-fuzz_target!(|data: &[u8]| {
+static MODEL: LazyLock<PathBuf> = LazyLock::new(|| {
     // The library that runs networks panics on some that contradict themselves, which is caught: so a panic is no finding by
     // itself, but one that comes through is.
-    QUIET.call_once(|| std::panic::set_hook(Box::new(|_| {})));
-    let _ = pdk_models::try_model(data);
+    std::panic::set_hook(Box::new(|_| {}));
+    pdk_fuzz::folder("onnx").join("model.onnx")
+});
+
+fuzz_target!(|data: &[u8]| {
+    std::fs::write(&*MODEL, data).expect("a file");
+    let _ = pdk_models::try_model(&MODEL);
 });
