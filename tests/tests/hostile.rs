@@ -147,6 +147,31 @@ fn nothing_that_a_terminal_would_obey_is_written_to_it() {
     }
 }
 
+#[test]
+fn a_damaged_library_is_refused_by_name_and_the_others_are_there() {
+    let folder = temp();
+    let whole = fs::read(pdk_tests::library("misbehave")).unwrap();
+    let path = folder.path().join("plugins/libdamaged.so");
+    fs::create_dir(path.parent().unwrap()).unwrap();
+    let mut refused = 0;
+    for round in 0..40 {
+        let mut damaged = whole.clone();
+        // Where the system looks first, and anywhere.
+        let place = match round % 2 {
+            0 => 16 + round * 24,
+            _ => whole.len() / 40 * round,
+        };
+        damaged[place..place + 8].iter_mut().for_each(|byte| *byte ^= 0x5a);
+        fs::write(&path, damaged).unwrap();
+        let list = Pdk::new(["list", "driver", "--plugins", "plugins"]).folder(folder.path());
+        let finished = soon("a damaged library", || list.env("PDK_CACHE", folder.path().join("cache")).run());
+        assert_eq!(finished.code, Some(0), "{place}: {}", finished.stderr);
+        assert!(finished.stdout.contains("lane_keeper"), "{place}: {}", finished.stdout);
+        refused += usize::from(finished.stderr.contains("libdamaged.so"));
+    }
+    assert!(refused > 10, "{refused} of 40 were refused");
+}
+
 /// The endings that a drop can come to and the words for them.
 const ENDINGS: [(&str, &str); 4] = [
     ("segfault", "in `drop` was ended by signal 11"),

@@ -220,7 +220,7 @@ mod tests {
         let all = record(0);
         assert!(error(&tub(&[&all], listing(&[0]))).ends_with("has no records that are not deleted"));
         assert!(error(&tub(&[], listing(&[]))).contains("has no records"));
-        assert!(error(&tub(&[&all], json!({}))).contains("no tub of version 2"));
+        assert!(error(&tub(&[&all], json!({}))).contains("is not a tub of version 2"));
         assert!(error(&tub(&[&all], json!({"paths": "x"}))).contains("`paths`"));
         assert!(error(&tub(&[&all], json!({"paths": ["lost.catalog"]}))).contains("lost.catalog"));
         let deleted = json!({"paths": ["catalog_0.catalog"], "deleted_indexes": ["a"]});

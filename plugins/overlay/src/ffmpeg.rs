@@ -215,7 +215,7 @@ mod tests {
                 r"printf 'YUV4MPEG2 W40000 H40 F30:1 C420jpeg\n'; exec yes".to_owned(),
                 "it is 40000 x 40, and pictures may have",
             ),
-            (format!("{header}; exec yes"), "no sequence of frames"),
+            (format!("{header}; exec yes"), "not a sequence of frames"),
             // Its output ends, and it does not.
             (format!("{header}; exec sleep 60 >&-"), "it gives no reason"),
             (format!("{header}; exec sleep 60 >&- 2>&-"), "it gives no reason"),

@@ -43,7 +43,7 @@ impl Animation {
             ImageFormat::Png => {
                 let bytes = whole(input)?;
                 let pictures = Cursor::new(pdk_image::without_texts(&bytes)?);
-                let decoder = limited(PngDecoder::with_limits(pictures, limits()?).map_err(damaged)?)?;
+                let decoder = limited(PngDecoder::new(pictures).map_err(damaged)?)?;
                 match decoder.is_apng().map_err(damaged)? {
                     true => decoder.apng().map_err(damaged)?.into_frames(),
                     false => once(pdk_image::decode(&bytes)?),

@@ -218,8 +218,8 @@ mod tests {
                 let deleted = [&bytes[..from], &bytes[end..]].concat();
                 assert!(decode(&deleted).is_err(), "{number}: nothing from {from} to the end marker");
             }
-            // Without a byte or some, what follows may happen to be as many blocks again.
-            assert!(taken * 50 <= tried, "{number}: {taken} of {tried} with a hole were taken");
+            // Without some bytes, what follows may happen to be as many blocks again, the more so where a code stands for many.
+            assert!(taken * 15 <= tried, "{number}: {taken} of {tried} with a hole were taken");
         }
     }
 
@@ -467,7 +467,7 @@ mod tests {
         assert!(!is_image(b"hello hello!") && !is_image(b""));
         assert_eq!(decode(b"hello").unwrap_err().message(), "it is not a JPEG, PNG, BMP or WebP file");
         let missing = read(Path::new("/no/such.jpg")).unwrap_err();
-        assert_eq!(missing.message(), "image `/no/such.jpg` does not exist");
+        assert_eq!(missing.message(), "image `/no/such.jpg`: it does not exist");
     }
 
     #[test]
