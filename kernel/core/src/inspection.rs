@@ -16,6 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use pdk_sdk::SDK_VERSION;
+use pdk_sdk::cache::cache;
 use pdk_sdk::error::{Error, Place, Result};
 use serde::{Deserialize, Serialize};
 
@@ -27,8 +28,6 @@ pub const VERB: &str = "inspect";
 
 /// How long a library may take to be opened.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// The folder of the cache is below this, where it is set.
-const CACHE_VARIABLE: &str = "PDK_CACHE";
 /// What was found good, in the cache.
 const NOTES: &str = "inspected-plugins.json";
 /// Notes that are kept.
@@ -169,11 +168,7 @@ struct Notes {
 
 impl Notes {
     fn path() -> Option<PathBuf> {
-        let absolute =
-            |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-        let user = || absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")));
-        let folder = absolute(CACHE_VARIABLE).or_else(|| Some(user()?.join("pdk")))?;
-        Some(folder.join(NOTES))
+        Some(cache().ok()?.folder.join(NOTES))
     }
 
     /// Without them everything is inspected.
