@@ -66,8 +66,8 @@ pub struct Host {
     in_use: InUse,
     /// What components said when they were made, by kind and what they were made from.
     made: BTreeMap<(Kind, String), Made>,
-    /// Those that panicked then, took their process along or did not come back.
-    fatal: BTreeSet<(Kind, String)>,
+    /// Those that panicked then, took their process along or did not come back, and how.
+    fatal: BTreeMap<(Kind, String), Error>,
     /// What was submitted under each ticket.
     submitted: BTreeMap<Ticket, Submitted>,
     /// The numbers of the scenarios, in the order in which they were submitted first, which is that of the ledger in the end.
@@ -135,7 +135,7 @@ impl Host {
             manifest: None,
             in_use: InUse::default(),
             made: BTreeMap::new(),
-            fatal: BTreeSet::new(),
+            fatal: BTreeMap::new(),
             submitted: BTreeMap::new(),
             numbers: BTreeMap::new(),
             outcomes: BTreeMap::new(),
@@ -294,7 +294,7 @@ impl Host {
     /// process along or does not come back is the outcome of each scenario that needs it.
     fn try_to_make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
         let key = (kind, serde_json::to_string(component)?);
-        if self.fatal.contains(&key) {
+        if self.fatal.contains_key(&key) {
             return Ok(Made::default());
         }
         match self.make(kind, component) {
@@ -302,7 +302,7 @@ impl Host {
                 if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late | ErrorKind::Panic)
                     && interrupt::wish() == Wish::None =>
             {
-                self.fatal.insert(key);
+                self.fatal.insert(key, error);
                 Ok(Made::default())
             }
             made => made,
@@ -527,7 +527,9 @@ impl Host {
         let (all, failed) = (self.numbers.len(), self.failed());
         let summary = json!({ "outcomes": rows, "evaluations": self.evaluations });
         let written = self.complete(&summary);
-        let troubles = self.session.end();
+        let mut troubles = self.unnoticed();
+        troubles.extend(self.session.end());
+        troubles.dedup();
         if !self.kept.is_empty() {
             self.speed
                 .insert(0, format!("{} of {all} scenarios were in the record already", self.kept.len()));
@@ -567,6 +569,21 @@ impl Host {
             }
         }
         failed.into_values().collect()
+    }
+
+    /// How components went wrong when they were made although a scenario went well with them, as one does that crashes only when it
+    /// is dropped.
+    fn unnoticed(&self) -> Vec<String> {
+        let spec = |component: &ComponentSpec| serde_json::to_string(component).unwrap_or_default();
+        let mut good = BTreeSet::new();
+        for line in self.outcomes.values().flatten().filter(|line| line.outcome.cause != Cause::Error) {
+            good.insert((Kind::Simulator, spec(&line.scenario.simulator)));
+            good.insert((Kind::Driver, spec(&line.scenario.driver)));
+            let perturbations = components(&line.scenario.perturbations);
+            good.extend(perturbations.iter().map(|component| (Kind::Perturbation, spec(component))));
+        }
+        let of_good = self.fatal.iter().filter(|(component, _)| good.contains(*component));
+        of_good.map(|(_, error)| error.to_string()).collect()
     }
 
     /// Takes the outcomes that nobody has waited for: all where the script came to its end, and what was in flight where the user

@@ -9,7 +9,7 @@ use std::process::{ChildStdin, Command, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use pdk_core::calls::{Function, Seen};
+use pdk_core::calls::Seen;
 use pdk_core::supervisor::{End, LOOK, Limits, Supervised, is_from_outside};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_trace::writer::part_of;
@@ -272,11 +272,6 @@ impl Worker {
         }
         let answer = self.answer(job, end, &calls);
         let done = Done { number: job.number, answer };
-        if matches!(job.work, Work::Make(_)) && calls.iter().any(|call| call.function == Function::Drop) {
-            // A scenario with this component may go well all the same.
-            let sentence = self.sentence(end, &calls);
-            self.say(&FromWorker::Trouble(sentence));
-        }
         self.job = None;
         self.say(&FromWorker::Done(done));
         self.start()
