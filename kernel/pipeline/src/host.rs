@@ -528,8 +528,11 @@ impl Host {
         let summary = json!({ "outcomes": rows, "evaluations": self.evaluations });
         let written = self.complete(&summary);
         let mut troubles = self.unnoticed();
-        troubles.extend(self.session.end());
-        troubles.dedup();
+        for trouble in self.session.end() {
+            if !troubles.contains(&trouble) {
+                troubles.push(trouble);
+            }
+        }
         if !self.kept.is_empty() {
             self.speed
                 .insert(0, format!("{} of {all} scenarios were in the record already", self.kept.len()));
