@@ -10,6 +10,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use pdk_core::calls::Seen;
+use pdk_core::eprintln;
 use pdk_core::supervisor::{End, LOOK, Limits, Supervised, is_from_outside};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_trace::writer::part_of;
@@ -189,6 +190,11 @@ impl Worker {
             Found::Message(FromWorker::Done(done)) => {
                 // Whatever its components write there, only the job's own answer counts.
                 if self.job.as_ref().is_some_and(|job| job.number == done.number) {
+                    // What an earlier job, or somebody else, did to its topics does not reach a new process.
+                    if matches!(done.answer, Answer::Broken(_)) && self.tries < TRIES {
+                        self.end_process();
+                        return self.begin();
+                    }
                     self.job = None;
                     if let Some(process) = &mut self.process {
                         process.used = true;
@@ -239,16 +245,12 @@ impl Worker {
 
     /// The process is over.
     fn ended(&mut self, end: &End) -> Result<()> {
-        let Some(mut process) = self.process.take() else { return Ok(()) };
-        let calls = process.supervised.calls();
-        process.supervised.kill();
-        self.remove_part(process.supervised.child().id());
-        self.generation += 1;
-        // What it had in shared memory.
-        let _ = pdk_bus::sweep_run(&self.hello.run);
+        let Some(process) = &self.process else { return Ok(()) };
+        let (calls, used) = (process.supervised.calls(), process.used);
+        self.end_process();
         let Some(job) = &self.job else {
             self.tries += 1;
-            if process.used && !is_blameless(end) {
+            if used && !is_blameless(end) && !calls.is_empty() {
                 let sentence = self.sentence(end, &calls);
                 self.say(&FromWorker::Trouble(sentence));
             }
@@ -261,10 +263,18 @@ impl Worker {
         // A kill comes from outside, as a rule; and a process whose standard files a component has closed leaves by itself after
         // its job, maybe just when it was given another one.
         let blameless = is_blameless(end) && self.tries < TRIES;
+        // Where no component was called, memory that others see as well may have been changed, such as that of the topics.
+        let unexplained =
+            calls.is_empty() && matches!(end, End::Signal(_) | End::Exited(_)) && self.tries < TRIES;
         // What is left of an earlier job may be to blame: memory that was overwritten or is missing, an instance that crashes when it
         // is dropped. So that an outcome does not depend on what came before, only a new process is believed.
-        if blameless || process.used {
-            if !blameless {
+        if blameless || unexplained || used {
+            if unexplained && !blameless {
+                let said = end.said(&[]).replacen("a component", "a process", 1);
+                eprintln!(
+                    "pdk: warning: {said} outside of any component; what it was driving is driven again"
+                );
+            } else if !blameless {
                 self.suspect = Some(self.sentence(end, &calls));
             }
             self.start()?;
@@ -275,6 +285,15 @@ impl Worker {
         self.job = None;
         self.say(&FromWorker::Done(done));
         self.start()
+    }
+
+    /// Ends the process and removes what it had in shared memory and what it has written of a trace.
+    fn end_process(&mut self) {
+        let Some(mut process) = self.process.take() else { return };
+        process.supervised.kill();
+        self.remove_part(process.supervised.child().id());
+        self.generation += 1;
+        let _ = pdk_bus::sweep_run(&self.hello.run);
     }
 
     fn sentence(&self, end: &End, calls: &[Seen]) -> String {
@@ -331,7 +350,7 @@ impl Worker {
         };
         let calls = supervised.calls();
         supervised.kill();
-        if let Some(end) = end.filter(|end| self.job.is_none() && !is_blameless(end)) {
+        if let Some(end) = end.filter(|end| self.job.is_none() && !is_blameless(end) && !calls.is_empty()) {
             let sentence = match end {
                 // Here it is another limit.
                 End::Late(..) => end.said(&calls),
