@@ -40,6 +40,7 @@ pub mod manifest;
 mod mask;
 pub mod modifiers;
 pub mod output;
+mod reading;
 pub mod registry;
 pub mod search_path;
 pub mod suggest;

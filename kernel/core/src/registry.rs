@@ -73,6 +73,8 @@ pub struct Registry {
     /// Every folder that was looked into.
     places: Vec<PathBuf>,
     refused: Vec<Error>,
+    /// What plugins say and is not known here.
+    skipped: Vec<String>,
     /// What lies beside a pipeline and cannot be used: the name that it would have had, and why.
     passed_over: Vec<(String, String)>,
 }
@@ -117,6 +119,7 @@ impl Registry {
             seen: BTreeSet::new(),
             places: Vec::new(),
             refused: Vec::new(),
+            skipped: Vec::new(),
             passed_over: Vec::new(),
         };
         registry.add_built_in()?;
@@ -154,6 +157,11 @@ impl Registry {
     /// What was found but cannot be used, one sentence each.
     pub fn refused(&self) -> &[Error] {
         &self.refused
+    }
+
+    /// What plugins have or say that is not known here, one sentence each. They work without it.
+    pub fn skipped(&self) -> &[String] {
+        &self.skipped
     }
 
     /// What lies beside a pipeline and cannot be used: the name that it would have had, and why. Nobody has asked for it yet.
@@ -228,7 +236,7 @@ impl Registry {
         let reasons = inspection::inspect(&libraries)?;
         for (library, reason) in libraries.iter().zip(reasons) {
             reason.map_or(Ok(()), Err)?;
-            self.add_library(library)?;
+            self.add_library(library, true)?;
         }
         for script in self.scripts.built_in() {
             let file = script.path();
@@ -236,7 +244,7 @@ impl Registry {
             let describe = || self.scripts.describe(Script::BuiltIn(script));
             if let Some(description) = calls::call(&name, Function::Load, describe)? {
                 let blake3 = blake3::hash(script.source.as_bytes()).to_hex().to_string();
-                let entry = Entry { description, file, base: None, blake3: Some(blake3) };
+                let entry = Entry { blake3: Some(blake3), ..Entry::new(description, file) };
                 self.add(entry, Source::BuiltInScript(script));
             }
         }
@@ -281,7 +289,7 @@ impl Registry {
             let added = match reasons.remove(&at) {
                 Some(reason) => Err(reason),
                 None if scripts.contains(&at) => self.add_script(file).map(drop),
-                None => self.add_library(file),
+                None => self.add_library(file, false),
             };
             if let Err(error) = added {
                 self.refused.push(error);
@@ -290,14 +298,19 @@ impl Registry {
         Ok(())
     }
 
-    /// Adds the components of a plugin.
-    fn add_library(&mut self, file: &Path) -> Result<()> {
+    /// Adds the components of a plugin, which may be one of pdk's own.
+    fn add_library(&mut self, file: &Path, built_in: bool) -> Result<()> {
         let Some(file) = self.first_look(file) else { return Ok(()) };
         let plugin = Plugin::load(&file)?;
+        let shown = file.display();
+        let sentence = |sentence: &String| format!("plugin {shown}: {sentence}");
+        self.skipped.extend(plugin.skipped.iter().map(sentence));
+        let record = plugin.record(built_in);
         let (number, descriptions) = (self.plugins.len(), plugin.description.components.clone());
         self.plugins.push(plugin);
         for (index, description) in descriptions.into_iter().enumerate() {
-            let entry = Entry { description, file: file.clone(), base: None, blake3: None };
+            let plugin = Some(record.clone());
+            let entry = Entry { plugin, ..Entry::new(description, file.clone()) };
             self.add(entry, Source::Plugin { plugin: number, index });
         }
         Ok(())
@@ -309,7 +322,7 @@ impl Registry {
         let name = format!("script {}", file.display());
         let describe = || self.scripts.describe(Script::File(&file));
         let Some(description) = calls::call(&name, Function::Load, describe)? else { return Ok(false) };
-        self.add(Entry { description, file, base: None, blake3: None }, Source::Script);
+        self.add(Entry::new(description, file), Source::Script);
         Ok(true)
     }
 
@@ -370,7 +383,7 @@ impl Registry {
         description.examples.clear();
         // It is the user's own, so it is there by name.
         description.default = false;
-        let entry = Entry { description, file, base: Some(base.name.clone()), blake3: None };
+        let entry = Entry { base: Some(base.name.clone()), ..Entry::new(description, file) };
         self.add(entry, Source::DropIn { parameter: parameter.to_owned() });
     }
 

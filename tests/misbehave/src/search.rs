@@ -13,7 +13,7 @@ pub struct Misbehaving {
 impl Component for Misbehaving {
     fn description() -> Description {
         let description = Description::search("misbehave", "Misbehaves as told");
-        describe(description, &["new", "tell", "drop", "ask"], &["too_many"])
+        describe(description, &["new", "start", "tell", "drop", "ask"], &["too_many"])
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -22,6 +22,12 @@ impl Component for Misbehaving {
 }
 
 impl Search for Misbehaving {
+    fn start(&mut self, _problem: &Problem, _key: &Key) -> Result<()> {
+        self.manner.reach("start");
+        self.asked = 0;
+        Ok(())
+    }
+
     fn ask(&mut self, n: usize) -> Result<Vec<Candidate>> {
         self.manner.reach("ask");
         let n = if self.manner.is("too_many") { n as u64 + 1 } else { n as u64 };

@@ -22,6 +22,7 @@ mod export;
 mod list;
 mod new;
 mod perturb;
+mod plugin;
 mod preview;
 mod reference;
 mod replay;
@@ -76,6 +77,9 @@ impl Global {
         for refused in registry.refused() {
             eprintln!("pdk: warning: {refused}");
         }
+        for skipped in registry.skipped() {
+            eprintln!("pdk: warning: {skipped}");
+        }
         Ok(registry)
     }
 
@@ -108,6 +112,8 @@ enum Verb {
     New(new::Arguments),
     /// Check a plugin before shipping it
     Check(check::Arguments),
+    /// Install, list and remove plugins
+    Plugin(plugin::Arguments),
     /// Say what is installed, what is missing and what to do
     Doctor(doctor::Arguments),
     /// Write a page about a run: what failed, when, where and how often
@@ -144,7 +150,7 @@ impl Verb {
     fn calls_components(&self) -> bool {
         match self {
             Verb::Perturb(_) | Verb::Preview(_) | Verb::Reference(_) | Verb::List(_) | Verb::Show(_) => true,
-            Verb::New(_) | Verb::Doctor(_) => true,
+            Verb::New(_) | Verb::Doctor(_) | Verb::Plugin(_) => true,
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
             Verb::Run(_) | Verb::Replay(_) | Verb::Check(_) | Verb::Worker(_) => false,
             Verb::Report(_) | Verb::Road(_) | Verb::Export(_) => false,
@@ -170,6 +176,7 @@ pub fn main() -> ExitCode {
         Verb::Show(arguments) => show::run(global, arguments),
         Verb::New(arguments) => new::run(global, arguments),
         Verb::Check(arguments) => check::run(global, arguments),
+        Verb::Plugin(arguments) => plugin::run(global, arguments),
         Verb::Doctor(arguments) => doctor::run(global, arguments),
         Verb::Report(arguments) => report::run(global, arguments),
         Verb::Road(arguments) => road::run(global, arguments),
