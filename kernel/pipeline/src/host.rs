@@ -66,8 +66,8 @@ pub struct Host {
     in_use: InUse,
     /// What components said when they were made, by kind and what they were made from.
     made: BTreeMap<(Kind, String), Made>,
-    /// Those that panicked then, took their process along or did not come back.
-    fatal: BTreeSet<(Kind, String)>,
+    /// Those that panicked then, took their process along or did not come back, and how.
+    fatal: BTreeMap<(Kind, String), Error>,
     /// What was submitted under each ticket.
     submitted: BTreeMap<Ticket, Submitted>,
     /// The numbers of the scenarios, in the order in which they were submitted first, which is that of the ledger in the end.
@@ -79,8 +79,8 @@ pub struct Host {
     results: Option<Results>,
     speed: Vec<String>,
     warnings: Vec<String>,
-    /// Outcomes that were in the ledger already.
-    kept: usize,
+    /// The numbers of the scenarios whose outcomes were in the ledger already.
+    kept: BTreeSet<usize>,
     progress: ProgressBar,
     /// Frames that scenarios did not need, and those that were driven before the bar began.
     spared: u64,
@@ -135,7 +135,7 @@ impl Host {
             manifest: None,
             in_use: InUse::default(),
             made: BTreeMap::new(),
-            fatal: BTreeSet::new(),
+            fatal: BTreeMap::new(),
             submitted: BTreeMap::new(),
             numbers: BTreeMap::new(),
             outcomes: BTreeMap::new(),
@@ -144,7 +144,7 @@ impl Host {
             results: None,
             speed: Vec::new(),
             warnings: Vec::new(),
-            kept: 0,
+            kept: BTreeSet::new(),
             progress: progress(quiet),
             spared: 0,
             before: 0,
@@ -244,9 +244,10 @@ impl Host {
     fn take(&mut self, ticket: Ticket, reply: Result<Reply>) {
         let line = reply.and_then(|reply| match reply {
             Reply::Recorded(line, known) => {
-                self.kept += usize::from(known);
                 let driven = if known { 0 } else { line.outcome.frames };
-                let expected = self.submitted.get(&ticket).map_or(0, |submitted| submitted.expected);
+                let submitted = self.submitted.get(&ticket);
+                self.kept.extend(submitted.filter(|_| known).map(|submitted| submitted.number));
+                let expected = submitted.map_or(0, |submitted| submitted.expected);
                 self.spared += expected.saturating_sub(driven);
                 Ok(*line)
             }
@@ -293,7 +294,7 @@ impl Host {
     /// process along or does not come back is the outcome of each scenario that needs it.
     fn try_to_make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
         let key = (kind, serde_json::to_string(component)?);
-        if self.fatal.contains(&key) {
+        if self.fatal.contains_key(&key) {
             return Ok(Made::default());
         }
         match self.make(kind, component) {
@@ -301,7 +302,7 @@ impl Host {
                 if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late | ErrorKind::Panic)
                     && interrupt::wish() == Wish::None =>
             {
-                self.fatal.insert(key);
+                self.fatal.insert(key, error);
                 Ok(Made::default())
             }
             made => made,
@@ -522,11 +523,19 @@ impl Host {
         };
         self.progress.finish_and_clear();
         let rows: Vec<Value> = self.outcomes.keys().filter_map(|ticket| self.row(*ticket).ok()).collect();
-        let (all, failed) = (rows.len(), self.failed());
+        // A scenario that was asked for several times is one.
+        let (all, failed) = (self.numbers.len(), self.failed());
         let summary = json!({ "outcomes": rows, "evaluations": self.evaluations });
         let written = self.complete(&summary);
-        if self.kept > 0 {
-            self.speed.insert(0, format!("{} of {all} scenarios were in the record already", self.kept));
+        let mut troubles = self.unnoticed();
+        for trouble in self.session.end() {
+            if !troubles.contains(&trouble) {
+                troubles.push(trouble);
+            }
+        }
+        if !self.kept.is_empty() {
+            self.speed
+                .insert(0, format!("{} of {all} scenarios were in the record already", self.kept.len()));
         }
         let scenarios = failed.first().map(|first| {
             Error::new(format!(
@@ -534,7 +543,14 @@ impl Host {
                 failed.len(),
             ))
         });
-        let failures = [script.err(), rest.err(), written.err(), scenarios, self.check_overrides().err()];
+        let trouble = troubles.first().map(|first| {
+            Error::new(format!(
+                "{first}; what was recorded is kept, but what was computed in the same process before may be wrong"
+            ))
+        });
+        self.warnings.extend(troubles.into_iter().skip(1));
+        let overrides = self.check_overrides().err();
+        let failures = [script.err(), rest.err(), written.err(), scenarios, trouble, overrides];
         Finished {
             record: self.directory.as_ref().map(|directory| directory.path().to_owned()),
             summary,
@@ -544,15 +560,33 @@ impl Host {
         }
     }
 
-    /// The scenarios in which a component failed, in the order of submission.
+    /// The scenarios in which a component failed, in the order of submission, each once.
     fn failed(&self) -> Vec<String> {
-        let of = |(ticket, line): (&Ticket, &Result<Line>)| {
-            let outcome = &line.as_ref().ok()?.outcome;
-            let Submitted { number, name, .. } = self.submitted.get(ticket)?;
-            let error = outcome.error.as_deref().filter(|_| outcome.cause == Cause::Error)?;
-            Some(format!("scenario {number} `{name}`: {error}"))
-        };
-        self.outcomes.iter().filter_map(of).collect()
+        let mut failed = BTreeMap::new();
+        for (ticket, line) in &self.outcomes {
+            if let (Ok(line), Some(Submitted { number, name, .. })) = (line, self.submitted.get(ticket))
+                && line.outcome.cause == Cause::Error
+                && let Some(error) = &line.outcome.error
+            {
+                failed.entry(*number).or_insert_with(|| format!("scenario {number} `{name}`: {error}"));
+            }
+        }
+        failed.into_values().collect()
+    }
+
+    /// How components went wrong when they were made although a scenario went well with them, as one does that crashes only when it
+    /// is dropped.
+    fn unnoticed(&self) -> Vec<String> {
+        let spec = |component: &ComponentSpec| serde_json::to_string(component).unwrap_or_default();
+        let mut good = BTreeSet::new();
+        for line in self.outcomes.values().flatten().filter(|line| line.outcome.cause != Cause::Error) {
+            good.insert((Kind::Simulator, spec(&line.scenario.simulator)));
+            good.insert((Kind::Driver, spec(&line.scenario.driver)));
+            let perturbations = components(&line.scenario.perturbations);
+            good.extend(perturbations.iter().map(|component| (Kind::Perturbation, spec(component))));
+        }
+        let of_good = self.fatal.iter().filter(|(component, _)| good.contains(*component));
+        of_good.map(|(_, error)| error.to_string()).collect()
     }
 
     /// Takes the outcomes that nobody has waited for: all where the script came to its end, and what was in flight where the user

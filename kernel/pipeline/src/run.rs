@@ -10,6 +10,7 @@ use pdk_core::suggest;
 use pdk_lua::shipped::{LIBRARY, PIPELINES};
 use pdk_lua::{Limits, Modules, Sandbox};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::file;
 use pdk_session::interrupt;
 use pdk_session::session::{Options as SessionOptions, Session};
 
@@ -29,6 +30,9 @@ pub struct Options {
     /// Whether nobody reads along: then there are no progress bars and no tables.
     pub quiet: bool,
 }
+
+/// Bytes of a file that may be a pipeline; a script that is compiled may have fewer.
+const LARGEST_PIPELINE: u64 = 16 << 20;
 
 /// The text of a pipeline and where it comes from.
 struct Script {
@@ -54,14 +58,15 @@ impl Script {
             })?;
             return Ok(Self { path: script.name.into(), source: script.source.to_owned(), folder: None });
         }
-        let source = std::fs::read_to_string(pipeline).map_err(|error| unreadable(pipeline, &error))?;
+        let source =
+            file::read_text(pipeline, LARGEST_PIPELINE).map_err(|error| unreadable(pipeline, &error))?;
         let folder =
             pipeline.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         Ok(Self { path: pipeline.to_owned(), source, folder: Some(folder.to_owned()) })
     }
 }
 
-fn unreadable(pipeline: &Path, error: &std::io::Error) -> Error {
+fn unreadable(pipeline: &Path, error: &Error) -> Error {
     let name = pipeline.file_stem().unwrap_or_default().to_string_lossy();
     let hint = match PIPELINES.iter().any(|script| script.name == name) {
         true => format!("; the one that comes with pdk is `pdk run {name}`"),

@@ -112,7 +112,11 @@ impl Replay {
         let mut session = session;
         let replayed =
             Driving { replay: self, session: &mut session, folder: folder.path(), clip }.drive(progress);
-        drop(session);
+        let troubles = session.end();
+        let replayed = replayed.map(|mut replayed| {
+            replayed.warnings.extend(troubles);
+            replayed
+        });
         progress.finish_and_clear();
         let shown = folder.path().to_owned();
         if let Err(error) = folder.close() {

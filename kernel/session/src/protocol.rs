@@ -9,7 +9,7 @@ use pdk_core::catalog::Catalog;
 use pdk_core::search_path::SearchPath;
 use pdk_model::component::ComponentSpec;
 use pdk_model::error::ErrorKind;
-use pdk_model::outcome::Outcome;
+use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::describe::Kind;
@@ -136,6 +136,8 @@ pub enum FromWorker {
     Progress(Progress),
     /// A job is done.
     Done(Done),
+    /// A component took the process along where that is no job's outcome, such as when an instance was dropped; one sentence.
+    Trouble(String),
     /// It cannot go on, and why.
     Failed(String),
 }
@@ -190,6 +192,17 @@ pub enum Answer {
     Failed(Failure),
     /// Something else failed, such as the disk: nothing is to be expected of the next job either.
     Broken(Failure),
+}
+
+impl Answer {
+    /// Whether it is what was asked for, whatever came of the driving.
+    pub fn is_good(&self) -> bool {
+        match self {
+            Self::Driven(driven) => driven.outcome.cause != Cause::Error,
+            Self::Evaluated(_) | Self::Made(_) => true,
+            Self::Failed(_) | Self::Broken(_) => false,
+        }
+    }
 }
 
 /// A scenario's outcome and what else there is to know.

@@ -211,13 +211,27 @@ impl Session {
     }
 }
 
-impl Drop for Session {
-    fn drop(&mut self) {
+impl Session {
+    /// Ends the session: all workers leave. Returns which components took their process along where that is no job's outcome, such
+    /// as when an instance was dropped, a sentence each.
+    pub fn end(&mut self) -> Vec<String> {
         // Where the thread is gone already, its workers are as well.
         let _ = self.requests.send(Event::Close);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
+        let troubles = self.shared.troubles.lock().unwrap_or_else(PoisonError::into_inner);
+        let said = |(sentence, times): (&String, &u64)| match times {
+            1 => sentence.clone(),
+            times => format!("{sentence}, {times} times"),
+        };
+        troubles.iter().map(said).collect()
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.end();
     }
 }
 

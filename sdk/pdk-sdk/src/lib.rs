@@ -45,6 +45,7 @@ pub mod dataset;
 pub mod describe;
 pub mod driver;
 mod export;
+pub mod file;
 pub mod perturbation;
 pub mod saliency;
 pub mod search;

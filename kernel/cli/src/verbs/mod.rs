@@ -7,7 +7,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use pdk_core::registry::Registry;
 use pdk_core::search_path::SearchPath;
 use pdk_core::supervisor::Limits;
-use pdk_core::{calls, eprintln, output, println};
+use pdk_core::{calls, eprintln, inspection, output, println};
 use pdk_lua::LuaScripts;
 use pdk_sdk::error::{Place, Result};
 use pdk_session::connection::Pool;
@@ -126,6 +126,12 @@ enum Verb {
     Export(export::Arguments),
     /// Do jobs for a session: JSON lines on standard input and output (see docs/worker-protocol.md)
     Worker(worker::Arguments),
+    /// Open libraries, and say what came of it
+    #[command(name = inspection::VERB, hide = true)]
+    Inspect {
+        /// The libraries
+        libraries: Vec<PathBuf>,
+    },
     /// Write the completions for a shell to standard output
     Completions {
         /// The shell
@@ -148,13 +154,14 @@ impl Verb {
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
             Verb::Run(_) | Verb::Replay(_) | Verb::Check(_) | Verb::Worker(_) => false,
             Verb::Report(_) | Verb::Road(_) | Verb::Export(_) => false,
-            Verb::Completions { .. } | Verb::Man { .. } => false,
+            Verb::Inspect { .. } | Verb::Completions { .. } | Verb::Man { .. } => false,
         }
     }
 }
 
 /// Runs the verb on the command line.
 pub fn main() -> ExitCode {
+    inspection::enable();
     let cli = Cli::parse();
     if cli.verb.calls_components() && !calls::supervised() {
         return supervised::run().unwrap_or_else(|error| failed(&error));
@@ -176,6 +183,7 @@ pub fn main() -> ExitCode {
         Verb::Replay(arguments) => replay::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Worker(arguments) => worker::run(arguments),
+        Verb::Inspect { libraries } => inspection::serve(libraries),
         Verb::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), "pdk", &mut script);
