@@ -13,7 +13,7 @@ local settings = pdk.settings({
 	road_seed = 1, -- seed of the first road; each further one has the next
 	limit = 35, -- largest angle of a road in degrees
 	attempts = 1000, -- draws until a road is valid
-	duration = 40, -- seconds of simulation time
+	duration = 30, -- seconds of simulation time
 	images_every = 10, -- every how many frames the record keeps an image; 0 for none
 	mode = "lockstep", -- or "realtime": the simulator does not wait for the driver
 })

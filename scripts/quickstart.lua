@@ -9,7 +9,7 @@ local settings = pdk.settings({
 	road = { angles = { 0, 12, -18, 10, 20, -15, -8, 0 }, segment = 25 }, -- degrees turned every 25 m
 	perturbations = { "gaussian_noise", "motion_blur", "fog_filter", "translate_image", "raindrops_on_lens", "dirty_lens" },
 	levels = { 2, 4 },
-	duration = 40, -- seconds of simulation time
+	duration = 30, -- seconds of simulation time
 })
 
 local scenarios = { { name = "nominal" } }

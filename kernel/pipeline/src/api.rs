@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::bridge::{call, frames_of, function, with_host};
 use crate::session_object::{SESSION, SessionObject};
 use crate::values::from_lua;
-use crate::{levels, records};
+use crate::{levels, records, statistics};
 
 /// What a pipeline can call.
 pub const API: ApiTable = ApiTable {
@@ -94,6 +94,12 @@ pub const API: ApiTable = ApiTable {
                   the road would leave the map of 250 x 250 m or cross itself.",
             make: |lua| function(lua, "pdk.road", |host, [request]| host.road(request)),
         },
+        statistics::FAILED_SHARE,
+        statistics::MEAN,
+        statistics::COMPARE,
+        statistics::GROUPS,
+        statistics::FAILING_LEVEL,
+        statistics::NEXT_LEVEL,
         ApiFunction {
             name: "perturbations",
             signature: "(all: boolean?) -> { string }",
@@ -103,6 +109,12 @@ pub const API: ApiTable = ApiTable {
                     Ok(host.perturbations(all == Value::Bool(true)).into())
                 })
             },
+        },
+        ApiFunction {
+            name: "draws",
+            signature: "(perturbation: string) -> boolean",
+            doc: "Whether a perturbation draws anything at random, so that another drive of the same comes out differently.",
+            make: |lua| function(lua, "pdk.draws", |host, [name]| Ok(host.draws(&name)?.into())),
         },
         ApiFunction {
             name: "path",

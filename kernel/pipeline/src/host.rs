@@ -8,7 +8,7 @@ use indicatif::ProgressBar;
 use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SUMMARY};
 use pdk_core::ledger::{Ledger, Line};
 use pdk_core::manifest::{InUse, Machine, Manifest, Module, Pipeline};
-use pdk_core::{output, println};
+use pdk_core::{output, println, suggest};
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Cause;
 use pdk_model::perturbation::AppliedPerturbation;
@@ -438,6 +438,30 @@ impl Host {
         wanted.filter(|c| all || c.description.default).map(|c| c.description.name.clone()).collect()
     }
 
+    /// `pdk.draws`: whether a perturbation draws anything at random.
+    ///
+    /// # Errors
+    /// Where there is none of this name.
+    pub(crate) fn draws(&self, name: &Value) -> Result<bool> {
+        let Some(name) = name.as_str() else {
+            return Err(Error::new(format!("pdk.draws takes the name of a perturbation, not {name}")));
+        };
+        let mut all = self.session.catalog().of_kind(Kind::Perturbation);
+        match all.find(|component| component.description.name == name) {
+            Some(component) => {
+                let description = &component.description;
+                Ok(!(description.drawn_per_sequence.is_empty() && description.drawn_per_frame.is_empty()))
+            }
+            None => {
+                let known = self.perturbations(true);
+                Err(Error::new(format!(
+                    "pdk.draws: there is no perturbation `{name}`; {}",
+                    suggest::hint(name, known.iter().map(String::as_str))
+                )))
+            }
+        }
+    }
+
     /// `pdk.path`: a path that counts from the pipeline's folder.
     pub(crate) fn path(&self, relative: &str) -> String {
         let folder = self.pipeline.path.parent().unwrap_or(Path::new(""));
@@ -663,6 +687,7 @@ fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
         "name": submitted.name,
         "success": outcome.success,
         "cause": outcome.cause,
+        "verdict": outcome.cause.verdict(),
         "error": outcome.error,
         "time": outcome.time,
         "frames": outcome.frames,
@@ -670,6 +695,7 @@ fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
         "progress": outcome.progress,
         "mean_cross_track_error": outcome.mean_cross_track_error,
         "max_cross_track_error": outcome.max_cross_track_error,
+        "measures": outcome.measures,
         "digest": outcome.digest,
     })
 }

@@ -13,6 +13,7 @@
 //! | `evaluation` | the offline loop: frames to lines and sums |
 //! | [`settings`] | `--set` |
 //! | [`road`] | `pdk.road` |
+//! | `statistics` | how sure a conclusion is |
 //! | [`table`], `tables` | results and free tables for people |
 //! | [`records`] | the tables that pipelines write and read, as types for editors |
 
@@ -28,6 +29,7 @@ pub mod road;
 pub mod run;
 mod session_object;
 pub mod settings;
+mod statistics;
 pub mod table;
 mod tables;
 mod values;

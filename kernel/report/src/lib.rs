@@ -16,6 +16,7 @@
 //! | `view` | what a page is about, as plain data |
 //! | `page` | puts the page together; `closed_loop` and `offline` make its parts |
 //! | `heat`, `curve`, `road` | heat maps, curves and roads as pictures; `color` has their colours |
+//! | `tally`, `conclusions` | how scenarios went together, and how sure what follows from it is |
 //! | `text` | numbers, dates and addresses |
 //! | `parallel` | work on all processors |
 //!
@@ -24,6 +25,7 @@
 
 mod closed_loop;
 mod color;
+mod conclusions;
 mod curve;
 mod heat;
 mod offline;
@@ -32,6 +34,7 @@ mod parallel;
 pub mod published;
 pub mod record;
 mod road;
+mod tally;
 mod text;
 mod view;
 

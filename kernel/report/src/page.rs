@@ -43,8 +43,11 @@ const TEMPLATES: [(&str, &str); 5] = [
 /// Where a picture cannot be drawn.
 pub fn render(run: &Run) -> Result<String> {
     let classes = road::classes(&run.drives);
-    let drives =
-        run.drives.iter().map(|drive| closed_loop::section(drive, &classes)).collect::<Result<Vec<_>>>()?;
+    let drives = run
+        .drives
+        .iter()
+        .map(|drive| closed_loop::section(drive, &run.drives, &classes))
+        .collect::<Result<Vec<_>>>()?;
     let evaluations = run.evaluations.iter().map(offline::section).collect::<Result<Vec<_>>>()?;
     let mut verdict = if run.drives.is_empty() { Vec::new() } else { closed_loop::verdict(&run.drives) };
     verdict.extend(run.evaluations.iter().flat_map(offline::verdict));
@@ -134,12 +137,15 @@ mod tests {
             progress: 0.5,
             mean_error: 0.25,
             max_error: 1.5,
+            road_id: nasty(),
+            repeat: 0,
+            measures: Some(Measures { over_line_seconds: 0.75, ..Measures::default() }),
             path: vec![Place::default(), Place { x: 1.0, z: 20.0, error: 1.0 }],
             unreadable: nasty(),
             replay: nasty(),
             clip: crate::text::address(NASTY),
             shots: match verdict {
-                Verdict::Failed => vec![Shot { time: 1.0, raw: vec![1, 2, 3], perturbed: vec![] }],
+                Verdict::Unsafe => vec![Shot { time: 1.0, raw: vec![1, 2, 3], perturbed: vec![] }],
                 _ => vec![],
             },
         };
@@ -174,7 +180,7 @@ mod tests {
                 roads: vec![vec![[0.0, 0.0], [0.0, 30.0]]],
                 scenarios: vec![
                     scenario(0, None, Verdict::Passed),
-                    scenario(1, Some(nasty()), Verdict::Failed),
+                    scenario(1, Some(nasty()), Verdict::Unsafe),
                     scenario(2, Some(nasty()), Verdict::Void),
                 ],
             }],
@@ -246,8 +252,11 @@ mod tests {
         let page = render(&run()).unwrap();
         for part in [
             "driven, and 1 failed (50 %)",
+            ">✗ 3.00 s</td>",
             ">failed</td>",
             "0.250",
+            "0.75",
+            "How sure this is",
             "50 %",
             "1970-01-01 00:00 UTC",
             "2.50",

@@ -1,5 +1,6 @@
 //! What a page is about, as plain data. Texts may hold anything: they are escaped when the page is made.
 
+pub use pdk_model::outcome::{Measures, Verdict};
 use serde::Serialize;
 
 /// A run.
@@ -82,18 +83,6 @@ pub struct Drive {
     pub scenarios: Vec<Scenario>,
 }
 
-/// What a scenario says about the driver.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub enum Verdict {
-    /// The end of the road was reached.
-    #[default]
-    Passed,
-    /// It was not.
-    Failed,
-    /// Nothing: a component failed.
-    Void,
-}
-
 /// A scenario that was driven.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Scenario {
@@ -107,6 +96,10 @@ pub struct Scenario {
     pub level: Option<f64>,
     /// The number of its road in [`Drive::roads`]; none where the simulator did not tell.
     pub road: Option<usize>,
+    /// What tells its road from the others of the run.
+    pub road_id: String,
+    /// Which drive of the same it is.
+    pub repeat: u64,
     /// What it says about the driver.
     pub verdict: Verdict,
     /// How it ended, such as "lane departure".
@@ -123,6 +116,8 @@ pub struct Scenario {
     pub mean_error: f64,
     /// Largest absolute cross-track error in metres.
     pub max_error: f64,
+    /// What else was measured; none where a component failed before anything was.
+    pub measures: Option<Measures>,
     /// Where the vehicle was.
     pub path: Vec<Place>,
     /// Why its trace could not be read, which leaves it without road, path and frames; empty where it could.

@@ -226,10 +226,13 @@ fn topics<'a>(
     Ok(bus)
 }
 
-/// Refuses what no session of pdk asks for: levels that are not on the scale.
+/// Refuses what no session of pdk asks for: levels that are not on the scale, and criteria of failure that nothing can meet.
 fn check(work: &Work) -> Result<()> {
     let perturbations = match work {
-        Work::Drive(drive) => &drive.scenario.perturbations,
+        Work::Drive(drive) => {
+            drive.scenario.failure.check()?;
+            &drive.scenario.perturbations
+        }
         Work::Evaluate(frame) => &frame.evaluation.perturbations,
         Work::Make(_) => return Ok(()),
     };

@@ -63,7 +63,7 @@ pub struct Job {
 #[serde(rename_all = "snake_case")]
 pub enum Work {
     /// Drive a scenario.
-    Drive(Drive),
+    Drive(Box<Drive>),
     /// Evaluate a frame of a dataset.
     Evaluate(EvaluateFrame),
     /// Make a component and say what it is like.

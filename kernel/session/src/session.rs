@@ -99,7 +99,7 @@ impl Session {
 
     /// Submits a scenario that is driven without being recorded, with a trace where the caller wants it.
     pub fn drive(&mut self, drive: Drive) -> Ticket {
-        self.request(Request::Work(Box::new(Work::Drive(drive))))
+        self.request(Request::Work(Box::new(Work::Drive(Box::new(drive)))))
     }
 
     /// Submits a frame of a dataset.

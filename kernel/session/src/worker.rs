@@ -16,7 +16,7 @@ use pdk_sdk::error::{Error, Place, Result};
 use pdk_trace::writer::part_of;
 
 use crate::lines::{self, Found};
-use crate::protocol::{Answer, Done, Drive, Driven, FromWorker, Hello, Job, ToWorker, VERSION, Work};
+use crate::protocol::{Answer, Done, Driven, FromWorker, Hello, Job, ToWorker, VERSION, Work};
 use crate::recorder::write_trace;
 
 /// How often a job is begun whose process somebody else kills, and how often a process is started that is killed before it is ready.
@@ -323,7 +323,9 @@ impl Worker {
 
     /// Removes what a process has written of the job's trace.
     fn remove_part(&self, process: u32) {
-        if let Some(Work::Drive(Drive { trace: Some(trace), .. })) = self.job.as_ref().map(|job| &job.work) {
+        if let Some(Work::Drive(drive)) = self.job.as_ref().map(|job| &job.work)
+            && let Some(trace) = &drive.trace
+        {
             // There may be none.
             let _ = std::fs::remove_file(part_of(trace, process));
         }

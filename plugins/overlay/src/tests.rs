@@ -274,7 +274,7 @@ fn standing_overlays_have_many_pictures() {
     let folder = tempfile::tempdir().unwrap();
     for (name, _) in own_clips() {
         let index = own_index(name, folder.path());
-        let frame = |key: u8| frame_at(&index, Motion::Stands, 0.0, &mut Key([key; 32]).sequence());
+        let frame = |key: u8| frame_at(&index, Motion::Stands, 0.0, &mut Key([key; 32]).sequence()).first;
         let mut frames: Vec<usize> = (0..40).map(frame).collect();
         frames.sort_unstable();
         frames.dedup();
