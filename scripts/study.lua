@@ -76,13 +76,6 @@ for i, outcome in study.drive(settings, scenarios) do
 	entry.increase += outcome.mean_cross_track_error - of[i].nominal
 end
 
--- Wilson's score interval of a share: E. B. Wilson, "Probable inference" (1927).
-local function wilson(failures, n)
-	local share, z2 = failures / n, settings.z * settings.z
-	local middle = (share + z2 / (2 * n)) / (1 + z2 / n)
-	local half = settings.z / (1 + z2 / n) * math.sqrt(share * (1 - share) / n + z2 / (4 * n * n))
-	return math.max(0, middle - half), math.min(1, middle + half)
-end
 local not_driven = {}
 for i = #entries, 1, -1 do
 	if entries[i].scenarios == 0 then
@@ -91,7 +84,7 @@ for i = #entries, 1, -1 do
 end
 for _, entry in entries do
 	entry.failed_share = entry.failures / entry.scenarios
-	entry.failed_share_low, entry.failed_share_high = wilson(entry.failures, entry.scenarios)
+	entry.failed_share_low, entry.failed_share_high = study.wilson(entry.failures, entry.scenarios, settings.z)
 	entry.mean_cross_track_error_increase = entry.increase / entry.scenarios
 	entry.increase = nil
 end

@@ -71,4 +71,12 @@ function study.roads(settings)
 	return driven, left_out
 end
 
+-- Wilson's score interval of a share, `z` standard deviations to both sides: E. B. Wilson, "Probable inference" (1927).
+function study.wilson(failures: number, n: number, z: number): (number, number)
+	local share, z2 = failures / n, z * z
+	local middle = (share + z2 / (2 * n)) / (1 + z2 / n)
+	local half = z / (1 + z2 / n) * math.sqrt(share * (1 - share) / n + z2 / (4 * n * n))
+	return math.max(0, middle - half), math.min(1, middle + half)
+end
+
 return study

@@ -44,7 +44,7 @@ fn greedy_climbs_until_the_first_failure() {
     let mut driven = 1;
     for result in results {
         let name = result["perturbation"].as_str().unwrap();
-        for step in result["mean_cross_track_error"].as_array().unwrap() {
+        for step in result["driven"].as_array().unwrap() {
             driven += 1;
             let outcome = outcome(&outcomes, &format!("{name}@{}, road 1", step["level"]));
             assert_eq!(outcome["mean_cross_track_error"], step["metres"]);
@@ -76,7 +76,7 @@ fn levels_are_climbed_from_the_lowest_and_nothing_counts_twice() {
     let results = greedy["results"].as_array().unwrap();
     assert_eq!(results.len(), 2);
     for result in results {
-        assert_eq!(result["mean_cross_track_error"][0]["level"], 0);
+        assert_eq!(result["driven"][0]["level"], 0);
     }
     let out = folder.path().join("study");
     tiny("study.lua", &out).set("roads", 1).set("perturbations", names).set("levels", "4,0,4").succeed();
@@ -89,6 +89,31 @@ fn levels_are_climbed_from_the_lowest_and_nothing_counts_twice() {
             let out = folder.path().join(format!("{script}-{setting}"));
             tiny(script, &out).set(setting, value).fail(1, &[setting]);
         }
+    }
+}
+
+#[test]
+fn bisection_narrows_the_level_at_which_failing_begins_with_few_drives() {
+    let folder = temp();
+    let out = folder.path().join("greedy");
+    let greedy = |out: &Path| tiny("greedy.lua", out).set("method", "bisection").set("precision", 0.5).set("repeats", 3);
+    greedy(&out).succeed();
+    let results = json_file(&out.join("greedy.json"))["results"].clone();
+    let contrast = &results[0];
+    // The highest level passes, so nothing else is driven.
+    assert_eq!((contrast["driven"].as_array().unwrap().len(), contrast.get("first_failing_level")), (1, None));
+    let translate = &results[1];
+    let level = |name: &str| translate[name].as_f64().unwrap();
+    assert!(level("first_failing_level") - level("highest_passing_level") <= 0.5, "{translate}");
+    let driven = translate["driven"].as_array().unwrap();
+    assert!(driven.len() <= 5, "two ends and three halves: {translate}");
+    let at = |level: &Value| driven.iter().find(|step| step["level"] == *level).unwrap();
+    let fails = |step: &Value| 2 * step["failures"].as_u64().unwrap() >= step["drives"].as_u64().unwrap();
+    assert!(fails(at(&translate["first_failing_level"])) && !fails(at(&translate["highest_passing_level"])));
+    assert!(level("failed_share_low") < level("failed_share"), "{translate}");
+    assert_eq!(json_lines(&out.join("scenarios.jsonl")).len(), 1 + 3 * (1 + driven.len()));
+    for (setting, value, said) in [("method", "luck", "method is luck"), ("precision", "0", "precision is 0"), ("repeats", "0", "repeats is 0")] {
+        greedy(&folder.path().join(setting)).set(setting, value).fail(1, &[said]);
     }
 }
 
@@ -108,7 +133,7 @@ fn an_error_of_a_component_is_no_failure_of_the_driver() {
     let greedy = json_file(&run("greedy.lua").join("greedy.json"));
     let breaks = &greedy["results"][0];
     assert_eq!((&breaks["cause"], breaks.get("first_failing_level")), (&json!("error"), None), "{breaks}");
-    assert_eq!(breaks["mean_cross_track_error"].as_array().unwrap().len(), 1, "it goes no further");
+    assert_eq!(breaks["driven"], json!([]), "it goes no further");
     let ranking = json_file(&run("study.lua").join("ranking.json"));
     assert_eq!(ranking["not_driven"], json!(["breaks"]));
     let entries = ranking["ranking"].as_array().unwrap();

@@ -57,12 +57,18 @@ pub enum Function {
     Name,
     /// A frame of a dataset.
     Read,
+    /// The start of a search.
+    Start,
+    /// The next candidates of a strategy.
+    Ask,
+    /// Results for a strategy.
+    Tell,
     /// The end of an instance.
     Drop,
 }
 
 impl Function {
-    const ALL: [Self; 14] = [
+    const ALL: [Self; 17] = [
         Self::Load,
         Self::New,
         Self::Camera,
@@ -76,6 +82,9 @@ impl Function {
         Self::Len,
         Self::Name,
         Self::Read,
+        Self::Start,
+        Self::Ask,
+        Self::Tell,
         Self::Drop,
     ];
 
@@ -95,6 +104,9 @@ impl Function {
             Self::Len => "len",
             Self::Name => "name",
             Self::Read => "read",
+            Self::Start => "start",
+            Self::Ask => "ask",
+            Self::Tell => "tell",
             Self::Drop => "drop",
         }
     }

@@ -15,7 +15,7 @@ const DEFAULT_IMAGES_EVERY: u64 = 6;
 const LONGEST: f64 = 86_400.0;
 
 /// What a request says for all of its scenarios.
-const SHARED: [&str; 5] = ["simulator", "driver", "duration", "images_every", "mode"];
+pub const SHARED: [&str; 5] = ["simulator", "driver", "duration", "images_every", "mode"];
 
 /// What scenarios have where they do not say it themselves.
 #[derive(Debug, Clone)]
@@ -50,7 +50,11 @@ impl Defaults {
         self.take(&mut Fields::new(function, request, &SHARED)?)
     }
 
-    fn take(self, fields: &mut Fields) -> Result<Self> {
+    /// The defaults among the fields of a table, which has others too.
+    ///
+    /// # Errors
+    /// As for [`Defaults::read`].
+    pub fn take(self, fields: &mut Fields) -> Result<Self> {
         let component = |what: &str, value: Value| match value {
             Value::Null => Ok(None),
             value => ComponentSpec::from_json(what, &value).map(Some),

@@ -1,7 +1,7 @@
 //! The host's side of the boundary: raw components as the traits of the SDK.
 
 use abi_stable::std_types::RBox;
-use pdk_ops::{Frame, FrameBuf, FrameMut};
+use pdk_ops::{Frame, FrameBuf, FrameMut, Key};
 
 use super::{
     Outcome, RawComponent, RawContext, RawDataset_TO, RawDriver_TO, RawFrame, RawFrameMut, RawHeatmap,
@@ -13,7 +13,7 @@ use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, ErrorKind, Result};
 use crate::perturbation::{Context, Perturbation};
 use crate::saliency::{HeatmapMut, Saliency};
-use crate::search::{Candidate, Evaluated, Search};
+use crate::search::{Candidate, Evaluated, Problem, Search};
 use crate::simulator::{Camera, Scenario, Simulator, State};
 
 /// An instance of a component of any kind.
@@ -167,6 +167,10 @@ impl Saliency for HostSaliency {
 struct HostSearch(RawSearch_TO<'static, RBox<()>>);
 
 impl Search for HostSearch {
+    fn start(&mut self, problem: &Problem, key: &Key) -> Result<()> {
+        result(self.0.start(serde_json::to_string(problem)?.as_str().into(), &key.0))
+    }
+
     fn ask(&mut self, n: usize) -> Result<Vec<Candidate>> {
         Ok(serde_json::from_str(&result(self.0.ask(n))?)?)
     }

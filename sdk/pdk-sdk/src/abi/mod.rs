@@ -195,9 +195,11 @@ pub trait RawSaliency: Send {
     fn map(&mut self, frame: RawFrame, out: RawHeatmap) -> Outcome<()>;
 }
 
-/// What crosses the boundary for a search strategy. Candidates and results are JSON.
+/// What crosses the boundary for a search strategy. Problem, candidates and results are JSON.
 #[abi_stable::sabi_trait]
 pub trait RawSearch: Send {
+    /// Begins a search, with the key of everything that it draws.
+    fn start(&mut self, problem: RStr<'_>, key: &[u8; 32]) -> Outcome<()>;
     /// Proposes candidates.
     fn ask(&mut self, n: usize) -> Outcome<RString>;
     /// Learns how candidates did.

@@ -283,6 +283,10 @@ impl<T: Saliency> RawSaliency for Guarded<T> {
 }
 
 impl<T: Search> RawSearch for Guarded<T> {
+    fn start(&mut self, problem: RStr<'_>, key: &[u8; 32]) -> Outcome<()> {
+        self.call(|component, _| component.start(&serde_json::from_str(problem.as_str())?, &Key(*key)))
+    }
+
     fn ask(&mut self, n: usize) -> Outcome<RString> {
         self.call(|component, _| Ok(serde_json::to_string(&component.ask(n)?)?.into()))
     }
