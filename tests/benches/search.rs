@@ -30,8 +30,13 @@ use serde_json::{Map, Value, json};
 type Judge = fn(&[f64]) -> (Vec<f64>, bool);
 
 /// The medians of the hypervolume that `pymoo_reference.py` printed (pymoo 0.6.2, population 75, 200 generations, 20 seeds).
-const PYMOO: &[(&str, f64)] =
-    &[("zdt1", 0.864_574), ("zdt2", 0.529_934), ("zdt3", 1.323_132), ("dtlz2", 0.686_819), ("integer", 35.660_214)];
+const PYMOO: &[(&str, f64)] = &[
+    ("zdt1", 0.864_574),
+    ("zdt2", 0.529_934),
+    ("zdt3", 1.323_132),
+    ("dtlz2", 0.686_819),
+    ("integer", 35.660_214),
+];
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();

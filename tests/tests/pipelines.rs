@@ -96,12 +96,17 @@ fn levels_are_climbed_from_the_lowest_and_nothing_counts_twice() {
 fn bisection_narrows_the_level_at_which_failing_begins_with_few_drives() {
     let folder = temp();
     let out = folder.path().join("greedy");
-    let greedy = |out: &Path| tiny("greedy.lua", out).set("method", "bisection").set("precision", 0.5).set("repeats", 3);
+    let greedy = |out: &Path| {
+        tiny("greedy.lua", out).set("method", "bisection").set("precision", 0.5).set("repeats", 3)
+    };
     greedy(&out).succeed();
     let results = json_file(&out.join("greedy.json"))["results"].clone();
     let contrast = &results[0];
     // The highest level passes, so nothing else is driven.
-    assert_eq!((contrast["driven"].as_array().unwrap().len(), contrast.get("first_failing_level")), (1, None));
+    assert_eq!(
+        (contrast["driven"].as_array().unwrap().len(), contrast.get("first_failing_level")),
+        (1, None)
+    );
     let translate = &results[1];
     let level = |name: &str| translate[name].as_f64().unwrap();
     assert!(level("first_failing_level") - level("highest_passing_level") <= 0.5, "{translate}");
@@ -112,7 +117,11 @@ fn bisection_narrows_the_level_at_which_failing_begins_with_few_drives() {
     assert!(fails(at(&translate["first_failing_level"])) && !fails(at(&translate["highest_passing_level"])));
     assert!(level("failed_share_low") < level("failed_share"), "{translate}");
     assert_eq!(json_lines(&out.join("scenarios.jsonl")).len(), 1 + 3 * (1 + driven.len()));
-    for (setting, value, said) in [("method", "luck", "method is luck"), ("precision", "0", "precision is 0"), ("repeats", "0", "repeats is 0")] {
+    for (setting, value, said) in [
+        ("method", "luck", "method is luck"),
+        ("precision", "0", "precision is 0"),
+        ("repeats", "0", "repeats is 0"),
+    ] {
         greedy(&folder.path().join(setting)).set(setting, value).fail(1, &[said]);
     }
 }

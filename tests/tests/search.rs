@@ -68,7 +68,8 @@ fn table(out: &Path) -> String {
 fn every_strategy_searches_and_what_it_proposes_follows_from_the_seed() {
     let folder = temp();
     let script = script(folder.path(), CORNER);
-    let strategies = ["random", "grid", "sobol", "latin_hypercube", "nsga2", "nsga2_dt", "surrogate", "map_elites"];
+    let strategies =
+        ["random", "grid", "sobol", "latin_hypercube", "nsga2", "nsga2_dt", "surrogate", "map_elites"];
     for strategy in strategies {
         let [a, b, c] = ["a", "b", "c"].map(|name| folder.path().join(format!("{strategy}-{name}")));
         let search = |out: &Path| run(&script, out).set("strategy", strategy);
@@ -80,8 +81,13 @@ fn every_strategy_searches_and_what_it_proposes_follows_from_the_seed() {
         let found = json_file(&a.join("search.json"));
         assert_eq!(found, json_file(&a.join("found.json")));
         let tests = found["tests"].as_array().unwrap();
-        let distinct: std::collections::BTreeSet<String> = tests.iter().map(|test| test["values"].to_string()).collect();
-        assert_eq!(found["evaluations"], distinct.len(), "{strategy}: the budget counts different candidates");
+        let distinct: std::collections::BTreeSet<String> =
+            tests.iter().map(|test| test["values"].to_string()).collect();
+        assert_eq!(
+            found["evaluations"],
+            distinct.len(),
+            "{strategy}: the budget counts different candidates"
+        );
         assert_eq!(found["duplicates"], tests.len() - distinct.len());
         assert!(found["critical"].as_u64().unwrap() > 0, "{strategy} found nothing");
         // A line for each test, and the header.
@@ -200,10 +206,17 @@ fn candidates_that_cannot_be_evaluated_are_recorded() {
         let out = folder.path().join("out");
         let ran = run(&script(folder.path(), &evaluate(body)), &out).succeed();
         let found = json_file(&out.join("search.json"));
-        assert_eq!((&found["evaluations"], &found["failures"]), (&Value::from(40), &Value::from(10)), "{name}");
+        assert_eq!(
+            (&found["evaluations"], &found["failures"]),
+            (&Value::from(40), &Value::from(10)),
+            "{name}"
+        );
         let failed: Vec<&str> =
             found["tests"].as_array().unwrap().iter().filter_map(|test| test["failure"].as_str()).collect();
-        assert!(failed.len() == 10 && failed.iter().all(|failure| failure.contains(said)), "{name}: {failed:?}");
+        assert!(
+            failed.len() == 10 && failed.iter().all(|failure| failure.contains(said)),
+            "{name}: {failed:?}"
+        );
         assert!(ran.stderr.contains("10 of 40 candidates could not be evaluated"), "{}", ran.stderr);
     }
 }
@@ -235,20 +248,33 @@ fn what_cannot_be_searched_is_said_in_one_sentence() {
         assert!(CORNER.contains(from), "{from}");
         script(folder.path(), &CORNER.replace(from, to))
     };
-    let space = "{ x = { real = { 0, 1 } }, n = { integer = { 0, 9 } }, kind = { choice = { \"a\", \"b\" } } }";
+    let space =
+        "{ x = { real = { 0, 1 } }, n = { integer = { 0, 9 } }, kind = { choice = { \"a\", \"b\" } } }";
     for (from, to, said) in [
         (space, "{}", "the space has no variables"),
         ("{ 0, 9 }", "{ 9, 0 }", "variable `n`: the range 9 to 0 is empty"),
         ("n = { integer", "n = { whole", "the variable `n` is"),
         ("\"minimise\"", "\"less\"", "\"minimise\" or \"maximise\""),
-        ("stop = { evaluations = settings.evaluations }", "stop = {}", "has to name `evaluations` or `seconds`"),
+        (
+            "stop = { evaluations = settings.evaluations }",
+            "stop = {}",
+            "has to name `evaluations` or `seconds`",
+        ),
         ("settings.strategy,", "\"nsga3\",", "nsga3"),
         ("settings.strategy,", "{ name = \"nsga2\", populaton = 3 },", "has no parameter `populaton`"),
         ("settings.strategy,", "{ name = \"map_elites\", features = { \"z\" } },", "`z` is no variable"),
         ("return { objectives", "return { objektives", "none of the first 20 candidates could be evaluated"),
         ("settings.strategy,", "{ ask = function() error('gone') end },", "gone"),
-        ("settings.strategy,", "{ ask = function(n) return table.create(n + 1, {}) end },", "asked for 16 candidates"),
-        ("settings.strategy,", "{ ask = function() return { { x = 2, n = 0, kind = 'a' } } end },", "none of the first 20"),
+        (
+            "settings.strategy,",
+            "{ ask = function(n) return table.create(n + 1, {}) end },",
+            "asked for 16 candidates",
+        ),
+        (
+            "settings.strategy,",
+            "{ ask = function() return { { x = 2, n = 0, kind = 'a' } } end },",
+            "none of the first 20",
+        ),
     ] {
         run(&with(from, to), &out).fail(1, &[said]);
     }
@@ -275,7 +301,11 @@ fn a_strategy_that_misbehaves_ends_the_search_with_a_sentence() {
     }
     let out = folder.path().join("hang");
     let strategy = r#"{"name":"misbehave","how":"hang_in_ask"}"#;
-    run(&script, &out).misbehave().set("strategy", strategy).set("patience", 1).fail(1, &["search `misbehave` in `ask`"]);
+    run(&script, &out)
+        .misbehave()
+        .set("strategy", strategy)
+        .set("patience", 1)
+        .fail(1, &["search `misbehave` in `ask`"]);
 }
 
 #[test]

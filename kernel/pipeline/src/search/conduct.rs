@@ -171,7 +171,7 @@ impl Search {
     /// Takes in a candidate, and begins to evaluate it where it is new.
     fn take(&mut self, lua: &Lua, candidate: Candidate) -> mlua::Result<()> {
         let values = candidate.values.clone();
-        let Admitted::New(_) = self.trials.admit(candidate).map_err(ExternalError::into_lua_err)? else {
+        let Admitted::New = self.trials.admit(candidate).map_err(ExternalError::into_lua_err)? else {
             return Ok(());
         };
         let values = to_lua(lua, &Value::Object(values))?;

@@ -51,7 +51,7 @@ pub struct Trials {
 /// What is to be done with a candidate.
 pub enum Admitted {
     /// It has to be evaluated.
-    New(Vec<f64>),
+    New,
     /// All is known.
     Known,
 }
@@ -113,24 +113,25 @@ impl Trials {
                 return Ok(Admitted::Known);
             }
         };
-        trial.positions = Some(positions.clone());
-        // Equal positions are equal values, however these are written.
+                // Equal positions are equal values, however these are written.
         let key = format!("{positions:?}");
         if let Some(&first) = self.known.get(&key) {
             self.duplicates += 1;
+            trial.positions = Some(positions);
             trial.same_as = Some(first);
             trial.state = State::Same(first);
             self.all.push(trial);
             return Ok(Admitted::Known);
         }
         self.known.insert(key, number);
-        self.all.push(trial);
         let violations = self.problem.space.violations(&positions);
+        trial.positions = Some(positions);
+        self.all.push(trial);
         if violations.iter().any(|violation| *violation > 0.0) {
             self.complete(State::Done(Verdict { violations, ..Verdict::default() }));
             return Ok(Admitted::Known);
         }
-        Ok(Admitted::New(positions))
+        Ok(Admitted::New)
     }
 
     /// Says what becomes of the candidate that was admitted last.
