@@ -46,10 +46,10 @@ pub struct Arguments {
 /// Shrinks, and writes what is left as a pipeline.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let Arguments { record, scenario, output, clip, precision, draws, .. } = arguments;
-    if !(*precision > 0.0) {
+    if precision.is_nan() || *precision <= 0.0 {
         return Err(Error::new(format!("--precision is {precision}, but has to be more than 0")));
     }
-    if !output.extension().is_some_and(|ending| ending == "lua") {
+    if output.extension().is_none_or(|ending| ending != "lua") {
         return Err(Error::new(format!(
             "the name of the pipeline, {}, has to end in .lua",
             output.display()

@@ -113,7 +113,7 @@ impl Trials {
                 return Ok(Admitted::Known);
             }
         };
-                // Equal positions are equal values, however these are written.
+        // Equal positions are equal values, however these are written.
         let key = format!("{positions:?}");
         if let Some(&first) = self.known.get(&key) {
             self.duplicates += 1;
