@@ -282,9 +282,9 @@ mod tests {
         // 6 of 240.
         let points = grid(|x| x[0] >= 3.8 && x[1] >= 2.0);
         let limits = Limits { leaf: 3, split_share: 0.0, ..PUBLISHED };
-        assert!(critical_regions(&points, Limits { decrease: 0.1, ..limits }).is_empty());
+        assert!(critical_regions(&points, Limits { decrease: 0.08, ..limits }).is_empty());
         assert_eq!(
-            critical_regions(&points, Limits { decrease: 0.1, balanced: true, ..limits }),
+            critical_regions(&points, Limits { decrease: 0.08, balanced: true, ..limits }),
             ["level >= 3.7 and perturbation >= rain"]
         );
     }
