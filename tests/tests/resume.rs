@@ -135,7 +135,7 @@ fn the_record_of_another_run_is_refused_and_kept() {
     let kept = fs::read_to_string(&manifest).unwrap();
     let start = kept.find("\"blake3\": \"").unwrap() + 11;
     fs::write(&manifest, format!("{}{}{}", &kept[..start], "0".repeat(64), &kept[start + 64..])).unwrap();
-    again().fail(1, &["the file of the", "is another", "--out"]);
+    again().fail(1, &["the file of the", "is not that of the plugin", "--out"]);
     fs::write(&manifest, kept).unwrap();
     assert_equal(&out, &expected);
 

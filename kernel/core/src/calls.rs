@@ -57,18 +57,22 @@ pub enum Function {
     Name,
     /// A frame of a dataset.
     Read,
-    /// The start of a search.
+    /// The size of a saliency map.
+    MapSize,
+    /// A frame for a saliency method.
+    Map,
+    /// The beginning of a search.
     Start,
-    /// The next candidates of a strategy.
+    /// Candidates of a search.
     Ask,
-    /// Results for a strategy.
+    /// Results for a search.
     Tell,
     /// The end of an instance.
     Drop,
 }
 
 impl Function {
-    const ALL: [Self; 17] = [
+    const ALL: [Self; 19] = [
         Self::Load,
         Self::New,
         Self::Camera,
@@ -82,6 +86,8 @@ impl Function {
         Self::Len,
         Self::Name,
         Self::Read,
+        Self::MapSize,
+        Self::Map,
         Self::Start,
         Self::Ask,
         Self::Tell,
@@ -104,6 +110,8 @@ impl Function {
             Self::Len => "len",
             Self::Name => "name",
             Self::Read => "read",
+            Self::MapSize => "map_size",
+            Self::Map => "map",
             Self::Start => "start",
             Self::Ask => "ask",
             Self::Tell => "tell",

@@ -12,7 +12,7 @@ use pdk_sdk::error::{Place, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::catalog::Catalog;
+use crate::catalog::{Catalog, Entry, PluginRecord};
 
 /// The manifest of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -42,7 +42,7 @@ pub struct Manifest {
 /// The pipeline of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Pipeline {
-    /// The file.
+    /// The file, or the name of one that is part of pdk.
     pub path: PathBuf,
     /// Its text.
     pub source: String,
@@ -71,8 +71,11 @@ pub struct ComponentRecord {
     pub name: String,
     /// The version of its algorithm.
     pub version: u32,
-    /// The library or script that it comes from.
+    /// The library or script that it comes from; a script that is part of pdk has `built-in:` and its name for a path.
     pub file: FileRecord,
+    /// The plugin that the library is; none for a script.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plugin: Option<PluginRecord>,
     /// What it decided itself when it was made, such as the library that runs a network.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub info: Vec<(String, String)>,
@@ -148,7 +151,7 @@ impl Manifest {
     pub fn changed_parts(&self, recorded: &Manifest, places_count: bool) -> Vec<String> {
         let mut changed = Vec::new();
         // A library holds many components, and its content is said to be another once.
-        let mut other_files: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
+        let mut other_files: BTreeMap<&Path, (Vec<String>, &ComponentRecord)> = BTreeMap::new();
         for component in &self.components {
             let same = |c: &&ComponentRecord| c.kind == component.kind && c.name == component.name;
             let Some(first) = recorded.components.iter().find(same) else { continue };
@@ -157,7 +160,8 @@ impl Manifest {
                 changed.push(differs(&format!("the version of {name}"), &first.version, &component.version));
             }
             if first.file.blake3 != component.file.blake3 {
-                let names = other_files.entry(&component.file.path).or_default();
+                let (names, _) =
+                    other_files.entry(&component.file.path).or_insert_with(|| (Vec::new(), first));
                 if !names.contains(&name) {
                     names.push(name.clone());
                 }
@@ -181,9 +185,12 @@ impl Manifest {
                 ));
             }
         }
-        for (path, names) in other_files {
-            let path = path.display();
-            changed.push(format!("the file of {}, {path}, is another", names.join(", ")));
+        for (path, (names, first)) in other_files {
+            let (names, path) = (names.join(", "), path.display());
+            let other = first
+                .origin(&recorded.pdk)
+                .map_or_else(|| "another".to_owned(), |origin| format!("not that of {origin}"));
+            changed.push(format!("the file of {names}, {path}, is {other}"));
         }
         for file in &self.files {
             let known = recorded.files.iter().find(|known| known.path == file.path);
@@ -217,6 +224,20 @@ pub fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value
         return pairs.find_map(|(position, (was, is))| difference(&format!("{place}[{position}]"), was, is));
     }
     (was != is).then(|| (format!("`{place}`"), was.clone(), is.clone()))
+}
+
+impl ComponentRecord {
+    /// The very plugin that it was in, with its hash and where to get it; none where it was in a script. `pdk` is the version of
+    /// pdk then.
+    pub fn origin(&self, pdk: &str) -> Option<String> {
+        let PluginRecord { name, version, homepage, built_in } = self.plugin.as_ref()?;
+        let place = match homepage.as_str() {
+            _ if *built_in => format!("which came with pdk {pdk}"),
+            "" => "to be had from its author".to_owned(),
+            homepage => format!("to be had at {homepage}"),
+        };
+        Some(format!("the plugin {name} {version} (BLAKE3 {}), {place}", self.file.blake3))
+    }
 }
 
 impl Machine {
@@ -267,11 +288,13 @@ impl InUse {
         let entry = catalog.get(kind, name)?;
         let known = self.components.iter().any(|c| c.kind == kind && c.name == name && c.info == info);
         if !known {
+            let code = catalog.code_of(entry);
             self.components.insert(ComponentRecord {
                 kind,
                 name: name.to_owned(),
                 version: entry.description.version,
-                file: self.hashed(catalog.code_of(entry))?,
+                file: self.hashed(code)?,
+                plugin: code.plugin.clone(),
                 info,
             });
         }
@@ -329,10 +352,17 @@ impl InUse {
         Ok(())
     }
 
-    /// The record of a file with code, which many components share and which is read once.
-    fn hashed(&self, path: &Path) -> Result<FileRecord> {
-        let known = self.components.iter().map(|component| &component.file).find(|file| file.path == path);
-        known.cloned().map_or_else(|| FileRecord::of(path), Ok)
+    /// The record of what has a component's code. A library, which many components share, is read once.
+    fn hashed(&self, code: &Entry) -> Result<FileRecord> {
+        if let Some(blake3) = &code.blake3 {
+            return Ok(FileRecord { path: code.file.clone(), blake3: blake3.clone() });
+        }
+        let known = self.components.iter().map(|component| &component.file);
+        known
+            .clone()
+            .find(|file| file.path == code.file)
+            .cloned()
+            .map_or_else(|| FileRecord::of(&code.file), Ok)
     }
 
     /// The components, in order.

@@ -12,7 +12,7 @@ use ort::value::TensorRef;
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
-use crate::model_file::{ModelFile, SpeedInput};
+use crate::model_file::{ModelFile, Source, SpeedInput};
 use crate::session::Session;
 
 /// The library in use. It stays loaded until the process ends.
@@ -94,16 +94,19 @@ impl OnnxRuntime {
     /// Where ONNX Runtime cannot run the model.
     pub fn new(model: &ModelFile, runtime: Arc<Runtime>) -> Result<Self> {
         let place = "it cannot prepare the model";
-        let session = OrtSession::builder(&runtime.environment)
+        let mut builder = OrtSession::builder(&runtime.environment)
             .place(place)?
             .with_intra_threads(1)
             .place(place)?
             .with_inter_threads(1)
             .place(place)?
             .with_deterministic_compute(true)
-            .place(place)?
-            .commit_from_file(&model.path)
             .place(place)?;
+        let session = match &model.source {
+            Source::File(path) => builder.commit_from_file(path),
+            Source::BuiltIn(bytes) => builder.commit_from_memory(bytes),
+        }
+        .place(place)?;
         Ok(Self { session, shape: model.input.shape(), speed: model.speed.clone(), runtime })
     }
 }

@@ -10,7 +10,7 @@ use tract_onnx::tract_core::model::TypedSimpleState;
 use tract_onnx::tract_hir::infer::InferenceFact;
 
 use crate::locate;
-use crate::model_file::ModelFile;
+use crate::model_file::{ModelFile, Source};
 use crate::session::Session;
 
 /// A network that tract runs.
@@ -68,7 +68,11 @@ impl Tract {
 fn prepare(model: &ModelFile) -> TractResult<TypedSimpleState> {
     // What the file says about intermediate shapes names the batch, which is 1 here.
     let onnx = tract_onnx::onnx().with_ignore_value_info(true);
-    let folder = model.path.parent().and_then(|folder| folder.to_str());
+    // Weights may lie in files beside the model's.
+    let folder = match &model.source {
+        Source::File(path) => path.parent().and_then(|folder| folder.to_str()),
+        Source::BuiltIn(_) => None,
+    };
     let parsed = onnx.parse(&model.proto, folder)?;
     if !parsed.unresolved_inputs.is_empty() {
         return Err(TractError::msg(format!("nothing computes {}", parsed.unresolved_inputs.join(", "))));

@@ -29,7 +29,7 @@ use crate::describe::{Description, LEVELS};
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, Result};
 use crate::perturbation::{Context, Perturbation};
-use crate::saliency::{HeatmapMut, Saliency};
+use crate::saliency::{HeatmapMut, MapContext, Saliency};
 use crate::search::{Evaluated, Problem, Range, Search, Space, Variable};
 use crate::simulator::{Scenario, Simulator};
 
@@ -46,9 +46,36 @@ const SIZES: [(usize, usize); 4] = [(1, 1), (3, 2), (33, 17), (160, 120)];
 pub fn perturbation<T: Component + Perturbation + 'static>() {
     let description = T::description();
     let mut make = |config: &Config| Ok(Box::new(T::new(config)?) as Box<dyn Perturbation>);
-    for config in configs(&description) {
-        let checked = config.and_then(|config| check_perturbation(&description, &config, &mut make));
-        if let Err(error) = checked {
+    for_each_config(&description, |config| check_perturbation(&description, config, &mut make));
+}
+
+/// One function for each other kind.
+macro_rules! on_types {
+    ($($function:ident: $bound:ident by $check:ident;)*) => {
+        $(
+            #[doc = concat!("Runs [`", stringify!($check), "`] on a type, in a test.")]
+            ///
+            /// # Panics
+            /// Where a check fails, with its sentence.
+            pub fn $function<T: Component + $bound + 'static>() {
+                let mut make = |config: &Config| Ok(Box::new(T::new(config)?) as Box<dyn $bound>);
+                for_each_config(&T::description(), |config| $check(config, &mut make));
+            }
+        )*
+    };
+}
+
+on_types! {
+    driver: Driver by check_driver;
+    simulator: Simulator by check_simulator;
+    saliency: Saliency by check_saliency;
+    search: Search by check_search;
+    dataset: Dataset by check_dataset;
+}
+
+fn for_each_config(description: &Description, mut check: impl FnMut(&Config) -> Result<()>) {
+    for config in configs(description) {
+        if let Err(error) = config.and_then(|config| check(&config)) {
             panic!("{}: {error}", description.name);
         }
     }
@@ -207,9 +234,17 @@ pub fn check_simulator(config: &Config, make: Make<'_, dyn Simulator>) -> Result
 pub fn check_saliency(config: &Config, make: Make<'_, dyn Saliency>) -> Result<()> {
     let mut method = make(config)?;
     let frame = sample_frame(160, 120);
-    let mut maps = [vec![f32::NAN; 160 * 120], vec![f32::NAN; 160 * 120]];
+    let [width, height] = method.map_size(160, 120)?;
+    ensure((1..=160).contains(&width) && (1..=120).contains(&height), || {
+        format!(
+            "its map of a frame of 160x120 has {width}x{height} values; it has to have one, and no more than the frame has pixels"
+        )
+    })?;
+    let key = Key([9; 32]);
+    let mut maps = [vec![f32::NAN; width * height], vec![f32::NAN; width * height]];
     for map in &mut maps {
-        method.map(frame.as_ref(), HeatmapMut::new(map, 160, 120)?)?;
+        let cx = MapContext { frame_index: 5, time: 0.25, key: &key };
+        method.map(frame.as_ref(), &cx, HeatmapMut::new(map, width, height)?)?;
         ensure(map.iter().all(|value| (0.0..=1.0).contains(value)), || {
             "its map has values that are not from 0 to 1, or that were not written".to_owned()
         })?;
@@ -314,7 +349,7 @@ pub fn check_dataset(config: &Config, make: Make<'_, dyn Dataset>) -> Result<()>
     let before = dataset.read(last)?;
     dataset.read(0)?;
     ensure([before.steering, before.throttle, before.time].iter().all(|value| value.is_finite()), || {
-        "its last frame has a steering, throttle or time that is no number".to_owned()
+        "its last frame has a steering, throttle or time that is not a number".to_owned()
     })?;
     ensure(before == dataset.read(last)?, || "the same frame is read differently the second time".to_owned())
 }

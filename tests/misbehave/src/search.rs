@@ -38,6 +38,7 @@ impl Search for Misbehaving {
     fn start(&mut self, problem: &Problem, _key: &Key) -> Result<()> {
         self.manner.reach("start");
         self.space = Some(problem.space.clone());
+        self.asked = 0;
         Ok(())
     }
 

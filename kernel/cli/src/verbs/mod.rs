@@ -1,15 +1,15 @@
 //! The command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use pdk_core::registry::Registry;
 use pdk_core::search_path::SearchPath;
 use pdk_core::supervisor::Limits;
 use pdk_core::{calls, eprintln, output, println};
 use pdk_lua::LuaScripts;
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Place, Result};
 use pdk_session::connection::Pool;
 use pdk_session::interrupt;
 use pdk_session::session::{Options, Session};
@@ -22,6 +22,7 @@ mod export;
 mod list;
 mod new;
 mod perturb;
+mod plugin;
 mod preview;
 mod reference;
 mod replay;
@@ -77,6 +78,9 @@ impl Global {
         for refused in registry.refused() {
             eprintln!("pdk: warning: {refused}");
         }
+        for skipped in registry.skipped() {
+            eprintln!("pdk: warning: {skipped}");
+        }
         Ok(registry)
     }
 
@@ -109,6 +113,8 @@ enum Verb {
     New(new::Arguments),
     /// Check a plugin before shipping it
     Check(check::Arguments),
+    /// Install, list and remove plugins
+    Plugin(plugin::Arguments),
     /// Say what is installed, what is missing and what to do
     Doctor(doctor::Arguments),
     /// Write a page about a run: what failed, when, where and how often
@@ -128,6 +134,12 @@ enum Verb {
         /// The shell
         shell: clap_complete::Shell,
     },
+    /// Write the manual pages to a folder
+    Man {
+        /// The folder, which is made where it is missing
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
 }
 
 impl Verb {
@@ -135,10 +147,11 @@ impl Verb {
     fn calls_components(&self) -> bool {
         match self {
             Verb::Perturb(_) | Verb::Preview(_) | Verb::Reference(_) | Verb::List(_) | Verb::Show(_) => true,
-            Verb::New(_) | Verb::Doctor(_) => true,
+            Verb::New(_) | Verb::Doctor(_) | Verb::Plugin(_) => true,
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
             Verb::Run(_) | Verb::Replay(_) | Verb::Shrink(_) | Verb::Check(_) | Verb::Worker(_) => false,
-            Verb::Report(_) | Verb::Road(_) | Verb::Export(_) | Verb::Completions { .. } => false,
+            Verb::Report(_) | Verb::Road(_) | Verb::Export(_) => false,
+            Verb::Completions { .. } | Verb::Man { .. } => false,
         }
     }
 }
@@ -159,6 +172,7 @@ pub fn main() -> ExitCode {
         Verb::Show(arguments) => show::run(global, arguments),
         Verb::New(arguments) => new::run(global, arguments),
         Verb::Check(arguments) => check::run(global, arguments),
+        Verb::Plugin(arguments) => plugin::run(global, arguments),
         Verb::Doctor(arguments) => doctor::run(global, arguments),
         Verb::Report(arguments) => report::run(global, arguments),
         Verb::Road(arguments) => road::run(global, arguments),
@@ -167,12 +181,12 @@ pub fn main() -> ExitCode {
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Worker(arguments) => worker::run(arguments),
         Verb::Completions { shell } => {
-            use clap::CommandFactory;
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), "pdk", &mut script);
             output::bytes(&script);
             Ok(())
         }
+        Verb::Man { folder } => manual(folder),
     };
     let code = match result.and_then(|()| output::finish()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -181,6 +195,13 @@ pub fn main() -> ExitCode {
     // What comes now is a regular end.
     calls::done();
     code
+}
+
+/// Writes a manual page for `pdk` and one for each verb.
+fn manual(folder: &Path) -> Result<()> {
+    let place = || format!("cannot write the manual pages to {}", folder.display());
+    std::fs::create_dir_all(folder).place(place())?;
+    clap_mangen::generate_to(Cli::command(), folder).place(place())
 }
 
 /// Says what went wrong. An interrupted run has the exit code that the signal would have given it.

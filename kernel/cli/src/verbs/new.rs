@@ -4,9 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
 use pdk_core::catalog::Catalog;
-use pdk_core::println;
-use pdk_sdk::SDK_VERSION;
+use pdk_core::{installation, println};
+use pdk_lua::shipped::PIPELINES;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
 
@@ -22,17 +23,24 @@ pub struct Arguments {
     /// The folder to write to [default: the working directory]
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// The folder of the pdk-sdk crate that a plugin builds against [default: the one that pdk was built from, else the registry's]
+    /// The folder of the pdk-sdk crate that a plugin builds against [default: the one that comes with pdk]
     #[arg(long, value_name = "DIR")]
     sdk: Option<PathBuf>,
+    /// Begin a pipeline with a copy of this one that comes with pdk
+    #[arg(long, value_name = "PIPELINE", value_parser = PossibleValuesParser::new(PIPELINES.iter().map(|script| script.name)))]
+    from: Option<String>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 enum What {
     /// A perturbation in Lua: one file
     Perturbation,
-    /// A plugin in Rust: a crate of its own
+    /// A plugin in Rust with a perturbation: a crate of its own
     Plugin,
+    /// A plugin in Rust with a simulator: a crate of its own
+    Simulator,
+    /// A plugin in Rust with a driver: a crate of its own
+    Driver,
     /// A pipeline in Lua: one file
     Pipeline,
 }
@@ -46,8 +54,11 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             "`{name}` is not a name; use lower-case letters, digits and underscores, with a letter first"
         )));
     }
-    if matches!(arguments.what, What::Perturbation | What::Plugin) {
-        refuse_taken(global.registry()?.catalog(), name)?;
+    if arguments.from.is_some() && !matches!(arguments.what, What::Pipeline) {
+        return Err(Error::new("--from is for pipelines; leave it out, or write `pdk new pipeline`"));
+    }
+    if let Some(kind) = arguments.what.kind() {
+        refuse_taken(global.registry()?.catalog(), kind, name)?;
     }
     let folder = arguments.out.clone().unwrap_or_default();
     match arguments.what {
@@ -59,38 +70,75 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         }
         What::Pipeline => {
             let file = folder.join(format!("{name}.lua"));
-            write(&file, include_str!("../../templates/pipeline.lua"), arguments)?;
+            let copied = PIPELINES.iter().find(|script| Some(script.name) == arguments.from.as_deref());
+            let template =
+                copied.map_or(include_str!("../../templates/pipeline.lua"), |script| script.source);
+            write(&file, template, arguments)?;
             println!("Wrote {}. Try it:\n  pdk run {}", file.display(), file.display());
         }
-        What::Plugin => {
-            let folder = folder.join(name);
-            if folder.exists() {
-                return Err(Error::new(format!("{} exists already; choose another name", folder.display())));
-            }
-            for (file, text) in [
-                ("Cargo.toml", include_str!("../../templates/plugin/Cargo.toml.txt")),
-                ("src/lib.rs", include_str!("../../templates/plugin/lib.rs.txt")),
-                ("README.md", include_str!("../../templates/plugin/README.md")),
-                (".gitignore", "/target\n"),
-            ] {
-                write(&folder.join(file), text, arguments)?;
-            }
-            let library = format!("target/release/lib{name}.{}", std::env::consts::DLL_EXTENSION);
-            println!("Wrote {}. Build, test and check it:", folder.display());
-            println!(
-                "  cd {} && cargo test --release && cargo build --release && pdk check {library}",
-                folder.display()
-            );
-        }
+        What::Plugin | What::Simulator | What::Driver => write_crate(&folder.join(name), arguments)?,
     }
     Ok(())
 }
 
-/// Refuses the name of a perturbation that is there already: one of the two would be left out.
-fn refuse_taken(catalog: &Catalog, name: &str) -> Result<()> {
-    match catalog.get(Kind::Perturbation, name) {
+impl What {
+    /// The kind of the component that is written; none for a pipeline.
+    fn kind(self) -> Option<Kind> {
+        match self {
+            What::Perturbation | What::Plugin => Some(Kind::Perturbation),
+            What::Simulator => Some(Kind::Simulator),
+            What::Driver => Some(Kind::Driver),
+            What::Pipeline => None,
+        }
+    }
+}
+
+/// Writes the crate of a plugin.
+fn write_crate(folder: &Path, arguments: &Arguments) -> Result<()> {
+    let (name, shown) = (&arguments.name, folder.display());
+    if folder.exists() {
+        return Err(Error::new(format!("{shown} exists already; choose another name")));
+    }
+    let (source, readme) = match arguments.what {
+        What::Simulator => (
+            include_str!("../../templates/simulator/lib.rs.txt"),
+            include_str!("../../templates/simulator/README.md"),
+        ),
+        What::Driver => (
+            include_str!("../../templates/driver/lib.rs.txt"),
+            include_str!("../../templates/driver/README.md"),
+        ),
+        What::Plugin | What::Perturbation | What::Pipeline => (
+            include_str!("../../templates/plugin/lib.rs.txt"),
+            include_str!("../../templates/plugin/README.md"),
+        ),
+    };
+    let mut dependencies = format!("pdk-sdk = {}\n", sdk_dependency(arguments)?);
+    if source.contains("libm::") {
+        dependencies = format!("libm = \"0.2\"\n{dependencies}");
+    }
+    let package =
+        include_str!("../../templates/plugin/Cargo.toml.txt").replace("{{dependencies}}", &dependencies);
+    for (file, text) in [
+        ("Cargo.toml", package.as_str()),
+        ("src/lib.rs", source),
+        ("README.md", readme),
+        (".gitignore", "/target\n"),
+    ] {
+        write(&folder.join(file), text, arguments)?;
+    }
+    let library = format!("target/release/lib{name}.{}", std::env::consts::DLL_EXTENSION);
+    println!("Wrote {shown}. Build, test, check and install it:");
+    println!("  cd {shown} && cargo test --release && cargo build --release");
+    println!("  pdk check {library} && pdk plugin add {library}");
+    Ok(())
+}
+
+/// Refuses the name of a component that is there already: one of the two would be left out.
+fn refuse_taken(catalog: &Catalog, kind: Kind, name: &str) -> Result<()> {
+    match catalog.get(kind, name) {
         Ok(taken) => Err(Error::new(format!(
-            "there is a perturbation `{name}` already, in {}; choose another name",
+            "there is a {kind} `{name}` already, in {}; choose another name",
             taken.file.display()
         ))),
         Err(_) => Ok(()),
@@ -99,8 +147,7 @@ fn refuse_taken(catalog: &Catalog, name: &str) -> Result<()> {
 
 /// Writes a file from a template; never over one that is there.
 fn write(file: &Path, template: &str, arguments: &Arguments) -> Result<()> {
-    let text = template.replace("{{name}}", &arguments.name).replace("{{sdk}}", &sdk_dependency(arguments)?);
-    let text = text.replace("{{type}}", &type_name(&arguments.name));
+    let text = template.replace("{{name}}", &arguments.name).replace("{{type}}", &type_name(&arguments.name));
     if let Some(folder) = file.parent() {
         fs::create_dir_all(folder).place(format_args!("cannot make the folder {}", folder.display()))?;
     }
@@ -110,35 +157,19 @@ fn write(file: &Path, template: &str, arguments: &Arguments) -> Result<()> {
         .place(format_args!("cannot write {}", file.display()))
 }
 
-/// The SDK as a Cargo dependency: a path where its source is at hand, else the version in the registry.
+/// The SDK as a Cargo dependency: its source comes with pdk, unless the user names another.
 fn sdk_dependency(arguments: &Arguments) -> Result<String> {
-    let given = arguments.sdk.as_deref();
-    let found = match given {
+    let folder = match &arguments.sdk {
         Some(folder) if !folder.join("Cargo.toml").is_file() => {
             return Err(Error::new(format!(
                 "--sdk: {} is not a crate; name the folder with the Cargo.toml of pdk-sdk",
                 folder.display()
             )));
         }
-        Some(folder) => Some(folder.to_owned()),
-        None => built_from(),
+        Some(folder) => fs::canonicalize(folder).place(folder.display())?,
+        None => installation::sdk()?.join("pdk-sdk"),
     };
-    Ok(match found {
-        Some(folder) => {
-            let folder = fs::canonicalize(&folder).place(folder.display())?;
-            format!("{{ path = {:?} }}", folder.to_string_lossy())
-        }
-        None => format!("\"={SDK_VERSION}\""),
-    })
-}
-
-/// The SDK in the source tree that the executable was built in.
-fn built_from() -> Option<PathBuf> {
-    let executable = fs::canonicalize(std::env::current_exe().ok()?).ok()?;
-    executable
-        .ancestors()
-        .map(|folder| folder.join("sdk/pdk-sdk"))
-        .find(|folder| folder.join("Cargo.toml").is_file())
+    Ok(format!("{{ path = {:?} }}", folder.to_string_lossy()))
 }
 
 /// `salt_spray` as a type: `SaltSpray`.
