@@ -79,7 +79,8 @@ fn every_strategy_searches_and_what_it_proposes_follows_from_the_seed() {
         assert_eq!(table(&a), table(&b), "{strategy} depends on the number of workers");
         assert_eq!(strategy == "grid", table(&a) == table(&c), "{strategy} and its seed");
         let found = json_file(&a.join("search.json"));
-        assert_eq!(found, json_file(&a.join("found.json")));
+        let returned = json_file(&a.join("found.json"));
+        assert_eq!(found["front"], returned["front"]);
         let tests = found["tests"].as_array().unwrap();
         let distinct: std::collections::BTreeSet<String> =
             tests.iter().map(|test| test["values"].to_string()).collect();
@@ -198,7 +199,11 @@ fn candidates_that_cannot_be_evaluated_are_recorded() {
     for (name, body, said) in [
         ("nan", "return { objectives = { f = 0 / 0 } }", "evaluate.objectives.f is NaN"),
         ("error", "error('no such weather', 0)", "no such weather"),
-        ("road", "return { road = pdk.road({ angles = { 60, 60, 60, 60, 60, 60, 60, 60 } }).road }", "cross"),
+        (
+            "road",
+            "return { road = pdk.road({ angles = { 60, 60, 60, 60, 60, 60, 60, 60 } }).road }",
+            "the road leaves the map",
+        ),
         ("nothing", "return nil", "what `evaluate` returns"),
         ("field", "return { objectives = { g = 1 } }", "`g` is no objective"),
     ] {
@@ -276,10 +281,13 @@ fn what_cannot_be_searched_is_said_in_one_sentence() {
             "none of the first 20",
         ),
     ] {
+        let _ = fs::remove_dir_all(&out);
         run(&with(from, to), &out).fail(1, &[said]);
     }
+    let _ = fs::remove_dir_all(&out);
     let endless = with("settings.strategy,", "{ ask = function() while true do end end },");
     run(&endless, &out).env("PDK_SCRIPT_SECONDS", "1").fail(1, &["computed for more than 1 s at a stretch"]);
+    let _ = fs::remove_dir_all(&out);
     let endless = with("local miss", "while true do end local miss");
     run(&endless, &out).env("PDK_SCRIPT_SECONDS", "1").fail(1, &["computed for more than 1 s at a stretch"]);
 }

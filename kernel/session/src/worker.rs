@@ -250,7 +250,9 @@ impl Worker {
         let blameless = matches!(end, End::Signal(libc::SIGKILL) | End::Done(_)) && self.tries < TRIES;
         // What is left of an earlier job may be to blame: memory that was overwritten or is missing, an instance that crashes when it
         // is dropped. So that an outcome does not depend on what came before, only a new process is believed.
-        if blameless || process.used {
+        // What a strategy has learnt is gone with its process, so nothing is to be had from a new one.
+        let goes_on = matches!(&job.work, Work::Search(step) if step.start.is_none());
+        if (blameless || process.used) && !goes_on {
             self.start()?;
             return self.begin();
         }
