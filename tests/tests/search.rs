@@ -113,6 +113,11 @@ fn critical_regions_are_told_in_words() {
     for part in ["kind is a", "n >= 7", "x >= 0."] {
         assert!(region.contains(part), "{region}");
     }
+    let page = out.join("report.html");
+    Pdk::new(["report"]).arg(&out).succeed();
+    let page = fs::read_to_string(&page).unwrap();
+    let shown = region.replace("&", "&amp;").replace(">", "&gt;").replace("<", "&lt;");
+    assert!(page.contains(&shown) && page.contains("nsga2_dt") && page.contains("<circle"), "{shown}");
     assert_eq!(found["stopped"], "evaluations");
     assert!(found["distinct_failures"].as_array().unwrap().len() > 2);
 }

@@ -176,7 +176,7 @@ impl Shrinking<'_> {
             }
             if fails < before {
                 let name = &self.scenario.perturbations[place].name;
-                self.steps.push(format!("{name} at {fails} instead of {before}"));
+                self.steps.push(format!("{name} at {} instead of {}", short(fails), short(before)));
             }
         }
         Ok(())
@@ -272,6 +272,11 @@ impl Shrinking<'_> {
         let outcomes = self.drive(scenarios)?;
         Ok(outcomes.iter().filter(|outcome| !outcome.success && outcome.cause != Cause::Error).count())
     }
+}
+
+/// A level as people read it.
+fn short(level: f64) -> f64 {
+    (level * 1000.0).round() / 1000.0
 }
 
 /// A whole number without a point.
