@@ -1,7 +1,7 @@
 //! How good the search strategies are on problems whose answers are known. Needs no simulator:
 //!
 //! ```sh
-//! cargo build --release && cargo bench -p pdk-tests --bench search -- [fronts|regions] [--seeds N] [--evaluations N]
+//! cargo build --release && cargo bench -p pdk-tests --bench search -- [fronts|regions] [--seeds N] [--evaluations N] [--only STRATEGY,...]
 //! ```
 //!
 //! `fronts`: NSGA-II on problems of the literature, by the hypervolume of its last population. `tests/benches/pymoo_reference.py`
@@ -55,10 +55,12 @@ fn main() {
     if wants("fronts") {
         fronts(&registry, seeds);
     }
+    let place = arguments.iter().position(|argument| argument == "--only");
+    let only: Vec<&str> = place.map_or(Vec::new(), |place| arguments[place + 1].split(',').collect());
     if wants("regions") {
         let given = number("--evaluations", 0);
         for evaluations in if given > 0 { vec![given] } else { vec![1000, 7500] } {
-            regions(&registry, seeds, evaluations);
+            regions(&registry, seeds, evaluations, &only);
         }
     }
 }
@@ -303,7 +305,7 @@ fn quality(problem: &Regions, critical: &[(usize, Vec<f64>)], evaluations: u64) 
     }
 }
 
-fn regions(registry: &Registry, seeds: u64, evaluations: u64) {
+fn regions(registry: &Registry, seeds: u64, evaluations: u64, only: &[&str]) {
     let strategies: Vec<(&str, &str, Value)> = vec![
         ("random", "random", json!({})),
         ("grid", "grid", json!({})),
@@ -331,7 +333,7 @@ fn regions(registry: &Registry, seeds: u64, evaluations: u64) {
             let mut chance: Vec<f64> = Vec::new();
             for (label, name, parameters) in &strategies {
                 // It is made for few, expensive evaluations; with many, its own time is what counts.
-                if *name == "surrogate" && evaluations > 2000 {
+                if *name == "surrogate" && evaluations > 2000 || !only.is_empty() && !only.contains(name) {
                     continue;
                 }
                 let since = Instant::now();
