@@ -9,6 +9,7 @@ use pdk_model::region::Region;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Place, Result};
+use pdk_sdk::file;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
@@ -258,7 +259,7 @@ impl FileRecord {
     /// Where it cannot be read.
     pub fn of(path: &Path) -> Result<Self> {
         let mut hasher = blake3::Hasher::new();
-        let mut file = std::fs::File::open(path).place(path.display())?;
+        let (mut file, _) = file::open(path).place(path.display())?;
         std::io::copy(&mut file, &mut hasher).place(path.display())?;
         Ok(Self { path: path.to_owned(), blake3: hasher.finalize().to_hex().to_string() })
     }

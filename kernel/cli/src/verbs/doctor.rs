@@ -179,7 +179,7 @@ fn video() -> Finding {
             subject: "video",
             state: State::Note,
             text: "H.264 is built in without assembly, so videos and the first use of a clip take longer; install nasm, then \
-                   `cargo clean --release -p openh264-sys2` and build pdk again"
+                   `cargo clean --release -p openh264-sys2 -p pdk-video` and build pdk again"
                 .to_owned(),
         },
     }
