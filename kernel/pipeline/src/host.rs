@@ -8,6 +8,7 @@ use indicatif::ProgressBar;
 use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SUMMARY};
 use pdk_core::ledger::{Ledger, Line};
 use pdk_core::manifest::{InUse, Machine, Manifest, Module, Pipeline};
+use pdk_core::search_path::SearchPath;
 use pdk_core::{output, println, suggest};
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Cause;
@@ -15,14 +16,16 @@ use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_session::connection::Pool;
 use pdk_session::drive::expected_frames;
 use pdk_session::interrupt::{self, Wish};
 use pdk_session::protocol::{Evaluation, Made};
-use pdk_session::session::{Reply, Session, Submission, Ticket};
+use pdk_session::session::{Options, Reply, Session, Submission, Ticket};
 use pdk_session::stages::LoopTimes;
 use serde_json::{Map, Value, json};
 
 use crate::evaluation::{self, Results};
+use crate::naming::run_name;
 use crate::requests::{DatasetSpec, Defaults, Evaluate};
 use crate::settings::{self, COMMON, Common, Override};
 use crate::{road, table, tables};
@@ -53,6 +56,12 @@ pub struct Host {
     modules: Box<dyn Fn() -> Vec<Module> + Send>,
     /// The folders that were named on the command line, for the manifest.
     given: (Vec<PathBuf>, Vec<PathBuf>),
+    /// Where components are looked for, for the process of a strategy.
+    search: SearchPath,
+    /// The session of that process, between two searches.
+    strategist: Option<Session>,
+    /// How many searches were begun.
+    searches: u64,
     common: Common,
     overrides: Vec<Override>,
     quiet: bool,
@@ -98,6 +107,20 @@ struct Submitted {
     expected: u64,
 }
 
+/// A search that was begun.
+pub(crate) struct BegunSearch {
+    /// What it is called.
+    pub name: String,
+    /// The number of the search in its run, from 0.
+    pub number: u64,
+    /// The seed of the run.
+    pub seed: u64,
+    /// How many scenarios are driven at the same time.
+    pub slots: usize,
+    /// The session of the strategy, where it is a component.
+    pub session: Option<Session>,
+}
+
 /// What it takes to make a host.
 pub struct Parts {
     /// The session.
@@ -108,6 +131,8 @@ pub struct Parts {
     pub modules: Box<dyn Fn() -> Vec<Module> + Send>,
     /// The folders that `--plugins` and `--overlays` named.
     pub given: (Vec<PathBuf>, Vec<PathBuf>),
+    /// Where components are looked for.
+    pub search: SearchPath,
     /// The settings that every pipeline has.
     pub common: Common,
     /// What `--set` puts in the place of the pipeline's own settings.
@@ -119,12 +144,15 @@ pub struct Parts {
 impl Host {
     /// The host for one pipeline.
     pub fn new(parts: Parts) -> Self {
-        let Parts { session, pipeline, modules, given, common, overrides, quiet } = parts;
+        let Parts { session, pipeline, modules, given, search, common, overrides, quiet } = parts;
         Self {
             session,
             pipeline,
             modules,
             given,
+            search,
+            strategist: None,
+            searches: 0,
             common,
             overrides,
             quiet,
@@ -170,6 +198,63 @@ impl Host {
         let settings = settings::apply(defaults, &self.overrides)?;
         self.settings = Some(settings.clone());
         Ok(settings)
+    }
+
+    /// Begins a search with a strategy: a component, which gets a session of one worker on this machine that it has to itself, or
+    /// none.
+    pub(crate) fn begin_search(
+        &mut self,
+        name: Option<&str>,
+        strategy: Option<&ComponentSpec>,
+    ) -> Result<BegunSearch> {
+        let number = self.searches;
+        self.searches += 1;
+        let name = match (name, number) {
+            (Some(name), _) => name.to_owned(),
+            (None, 0) => "search".to_owned(),
+            (None, _) => format!("search-{}", number + 1),
+        };
+        tables::checked_name(&Value::String(format!("{name}.json")))?;
+        if let Some(strategy) = strategy {
+            let catalog = self.session.catalog();
+            catalog.check(Kind::Search, &strategy.name, &strategy.parameters)?;
+            self.in_use.add(catalog, Kind::Search, &strategy.name, &strategy.parameters, Vec::new())?;
+        }
+        self.begin()?;
+        let session = match strategy {
+            None => None,
+            Some(_) => Some(match self.strategist.take() {
+                Some(session) => session,
+                None => Session::start(Options {
+                    run: format!("{}-search{number}", run_name(&self.pipeline.path)),
+                    pool: Pool::Here(1),
+                    limits: self.common.limits,
+                    search: self.search.clone(),
+                })?,
+            }),
+        };
+        Ok(BegunSearch { name, number, seed: self.common.seed, slots: self.session.slots(), session })
+    }
+
+    /// Ends a search: its files go into the record, and its session is kept for the next one.
+    pub(crate) fn end_search(
+        &mut self,
+        name: &str,
+        found: &Value,
+        table: &str,
+        session: Option<Session>,
+    ) -> Result<()> {
+        self.strategist = session.or(self.strategist.take());
+        if let Some(directory) = &self.directory {
+            directory.write_json(&format!("{name}.json"), found)?;
+            directory.write_text(&format!("{name}.csv"), table)?;
+        }
+        Ok(())
+    }
+
+    /// Notes what did not go well without ending the run.
+    pub(crate) fn warn(&mut self, sentence: String) {
+        self.warnings.push(sentence);
     }
 
     /// What scenarios have where nobody says it.

@@ -16,6 +16,7 @@ use pdk_session::session::{Options as SessionOptions, Session};
 
 use crate::api::API;
 use crate::host::{Finished, Host, Parts};
+use crate::naming::run_name;
 use crate::settings::{Common, Override};
 
 /// How a pipeline is run.
@@ -99,7 +100,7 @@ pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
         run: run_name(&path),
         pool: options.common.pool(),
         limits: options.common.limits,
-        search,
+        search: search.clone(),
     })?;
     for refused in session.refused() {
         eprintln!("pdk: warning: {refused}");
@@ -110,6 +111,7 @@ pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
         pipeline: Pipeline { path, source: source.clone(), modules: Vec::new() },
         modules: Box::new(move || loaded.loaded()),
         given,
+        search,
         common: options.common,
         overrides: options.overrides,
         quiet: options.quiet,
@@ -135,14 +137,6 @@ fn stop() -> Option<Error> {
 fn given(search: &SearchPath) -> (Vec<PathBuf>, Vec<PathBuf>) {
     let search = search.absolute();
     (search.plugins, search.drop_ins.into_iter().map(|(_, folder)| folder).collect())
-}
-
-/// The name of a run on its topics: letters, digits, dashes and underscores, unique on this machine.
-fn run_name(path: &Path) -> String {
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    let fits = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-    let name: String = name.chars().map(fits).take(40).collect();
-    format!("{name}-{}", std::process::id())
 }
 
 /// A perturbation returns a table that applies it; run as a pipeline it would do nothing and say nothing.

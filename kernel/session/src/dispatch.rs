@@ -386,7 +386,7 @@ impl Dispatch {
         };
         let limit = |work: &Work| {
             let calls = match work {
-                Work::Drive(_) | Work::Make(_) => 4,
+                Work::Drive(_) | Work::Make(_) | Work::Search(_) => 4,
                 Work::Evaluate(frame) => 4 + 2 * frame.evaluation.perturbations.len() as u32,
             };
             patience.saturating_mul(calls).saturating_add(GRACE)
@@ -457,6 +457,7 @@ impl Dispatch {
                 self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
             }
             Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
+            Answer::Proposed(candidates) => self.finish(number, Ok(Reply::Proposed(candidates))),
             Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
             Answer::Broken(failure) => self.finish(number, Err(failure.into())),
         }

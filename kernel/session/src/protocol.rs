@@ -12,6 +12,7 @@ use pdk_model::error::ErrorKind;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
+use pdk_model::search::{Candidate, Evaluated as EvaluatedCandidate, Problem};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::Error;
 use pdk_sdk::prelude::{Camera, Control};
@@ -68,6 +69,8 @@ pub enum Work {
     Evaluate(EvaluateFrame),
     /// Make a component and say what it is like.
     Make(Make),
+    /// Take a step of a search. Only a worker of this machine gets it, which does nothing else.
+    Search(Box<SearchStep>),
 }
 
 /// A scenario to drive.
@@ -124,6 +127,31 @@ pub struct Make {
     pub kind: Kind,
     /// Its name and parameters.
     pub component: ComponentSpec,
+}
+
+/// A step of a search: what of it is there is done in this order.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct SearchStep {
+    /// Begin a search, which ends the one before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<StartSearch>,
+    /// Tell these results.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tell: Vec<EvaluatedCandidate>,
+    /// Ask for so many candidates.
+    #[serde(default)]
+    pub ask: usize,
+}
+
+/// A search to begin.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StartSearch {
+    /// The strategy.
+    pub strategy: ComponentSpec,
+    /// What it searches.
+    pub problem: Problem,
+    /// The key of all that it draws.
+    pub key: [u8; 32],
 }
 
 /// What a worker says.
@@ -188,6 +216,8 @@ pub enum Answer {
     Evaluated(Evaluated),
     /// A component was made.
     Made(Made),
+    /// A step of a search was taken; these are the candidates that were asked for.
+    Proposed(Vec<Candidate>),
     /// A component failed, so that there is no result.
     Failed(Failure),
     /// Something else failed, such as the disk: nothing is to be expected of the next job either.
@@ -199,7 +229,7 @@ impl Answer {
     pub fn is_good(&self) -> bool {
         match self {
             Self::Driven(driven) => driven.outcome.cause != Cause::Error,
-            Self::Evaluated(_) | Self::Made(_) => true,
+            Self::Evaluated(_) | Self::Made(_) | Self::Proposed(_) => true,
             Self::Failed(_) | Self::Broken(_) => false,
         }
     }

@@ -268,7 +268,9 @@ impl Worker {
             calls.is_empty() && matches!(end, End::Signal(_) | End::Exited(_)) && self.tries < TRIES;
         // What is left of an earlier job may be to blame: memory that was overwritten or is missing, an instance that crashes when it
         // is dropped. So that an outcome does not depend on what came before, only a new process is believed.
-        if blameless || unexplained || used {
+        // What a strategy has learnt is gone with its process, so nothing is to be had from a new one.
+        let goes_on = matches!(&job.work, Work::Search(step) if step.start.is_none());
+        if (blameless || unexplained || used) && !goes_on {
             if unexplained && !blameless {
                 let said = end.said(&[]).replacen("a component", "a process", 1);
                 eprintln!(

@@ -71,7 +71,7 @@ pub mod prelude {
     pub use crate::error::{Error, ErrorKind, Result};
     pub use crate::perturbation::{Context, Perturbation};
     pub use crate::saliency::{HeatmapMut, MapContext, Saliency};
-    pub use crate::search::{Candidate, Evaluated, Problem, Search};
+    pub use crate::search::{Candidate, Evaluated, Problem, Range, Search, Space, Variable};
     pub use crate::simulator::{Camera, Scenario, Simulator, State};
     pub use pdk_ops::{Frame, FrameBuf, FrameMut, Key, Random};
 }

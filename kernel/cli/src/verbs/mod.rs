@@ -30,6 +30,7 @@ mod report;
 mod road;
 mod run;
 mod show;
+mod shrink;
 mod worker;
 
 /// Tests driving models by disturbing what their camera sees
@@ -122,6 +123,8 @@ enum Verb {
     Road(road::Arguments),
     /// Drive recorded scenarios again and compare them with their record, bit for bit
     Replay(replay::Arguments),
+    /// Make a scenario that failed as simple as it can be and still fail
+    Shrink(shrink::Arguments),
     /// Export the record of a run for other tools
     Export(export::Arguments),
     /// Do jobs for a session: JSON lines on standard input and output (see docs/worker-protocol.md)
@@ -152,7 +155,7 @@ impl Verb {
             Verb::Perturb(_) | Verb::Preview(_) | Verb::Reference(_) | Verb::List(_) | Verb::Show(_) => true,
             Verb::New(_) | Verb::Doctor(_) | Verb::Plugin(_) => true,
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
-            Verb::Run(_) | Verb::Replay(_) | Verb::Check(_) | Verb::Worker(_) => false,
+            Verb::Run(_) | Verb::Replay(_) | Verb::Shrink(_) | Verb::Check(_) | Verb::Worker(_) => false,
             Verb::Report(_) | Verb::Road(_) | Verb::Export(_) => false,
             Verb::Inspect { .. } | Verb::Completions { .. } | Verb::Man { .. } => false,
         }
@@ -181,6 +184,7 @@ pub fn main() -> ExitCode {
         Verb::Report(arguments) => report::run(global, arguments),
         Verb::Road(arguments) => road::run(global, arguments),
         Verb::Replay(arguments) => replay::run(global, arguments),
+        Verb::Shrink(arguments) => shrink::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Worker(arguments) => worker::run(arguments),
         Verb::Inspect { libraries } => inspection::serve(libraries),

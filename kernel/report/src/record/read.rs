@@ -14,7 +14,7 @@ use serde_json::Value;
 use super::clips::clip_folder;
 use super::setup::{setup, title};
 use super::times::Performance;
-use super::{closed_loop, offline, traces};
+use super::{closed_loop, offline, search, traces};
 use crate::view::{Drive, Run};
 
 /// Failures whose last frames are shown.
@@ -44,7 +44,8 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
         false => (Vec::new(), false),
     };
     let evaluations = offline::read(&directory)?;
-    if lines.is_empty() && evaluations.is_empty() {
+    let searches = search::read(&directory, folder)?;
+    if lines.is_empty() && evaluations.is_empty() && searches.is_empty() {
         return Err(Error::new(format!(
             "the record in {} holds no scenario and no result yet; wait for the first, or run the pipeline again",
             folder.display()
@@ -62,6 +63,7 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
         setup: setup(&manifest),
         drives,
         evaluations,
+        searches,
         drive_times: performance.as_ref().and_then(Performance::drive),
         evaluate_times: performance.as_ref().map(Performance::evaluations).unwrap_or_default(),
     };
