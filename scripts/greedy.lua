@@ -1,8 +1,8 @@
 -- The level at which each perturbation makes a driver fail every other time, found with few drives.
 --
---   pdk run scripts/greedy.lua
---   pdk run scripts/greedy.lua --set perturbations=gaussian_noise,dirty_lens --set roads=10 --set seed=7
---   pdk run scripts/greedy.lua --set search=climb --set levels=0,1,2,3,4
+--   pdk run greedy
+--   pdk run greedy --set perturbations=gaussian_noise,dirty_lens --set roads=10 --set seed=7
+--   pdk run greedy --set search=climb --set levels=0,1,2,3,4
 --
 -- On each road the levels are halved: first the highest, since most perturbations never make a driver fail, then halfway between
 -- what it survived and what it failed. With search=climb all levels are driven from the lowest until the driver fails. The interval

@@ -1,6 +1,6 @@
 -- What you name is driven: each chain of perturbations, on each random road, after a drive with a clear view.
 --
---   pdk run scripts/manual.lua --set chains=fog_filter@2+motion_blur@1,dirty_lens@3.5 --set roads=2
+--   pdk run manual --set chains=fog_filter@2+motion_blur@1,dirty_lens@3.5 --set roads=2
 --
 -- A chain is perturbations joined by +, each with its intensity behind @; the first one sees the frame first. A chain can
 -- also be a list with everything that a perturbation takes: { { name = "fog_filter", level = 2, probability = 0.5 } }.

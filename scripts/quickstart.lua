@@ -1,7 +1,7 @@
 -- A trained driver on the embedded simulator: once with a clear view, then through perturbations.
 --
---   pdk run scripts/quickstart.lua
---   pdk run scripts/quickstart.lua --set perturbations=gaussian_noise,dirty_lens --set levels=1,4 --seed 7
+--   pdk run quickstart
+--   pdk run quickstart --set perturbations=gaussian_noise,dirty_lens --set levels=1,4 --seed 7
 
 local settings = pdk.settings({
 	simulator = "lane",

@@ -1,8 +1,8 @@
 -- Which perturbations degrade a driver most: perturbations x levels x random roads, ranked.
 --
---   pdk run scripts/study.lua
---   pdk run scripts/study.lua --set perturbations=gaussian_noise,dirty_lens --set levels=0,2,4 --set roads=4
---   pdk run scripts/study.lua --set against=dave2_augmented
+--   pdk run study
+--   pdk run study --set perturbations=gaussian_noise,dirty_lens --set levels=0,2,4 --set roads=4
+--   pdk run study --set against=dave2_augmented
 --
 -- The ranking goes by the share of scenarios that failed, then by how much the mean |XTE| of those that did not grew over that
 -- of the same road with a clear view. Roads are the unit: intervals come from how roads differ, and perturbations that cannot be

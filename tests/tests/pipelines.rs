@@ -244,7 +244,7 @@ fn the_ranking_that_comes_along_is_of_the_default_set() {
         .map(|c| c["description"]["name"].as_str().unwrap())
         .collect();
     names.sort_unstable();
-    assert_eq!(ranked, names, "measure it anew: pdk run scripts/study.lua");
+    assert_eq!(ranked, names, "measure it anew: pdk run study");
     let shares: Vec<f64> = entries.iter().map(|entry| entry["failed_share"].as_f64().unwrap()).collect();
     assert!(shares.is_sorted_by(|a, b| a >= b));
     assert!(entries.iter().all(|entry| entry["scenarios"] == 50), "five levels on ten roads");

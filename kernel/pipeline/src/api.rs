@@ -7,6 +7,7 @@ use pdk_sdk::error::Error;
 use serde_json::Value;
 
 use crate::bridge::{call, frames_of, function, with_host};
+use crate::search::conduct::search;
 use crate::session_object::{SESSION, SessionObject};
 use crate::values::from_lua;
 use crate::{levels, records, statistics};
@@ -52,6 +53,13 @@ pub const API: ApiTable = ApiTable {
                     lua.create_userdata(SessionObject::new(defaults, simulator, duration))
                 })
             },
+        },
+        ApiFunction {
+            name: "search",
+            signature: "(request: SearchRequest) -> SearchResult",
+            doc: "Searches a space for candidates whose objectives are best, or that are critical: a strategy proposes them, and a \
+                  function evaluates them, by a scenario or by itself. Writes NAME.json and NAME.csv into the record.",
+            make: |lua| lua.create_function(|lua, request: LuaValue| search(lua, &request)),
         },
         ApiFunction {
             name: "evaluate",

@@ -9,7 +9,9 @@
 //! | [`api`] | what a pipeline can call; `session_object` is what `pdk.session` returns; both over `bridge` |
 //! | [`host`] | what stands behind it: settings, session, record |
 //! | `requests` | what a pipeline writes, as scenarios and evaluations; `fields` reads tables, `values` crosses from Lua |
+//! | `naming` | the names of runs on their topics |
 //! | `levels` | levels that are functions of time |
+//! | `search` | `pdk.search`: a strategy proposes, a function of the pipeline evaluates |
 //! | `evaluation` | the offline loop: frames to lines and sums |
 //! | [`settings`] | `--set` |
 //! | [`road`] | `pdk.road` |
@@ -23,10 +25,12 @@ mod evaluation;
 mod fields;
 pub mod host;
 mod levels;
+mod naming;
 pub mod records;
 mod requests;
 pub mod road;
 pub mod run;
+mod search;
 mod session_object;
 pub mod settings;
 mod statistics;

@@ -16,7 +16,7 @@ const DEFAULT_IMAGES_EVERY: u64 = 6;
 const LONGEST: f64 = 86_400.0;
 
 /// What a request says for all of its scenarios.
-const SHARED: [&str; 6] = ["simulator", "driver", "duration", "failure", "images_every", "mode"];
+pub const SHARED: [&str; 6] = ["simulator", "driver", "duration", "failure", "images_every", "mode"];
 /// What `failure` may say.
 const FAILURE: [&str; 5] =
     ["lane_departure", "comparison", "standstill_speed", "standstill_seconds", "over_line"];
@@ -56,15 +56,19 @@ impl Defaults {
         self.take(&mut Fields::new(function, request, &SHARED)?)
     }
 
-    fn take(self, fields: &mut Fields) -> Result<Self> {
+    /// The defaults among the fields of a table, which has others too.
+    ///
+    /// # Errors
+    /// As for [`Defaults::read`].
+    pub fn take(self, fields: &mut Fields) -> Result<Self> {
         let component = |what: &str, value: Value| match value {
             Value::Null => Ok(None),
             value => ComponentSpec::from_json(what, &value).map(Some),
         };
         let duration = fields.number("duration")?.unwrap_or(self.duration);
         check_duration(fields.table(), duration)?;
-        let table = fields.any("failure");
-        let failure = failure(fields.table(), table, self.failure)?;
+        let criteria = fields.any("failure");
+        let failure = failure(fields.table(), criteria, self.failure)?;
         Ok(Self {
             simulator: component("simulator", fields.any("simulator"))?.or(self.simulator),
             driver: component("driver", fields.any("driver"))?.or(self.driver),

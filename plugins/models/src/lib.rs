@@ -20,4 +20,17 @@ mod trained;
 #[cfg(test)]
 mod fixture;
 
+/// Reads a model, prepares it and runs it once: what fuzzing tries.
+///
+/// # Errors
+/// Where it cannot be read, prepared or run.
+#[doc(hidden)]
+pub fn try_model(path: &std::path::Path) -> pdk_sdk::error::Result<()> {
+    use session::Session;
+    let model = model_file::ModelFile::read(model_file::Source::File(path.to_owned()), "auto")?;
+    let image = vec![0.5; model.input.len()];
+    let mut outputs = vec![Vec::new(); model.outputs.len()];
+    tract::Tract::new(&model)?.run(&image, 1.0, &mut outputs)
+}
+
 pdk_sdk::export! { drivers: [driver::Onnx, trained::Dave2, trained::Dave2Augmented] }

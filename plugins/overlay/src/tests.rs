@@ -322,7 +322,7 @@ fn what_is_no_clip_is_refused_in_one_sentence() {
     );
     assert_eq!(refusal("a.mp4", b""), "the file is empty");
     assert!(refusal("a.gif", &gif(3, [90, 90, 90, 255])).starts_with("it is not a green-screen clip: "));
-    assert!(refusal("a.png", b"\x89PNG\r\n\x1a\nbroken").starts_with("it is damaged or cut off"));
+    assert!(refusal("a.png", b"\x89PNG\r\n\x1a\nbroken").starts_with("it is cut off"));
     let whole = gif(5, GREEN);
     assert!(refusal("a.gif", &whole[..whole.len() / 2]).starts_with("it is damaged or cut off"));
     let error = overlaid(Path::new("/nonexistent/clip.mp4")).unwrap_err().to_string();

@@ -62,21 +62,13 @@ impl Component for RaindropsOnLens {
                 .unit("frame heights"),
         )
         .parameter(
-            Parameter::number(
-                "defocus",
-                0.012,
-                "radius of the disc that a point of the water becomes, because it is too near to be in focus; 0: sharp",
-            )
-            .range(0.0, 0.1)
-            .unit("frame heights"),
+            Parameter::number("defocus", 0.02, "radius of the disc that a point of a drop becomes: drops are nearer than the focus")
+                .range(0.0, 0.1)
+                .unit("frame heights"),
         )
         .parameter(
-            Parameter::number(
-                "veil",
-                0.6,
-                "how much stray light lies over the frame, as a share of the part that water covers",
-            )
-            .range(0.0, 4.0),
+            Parameter::number("veil", 0.35, "how much of the scene's mean brightness the drops scatter over the frame where they cover it")
+                .range(0.0, 1.0),
         );
         with_common(description, "drops that run down", 0.23, "raining")
     }

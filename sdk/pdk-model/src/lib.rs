@@ -17,5 +17,6 @@ pub mod outcome;
 pub mod perturbation;
 pub mod region;
 pub mod scenario;
+pub mod search;
 pub mod state;
 pub mod text;
