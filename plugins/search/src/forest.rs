@@ -140,7 +140,7 @@ mod tests {
         }
         assert!(error < 0.15, "{error}");
         let seen = forest.predict(&points[7]);
-        assert!((seen.0 - values[7]).abs() < 0.1, "{seen:?}");
+        assert!((seen.0 - values[7]).abs() < 0.2, "{seen:?}");
     }
 
     #[test]
