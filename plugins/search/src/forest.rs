@@ -89,8 +89,8 @@ fn best_split(
     random: &mut Random,
 ) -> Option<(usize, f64)> {
     let mut best: Option<(f64, usize, f64)> = None;
-    let variables = points[rows[0]].len();
-    for variable in 0..variables {
+    let variables = 0..points[rows[0]].len();
+    for variable in variables {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for &row in rows {
             low = low.min(points[row][variable]);
