@@ -8,9 +8,9 @@ use pdk_road::POINTS_PER_SEGMENT;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Map, Value};
 
-use crate::path::{Path, Point, distance};
 use crate::profile::Profile;
 use crate::section;
+use pdk_road::{Path, Point, distance};
 
 /// Largest angle of a random road in degrees: that of the published study.
 const RANDOM_ANGLE: i32 = 35;
