@@ -10,6 +10,7 @@
 
 mod curve;
 mod generate;
+mod given;
 mod path;
 mod picture;
 mod text;
@@ -17,6 +18,7 @@ mod valid;
 
 pub use curve::mean_curvature;
 pub use generate::{Informed, STRAIGHTEST_TURN, informed_angles, random_angles};
+pub use given::{read, with_heights};
 pub use path::{Located, Path, catmull_rom};
 pub use picture::svg;
 pub use text::{parse, print};
