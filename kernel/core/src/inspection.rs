@@ -20,6 +20,7 @@ use pdk_sdk::cache::cache;
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use serde::{Deserialize, Serialize};
 
+use crate::elf;
 use crate::loader::Plugin;
 use crate::supervisor::{DEFAULT_MEMORY, End, LOOK, Limits, Supervised};
 
@@ -137,12 +138,23 @@ pub fn serve(libraries: &[PathBuf]) -> Result<()> {
     let nothing = File::options().write(true).open("/dev/null").place(CANNOT)?;
     rustix::stdio::dup2_stdout(&nothing).place(CANNOT)?;
     for library in libraries {
-        let refused = Plugin::load(library).err().map(|error| error.to_string());
+        let refused = look(library).err().map(|error| error.to_string());
         let mut line = serde_json::to_vec(&Said { refused })?;
         line.push(b'\n');
         output.write_all(&line).place(CANNOT)?;
     }
     Ok(())
+}
+
+/// Opens a library that does not reach into the memory of others.
+fn look(library: &Path) -> Result<()> {
+    if elf::strays(library).unwrap_or(false) {
+        return Err(Error::new(format!(
+            "plugin {}: is damaged: it changes memory outside of itself when it is loaded; build or copy it again",
+            library.display()
+        )));
+    }
+    Plugin::load(library).map(drop)
 }
 
 /// Tells a library from every other one, and from itself after a change: its time of change cannot be set back by anyone, so its
