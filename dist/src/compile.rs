@@ -62,5 +62,8 @@ fn require_tools() -> Result<()> {
     })?;
     let remedy = "`pip install cargo-zigbuild ziglang` installs both; --profile release does without, for machines like this one";
     run("cargo-zigbuild", &["--version"]).place(format_args!("cargo-zigbuild is missing ({remedy})"))?;
-    run("cargo-zigbuild", &["zig", "--", "version"]).place(format_args!("zig is missing ({remedy})"))
+    // Where cargo-zigbuild looks for it too.
+    run("zig", &["version"])
+        .or_else(|_| run("python3", &["-m", "ziglang", "version"]))
+        .place(format_args!("zig is missing ({remedy})"))
 }
