@@ -62,9 +62,9 @@ fn relocates_others<'data>(data: impl ReadRef<'data>) -> object::Result<bool> {
         [(DT_RELA, None), (DT_RELASZ, None), (DT_JMPREL, None), (DT_PLTRELSZ, None), (DT_TEXTREL, None)];
     for program in programs {
         for entry in program.dynamic(endian, data)?.unwrap_or_default() {
-            let known = tags.iter_mut().find(|(tag, _)| entry.tag32(endian) == Some(*tag));
+            let known = tags.iter_mut().find(|(tag, _)| entry.tag(endian) == *tag);
             if let Some((_, value)) = known {
-                *value = Some(entry.d_val(endian));
+                *value = Some(entry.val(endian));
             }
         }
     }
@@ -72,7 +72,7 @@ fn relocates_others<'data>(data: impl ReadRef<'data>) -> object::Result<bool> {
     let within = |address: u64, length: u64, writable: bool| {
         loaded(programs, endian).any(|program| {
             let (from, size) = (program.p_vaddr(endian), program.p_memsz(endian));
-            let allowed = !writable || in_code.is_some() || program.p_flags(endian) & PF_W != 0;
+            let allowed = !writable || in_code.is_some() || program.p_flags(endian).contains(PF_W);
             allowed && address >= from && address.saturating_add(length) <= from.saturating_add(size)
         })
     };
@@ -150,8 +150,7 @@ mod tests {
         let endian = header.endian()?;
         let programs = header.program_headers(endian, data)?;
         let dynamic = programs.iter().find_map(|program| program.dynamic(endian, data).unwrap()).unwrap();
-        let address =
-            dynamic.iter().find(|entry| entry.tag32(endian) == Some(DT_RELA)).unwrap().d_val(endian);
+        let address = dynamic.iter().find(|entry| entry.tag(endian) == DT_RELA).unwrap().val(endian);
         let part = loaded(programs, endian).find(|program| {
             (program.p_vaddr(endian)..program.p_vaddr(endian) + program.p_filesz(endian)).contains(&address)
         });
