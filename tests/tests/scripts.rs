@@ -32,6 +32,30 @@ fn what_comes_along_and_what_pdk_new_writes_passes() {
 }
 
 #[test]
+fn what_comes_along_may_lie_beside_a_pipeline_and_a_changed_copy_is_told() {
+    let folder = temp();
+    let path = |name: &str| folder.path().join(name);
+    for name in ["perturbations/banding.lua", "models/dave2.onnx"] {
+        std::fs::create_dir_all(path(name).parent().unwrap()).unwrap();
+        std::fs::copy(repository().join("scripts").join(name), path(name)).unwrap();
+    }
+    std::fs::write(
+        path("pipeline.lua"),
+        "pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 0.2 })",
+    )
+    .unwrap();
+    let run = || Pdk::new(["run", "pipeline.lua"]).folder(folder.path()).succeed().stderr;
+    assert!(!run().contains("warning"), "{}", run());
+    for (name, component) in [("perturbations/banding.lua", "`banding`"), ("models/dave2.onnx", "`dave2`")] {
+        let mut content = std::fs::read(path(name)).unwrap();
+        content.extend_from_slice(b"\n");
+        std::fs::write(path(name), content).unwrap();
+        let said = run();
+        assert!(said.contains(component) && said.contains("is left out") && said.contains(name), "{said}");
+    }
+}
+
+#[test]
 fn what_is_kept_from_frame_to_frame_is_found_and_named() {
     let folder = temp();
     let fails = |source: &str, expected: &str| {

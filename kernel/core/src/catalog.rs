@@ -9,7 +9,7 @@ use pdk_sdk::error::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::suggest;
+use crate::{hash, suggest};
 
 /// Stands before the name of a script that is part of pdk, in the place of a path.
 pub const BUILT_IN: &str = "built-in:";
@@ -44,6 +44,12 @@ impl Entry {
     /// A component that stands for itself, in a file.
     pub fn new(description: Description, file: PathBuf) -> Self {
         Self { description, file, base: None, plugin: None, blake3: None }
+    }
+
+    /// Whether it stands for a file that is part of pdk or of a plugin, and this file has the same content.
+    pub fn is_made_of(&self, file: &Path) -> bool {
+        let own = self.blake3.as_deref().unwrap_or(&self.description.blake3);
+        !own.is_empty() && hash::of(file).is_ok_and(|hash| hash == own)
     }
 }
 

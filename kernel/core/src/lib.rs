@@ -31,6 +31,7 @@ mod description;
 pub mod directory;
 pub mod elf;
 pub mod float;
+mod hash;
 pub mod inspection;
 pub mod installation;
 pub mod ledger;

@@ -8,12 +8,12 @@ use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::region::Region;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::describe::Kind;
-use pdk_sdk::error::{Place, Result};
-use pdk_sdk::file;
+use pdk_sdk::error::Result;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::catalog::{Catalog, Entry, PluginRecord};
+use crate::hash;
 
 /// The manifest of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -258,10 +258,7 @@ impl FileRecord {
     /// # Errors
     /// Where it cannot be read.
     pub fn of(path: &Path) -> Result<Self> {
-        let mut hasher = blake3::Hasher::new();
-        let (mut file, _) = file::open(path).place(path.display())?;
-        std::io::copy(&mut file, &mut hasher).place(path.display())?;
-        Ok(Self { path: path.to_owned(), blake3: hasher.finalize().to_hex().to_string() })
+        Ok(Self { path: path.to_owned(), blake3: hash::of(path)? })
     }
 }
 

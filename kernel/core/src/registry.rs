@@ -396,8 +396,10 @@ impl Registry {
 
     fn add(&mut self, entry: Entry, source: Source) {
         let key = (entry.description.kind, entry.description.name.clone());
-        let shown = entry.file.display().to_string();
+        let (file, shown) = (entry.file.clone(), entry.file.display().to_string());
         match self.catalog.add(entry) {
+            // The file that a component of pdk's own was made from, such as in a copy of pdk's scripts.
+            Some(first) if first.is_made_of(&file) => {}
             Some(first) => self.refused.push(Error::new(format!(
                 "{} `{}` of {shown} is left out, because {} has one of the same name and comes first; rename {shown}",
                 key.0,

@@ -14,7 +14,14 @@ macro_rules! networks {
             #[doc = concat!($doc, ".")]
             pub struct $driver {
                 network: Onnx,
-                hash: String,
+            }
+
+            impl $driver {
+                const CONTENT: &[u8] = include_bytes!(concat!("../../../scripts/models/", $name, ".onnx"));
+
+                fn hash() -> String {
+                    blake3::hash(Self::CONTENT).to_hex().to_string()
+                }
             }
 
             impl Component for $driver {
@@ -23,15 +30,15 @@ macro_rules! networks {
                         .family("network")
                         .source("DAVE-2: Bojarski et al., End to End Learning for Self-Driving Cars, 2016")
                         .parameter(backend())
+                        .blake3(Self::hash())
                 }
 
                 fn new(config: &Config) -> Result<Self> {
-                    let content = include_bytes!(concat!("../../../scripts/models/", $name, ".onnx"));
                     let mut values = config.values().clone();
                     values.insert("model".to_owned(), $name.into());
                     let config = Config::check(&Onnx::description(), &values)?;
-                    let network = Onnx::open(Source::BuiltIn(content), $name, &config)?;
-                    Ok(Self { network, hash: blake3::hash(content).to_hex().to_string() })
+                    let network = Onnx::open(Source::BuiltIn(Self::CONTENT), $name, &config)?;
+                    Ok(Self { network })
                 }
             }
 
@@ -43,7 +50,7 @@ macro_rules! networks {
                 // The library's own hash changes with every build of it; that of the network says whether it is the same.
                 fn info(&self) -> Vec<(String, String)> {
                     let mut info = self.network.info();
-                    info.push(("network BLAKE3".to_owned(), self.hash.clone()));
+                    info.push(("network BLAKE3".to_owned(), Self::hash()));
                     info
                 }
             }

@@ -117,6 +117,10 @@ pub struct Description {
     /// Files that become components of their own; none for most components.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_in: Option<DropIn>,
+    /// BLAKE3 of the file that it stands for, such as a network, where that is part of its library; in hexadecimal, empty for all
+    /// others. The same file beside a pipeline is the same component.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub blake3: String,
     /// Whose clock a simulator goes by.
     #[serde(default, skip_serializing_if = "Clock::is_stepped")]
     pub clock: Clock,
@@ -146,6 +150,7 @@ impl Description {
             parameters: Vec::new(),
             grows_with: Map::new(),
             drop_in: None,
+            blake3: String::new(),
             clock: Clock::Stepped,
             external: false,
             examples: Vec::new(),
@@ -228,6 +233,12 @@ impl Description {
         if let Value::Object(values) = values {
             self.examples.push(values);
         }
+        self
+    }
+
+    /// Says of which file it is made that is part of its library.
+    pub fn blake3(mut self, hash: impl Into<String>) -> Self {
+        self.blake3 = hash.into();
         self
     }
 
