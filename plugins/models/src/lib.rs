@@ -17,5 +17,7 @@ mod tract;
 
 #[cfg(test)]
 mod fixture;
+#[cfg(test)]
+mod gradient_tests;
 
 pdk_sdk::export! { drivers: [driver::Onnx] }
