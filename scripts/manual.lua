@@ -28,7 +28,7 @@ local function parsed(chain)
 		local name, level = string.match(text, "^([%w_]+)@([%d.]+)$")
 		local intensity = tonumber(level)
 		if not intensity then
-			error(`"{text}" in chains is no perturbation with its intensity, such as fog_filter@2.5`, 0)
+			error(`"{text}" in chains is not a perturbation with its intensity, such as fog_filter@2.5`, 0)
 		end
 		table.insert(perturbations, { name = name, level = intensity })
 	end

@@ -417,7 +417,7 @@ fn no_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
     let whole = fs::read(library("misbehave")).unwrap();
     let mut files = vec![
         (library("stranger"), "was built with pdk-sdk 0.0.1"),
-        (file("text.so", b"this is no library\n"), "is not a library"),
+        (file("text.so", b"this is not a library\n"), "is not a library"),
         (file("empty.so", b""), "is not a library"),
         (file("head.so", &whole[..100]), "is cut off"),
         (file("half.so", &whole[..400_000]), "is cut off"),

@@ -11,6 +11,9 @@ use serde_json::{Map, Value};
 
 use crate::suggest;
 
+/// Stands before the name of a script that is part of pdk, in the place of a path.
+pub const BUILT_IN: &str = "built-in:";
+
 /// The components that were found, in order of kind and name.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -23,11 +26,15 @@ pub struct Catalog {
 pub struct Entry {
     /// What it says of itself.
     pub description: Description,
-    /// The file that it comes from: a library or a script, or the user's file that it shows.
+    /// The file that it comes from: a library or a script, or the user's file that it shows; [`BUILT_IN`] and a name where it is
+    /// a script that is part of pdk.
     pub file: PathBuf,
     /// The component that makes this one from a file of the user's; none where it stands for itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
+    /// BLAKE3 of a script that is part of pdk, in hexadecimal; none where there is a file to read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blake3: Option<String>,
 }
 
 impl Catalog {
@@ -76,9 +83,9 @@ impl Catalog {
         entry.base.as_ref().and_then(|base| self.get(entry.description.kind, base).ok())
     }
 
-    /// The library or script with the code of a component.
-    pub fn code_of<'a>(&'a self, entry: &'a Entry) -> &'a Path {
-        &self.base_of(entry).unwrap_or(entry).file
+    /// The component whose library or script has the code of this one.
+    pub fn code_of<'a>(&'a self, entry: &'a Entry) -> &'a Entry {
+        self.base_of(entry).unwrap_or(entry)
     }
 
     /// Says what is wrong with a component's name or its parameters.

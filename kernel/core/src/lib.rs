@@ -5,6 +5,7 @@
 //!
 //! | module | subject |
 //! |---|---|
+//! | [`installation`] | where the parts of pdk itself lie |
 //! | [`search_path`] | where components are looked for |
 //! | [`registry`] | finds components and makes instances of them; [`loader`] opens libraries |
 //! | [`catalog`] | what there is, as plain data that can be sent to another process |
@@ -29,6 +30,7 @@ mod description;
 pub mod directory;
 mod elf;
 pub mod float;
+pub mod installation;
 pub mod ledger;
 pub mod lines;
 pub mod loader;

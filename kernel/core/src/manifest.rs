@@ -12,7 +12,7 @@ use pdk_sdk::error::{Place, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::catalog::Catalog;
+use crate::catalog::{Catalog, Entry};
 
 /// The manifest of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -42,7 +42,7 @@ pub struct Manifest {
 /// The pipeline of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Pipeline {
-    /// The file.
+    /// The file, or the name of one that is part of pdk.
     pub path: PathBuf,
     /// Its text.
     pub source: String,
@@ -71,7 +71,7 @@ pub struct ComponentRecord {
     pub name: String,
     /// The version of its algorithm.
     pub version: u32,
-    /// The library or script that it comes from.
+    /// The library or script that it comes from; a script that is part of pdk has `built-in:` and its name for a path.
     pub file: FileRecord,
     /// What it decided itself when it was made, such as the library that runs a network.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -329,10 +329,17 @@ impl InUse {
         Ok(())
     }
 
-    /// The record of a file with code, which many components share and which is read once.
-    fn hashed(&self, path: &Path) -> Result<FileRecord> {
-        let known = self.components.iter().map(|component| &component.file).find(|file| file.path == path);
-        known.cloned().map_or_else(|| FileRecord::of(path), Ok)
+    /// The record of what has a component's code. A library, which many components share, is read once.
+    fn hashed(&self, code: &Entry) -> Result<FileRecord> {
+        if let Some(blake3) = &code.blake3 {
+            return Ok(FileRecord { path: code.file.clone(), blake3: blake3.clone() });
+        }
+        let known = self.components.iter().map(|component| &component.file);
+        known
+            .clone()
+            .find(|file| file.path == code.file)
+            .cloned()
+            .map_or_else(|| FileRecord::of(&code.file), Ok)
     }
 
     /// The components, in order.

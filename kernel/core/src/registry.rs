@@ -12,23 +12,52 @@ use pdk_sdk::prelude::{Dataset, Driver, Perturbation, Saliency, Search, Simulato
 use serde_json::{Map, Value};
 
 use crate::calls::{self, Function};
-use crate::catalog::{Catalog, Entry, drop_in_name};
+use crate::catalog::{BUILT_IN, Catalog, Entry, drop_in_name};
+use crate::installation;
 use crate::loader::Plugin;
 use crate::search_path::{self, PATH_VARIABLE, SearchPath, is_script};
 
 /// Makes components from scripts. The kernel knows no script language; whoever starts it brings one along.
 pub trait Scripts: Send + Sync {
+    /// The scripts with components that are part of pdk.
+    fn built_in(&self) -> &'static [BuiltInScript];
+
     /// What the component in a script says of itself; none where the script is something else, such as a pipeline.
     ///
     /// # Errors
     /// Where it is meant as a component and is not a valid one.
-    fn describe(&self, path: &Path) -> Result<Option<Description>>;
+    fn describe(&self, script: Script<'_>) -> Result<Option<Description>>;
 
     /// Makes an instance of the component in a script, with parameters that have been checked.
     ///
     /// # Errors
     /// Where it cannot be made.
-    fn create(&self, path: &Path, config: &Config) -> Result<Instance>;
+    fn create(&self, script: Script<'_>, config: &Config) -> Result<Instance>;
+}
+
+/// A script that may hold a component.
+#[derive(Debug, Clone, Copy)]
+pub enum Script<'a> {
+    /// A file.
+    File(&'a Path),
+    /// One that is part of pdk.
+    BuiltIn(&'a BuiltInScript),
+}
+
+/// A script that is part of pdk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BuiltInScript {
+    /// Its name.
+    pub name: &'static str,
+    /// Its text.
+    pub source: &'static str,
+}
+
+impl BuiltInScript {
+    /// What stands where other scripts have a path: its name with a prefix.
+    pub fn path(&self) -> PathBuf {
+        PathBuf::from(format!("{BUILT_IN}{}", self.name))
+    }
 }
 
 /// All components that were found, with what it takes to make instances of them.
@@ -53,6 +82,7 @@ enum Source {
         index: usize,
     },
     Script,
+    BuiltInScript(&'static BuiltInScript),
     /// A file that another component makes a component of its own, by this parameter.
     DropIn {
         parameter: String,
@@ -66,7 +96,7 @@ impl Registry {
     /// everywhere. What cannot be used is left out and listed by [`Registry::refused`].
     ///
     /// # Errors
-    /// Where a given folder does not exist.
+    /// Where a given folder does not exist, or a part of pdk itself is missing or cannot be used.
     pub fn discover(search: &SearchPath, scripts: Box<dyn Scripts>) -> Result<Self> {
         let given = search.plugins.iter().map(|folder| ("plugins", folder));
         let drop_ins = search.drop_ins.iter().map(|(name, folder)| (name.as_str(), folder));
@@ -88,7 +118,7 @@ impl Registry {
             refused: Vec::new(),
             passed_over: Vec::new(),
         };
-        registry.add_built_in();
+        registry.add_built_in()?;
         for folder in &search.plugins {
             registry.add_place(folder);
         }
@@ -153,7 +183,12 @@ impl Registry {
                 calls::call(&label, Function::New, || self.plugins[*plugin].create(*index, config.values()))
             }
             Some(Source::Script) => {
-                calls::call(&label, Function::New, || self.scripts.create(&entry.file, &config))
+                let script = Script::File(&entry.file);
+                calls::call(&label, Function::New, || self.scripts.create(script, &config))
+            }
+            Some(Source::BuiltInScript(script)) => {
+                let script = Script::BuiltIn(script);
+                calls::call(&label, Function::New, || self.scripts.create(script, &config))
             }
             Some(Source::DropIn { parameter }) => {
                 let mut parameters = config.values().clone();
@@ -182,28 +217,36 @@ impl Registry {
         if place.is_file() {
             self.add_file(place);
         } else {
-            self.add_folder(place, |_| true);
+            self.add_folder(place);
         }
     }
 
-    /// The plugins beside the executable, and the scripts that come with an installation or a source tree.
-    fn add_built_in(&mut self) {
-        if let Some(folder) = search_path::executable_folder() {
-            self.add_folder(&folder, |stem| stem.starts_with("libpdk_"));
-            self.add_folder(&folder.join("plugins"), |_| true);
+    /// What is part of pdk, and the plugins in a folder beside its libraries. Of its own parts none may be missing: names would
+    /// mean something else then.
+    fn add_built_in(&mut self) -> Result<()> {
+        for library in installation::libraries()? {
+            self.add_library(&library)?;
         }
-        for folder in search_path::shipped("perturbations") {
-            self.add_folder(&folder, |_| true);
+        for script in self.scripts.built_in() {
+            let file = script.path();
+            let name = format!("script {}", file.display());
+            let describe = || self.scripts.describe(Script::BuiltIn(script));
+            if let Some(description) = calls::call(&name, Function::Load, describe)? {
+                let blake3 = blake3::hash(script.source.as_bytes()).to_hex().to_string();
+                let entry = Entry { description, file, base: None, blake3: Some(blake3) };
+                self.add(entry, Source::BuiltInScript(script));
+            }
         }
+        self.add_folder(&installation::library_folder()?.join("plugins"));
+        Ok(())
     }
 
     /// Adds the libraries and scripts of a folder, by name; a folder that does not exist has none.
-    fn add_folder(&mut self, folder: &Path, wanted: impl Fn(&str) -> bool) {
+    fn add_folder(&mut self, folder: &Path) {
         self.places.push(folder.to_owned());
         for file in self.files_of(folder) {
-            let stem = file.file_stem().unwrap_or_default().to_string_lossy();
             let extension = file.extension().unwrap_or_default();
-            if extension == std::env::consts::DLL_EXTENSION && wanted(&stem) || is_script(&file) {
+            if extension == std::env::consts::DLL_EXTENSION || is_script(&file) {
                 self.add_file(&file);
             }
         }
@@ -221,31 +264,32 @@ impl Registry {
     }
 
     fn add_file(&mut self, file: &Path) {
-        if is_script(file) {
-            if let Err(error) = self.add_script(file) {
-                self.refused.push(error);
-            }
-            return;
+        let added = if is_script(file) { self.add_script(file) } else { self.add_library(file) };
+        if let Err(error) = added {
+            self.refused.push(error);
         }
-        let Some(file) = self.first_look(file) else { return };
-        match Plugin::load(&file) {
-            Ok(plugin) => {
-                let (number, descriptions) = (self.plugins.len(), plugin.description.components.clone());
-                self.plugins.push(plugin);
-                for (index, description) in descriptions.into_iter().enumerate() {
-                    self.add(description, file.clone(), None, Source::Plugin { plugin: number, index });
-                }
-            }
-            Err(error) => self.refused.push(error),
+    }
+
+    /// Adds the components of a plugin.
+    fn add_library(&mut self, file: &Path) -> Result<()> {
+        let Some(file) = self.first_look(file) else { return Ok(()) };
+        let plugin = Plugin::load(&file)?;
+        let (number, descriptions) = (self.plugins.len(), plugin.description.components.clone());
+        self.plugins.push(plugin);
+        for (index, description) in descriptions.into_iter().enumerate() {
+            let entry = Entry { description, file: file.clone(), base: None, blake3: None };
+            self.add(entry, Source::Plugin { plugin: number, index });
         }
+        Ok(())
     }
 
     /// Adds the component in a script, where it has one.
     fn add_script(&mut self, file: &Path) -> Result<()> {
         let Some(file) = self.first_look(file) else { return Ok(()) };
         let name = format!("script {}", file.display());
-        if let Some(description) = calls::call(&name, Function::Load, || self.scripts.describe(&file))? {
-            self.add(description, file, None, Source::Script);
+        let describe = || self.scripts.describe(Script::File(&file));
+        if let Some(description) = calls::call(&name, Function::Load, describe)? {
+            self.add(Entry { description, file, base: None, blake3: None }, Source::Script);
         }
         Ok(())
     }
@@ -264,9 +308,6 @@ impl Registry {
             let Some(drop_in) = &base.drop_in else { continue };
             let given = search.drop_ins.iter().filter(|(name, _)| *name == drop_in.folder);
             let mut folders: Vec<PathBuf> = given.map(|(_, folder)| folder.clone()).collect();
-            if drop_in.shipped {
-                folders.extend(search_path::shipped(&drop_in.folder));
-            }
             folders.extend(self.places.iter().map(|place| place.join(&drop_in.folder)));
             let mut seen = BTreeSet::new();
             let files: Vec<_> = folders.iter().flat_map(|folder| self.files_of(folder)).collect();
@@ -310,18 +351,14 @@ impl Registry {
         description.examples.clear();
         // It is the user's own, so it is there by name.
         description.default = false;
-        self.add(
-            description,
-            file,
-            Some(base.name.clone()),
-            Source::DropIn { parameter: parameter.to_owned() },
-        );
+        let entry = Entry { description, file, base: Some(base.name.clone()), blake3: None };
+        self.add(entry, Source::DropIn { parameter: parameter.to_owned() });
     }
 
-    fn add(&mut self, description: Description, file: PathBuf, base: Option<String>, source: Source) {
-        let key = (description.kind, description.name.clone());
-        let shown = file.display().to_string();
-        match self.catalog.add(Entry { description, file, base }) {
+    fn add(&mut self, entry: Entry, source: Source) {
+        let key = (entry.description.kind, entry.description.name.clone());
+        let shown = entry.file.display().to_string();
+        match self.catalog.add(entry) {
             Some(first) => self.refused.push(Error::new(format!(
                 "{} `{}` of {shown} is left out, because {} has one of the same name and comes first; rename {shown}",
                 key.0,

@@ -7,9 +7,6 @@ use serde::{Deserialize, Serialize};
 /// Names the folders with further plugins and Lua perturbations, separated as in PATH.
 pub const PATH_VARIABLE: &str = "PDK_PLUGIN_PATH";
 
-/// Where scripts and models that come with pdk lie, seen from the executable: in an installation, and in a source tree.
-const SHIPPED: [&str; 2] = ["../share/pdk", "../../scripts"];
-
 /// Where components are looked for besides the usual places.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SearchPath {
@@ -34,22 +31,6 @@ impl SearchPath {
             beside: self.beside.iter().map(absolute).collect(),
         }
     }
-}
-
-/// The folder of the running executable.
-pub fn executable_folder() -> Option<PathBuf> {
-    let executable = std::env::current_exe().ok()?;
-    let folder = std::fs::canonicalize(executable).ok()?.parent()?.to_owned();
-    // Test executables lie one folder below the libraries.
-    Some(if folder.ends_with("deps") { folder.parent()?.to_owned() } else { folder })
-}
-
-/// A folder of this name among the scripts and models that come with pdk, wherever there is one.
-pub fn shipped(name: &str) -> Vec<PathBuf> {
-    let own = executable_folder();
-    let places = own.iter().flat_map(|own| SHIPPED.iter().map(move |place| own.join(place).join(name)));
-    // Without the way there, which shows in paths; what is not there is none.
-    places.filter_map(|place| place.canonicalize().ok()).collect()
 }
 
 /// Where a user's own plugins and perturbations lie.

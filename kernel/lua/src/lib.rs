@@ -26,6 +26,7 @@
 //! | [`perturbation`] | a script as a perturbation |
 //! | [`kept`] | what a script keeps from one frame to the next, found when it is checked |
 //! | [`scripts`] | components from scripts, for the registry |
+//! | [`shipped`] | the scripts that are part of pdk |
 
 mod absent;
 pub mod api;
@@ -46,6 +47,7 @@ mod power;
 pub mod random;
 pub mod sandbox;
 pub mod scripts;
+pub mod shipped;
 pub mod types;
 mod watchdog;
 

@@ -14,6 +14,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use mlua::{Function, LightUserData, Lua, LuaString, RegistryKey, Table, Value, ffi};
 use pdk_core::manifest::Module;
+use pdk_core::registry::BuiltInScript;
 
 use crate::chunk;
 use crate::failure::type_of;
@@ -56,8 +57,8 @@ struct Entry {
 }
 
 impl Modules {
-    /// The modules of a pipeline in `folder`, and those of the library's folders.
-    pub fn new(folder: &Path, library: Vec<PathBuf>) -> Self {
+    /// The modules of a pipeline in `folder`, which has none where it is part of pdk, and those of the library.
+    pub fn new(folder: Option<&Path>, library: &'static [BuiltInScript]) -> Self {
         Self(Arc::new(Mutex::new(State {
             places: Places::new(folder, library),
             bases: HashMap::new(),

@@ -1,8 +1,10 @@
 //! A script as a perturbation.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use mlua::{AnyUserData, Function, Lua, LuaString, Table, Value};
+use pdk_core::registry::Script;
 use pdk_core::suggest;
 use pdk_sdk::config::{Config, frame_values};
 use pdk_sdk::describe::{Description, ParameterType};
@@ -24,8 +26,44 @@ pub fn perturbation_api() -> Vec<&'static dyn Declare> {
     vec![&PERTURBATION, &PARAMETER, &CONTEXT, &ImageClass, &RANDOM]
 }
 
+/// The text of a script.
+pub struct Source<'a> {
+    /// What errors call it.
+    script: String,
+    text: Cow<'a, [u8]>,
+    /// The name of the perturbation where the script gives none.
+    stem: &'a str,
+}
+
+impl<'a> Source<'a> {
+    /// Reads a script.
+    ///
+    /// # Errors
+    /// Where it is a file that cannot be read.
+    pub fn of(script: Script<'a>) -> Result<Self> {
+        match script {
+            Script::File(path) => Self::read(path),
+            Script::BuiltIn(script) => Ok(Self {
+                script: script.path().display().to_string(),
+                text: Cow::Borrowed(script.source.as_bytes()),
+                stem: script.name,
+            }),
+        }
+    }
+
+    /// Reads the script in a file.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn read(path: &'a Path) -> Result<Self> {
+        let text = std::fs::read(path).place(path.display())?;
+        let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+        Ok(Self { script: path.display().to_string(), text: Cow::Owned(text), stem })
+    }
+}
+
 /// What a script turned out to be.
-pub(crate) enum Script {
+pub(crate) enum Returned {
     /// It returned a table with `apply`.
     Perturbation(Box<Declaration>),
     /// It reached for what only pipelines have.
@@ -34,40 +72,32 @@ pub(crate) enum Script {
     Other(Value),
 }
 
-/// Reads the description of the perturbation in a file.
+/// Reads the description of the perturbation in a script.
 ///
 /// # Errors
-/// Where the file cannot be read, is no valid script, or is something other than a perturbation.
-pub fn description(path: &Path) -> Result<Description> {
-    let source = std::fs::read(path).place(path.display())?;
+/// Where it is no valid script, or is something other than a perturbation.
+pub fn description(source: &Source<'_>) -> Result<Description> {
     let machine = Machine::new(Limits::of_perturbation()?)?;
-    machine
-        .declare(&path.display().to_string(), &source, stem(path))
-        .map(|declaration| declaration.description)
+    let declaration = machine.declare(&source.script, &source.text, source.stem)?;
+    Ok(declaration.description)
 }
 
 /// Finds out what a script is.
 ///
 /// # Errors
-/// Where the file cannot be read, the script fails, or it returns a table with `apply` that is no valid perturbation.
-pub(crate) fn look_at(path: &Path) -> Result<Script> {
-    let source = std::fs::read(path).place(path.display())?;
+/// Where the script fails, or it returns a table with `apply` that is no valid perturbation.
+pub(crate) fn look_at(source: &Source<'_>) -> Result<Returned> {
     let machine = Machine::new(Limits::of_perturbation()?)?;
-    machine.look_at(&path.display().to_string(), &source, stem(path))
+    machine.look_at(&source.script, &source.text, source.stem)
 }
 
-/// Makes an instance of the perturbation in a file. `config` has been checked against its description.
+/// Makes an instance of the perturbation in a script. `config` has been checked against its description.
 ///
 /// # Errors
 /// As [`description`].
-pub fn open(path: &Path, config: &Config) -> Result<LuaPerturbation> {
-    let source = std::fs::read(path).place(path.display())?;
-    let script = path.display().to_string();
-    LuaPerturbation::new(&script, &source, stem(path), config.clone(), Limits::of_perturbation()?)
-}
-
-fn stem(path: &Path) -> &str {
-    path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default()
+pub fn open(source: &Source<'_>, config: &Config) -> Result<LuaPerturbation> {
+    let Source { script, text, stem } = source;
+    LuaPerturbation::new(script, text, stem, config.clone(), Limits::of_perturbation()?)
 }
 
 /// A virtual machine for the script of a perturbation.
@@ -87,31 +117,31 @@ impl Machine {
     }
 
     /// Runs a script, which may be anything.
-    fn look_at(&self, script: &str, source: &[u8], stem: &str) -> Result<Script> {
+    fn look_at(&self, script: &str, source: &[u8], stem: &str) -> Result<Returned> {
         let chunk = self.sandbox.load(script, source)?;
         self.reached.forget();
         let returned = match self.sandbox.call(script, &chunk, ()) {
-            Err(_) if self.reached.get() => return Ok(Script::Pipeline),
+            Err(_) if self.reached.get() => return Ok(Returned::Pipeline),
             returned => returned?,
         };
         match &returned {
             Value::Table(table) if declaration::has_apply(table)? => {
                 let declaration = declaration::read(&returned, stem).map_err(|error| error.at(script))?;
-                Ok(Script::Perturbation(Box::new(declaration)))
+                Ok(Returned::Perturbation(Box::new(declaration)))
             }
-            _ => Ok(Script::Other(returned)),
+            _ => Ok(Returned::Other(returned)),
         }
     }
 
     /// Runs a script, which has to be a perturbation.
     fn declare(&self, script: &str, source: &[u8], stem: &str) -> Result<Declaration> {
         match self.look_at(script, source, stem)? {
-            Script::Perturbation(declaration) => Ok(*declaration),
-            Script::Pipeline => Err(Error::new(format!(
+            Returned::Perturbation(declaration) => Ok(*declaration),
+            Returned::Pipeline => Err(Error::new(format!(
                 "is a pipeline, but a perturbation is expected here; run it with `pdk run {script}`, or move it elsewhere"
             ))
             .at(script)),
-            Script::Other(returned) => declaration::read(&returned, stem).map_err(|error| error.at(script)),
+            Returned::Other(returned) => declaration::read(&returned, stem).map_err(|error| error.at(script)),
         }
     }
 }

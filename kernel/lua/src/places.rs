@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use pdk_core::registry::BuiltInScript;
+use pdk_core::suggest;
 use pdk_sdk::error::{Error, Result};
 
 use crate::chunk::LARGEST_SCRIPT;
@@ -13,55 +15,53 @@ const LIBRARY: &str = "@pdk/";
 /// What a file may end in; a name has none of them.
 const ENDINGS: [&str; 2] = ["lua", "luau"];
 
-/// A folder that modules lie in, with what is below it.
+/// Where modules lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Root {
-    /// That of the pipeline.
+    /// In the folder of the pipeline, or below it.
     Pipeline,
-    /// A folder of the library, by its place in the list.
-    Library(usize),
+    /// In the library.
+    Library,
 }
 
-/// The folders.
+/// Where modules are looked for.
 pub(crate) struct Places {
-    pipeline: PathBuf,
-    library: Vec<PathBuf>,
+    /// The folder of the pipeline; none where it is part of pdk.
+    pipeline: Option<PathBuf>,
+    library: &'static [BuiltInScript],
 }
 
-/// A module's file.
+/// A module that was found.
 #[derive(Debug)]
 pub(crate) struct Found {
-    /// The file, without symbolic links, by which it is known.
+    /// By what it is known: its file without symbolic links, or its name in the library.
     pub file: PathBuf,
-    /// As errors call it: the path that leads there.
+    /// As errors call it: the path that leads there, or its name.
     pub shown: String,
     /// As the pipeline would name it.
     pub name: String,
     pub root: Root,
     /// Its folder, seen from the root.
     pub folder: PathBuf,
+    /// Its text where it is part of pdk.
+    built_in: Option<&'static str>,
 }
 
 impl Places {
-    pub(crate) fn new(pipeline: &Path, library: Vec<PathBuf>) -> Self {
+    pub(crate) fn new(pipeline: Option<&Path>, library: &'static [BuiltInScript]) -> Self {
         // The folder of a file without one is the working directory.
-        let pipeline = if pipeline.as_os_str().is_empty() { Path::new(".") } else { pipeline };
-        Self { pipeline: pipeline.to_owned(), library }
+        let folder =
+            |path: &Path| if path.as_os_str().is_empty() { PathBuf::from(".") } else { path.to_owned() };
+        Self { pipeline: pipeline.map(folder), library }
     }
 
-    /// The file of a module that is asked for by a file in a folder below a root, or by the pipeline.
+    /// The module that a file in a folder below a root asks for, or the pipeline.
     ///
     /// # Errors
-    /// Where the name is none, leads out of the folder, or names no file.
+    /// Where the name is none, leads out of the folder, or names no module.
     pub(crate) fn find(&self, asking: Option<(Root, &Path)>, name: &str) -> Result<Found> {
         if let Some(rest) = name.strip_prefix(LIBRARY) {
-            let path = inner(Path::new(""), rest, name)?;
-            for number in 0..self.library.len() {
-                if let Some(found) = self.look(Root::Library(number), &path, name)? {
-                    return Ok(found);
-                }
-            }
-            return Err(missing(name, self.library.iter().map(|folder| folder.join(&path)).collect()));
+            return self.in_library(&inner(Path::new(""), rest, name)?, name);
         }
         if !name.starts_with("./") && !name.starts_with("../") {
             return Err(Error::new(format!(
@@ -71,67 +71,86 @@ impl Places {
         }
         let (root, folder) = asking.unwrap_or((Root::Pipeline, Path::new("")));
         let path = inner(folder, name, name)?;
-        self.look(root, &path, name)?.ok_or_else(|| missing(name, vec![self.root(root).join(&path)]))
-    }
-
-    fn root(&self, root: Root) -> &Path {
-        match root {
-            Root::Pipeline => &self.pipeline,
-            Root::Library(number) => &self.library[number],
+        match (root, &self.pipeline) {
+            (Root::Library, _) => self.in_library(&path, name),
+            (Root::Pipeline, Some(pipeline)) => beside(pipeline, &path, name),
+            (Root::Pipeline, None) => Err(Error::new(format!(
+                "require(\"{name}\") finds no module: the pipeline is part of pdk, so nothing lies beside it; write {LIBRARY} and \
+                 the name of a module that comes with pdk"
+            ))),
         }
     }
 
-    /// The file at a path below a root, without its ending.
-    fn look(&self, root: Root, path: &Path, name: &str) -> Result<Option<Found>> {
-        let folder = self.root(root);
-        let with_ending = |ending: &&str| folder.join(format!("{}.{ending}", path.display()));
-        let files: Vec<PathBuf> = ENDINGS.iter().map(with_ending).filter(|file| file.exists()).collect();
-        let shown = match files.as_slice() {
-            [] => return Ok(None),
-            [file] => file,
-            [first, second, ..] => {
-                return Err(Error::new(format!(
-                    "require(\"{name}\") could be {} or {}; rename one of them",
-                    first.display(),
-                    second.display()
-                )));
-            }
+    /// The module at a path in the library.
+    fn in_library(&self, path: &Path, name: &str) -> Result<Found> {
+        let plain = path.to_string_lossy();
+        let Some(script) = self.library.iter().find(|script| script.name == plain) else {
+            let names = self.library.iter().map(|script| script.name);
+            let hint = suggest::hint(&plain, names);
+            return Err(Error::new(format!(
+                "require(\"{name}\") finds no module: pdk comes with no `{plain}`; {hint}"
+            )));
         };
-        let real = |path: &Path| {
-            path.canonicalize().map_err(|error| {
-                Error::new(format!("the module {} cannot be read ({error})", shown.display()))
-            })
-        };
-        let file = real(shown)?;
-        if !file.starts_with(real(folder)?) {
-            return Err(leaves(name, &format!("it is a symbolic link to {}", file.display())));
-        }
-        let plain = path.display();
-        Ok(Some(Found {
-            file,
-            shown: shown.display().to_string(),
-            name: match root {
-                Root::Pipeline => format!("./{plain}"),
-                Root::Library(_) => format!("{LIBRARY}{plain}"),
-            },
-            root,
+        let name = format!("{LIBRARY}{plain}");
+        Ok(Found {
+            file: PathBuf::from(&name),
+            shown: name.clone(),
+            name,
+            root: Root::Library,
             folder: path.parent().unwrap_or(Path::new("")).to_owned(),
-        }))
+            built_in: Some(script.source),
+        })
     }
 }
 
+/// The file at a path below the folder of the pipeline, without its ending.
+fn beside(folder: &Path, path: &Path, name: &str) -> Result<Found> {
+    let with_ending = |ending: &&str| folder.join(format!("{}.{ending}", path.display()));
+    let files: Vec<PathBuf> = ENDINGS.iter().map(with_ending).filter(|file| file.exists()).collect();
+    let shown = match files.as_slice() {
+        [] => return Err(missing(name, &folder.join(path))),
+        [file] => file,
+        [first, second, ..] => {
+            return Err(Error::new(format!(
+                "require(\"{name}\") could be {} or {}; rename one of them",
+                first.display(),
+                second.display()
+            )));
+        }
+    };
+    let real = |path: &Path| {
+        path.canonicalize()
+            .map_err(|error| Error::new(format!("the module {} cannot be read ({error})", shown.display())))
+    };
+    let file = real(shown)?;
+    if !file.starts_with(real(folder)?) {
+        return Err(leaves(name, &format!("it is a symbolic link to {}", file.display())));
+    }
+    Ok(Found {
+        file,
+        shown: shown.display().to_string(),
+        name: format!("./{}", path.display()),
+        root: Root::Pipeline,
+        folder: path.parent().unwrap_or(Path::new("")).to_owned(),
+        built_in: None,
+    })
+}
+
 impl Found {
-    /// The text of the file.
+    /// The text of the module.
     ///
     /// # Errors
-    /// Where it cannot be read, is too large, or is no text.
+    /// Where it is in a file that cannot be read, is too large, or is no text.
     pub(crate) fn read(&self) -> Result<String> {
+        if let Some(source) = self.built_in {
+            return Ok(source.to_owned());
+        }
         let unreadable = |why: &dyn std::fmt::Display| {
             Error::new(format!("the module {} cannot be read ({why})", self.shown))
         };
-        // What is no file, such as a pipe, might keep the reader waiting.
+        // What is not a file, such as a pipe, might keep the reader waiting.
         if !self.file.is_file() {
-            return Err(unreadable(&"it is no file"));
+            return Err(unreadable(&"it is not a file"));
         }
         let mut source = Vec::new();
         let file = File::open(&self.file).map_err(|error| unreadable(&error))?;
@@ -180,15 +199,10 @@ fn leaves(name: &str, why: &str) -> Error {
     Error::new(format!("require(\"{name}\") leads out of its folder: {why}"))
 }
 
-fn missing(name: &str, paths: Vec<PathBuf>) -> Error {
-    let wanted: Vec<_> = paths.iter().map(|path| format!("{}.lua", path.display())).collect();
-    let remedy = match wanted.is_empty() {
-        true => "this installation has no library".to_owned(),
-        false => format!("there is no {}", wanted.join(" and no ")),
-    };
+fn missing(name: &str, path: &Path) -> Error {
     let hint = match ENDINGS.iter().any(|ending| name.ends_with(&format!(".{ending}"))) {
         true => "; leave out the ending",
         false => "",
     };
-    Error::new(format!("require(\"{name}\") finds no module: {remedy}{hint}"))
+    Error::new(format!("require(\"{name}\") finds no module: there is no {}.lua{hint}", path.display()))
 }

@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use pdk_core::registry::Scripts;
+use pdk_core::registry::{BuiltInScript, Script, Scripts};
 use pdk_core::search_path::{PATH_VARIABLE, SearchPath};
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::Description;
 use pdk_sdk::error::Result;
 
-use crate::perturbation::{self, Script};
+use crate::perturbation::{self, Returned, Source};
+use crate::shipped;
 
 /// The folders of this name hold perturbations and nothing else.
 const FOLDER: &str = "perturbations";
@@ -42,18 +43,28 @@ impl LuaScripts {
 }
 
 impl Scripts for LuaScripts {
-    fn describe(&self, path: &Path) -> Result<Option<Description>> {
-        if self.is_meant(path) {
-            return perturbation::description(path).map(Some);
+    fn built_in(&self) -> &'static [BuiltInScript] {
+        shipped::PERTURBATIONS
+    }
+
+    fn describe(&self, script: Script<'_>) -> Result<Option<Description>> {
+        let source = Source::of(script)?;
+        let is_meant = match script {
+            Script::File(path) => self.is_meant(path),
+            Script::BuiltIn(_) => true,
+        };
+        if is_meant {
+            return perturbation::description(&source).map(Some);
         }
-        match perturbation::look_at(path)? {
-            Script::Perturbation(declaration) => Ok(Some(declaration.description)),
-            Script::Pipeline | Script::Other(_) => Ok(None),
+        match perturbation::look_at(&source)? {
+            Returned::Perturbation(declaration) => Ok(Some(declaration.description)),
+            Returned::Pipeline | Returned::Other(_) => Ok(None),
         }
     }
 
-    fn create(&self, path: &Path, config: &Config) -> Result<Instance> {
-        perturbation::open(path, config).map(|made| Instance::Perturbation(Box::new(made)))
+    fn create(&self, script: Script<'_>, config: &Config) -> Result<Instance> {
+        let made = perturbation::open(&Source::of(script)?, config)?;
+        Ok(Instance::Perturbation(Box::new(made)))
     }
 }
 

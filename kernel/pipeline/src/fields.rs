@@ -97,7 +97,7 @@ impl Fields {
     /// A field with a number; none where it is not set.
     ///
     /// # Errors
-    /// Where it is no number.
+    /// Where it is not a number.
     pub fn number(&mut self, field: &str) -> Result<Option<f64>> {
         match self.any(field) {
             Value::Null => Ok(None),

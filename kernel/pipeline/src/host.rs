@@ -572,10 +572,7 @@ impl Host {
         self.session.finish()?;
         directory.write_json(SUMMARY, summary)?;
         let total = self.session.performance();
-        for (warning, times) in &total.warnings {
-            self.warnings
-                .push(format!("{warning}, {times} times; what can be put back was put back after each"));
-        }
+        self.warnings.extend(total.noticed());
         let stages = total.times.summary();
         // The times of the process that drove are worth more than those of one that did not.
         if stages.steps == 0

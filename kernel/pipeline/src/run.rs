@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use mlua::Value as LuaValue;
 use pdk_core::eprintln;
 use pdk_core::manifest::Pipeline;
-use pdk_core::search_path::{SearchPath, shipped};
+use pdk_core::search_path::SearchPath;
+use pdk_core::suggest;
+use pdk_lua::shipped::{LIBRARY, PIPELINES};
 use pdk_lua::{Limits, Modules, Sandbox};
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, Result};
 use pdk_session::interrupt;
 use pdk_session::session::{Options as SessionOptions, Session};
 
@@ -28,30 +30,68 @@ pub struct Options {
     pub quiet: bool,
 }
 
-/// Runs a pipeline to its end, or to an error of its script, which [`Finished::failure`] then holds. What was recorded
-/// until an error is complete and stays.
+/// The text of a pipeline and where it comes from.
+struct Script {
+    /// The file, or the name of one that is part of pdk.
+    path: PathBuf,
+    source: String,
+    /// The folder that it lies in; none where it is part of pdk.
+    folder: Option<PathBuf>,
+}
+
+impl Script {
+    /// A name without folder and ending is that of a pipeline that is part of pdk, all else a file.
+    fn find(pipeline: &Path) -> Result<Self> {
+        let is_name = pipeline.components().count() == 1 && !pipeline.to_string_lossy().contains('.');
+        if is_name {
+            let name = pipeline.to_string_lossy();
+            let known = PIPELINES.iter().map(|script| script.name);
+            let script = PIPELINES.iter().find(|script| script.name == name).ok_or_else(|| {
+                Error::new(format!(
+                    "pdk comes with no pipeline `{name}`, and a file is named with its folder or its ending, as in ./{name}; {}",
+                    suggest::hint(&name, known)
+                ))
+            })?;
+            return Ok(Self { path: script.name.into(), source: script.source.to_owned(), folder: None });
+        }
+        let source = std::fs::read_to_string(pipeline).map_err(|error| unreadable(pipeline, &error))?;
+        let folder =
+            pipeline.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Ok(Self { path: pipeline.to_owned(), source, folder: Some(folder.to_owned()) })
+    }
+}
+
+fn unreadable(pipeline: &Path, error: &std::io::Error) -> Error {
+    let name = pipeline.file_stem().unwrap_or_default().to_string_lossy();
+    let hint = match PIPELINES.iter().any(|script| script.name == name) {
+        true => format!("; the one that comes with pdk is `pdk run {name}`"),
+        false => String::new(),
+    };
+    Error::new(format!("cannot read the pipeline {} ({error}){hint}", pipeline.display()))
+}
+
+/// Runs a pipeline to its end, or to an error of its script, which [`Finished::failure`] then holds. It is a file, or the name
+/// of one that is part of pdk. What was recorded until an error is complete and stays.
 ///
 /// # Errors
 /// Where nothing could be begun: the file cannot be read, or no worker can be started.
-pub fn run(path: &Path, options: Options) -> Result<Finished> {
-    let source =
-        std::fs::read_to_string(path).place(format_args!("cannot read the pipeline {}", path.display()))?;
+pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
+    let Script { path, source, folder } = Script::find(pipeline)?;
     let name = path.to_string_lossy().into_owned();
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let given = given(&options.search);
     // A perturbation beside its pipeline is found without being named.
     let mut search = options.search;
-    search.beside.extend([folder.to_owned(), folder.join("perturbations")]);
+    search.beside.extend(folder.iter().flat_map(|folder| [folder.clone(), folder.join("perturbations")]));
     interrupt::watch()?;
 
-    let modules = Modules::new(folder, shipped("library"));
+    let modules = Modules::new(folder.as_deref(), LIBRARY);
     let mut sandbox = Sandbox::with_api(Limits::of_pipeline()?, |lua| {
         modules.install(lua)?;
         API.install(lua)
     })?;
     sandbox.stop_when(stop);
     let session = Session::start(SessionOptions {
-        run: run_name(path),
+        run: run_name(&path),
         pool: options.common.pool(),
         limits: options.common.limits,
         search,
@@ -62,7 +102,7 @@ pub fn run(path: &Path, options: Options) -> Result<Finished> {
     let loaded = modules.clone();
     let host = Host::new(Parts {
         session,
-        pipeline: Pipeline { path: path.to_owned(), source: source.clone(), modules: Vec::new() },
+        pipeline: Pipeline { path, source: source.clone(), modules: Vec::new() },
         modules: Box::new(move || loaded.loaded()),
         given,
         common: options.common,
@@ -93,7 +133,7 @@ fn given(search: &SearchPath) -> (Vec<PathBuf>, Vec<PathBuf>) {
 }
 
 /// The name of a run on its topics: letters, digits, dashes and underscores, unique on this machine.
-pub fn run_name(path: &Path) -> String {
+fn run_name(path: &Path) -> String {
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let fits = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
     let name: String = name.chars().map(fits).take(40).collect();

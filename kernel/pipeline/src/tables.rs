@@ -35,7 +35,7 @@ pub fn checked_name(name: &Value) -> Result<&str> {
 /// Renders a table of its own making: `{ header, rows }`.
 ///
 /// # Errors
-/// Where the header is no list of texts, or a row no list as long as the header.
+/// Where the header is not a list of texts, or a row no list as long as the header.
 pub fn render(header: &Value, rows: &Value) -> Result<String> {
     let texts: Option<Vec<&str>> =
         header.as_array().filter(|h| !h.is_empty()).and_then(|h| h.iter().map(Value::as_str).collect());

@@ -178,7 +178,7 @@ impl Driving<'_> {
             scenarios: compared,
             frames: performance.times.steps - before.1.times.steps,
             wall_seconds: performance.wall_seconds - before.1.wall_seconds,
-            warnings: performance.warnings.iter().map(noticed).collect(),
+            warnings: performance.noticed().collect(),
         })
     }
 
@@ -212,10 +212,4 @@ impl Driving<'_> {
         std::fs::remove_file(&path).place(path.display())?;
         compare(recorded, &steps, &driven.outcome, &again)
     }
-}
-
-/// A sentence about what was noticed in so many scenarios.
-fn noticed((warning, times): (&String, &u64)) -> String {
-    let scenarios = if *times == 1 { "scenario" } else { "scenarios" };
-    format!("{warning} in {times} {scenarios}; what can be put back was put back after each")
 }

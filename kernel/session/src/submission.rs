@@ -65,6 +65,16 @@ pub struct Performance {
     pub wall_seconds: f64,
     /// The most slots that were at work at the same time.
     pub slots: usize,
-    /// What was noticed, such as a component that changed the working directory, and how often.
+    /// What was noticed, such as a component that changed the working directory, and after how many jobs.
     pub warnings: BTreeMap<String, u64>,
+}
+
+impl Performance {
+    /// A sentence about each thing that was noticed.
+    pub fn noticed(&self) -> impl Iterator<Item = String> + '_ {
+        self.warnings.iter().map(|(warning, times)| {
+            let times = if *times == 1 { "once".to_owned() } else { format!("{times} times") };
+            format!("{warning}, {times}; what can be put back was put back after each")
+        })
+    }
 }

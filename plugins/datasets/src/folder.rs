@@ -22,7 +22,7 @@ pub struct Folder {
 
 /// A frame, or one half of it where the other is missing.
 struct Row {
-    /// The file name of the image; of the record where there is no image.
+    /// The file name of the image; of the record where there is not an image.
     name: String,
     files: Files,
 }

@@ -99,7 +99,7 @@ impl Manifest {
             .find(|object| object.contains_key("paths"))
             .ok_or_else(|| {
                 Error::new(
-                    "manifest.json has no line that lists the catalogs under `paths`, so this is no tub of version 2; \
+                    "manifest.json has no line that lists the catalogs under `paths`, so this is not a tub of version 2; \
                      the dataset `folder` reads folders with a record_N.json for each image",
                 )
             })?;

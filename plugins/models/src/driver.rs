@@ -1,12 +1,10 @@
 //! The driver `onnx`: a steering network in an ONNX file.
 
-use std::path::Path;
-
 use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 
 use crate::backend;
-use crate::model_file::ModelFile;
+use crate::model_file::{ModelFile, Source};
 use crate::pixels::Pixels;
 use crate::selection::{Selection, Slot};
 use crate::session::Session;
@@ -31,58 +29,79 @@ pub struct Onnx {
 
 impl Component for Onnx {
     fn description() -> Description {
-        Description::driver("onnx", "Drives with a neural network")
+        let model = Parameter::path(
+            "model",
+            "the ONNX file: an image in, to whose size frames are resized, steering and maybe throttle out; a second input called \
+             `speed` gets the speed in m/s",
+        );
+        let description = Description::driver("onnx", "Drives with a neural network")
             .family("network")
-            .shipped_drop_in("models", &["onnx"], "model")
-            .parameter(Parameter::path(
-                "model",
-                "the ONNX file: an image in, to whose size frames are resized, steering and maybe throttle out; a second \
-                 input called `speed` gets the speed in m/s",
-            ))
-            .parameter(Parameter::choice(
-                "backend",
-                &backend::NAMES,
-                "who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes \
-                 ONNX Runtime where PDK_ONNXRUNTIME names it or a Python package brings it, else tract",
-            ))
-            .parameter(Parameter::choice(
-                "layout",
-                &["auto", "nchw", "nhwc"],
-                "where the input's channels are: before or after height and width; auto reads it from the shape",
-            ))
-            .parameter(Parameter::choice(
-                "scale",
-                &Pixels::SCALES,
-                "the range of pixel values that the network was trained on",
-            ))
-            .parameter(Parameter::choice(
-                "color",
-                &["rgb", "bgr"],
-                "the order of colours that the network was trained on",
-            ))
-            .parameter(
-                Parameter::text(
-                    "steering_output",
-                    "the output that steers; left out, the first: alone, or together with the throttle",
-                ),
-            )
-            .parameter(Parameter::text(
-                "throttle_output",
-                "the output that gives the throttle; left out, the second number or the second output",
-            ))
-            .parameter(
-                Parameter::number("throttle", 0.3, "the throttle for a network that only steers").range(-1.0, 1.0),
-            )
+            .drop_in("models", &["onnx"], "model")
+            .parameter(model)
+            .parameter(backend());
+        with_reading(description)
     }
 
     fn new(config: &Config) -> Result<Self> {
-        Self::open(config).map_err(|e| e.at(format!("model `{}`", config.text("model"))))
+        let model = config.text("model");
+        Self::open(Source::File(model.into()), model, config)
     }
 }
 
+/// The parameter that says who runs a network.
+pub fn backend() -> Parameter {
+    Parameter::choice(
+        "backend",
+        &backend::NAMES,
+        "who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes ONNX Runtime \
+         where PDK_ONNXRUNTIME names it or a Python package brings it, else tract",
+    )
+}
+
+/// Adds the parameters that say how a network reads frames and what its outputs mean.
+fn with_reading(description: Description) -> Description {
+    description
+        .parameter(Parameter::choice(
+            "layout",
+            &["auto", "nchw", "nhwc"],
+            "where the input's channels are: before or after height and width; auto reads it from the shape",
+        ))
+        .parameter(Parameter::choice(
+            "scale",
+            &Pixels::SCALES,
+            "the range of pixel values that the network was trained on",
+        ))
+        .parameter(Parameter::choice(
+            "color",
+            &["rgb", "bgr"],
+            "the order of colours that the network was trained on",
+        ))
+        .parameter(Parameter::text(
+            "steering_output",
+            "the output that steers; left out, the first: alone, or together with the throttle",
+        ))
+        .parameter(Parameter::text(
+            "throttle_output",
+            "the output that gives the throttle; left out, the second number or the second output",
+        ))
+        .parameter(
+            Parameter::number("throttle", 0.3, "the throttle for a network that only steers")
+                .range(-1.0, 1.0),
+        )
+}
+
 impl Onnx {
-    fn open(config: &Config) -> Result<Self> {
-        let model = ModelFile::read(Path::new(config.text("model")), config.text("layout"))?;
+    /// Makes a driver of the model in a file, which messages call `name`.
+    ///
+    /// # Errors
+    /// Where it is no driving model, or the backend cannot run it.
+    pub fn open(source: Source, name: &str, config: &Config) -> Result<Self> {
+        let place = format!("model `{name}`");
+        Self::make(source, &place, config).map_err(|error| error.at(place))
+    }
+
+    fn make(source: Source, place: &str, config: &Config) -> Result<Self> {
+        let model = ModelFile::read(source, config.text("layout"))?;
         let mut session = backend::open(&model.network(), config.text("backend"))?;
         // A first run shows how many values each output has, which files need not declare.
         let mut outputs = vec![Vec::new(); model.outputs.len()];
@@ -92,7 +111,7 @@ impl Onnx {
         let (steering, throttle) = (config.text("steering_output"), config.text("throttle_output"));
         let selection = Selection::new(&model.outputs, &sizes, steering, throttle)?;
         Ok(Self {
-            place: format!("model `{}` on {}", config.text("model"), session.backend()),
+            place: format!("{place} on {}", session.backend()),
             session,
             pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
             selection,

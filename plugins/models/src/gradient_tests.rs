@@ -10,7 +10,8 @@ use pdk_sdk::prelude::*;
 
 use crate::backend;
 use crate::fixture;
-use crate::session::{Network, Session, Source};
+use crate::session::Graph as Content;
+use crate::session::{Network, Session};
 
 /// The backends to test; ONNX Runtime where it is found.
 pub fn backends() -> Vec<&'static str> {
@@ -26,7 +27,7 @@ pub fn backends() -> Vec<&'static str> {
 fn open(model: &ModelProto, backend: &str) -> Result<Box<dyn Session>> {
     let graph = Graph::new(model.clone())?;
     let inputs = graph.inputs().map(|name| graph.fact(name).unwrap().shape.clone()).collect();
-    backend::open(&Network { source: Source::Memory(&model::encode(model)), inputs }, backend)
+    backend::open(&Network { graph: Content::Memory(&model::encode(model)), inputs }, backend)
 }
 
 /// What a backend computes, or why it does not.

@@ -59,7 +59,7 @@ impl Search {
             return if path.is_file() {
                 Ok(Some(Found { path: path.clone(), minor: None }))
             } else {
-                Err(Error::new(format!("{VARIABLE} names `{}`, which is no file", path.display())))
+                Err(Error::new(format!("{VARIABLE} names `{}`, which is not a file", path.display())))
             };
         }
         Ok(self.installed().find(Found::recent))
@@ -213,7 +213,7 @@ mod tests {
         let file = dir.path().join("mine.so");
         let named = |path: &Path| Search { named: Some(path.to_path_buf()), ..search(&[&dir]) };
         let error = named(&file).find().unwrap_err().to_string();
-        assert!(error.starts_with("PDK_ONNXRUNTIME names `") && error.ends_with("which is no file"));
+        assert!(error.starts_with("PDK_ONNXRUNTIME names `") && error.ends_with("which is not a file"));
         assert!(named(&file).require().is_err());
         std::fs::write(&file, "").unwrap();
         assert_eq!(named(&file).require().unwrap(), file);

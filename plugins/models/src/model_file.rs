@@ -1,6 +1,7 @@
 //! What an ONNX file declares: its inputs, an image and maybe the speed, and its outputs.
 
-use std::path::{Path, PathBuf};
+use std::borrow::Cow;
+use std::path::PathBuf;
 
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
@@ -9,7 +10,7 @@ use tract_onnx::pb::tensor_proto::DataType;
 use tract_onnx::pb::tensor_shape_proto::dimension;
 use tract_onnx::prelude::Framework;
 
-use crate::session::{Network, Source};
+use crate::session::{Graph, Network};
 
 /// In which order the input holds its numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,10 +61,19 @@ pub struct SpeedInput {
 /// The name of the input for the speed.
 const SPEED: &str = "speed";
 
+/// Where a model comes from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Source {
+    /// A file.
+    File(PathBuf),
+    /// The content of a file that is part of this plugin.
+    BuiltIn(&'static [u8]),
+}
+
 /// An ONNX file that takes an image, and maybe the speed.
 pub struct ModelFile {
-    /// Where it lies.
-    pub path: PathBuf,
+    /// Where it comes from.
+    pub source: Source,
     /// What it contains.
     pub proto: pb::ModelProto,
     /// Its image input.
@@ -77,7 +87,11 @@ pub struct ModelFile {
 impl ModelFile {
     /// The network for a backend, for one image at a time.
     pub fn network(&self) -> Network<'_> {
-        Network { source: Source::File { path: &self.path, proto: &self.proto }, inputs: self.shapes() }
+        let graph = match &self.source {
+            Source::File(path) => Graph::File { path, proto: &self.proto },
+            Source::BuiltIn(bytes) => Graph::Memory(bytes),
+        };
+        Network { graph, inputs: self.shapes() }
     }
 
     /// The shape of each input, in their order.
@@ -104,10 +118,13 @@ impl ModelFile {
     /// # Errors
     /// Where the file cannot be read, is no ONNX model, or takes anything but one float image of a fixed size and
     /// maybe `speed`, one float.
-    pub fn read(path: &Path, layout: &str) -> Result<Self> {
-        let bytes = std::fs::read(path).place("cannot read the file")?;
+    pub fn read(source: Source, layout: &str) -> Result<Self> {
+        let bytes = match &source {
+            Source::File(path) => Cow::Owned(std::fs::read(path).place("cannot read the file")?),
+            Source::BuiltIn(bytes) => Cow::Borrowed(*bytes),
+        };
         let proto = tract_onnx::onnx()
-            .proto_model_for_read(&mut bytes.as_slice())
+            .proto_model_for_read(&mut &*bytes)
             .map_err(|_| Error::new("the file is no ONNX model, or is damaged"))?;
         let graph = proto
             .graph
@@ -132,7 +149,7 @@ impl ModelFile {
         };
         let input = image_input(image, layout)?;
         let outputs = graph.output.iter().map(|output| output.name.clone()).collect();
-        Ok(Self { path: path.to_path_buf(), input, speed, outputs, proto })
+        Ok(Self { source, input, speed, outputs, proto })
     }
 }
 
@@ -142,7 +159,7 @@ fn float_tensor<'a>(input: &'a pb::ValueInfoProto, expected: &str) -> Result<&'a
     let Some(pb::type_proto::Value::TensorType(tensor)) =
         input.r#type.as_ref().and_then(|t| t.value.as_ref())
     else {
-        return Err(Error::new(format!("its input `{name}` is no tensor, but has to be {expected}")));
+        return Err(Error::new(format!("its input `{name}` is not a tensor, but has to be {expected}")));
     };
     if tensor.elem_type != DataType::Float as i32 {
         let found = DataType::try_from(tensor.elem_type).map_or("of an unknown type", |t| t.as_str_name());
@@ -234,12 +251,18 @@ fn shape_text(shape: Option<&pb::TensorShapeProto>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::fixture::Pilot;
 
+    fn model_in(path: &Path, layout: &str) -> Result<ModelFile> {
+        ModelFile::read(Source::File(path.to_owned()), layout)
+    }
+
     fn read(pilot: &Pilot, layout: &str) -> Result<ImageInput> {
         let file = pilot.file();
-        ModelFile::read(file.path(), layout).map(|model| model.input)
+        model_in(file.path(), layout).map(|model| model.input)
     }
 
     #[test]
@@ -257,7 +280,7 @@ mod tests {
     #[test]
     fn a_speed_is_taken_beside_the_image() {
         let with = Pilot { second_input: Some(SPEED), ..Pilot::new(&["1", "3", "4", "6"]) };
-        let model = |pilot: &Pilot| ModelFile::read(pilot.file().path(), "auto").unwrap().speed;
+        let model = |pilot: &Pilot| model_in(pilot.file().path(), "auto").unwrap().speed;
         assert_eq!(model(&with), Some(SpeedInput { first: false, shape: vec![1, 1] }));
         assert_eq!(model(&Pilot::new(&["1", "3", "4", "6"])), None);
     }
@@ -291,13 +314,13 @@ mod tests {
         let error = |content: &[u8]| {
             let file = tempfile::NamedTempFile::new().unwrap();
             std::fs::write(file.path(), content).unwrap();
-            ModelFile::read(file.path(), "auto").err().unwrap().to_string()
+            model_in(file.path(), "auto").err().unwrap().to_string()
         };
         assert!(error(b"").contains("no ONNX model"));
         assert!(error(b"PK\x03\x04 an archive of something else").contains("no ONNX model"));
         let whole = Pilot::new(&["1", "3", "4", "6"]).bytes();
         assert!(error(&whole[..whole.len() / 2]).contains("damaged"));
-        let missing = ModelFile::read(Path::new("/no/such.onnx"), "auto").err().unwrap();
+        let missing = model_in(Path::new("/no/such.onnx"), "auto").err().unwrap();
         assert!(missing.message().starts_with("cannot read the file: "));
     }
 }

@@ -12,7 +12,7 @@ use ort::value::TensorRef;
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
-use crate::session::{Network, Session, Source};
+use crate::session::{Graph, Network, Session};
 
 /// The library in use. It stays loaded until the process ends.
 pub struct Runtime {
@@ -101,9 +101,9 @@ impl OnnxRuntime {
             .place(place)?
             .with_deterministic_compute(true)
             .place(place)?;
-        let session = match &network.source {
-            Source::File { path, .. } => builder.commit_from_file(path),
-            Source::Memory(bytes) => builder.commit_from_memory(bytes),
+        let session = match &network.graph {
+            Graph::File { path, .. } => builder.commit_from_file(path),
+            Graph::Memory(bytes) => builder.commit_from_memory(bytes),
         };
         Ok(Self { session: session.place(place)?, inputs: network.inputs.clone(), runtime })
     }

@@ -8,13 +8,13 @@ use tract_onnx::pb::ModelProto;
 /// A network as a backend takes it.
 pub struct Network<'a> {
     /// The graph.
-    pub source: Source<'a>,
+    pub graph: Graph<'a>,
     /// The shape of each input of 32-bit floats.
     pub inputs: Vec<Vec<usize>>,
 }
 
 /// Where a network's graph is.
-pub enum Source<'a> {
+pub enum Graph<'a> {
     /// In a file, which has been read.
     File {
         /// The file.

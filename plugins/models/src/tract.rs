@@ -12,7 +12,7 @@ use tract_onnx::tract_core::model::TypedSimpleState;
 use tract_onnx::tract_hir::infer::InferenceFact;
 
 use crate::locate;
-use crate::session::{Network, Session, Source};
+use crate::session::{Graph, Network, Session};
 
 /// A network that tract runs.
 pub struct Tract {
@@ -33,9 +33,9 @@ impl Tract {
     /// Where the network has operators that tract does not know or contradicts itself.
     pub fn new(network: &Network<'_>) -> Result<Self> {
         let onnx = tract_onnx::onnx();
-        let proto = match &network.source {
-            Source::File { proto, .. } => Cow::Borrowed(*proto),
-            Source::Memory(mut bytes) => {
+        let proto = match &network.graph {
+            Graph::File { proto, .. } => Cow::Borrowed(*proto),
+            Graph::Memory(mut bytes) => {
                 let read = onnx.proto_model_for_read(&mut bytes);
                 Cow::Owned(read.map_err(|error| Error::new(format!("it cannot read the graph ({error:#})")))?)
             }
@@ -72,9 +72,10 @@ impl Tract {
 fn prepare(network: &Network<'_>, proto: &pb::ModelProto) -> TractResult<TypedSimpleState> {
     // What the file says about intermediate shapes names the batch, which is 1 here.
     let onnx = tract_onnx::onnx().with_ignore_value_info(true);
-    let folder = match &network.source {
-        Source::File { path, .. } => path.parent().and_then(|folder| folder.to_str()),
-        Source::Memory(_) => None,
+    // Weights may lie in files beside the model's.
+    let folder = match &network.graph {
+        Graph::File { path, .. } => path.parent().and_then(|folder| folder.to_str()),
+        Graph::Memory(_) => None,
     };
     let parsed = onnx.parse(proto, folder)?;
     if !parsed.unresolved_inputs.is_empty() {

@@ -10,13 +10,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, SystemTime};
 
+use pdk_sdk::cache::VARIABLE;
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
 use crate::turn::{Turn, take_turn};
 
-/// Names the folder, where it is set; the clips lie in `overlays` below it.
-pub const VARIABLE: &str = "PDK_CACHE";
 /// Bytes that the folder holds, and one clip more where a single one is larger.
 pub const LARGEST: u64 = 8 << 30;
 const ENDING: &str = "clip";
@@ -25,25 +24,19 @@ const TURN: &str = "turn";
 /// A file that is being made for longer than this was left by a process that was killed.
 const ABANDONED: Duration = Duration::from_secs(24 * 3600);
 
-/// The folder for keyed clips: `PDK_CACHE`, or else the user's cache folder, or else the system's folder for temporary files.
+/// The folder for keyed clips, in the one for all that is kept.
+///
+/// # Errors
+/// As [`pdk_sdk::cache::cache`].
 #[cfg(not(test))]
-pub fn folder() -> PathBuf {
-    use std::env::{temp_dir, var_os};
-    let absolute = |path: std::ffi::OsString| Some(PathBuf::from(path)).filter(|path| path.is_absolute());
-    let user = || {
-        let cache = var_os("XDG_CACHE_HOME").and_then(absolute);
-        cache
-            .or_else(|| Some(var_os("HOME").and_then(absolute)?.join(".cache")))
-            .map(|cache| cache.join("pdk"))
-    };
-    let set = var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from);
-    set.or_else(user).unwrap_or_else(|| temp_dir().join("pdk")).join("overlays")
+pub fn folder() -> Result<PathBuf> {
+    Ok(pdk_sdk::cache::cache()?.folder.join("overlays"))
 }
 
 /// Tests keep clear of the user's cache.
 #[cfg(test)]
-pub fn folder() -> PathBuf {
-    std::env::temp_dir().join(format!("pdk-overlay-tests-{}", std::process::id()))
+pub fn folder() -> Result<PathBuf> {
+    Ok(std::env::temp_dir().join(format!("pdk-overlay-tests-{}", std::process::id())))
 }
 
 /// The file for what has this hash.

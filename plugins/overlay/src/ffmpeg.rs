@@ -113,7 +113,9 @@ impl Frames for Ffmpeg {
             return if well && said.is_empty() { Ok(false) } else { Err(because(&said)) };
         }
         if !line.starts_with("FRAME") {
-            return Err(Error::new("ffmpeg cannot decode it whole: what it writes is no sequence of frames"));
+            return Err(Error::new(
+                "ffmpeg cannot decode it whole: what it writes is not a sequence of frames",
+            ));
         }
         into.reset(self.width, self.height, Layout::Yuv420);
         match self.output.read_exact(&mut into.data) {

@@ -164,7 +164,7 @@ fn dominant(pictures: &[Samples]) -> Result<[f32; 3]> {
     let spread = (squares / count.max(1.0) - (sums[0] / count.max(1.0)).powi(2)).max(0.0).sqrt();
     if share < LEAST_SHARE || spread > LARGEST_SPREAD {
         return Err(Error::new(format!(
-            "it is no green-screen clip: no even, saturated colour fills its border (the nearest to one fills {:.0} %); take a \
+            "it is not a green-screen clip: no even, saturated colour fills its border (the nearest to one fills {:.0} %); take a \
              clip before a screen of one colour, or name the colour in `key`",
             share * 100.0
         )));
@@ -374,7 +374,7 @@ mod tests {
     fn what_has_no_screen_is_refused() {
         let grey = over([90.0; 3], 40, 30, |x, _| ([x as f32 * 6.0, 80.0, 100.0], 0.5));
         let error = Matte::find(std::slice::from_ref(&grey), None).unwrap_err().to_string();
-        assert!(error.starts_with("it is no green-screen clip") && error.contains("`key`"), "{error}");
+        assert!(error.starts_with("it is not a green-screen clip") && error.contains("`key`"), "{error}");
         let error = Matte::find(std::slice::from_ref(&grey), Some([0, 255, 0])).unwrap_err().to_string();
         assert!(error.contains("#00ff00 does not occur"), "{error}");
         let error = Matte::find(&[grey], Some([90, 91, 92])).unwrap_err().to_string();

@@ -57,7 +57,7 @@ impl Component for Overlay {
             None => Clip::Path(PathBuf::from(config.text("clip"))),
         };
         // What is wrong with a clip shows here, before the first frame.
-        prepare::check(&clip, &settings, &cache::folder())?;
+        prepare::check(&clip, &settings, &cache::folder()?)?;
         Ok(Self { player: Player::new(clip, settings, motion_of(config))? })
     }
 }

@@ -52,7 +52,7 @@ impl Player {
     /// Where the clip cannot be read.
     pub fn new(clip: Clip, settings: Settings, motion: Motion) -> Result<Self> {
         let hash = clip.hash().place(&clip)?;
-        let folder = cache::folder();
+        let folder = cache::folder()?;
         Ok(Self { clip, hash, settings, motion, folder, store: None, held: None, layer: Layer::default() })
     }
 

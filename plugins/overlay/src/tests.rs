@@ -321,7 +321,7 @@ fn what_is_no_clip_is_refused_in_one_sentence() {
         "it is a text file and no video, whatever its name says"
     );
     assert_eq!(refusal("a.mp4", b""), "the file is empty");
-    assert!(refusal("a.gif", &gif(3, [90, 90, 90, 255])).starts_with("it is no green-screen clip: "));
+    assert!(refusal("a.gif", &gif(3, [90, 90, 90, 255])).starts_with("it is not a green-screen clip: "));
     assert!(refusal("a.png", b"\x89PNG\r\n\x1a\nbroken").starts_with("it is damaged or cut off"));
     let whole = gif(5, GREEN);
     assert!(refusal("a.gif", &whole[..whole.len() / 2]).starts_with("it is damaged or cut off"));
@@ -491,7 +491,7 @@ fn damage_while_a_clip_plays_is_repaired() {
     let (first, second) = (at(0.0), at(0.04));
     let clip = Clip::Path(path);
     let mut damaged = 0;
-    for entry in std::fs::read_dir(crate::cache::folder()).unwrap() {
+    for entry in std::fs::read_dir(crate::cache::folder().unwrap()).unwrap() {
         let stored = entry.unwrap().path();
         if Store::open(&stored).is_ok_and(|store| (store.index().width, store.index().height) == (37, 23)) {
             let length = std::fs::metadata(&stored).unwrap().len() as usize;
@@ -571,7 +571,7 @@ fn a_recorded_clip_with_frames_out_of_order_is_read_whole() {
 fn a_recording_of_a_road_is_no_green_screen() {
     let Some(path) = recording("road/solidWhiteRight.mp4") else { return };
     let error = overlaid(&path).unwrap_err().to_string();
-    assert!(error.contains("it is no green-screen clip"), "{error}");
+    assert!(error.contains("it is not a green-screen clip"), "{error}");
     let clip = Clip::Path(path);
     assert!((1..=5).contains(&some_pictures(&clip, 5).unwrap().len()));
 }

@@ -65,7 +65,7 @@ impl AppliedPerturbation {
     /// [`DEFAULT_LEVEL`].
     ///
     /// # Errors
-    /// Where the level is no number from 0 to 4, or a parameter has no value.
+    /// Where the level is not a number from 0 to 4, or a parameter has no value.
     pub fn parse(text: &str) -> Result<Self> {
         Self::from_table(&read_text(text)?)
     }
@@ -179,7 +179,7 @@ fn read(value: &Value) -> Result<Map<String, Value>> {
         Value::String(text) => read_text(text),
         Value::Object(table) => Ok(table.clone()),
         other => Err(Error::new(format!(
-            "{other} is no perturbation; write \"name@level\" or {{ name = ..., level = ... }}"
+            "{other} is not a perturbation; write \"name@level\" or {{ name = ..., level = ... }}"
         ))),
     }
 }

@@ -175,7 +175,7 @@ impl FromStr for ScenarioId {
         match u128::from_str_radix(text, 16) {
             Ok(number) if digits => Ok(Self(number.to_be_bytes())),
             _ => Err(Error::new(format!(
-                "`{text}` is no scenario id; it has to be 32 hexadecimal digits with small letters"
+                "`{text}` is not a scenario id; it has to be 32 hexadecimal digits with small letters"
             ))),
         }
     }

@@ -49,8 +49,7 @@ mod tests {
             let expected = plain(src, |x, y| {
                 let [r, g, b] = src.pixel(x, y);
                 let [h, s, v] = rgb_to_hsv([b, g, r]);
-                // As much room below a whole number as the kernel has.
-                let saturation = (f64::from(s) * factor as f32 as f64 + 1.0 / 4096.0).clamp(0.0, 255.0) as u8;
+                let saturation = whole_byte((f32::from(s) * f64::max(factor, 0.0) as f32).min(255.0));
                 let [b, g, r] = hsv_to_rgb([h, saturation, v]);
                 [r, g, b]
             });

@@ -89,6 +89,8 @@ pub(crate) fn whole_byte(value: f32) -> u8 {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     #[test]
@@ -115,6 +117,25 @@ mod tests {
         {
             assert_eq!(whole_part(value), whole, "{value}");
             assert_eq!(f32::from(whole_byte(value)), whole, "{value}");
+        }
+    }
+
+    proptest! {
+        // The room below a whole number is 1/4096, and half as much may be rounding.
+        #[test]
+        fn drops_the_fraction_of_any_number(value in 0.0..256.0_f32) {
+            let byte = f32::from(whole_byte(value.min(255.5)));
+            let value = value.min(255.5);
+            prop_assert!(byte <= value + 1.5 / 4096.0, "{value} became {byte}");
+            prop_assert!(byte > value - 1.0, "{value} became {byte}");
+            prop_assert_eq!(byte, whole_part(value));
+        }
+
+        #[test]
+        fn takes_what_lies_barely_below_a_whole_number_for_it(whole in 1..=255_u8) {
+            let whole = f32::from(whole);
+            prop_assert_eq!(f32::from(whole_byte(whole - 1.0 / 8192.0)), whole);
+            prop_assert_eq!(f32::from(whole_byte(whole - 1.0 / 2048.0)), whole - 1.0);
         }
     }
 }

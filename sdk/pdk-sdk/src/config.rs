@@ -82,7 +82,7 @@ impl Config {
 }
 
 /// The values that a perturbation sees for one frame: what the user set, what follows the intensity, the defaults.
-/// One number for each parameter in the order of the description; what is no number is 0 (a choice: its place).
+/// One number for each parameter in the order of the description; what is not a number is 0 (a choice: its place).
 pub fn frame_values(description: &Description, config: &Config, intensity: f64, into: &mut Vec<f64>) {
     into.clear();
     into.extend(description.parameters.iter().map(|parameter| match config.values.get(&parameter.name) {

@@ -192,17 +192,7 @@ impl Description {
             folder: folder.to_owned(),
             endings: endings.iter().map(|&ending| ending.to_owned()).collect(),
             parameter: parameter.to_owned(),
-            shipped: false,
         });
-        self
-    }
-
-    /// As [`Description::drop_in`], and the files in the folder of that name that come with pdk are components as well.
-    pub fn shipped_drop_in(mut self, folder: &str, endings: &[&str], parameter: &str) -> Self {
-        self = self.drop_in(folder, endings, parameter);
-        if let Some(drop_in) = &mut self.drop_in {
-            drop_in.shipped = true;
-        }
         self
     }
 
@@ -263,9 +253,6 @@ pub struct DropIn {
     pub endings: Vec<String>,
     /// The parameter that is set to the file's path.
     pub parameter: String,
-    /// Whether files that come with pdk count too.
-    #[serde(default)]
-    pub shipped: bool,
 }
 
 /// The type of a parameter and what it allows.

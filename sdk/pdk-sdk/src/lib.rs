@@ -38,6 +38,7 @@
 //! that components take and return, such as scenarios, states and controls, are those of [`model`].
 
 pub mod abi;
+pub mod cache;
 pub mod component;
 pub mod config;
 pub mod dataset;

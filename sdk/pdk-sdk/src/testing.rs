@@ -246,7 +246,7 @@ pub fn check_dataset(config: &Config, make: Make<'_, dyn Dataset>) -> Result<()>
     let before = dataset.read(last)?;
     dataset.read(0)?;
     ensure([before.steering, before.throttle, before.time].iter().all(|value| value.is_finite()), || {
-        "its last frame has a steering, throttle or time that is no number".to_owned()
+        "its last frame has a steering, throttle or time that is not a number".to_owned()
     })?;
     ensure(before == dataset.read(last)?, || "the same frame is read differently the second time".to_owned())
 }

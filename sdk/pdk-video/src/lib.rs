@@ -3,12 +3,14 @@
 //! [`Writer`] is deterministic: the same frames give the same bytes. Colours are those of ITU-R BT.601 with luma from 16 to
 //! 235.
 
+mod assembly;
 mod convert;
 mod file;
 mod index;
 mod reader;
 mod writer;
 
+pub use assembly::has_assembly;
 pub use convert::Yuv420;
 pub use file::regular_file;
 pub use reader::{Container, Input, Opened, Reader, container, only_h264};

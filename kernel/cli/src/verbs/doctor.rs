@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
+use pdk_core::installation::{self, LIBRARIES};
 use pdk_core::println;
 use pdk_core::registry::Registry;
 use pdk_core::search_path::{self, PATH_VARIABLE};
 use pdk_lua::LuaScripts;
 use pdk_sdk::SDK_VERSION;
+use pdk_sdk::cache::{self, Cache};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use serde_json::json;
@@ -45,21 +47,24 @@ impl State {
 /// Looks at everything that pdk needs. Fails where something does not work.
 pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
     let search = global.search_path();
-    let registry = Registry::discover(&search, Box::new(LuaScripts::new(&search)))?;
-    let mut findings = vec![
-        Finding {
-            subject: "version",
-            state: State::Good,
-            text: format!("pdk {}, plugins for pdk-sdk {SDK_VERSION}", env!("CARGO_PKG_VERSION")),
-        },
-        components(&registry),
-    ];
-    findings.extend(registry.refused().iter().map(|error| Finding {
-        subject: "left out",
-        state: State::Bad,
-        text: error.to_string(),
-    }));
-    findings.extend([plugin_folders(), routing(), ffmpeg()]);
+    let version = format!("pdk {}, plugins for pdk-sdk {SDK_VERSION}", env!("CARGO_PKG_VERSION"));
+    let mut findings = vec![Finding { subject: "version", state: State::Good, text: version }, libraries()];
+    // Where a part of pdk is missing there are no components, and that has been said.
+    match Registry::discover(&search, Box::new(LuaScripts::new(&search))) {
+        Ok(registry) => {
+            findings.push(components(&registry));
+            findings.extend(registry.refused().iter().map(|error| Finding {
+                subject: "left out",
+                state: State::Bad,
+                text: error.to_string(),
+            }));
+        }
+        Err(error) if installation::libraries().is_ok() => {
+            findings.push(Finding { subject: "components", state: State::Bad, text: error.to_string() });
+        }
+        Err(_) => {}
+    }
+    findings.extend([sdk(), plugin_folders(), cache_folder(), routing(), video(), ffmpeg()]);
     findings.extend(variables());
     if global.json {
         let list: Vec<_> = findings
@@ -78,6 +83,28 @@ pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
     }
 }
 
+/// The executable and the libraries that belong to it.
+fn libraries() -> Finding {
+    let place = installation::libraries().and_then(|_| {
+        let (executable, libraries) = (installation::executable_folder()?, installation::library_folder()?);
+        Ok(format!(
+            "{} libraries in {} for pdk in {}",
+            LIBRARIES.len(),
+            libraries.display(),
+            executable.display()
+        ))
+    });
+    finding("libraries", place)
+}
+
+/// What is good where it is there and bad where it is an error.
+fn finding(subject: &'static str, found: Result<String>) -> Finding {
+    match found {
+        Ok(text) => Finding { subject, state: State::Good, text },
+        Err(error) => Finding { subject, state: State::Bad, text: error.to_string() },
+    }
+}
+
 fn components(registry: &Registry) -> Finding {
     let counts: Vec<_> = Kind::ALL
         .into_iter()
@@ -85,19 +112,64 @@ fn components(registry: &Registry) -> Finding {
         .filter(|(_, count)| *count > 0)
         .map(|(kind, count)| format!("{count} {kind}"))
         .collect();
-    let (state, text) = match counts.is_empty() {
-        true => (State::Bad, "none found; build the plugins with `cargo build --release`".to_owned()),
-        false => (State::Good, format!("{} from {} plugins", counts.join(", "), registry.plugins().len())),
-    };
-    Finding { subject: "components", state, text }
+    let text = format!("{} from {} plugins", counts.join(", "), registry.plugins().len());
+    Finding { subject: "components", state: State::Good, text }
+}
+
+/// Only those who write plugins in Rust need it.
+fn sdk() -> Finding {
+    match installation::sdk() {
+        Ok(folder) => Finding {
+            subject: "sdk",
+            state: State::Good,
+            text: format!("its source for plugins is in {}", folder.display()),
+        },
+        Err(error) => Finding { subject: "sdk", state: State::Note, text: error.to_string() },
+    }
 }
 
 fn plugin_folders() -> Finding {
-    let own = search_path::user_folder().map_or_else(String::new, |folder| folder.display().to_string());
-    Finding {
-        subject: "plugins",
-        state: State::Good,
-        text: format!("your own go to {own}, or use --plugins DIR"),
+    let text = match search_path::user_folder() {
+        Some(folder) => format!("your own go to {}, or use --plugins DIR", folder.display()),
+        None => format!(
+            "there is no folder for your own, because neither HOME nor XDG_DATA_HOME is set; use --plugins DIR or {PATH_VARIABLE}"
+        ),
+    };
+    Finding { subject: "plugins", state: State::Good, text }
+}
+
+/// Where prepared clips are kept.
+fn cache_folder() -> Finding {
+    let found = cache::cache();
+    if let Ok(Cache { folder, temporary: true }) = &found {
+        return Finding {
+            subject: "cache",
+            state: State::Note,
+            text: format!(
+                "prepared clips are kept in {}, because there is no home folder that can be written to; {} can name another",
+                folder.display(),
+                cache::VARIABLE
+            ),
+        };
+    }
+    finding("cache", found.map(|cache| format!("prepared clips are kept in {}", cache.folder.display())))
+}
+
+/// How fast H.264 is.
+fn video() -> Finding {
+    match pdk_video::has_assembly() {
+        true => Finding {
+            subject: "video",
+            state: State::Good,
+            text: "H.264 is built in, with assembly".to_owned(),
+        },
+        false => Finding {
+            subject: "video",
+            state: State::Note,
+            text: "H.264 is built in without assembly, so videos and the first use of a clip take longer; install nasm, then \
+                   `cargo clean --release -p openh264-sys2` and build pdk again"
+                .to_owned(),
+        },
     }
 }
 
@@ -111,7 +183,8 @@ fn variables() -> Vec<Finding> {
     let finding = |(name, value): (String, std::ffi::OsString)| {
         let path = Path::new(&value);
         // The folders of the search path have been looked into, and that of the cache is made when it is needed.
-        let missing = name != PATH_VARIABLE && name != "PDK_CACHE" && path.is_absolute() && !path.exists();
+        let missing =
+            name != PATH_VARIABLE && name != cache::VARIABLE && path.is_absolute() && !path.exists();
         let (state, remark) = match missing {
             true => (State::Bad, ", which does not exist; correct or unset it"),
             false => (State::Good, ""),

@@ -1,15 +1,15 @@
 //! The command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use pdk_core::registry::Registry;
 use pdk_core::search_path::SearchPath;
 use pdk_core::supervisor::Limits;
 use pdk_core::{calls, eprintln, output, println};
 use pdk_lua::LuaScripts;
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Place, Result};
 use pdk_session::connection::Pool;
 use pdk_session::interrupt;
 use pdk_session::session::{Options, Session};
@@ -125,6 +125,12 @@ enum Verb {
         /// The shell
         shell: clap_complete::Shell,
     },
+    /// Write the manual pages to a folder
+    Man {
+        /// The folder, which is made where it is missing
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
 }
 
 impl Verb {
@@ -135,7 +141,8 @@ impl Verb {
             Verb::New(_) | Verb::Doctor(_) => true,
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
             Verb::Run(_) | Verb::Replay(_) | Verb::Check(_) | Verb::Worker(_) => false,
-            Verb::Report(_) | Verb::Road(_) | Verb::Export(_) | Verb::Completions { .. } => false,
+            Verb::Report(_) | Verb::Road(_) | Verb::Export(_) => false,
+            Verb::Completions { .. } | Verb::Man { .. } => false,
         }
     }
 }
@@ -163,12 +170,12 @@ pub fn main() -> ExitCode {
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Worker(arguments) => worker::run(arguments),
         Verb::Completions { shell } => {
-            use clap::CommandFactory;
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), "pdk", &mut script);
             output::bytes(&script);
             Ok(())
         }
+        Verb::Man { folder } => manual(folder),
     };
     let code = match result.and_then(|()| output::finish()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -177,6 +184,13 @@ pub fn main() -> ExitCode {
     // What comes now is a regular end.
     calls::done();
     code
+}
+
+/// Writes a manual page for `pdk` and one for each verb.
+fn manual(folder: &Path) -> Result<()> {
+    let place = || format!("cannot write the manual pages to {}", folder.display());
+    std::fs::create_dir_all(folder).place(place())?;
+    clap_mangen::generate_to(Cli::command(), folder).place(place())
 }
 
 /// Says what went wrong. An interrupted run has the exit code that the signal would have given it.

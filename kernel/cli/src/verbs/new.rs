@@ -4,9 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
+use clap::builder::PossibleValuesParser;
 use pdk_core::catalog::Catalog;
-use pdk_core::println;
-use pdk_sdk::SDK_VERSION;
+use pdk_core::{installation, println};
+use pdk_lua::shipped::PIPELINES;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
 
@@ -22,9 +23,12 @@ pub struct Arguments {
     /// The folder to write to [default: the working directory]
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// The folder of the pdk-sdk crate that a plugin builds against [default: the one that pdk was built from, else the registry's]
+    /// The folder of the pdk-sdk crate that a plugin builds against [default: the one that comes with pdk]
     #[arg(long, value_name = "DIR")]
     sdk: Option<PathBuf>,
+    /// Begin a pipeline with a copy of this one that comes with pdk
+    #[arg(long, value_name = "PIPELINE", value_parser = PossibleValuesParser::new(PIPELINES.iter().map(|script| script.name)))]
+    from: Option<String>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -46,6 +50,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             "`{name}` is not a name; use lower-case letters, digits and underscores, with a letter first"
         )));
     }
+    if arguments.from.is_some() && !matches!(arguments.what, What::Pipeline) {
+        return Err(Error::new("--from is for pipelines; leave it out, or write `pdk new pipeline`"));
+    }
     if matches!(arguments.what, What::Perturbation | What::Plugin) {
         refuse_taken(global.registry()?.catalog(), name)?;
     }
@@ -59,7 +66,10 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         }
         What::Pipeline => {
             let file = folder.join(format!("{name}.lua"));
-            write(&file, include_str!("../../templates/pipeline.lua"), arguments)?;
+            let copied = PIPELINES.iter().find(|script| Some(script.name) == arguments.from.as_deref());
+            let template =
+                copied.map_or(include_str!("../../templates/pipeline.lua"), |script| script.source);
+            write(&file, template, arguments)?;
             println!("Wrote {}. Try it:\n  pdk run {}", file.display(), file.display());
         }
         What::Plugin => {
@@ -99,8 +109,11 @@ fn refuse_taken(catalog: &Catalog, name: &str) -> Result<()> {
 
 /// Writes a file from a template; never over one that is there.
 fn write(file: &Path, template: &str, arguments: &Arguments) -> Result<()> {
-    let text = template.replace("{{name}}", &arguments.name).replace("{{sdk}}", &sdk_dependency(arguments)?);
-    let text = text.replace("{{type}}", &type_name(&arguments.name));
+    let text = template.replace("{{name}}", &arguments.name).replace("{{type}}", &type_name(&arguments.name));
+    let text = match text.contains("{{sdk}}") {
+        true => text.replace("{{sdk}}", &sdk_dependency(arguments)?),
+        false => text,
+    };
     if let Some(folder) = file.parent() {
         fs::create_dir_all(folder).place(format_args!("cannot make the folder {}", folder.display()))?;
     }
@@ -110,35 +123,19 @@ fn write(file: &Path, template: &str, arguments: &Arguments) -> Result<()> {
         .place(format_args!("cannot write {}", file.display()))
 }
 
-/// The SDK as a Cargo dependency: a path where its source is at hand, else the version in the registry.
+/// The SDK as a Cargo dependency: its source comes with pdk, unless the user names another.
 fn sdk_dependency(arguments: &Arguments) -> Result<String> {
-    let given = arguments.sdk.as_deref();
-    let found = match given {
+    let folder = match &arguments.sdk {
         Some(folder) if !folder.join("Cargo.toml").is_file() => {
             return Err(Error::new(format!(
                 "--sdk: {} is not a crate; name the folder with the Cargo.toml of pdk-sdk",
                 folder.display()
             )));
         }
-        Some(folder) => Some(folder.to_owned()),
-        None => built_from(),
+        Some(folder) => fs::canonicalize(folder).place(folder.display())?,
+        None => installation::sdk()?.join("pdk-sdk"),
     };
-    Ok(match found {
-        Some(folder) => {
-            let folder = fs::canonicalize(&folder).place(folder.display())?;
-            format!("{{ path = {:?} }}", folder.to_string_lossy())
-        }
-        None => format!("\"={SDK_VERSION}\""),
-    })
-}
-
-/// The SDK in the source tree that the executable was built in.
-fn built_from() -> Option<PathBuf> {
-    let executable = fs::canonicalize(std::env::current_exe().ok()?).ok()?;
-    executable
-        .ancestors()
-        .map(|folder| folder.join("sdk/pdk-sdk"))
-        .find(|folder| folder.join("Cargo.toml").is_file())
+    Ok(format!("{{ path = {:?} }}", folder.to_string_lossy()))
 }
 
 /// `salt_spray` as a type: `SaltSpray`.

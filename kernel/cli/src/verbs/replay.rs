@@ -83,7 +83,7 @@ fn limits(arguments: &Arguments) -> Result<Limits> {
     let seconds = arguments.patience;
     let patience = Duration::try_from_secs_f64(seconds).ok().filter(|limit| !limit.is_zero());
     let patience = patience
-        .ok_or_else(|| Error::new(format!("--patience: {seconds} is no positive number of seconds")))?;
+        .ok_or_else(|| Error::new(format!("--patience: {seconds} is not a positive number of seconds")))?;
     Ok(Limits { patience, memory: arguments.memory })
 }
 

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use pdk_core::{eprintln, println};
+use pdk_lua::shipped::PIPELINES;
 use pdk_pipeline::run::{self, Options};
 use pdk_pipeline::settings::{Common, Override};
 use pdk_sdk::error::Result;
@@ -13,8 +14,7 @@ use super::{Global, print_json};
 /// Arguments of `pdk run`
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The pipeline
-    #[arg(value_name = "PIPELINE.lua")]
+    #[arg(value_name = "PIPELINE", help = pipeline_help())]
     pipeline: PathBuf,
     /// Put a value in the place of a setting's default; dots lead into tables
     #[arg(long = "set", value_name = "KEY=VALUE")]
@@ -31,6 +31,12 @@ pub struct Arguments {
     /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
     #[arg(long, value_name = "COMMAND")]
     pool: Option<String>,
+}
+
+/// What the pipeline on the command line may be.
+fn pipeline_help() -> String {
+    let names: Vec<_> = PIPELINES.iter().map(|script| script.name).collect();
+    format!("The pipeline: a file, or one that comes with pdk by its name: {}", names.join(", "))
 }
 
 /// Runs a pipeline and says where its record is.

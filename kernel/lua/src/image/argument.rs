@@ -308,7 +308,7 @@ impl<'a> Arguments<'a> {
         match &self.given[self.place(name)] {
             Given::Nothing => None,
             Given::Number(number) => Some(*number),
-            _ => panic!("the argument `{name}` is no number"),
+            _ => panic!("the argument `{name}` is not a number"),
         }
     }
 
@@ -339,7 +339,7 @@ impl<'a> Arguments<'a> {
     pub fn numbers(&self, name: &str) -> [f64; 8] {
         match &self.given[self.place(name)] {
             Given::Numbers(numbers) => *numbers,
-            _ => panic!("the argument `{name}` is no list of numbers"),
+            _ => panic!("the argument `{name}` is not a list of numbers"),
         }
     }
 
@@ -347,7 +347,7 @@ impl<'a> Arguments<'a> {
     pub fn bytes(&self, name: &str) -> &[u8; 256] {
         match &self.given[self.place(name)] {
             Given::Bytes(bytes) => bytes,
-            _ => panic!("the argument `{name}` is no buffer"),
+            _ => panic!("the argument `{name}` is not a buffer"),
         }
     }
 
@@ -356,7 +356,7 @@ impl<'a> Arguments<'a> {
         let place = self.place("random");
         match &mut self.given[place] {
             Given::Random(random) => &mut random.0,
-            _ => panic!("the argument `random` is no stream"),
+            _ => panic!("the argument `random` is not a stream"),
         }
     }
 
@@ -368,7 +368,7 @@ impl<'a> Arguments<'a> {
                 Ok(frame) => Some(frame),
                 Err(error) => panic!("{error}"),
             },
-            _ => panic!("the argument `{name}` is no image"),
+            _ => panic!("the argument `{name}` is not an image"),
         }
     }
 }

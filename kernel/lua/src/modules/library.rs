@@ -1,13 +1,12 @@
 //! The shipped library, in pipelines whose `pdk` answers without driving anything.
 
-use std::path::PathBuf;
-
 use mlua::{LuaSerdeExt, Table, Value};
 use pdk_sdk::serde_json::{self, json};
 
 use super::Modules;
 use crate::limits::Limits;
 use crate::sandbox::Sandbox;
+use crate::shipped::{LIBRARY, PIPELINES};
 
 /// Notes all calls. A scenario succeeds unless it is on road 2, or has fog at level 3 or more.
 const PDK: &str = r#"
@@ -45,13 +44,14 @@ const PDK: &str = r#"
     }
 "#;
 
-fn scripts() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap().join("scripts")
+/// The text of a pipeline.
+fn source(name: &str) -> &'static str {
+    PIPELINES.iter().find(|script| script.name == name).unwrap().source
 }
 
 /// What a shipped pipeline does, after a change of its text.
 fn run(name: &str, from: &str, to: &str) -> Result<(serde_json::Value, Modules), String> {
-    let modules = Modules::new(&scripts(), vec![scripts().join("library")]);
+    let modules = Modules::new(None, LIBRARY);
     let mut calls = None;
     let sandbox = Sandbox::with_api(Limits::default(), |lua| {
         let (noted, pdk): (Table, Table) = lua.load(PDK).eval()?;
@@ -60,7 +60,7 @@ fn run(name: &str, from: &str, to: &str) -> Result<(serde_json::Value, Modules),
         modules.install(lua)
     })
     .unwrap();
-    let source = std::fs::read_to_string(scripts().join(name)).unwrap();
+    let source = source(name);
     assert!(source.contains(from), "{from}");
     let chunk = sandbox.load(name, source.replace(from, to).as_bytes()).unwrap();
     sandbox.call(name, &chunk, ()).map_err(|error| error.to_string())?;
@@ -69,7 +69,7 @@ fn run(name: &str, from: &str, to: &str) -> Result<(serde_json::Value, Modules),
 
 #[test]
 fn studies_leave_out_roads_and_drive_the_others() {
-    let (greedy, modules) = run("greedy.lua", "dave2", "dave3").unwrap();
+    let (greedy, modules) = run("greedy", "dave2", "dave3").unwrap();
     let nominal = ["nominal, road 1 1 dave3 40", "nominal, road 2 2 dave3 40", "nominal, road 3 3 dave3 40"];
     let drives: Vec<&str> = greedy["drives"].as_array().unwrap().iter().filter_map(|d| d.as_str()).collect();
     assert_eq!(drives[..3], nominal);
@@ -91,7 +91,7 @@ fn studies_leave_out_roads_and_drive_the_others() {
     assert_eq!(saved["results"][1].get("first_failing_level"), None);
     assert_eq!(modules.loaded()[0].name, "@pdk/study");
 
-    let (study, _) = run("study.lua", "dave2", "dave3").unwrap();
+    let (study, _) = run("study", "dave2", "dave3").unwrap();
     let drives: Vec<&str> = study["drives"].as_array().unwrap().iter().filter_map(|d| d.as_str()).collect();
     assert_eq!(drives[..3], nominal);
     assert_eq!(drives.len(), 3 + 2 * 3 * 2);
@@ -105,8 +105,8 @@ fn studies_leave_out_roads_and_drive_the_others() {
 
 #[test]
 fn settings_that_make_no_study_are_refused_at_their_pipeline() {
-    for name in ["greedy.lua", "study.lua"] {
-        let source = std::fs::read_to_string(scripts().join(name)).unwrap();
+    for name in ["greedy", "study"] {
+        let source = source(name);
         let line = 1 + source.lines().position(|line| line.contains("study.checked")).unwrap();
         let error = |to: &str| run(name, "study.checked(settings", to).map(|_| ()).unwrap_err();
         assert_eq!(
@@ -125,7 +125,7 @@ fn settings_that_make_no_study_are_refused_at_their_pipeline() {
 #[test]
 fn no_perturbations_are_the_default_set() {
     let none = "local none = table.clone(settings) none.perturbations = {}\nlocal names, levels = study.checked(none";
-    let (study, _) = run("study.lua", "local names, levels = study.checked(settings", none).unwrap();
+    let (study, _) = run("study", "local names, levels = study.checked(settings", none).unwrap();
     let ranking = study["saved"]["ranking.json"]["ranking"].as_array().unwrap();
     assert_eq!(ranking.len(), 1);
     assert_eq!(ranking[0]["perturbation"], "fog");

@@ -8,7 +8,16 @@ use super::*;
 use crate::limits::Limits;
 use crate::sandbox::Sandbox;
 
-/// A pipeline's folder with files, beside a library and a file that nobody may see.
+/// The library of all tests.
+const LIBRARY: &[BuiltInScript] = &[
+    BuiltInScript {
+        name: "study",
+        source: "return { value = require('./parts/part').value .. 's' .. pdk.twice(2) }",
+    },
+    BuiltInScript { name: "parts/part", source: "return { value = 'p' }" },
+];
+
+/// A pipeline's folder with files, beside a file that nobody may see.
 struct Place {
     place: TempDir,
     /// Those of the latest run.
@@ -18,16 +27,14 @@ struct Place {
 impl Place {
     fn new(files: &[(&str, &str)]) -> Self {
         let place = tempfile::tempdir().unwrap();
-        for folder in ["pipelines", "library"] {
-            fs::create_dir(place.path().join(folder)).unwrap();
-        }
+        fs::create_dir(place.path().join("pipelines")).unwrap();
         fs::write(place.path().join("secret.lua"), "return { secret = true }").unwrap();
         for (name, source) in files {
             let file = place.path().join(name);
             fs::create_dir_all(file.parent().unwrap()).unwrap();
             fs::write(file, source).unwrap();
         }
-        let modules = RefCell::new(Modules::new(Path::new(""), Vec::new()));
+        let modules = RefCell::new(Modules::new(None, LIBRARY));
         Self { place, modules }
     }
 
@@ -37,7 +44,7 @@ impl Place {
 
     /// Runs a pipeline; errors are without the way to the folder.
     fn run(&self, source: &str) -> Result<String, String> {
-        let modules = Modules::new(&self.path("pipelines"), vec![self.path("library")]);
+        let modules = Modules::new(Some(&self.path("pipelines")), LIBRARY);
         self.modules.replace(modules.clone());
         let limits = Limits { time: Duration::from_millis(300), ..Limits::default() };
         let sandbox = Sandbox::with_api(limits, |lua| {
@@ -68,8 +75,6 @@ fn modules_require_others_from_their_own_folder() {
         ),
         ("pipelines/sub/c.lua", "return { value = 'c' }"),
         ("pipelines/d.lua", "return { value = require('@pdk/study').value .. 'd' }"),
-        ("library/study.lua", "return { value = require('./parts/part').value .. 's' .. pdk.twice(2) }"),
-        ("library/parts/part.lua", "return { value = 'p' }"),
     ]);
     assert_eq!(place.run("return require('./a').value").unwrap(), "cps4dba");
     assert_eq!(place.names(), ["./a", "./sub/b", "./sub/c", "./d", "@pdk/study", "@pdk/parts/part"]);
@@ -174,7 +179,6 @@ fn nothing_leads_out_of_the_folder() {
     let link = std::os::unix::fs::symlink::<PathBuf, PathBuf>;
     link(place.path("secret.lua"), place.path("pipelines/link.lua")).unwrap();
     link(place.path(""), place.path("pipelines/around")).unwrap();
-    link(place.path("secret.lua"), place.path("library/link.lua")).unwrap();
     for name in [
         "../secret",
         "./../secret",
@@ -186,7 +190,6 @@ fn nothing_leads_out_of_the_folder() {
         "./around/pipelines/../secret",
         "@pdk/../secret",
         "@pdk/a/../../secret",
-        "@pdk/link",
     ] {
         let error = place.run(&format!("return require('{name}')")).unwrap_err();
         assert!(error.contains("leads out of its folder: "), "{name}: {error}");
@@ -281,7 +284,7 @@ fn what_is_wrong_is_said_with_the_file_and_the_line() {
             "p.lua:1: the module pipelines/large.lua has more than 1048576 bytes; split it",
         ),
         ("require('./binary')", "p.lua:1: the module pipelines/binary.lua cannot be read (it is not UTF-8)"),
-        ("require('./folder')", "p.lua:1: the module pipelines/folder.lua cannot be read (it is no file)"),
+        ("require('./folder')", "p.lua:1: the module pipelines/folder.lua cannot be read (it is not a file)"),
         (
             "require('./both')",
             "p.lua:1: require(\"./both\") could be pipelines/both.lua or pipelines/both.luau; rename one of them",
@@ -294,7 +297,10 @@ fn what_is_wrong_is_said_with_the_file_and_the_line() {
             "require('./none.lua')",
             "p.lua:1: require(\"./none.lua\") finds no module: there is no pipelines/none.lua.lua; leave out the ending",
         ),
-        ("require('@pdk/x')", "p.lua:1: require(\"@pdk/x\") finds no module: there is no library/x.lua"),
+        (
+            "require('@pdk/studi')",
+            "p.lua:1: require(\"@pdk/studi\") finds no module: pdk comes with no `studi`; did you mean `study`?",
+        ),
         (
             "require(5)",
             "p.lua:1: require takes the name of a module, as in require(\"./name\"), not a number",
@@ -303,6 +309,23 @@ fn what_is_wrong_is_said_with_the_file_and_the_line() {
     ] {
         assert_eq!(place.run(source).unwrap_err(), expected, "{source}");
     }
+}
+
+#[test]
+fn nothing_lies_beside_a_pipeline_that_is_part_of_pdk() {
+    let modules = Modules::new(None, LIBRARY);
+    let sandbox = Sandbox::with_api(Limits::default(), |lua| {
+        lua.load("pdk = { twice = function(n) return 2 * n end }").exec()?;
+        modules.install(lua)
+    })
+    .unwrap();
+    let run = |source: &str| {
+        let chunk = sandbox.load("p.lua", source.as_bytes()).unwrap();
+        sandbox.call("p.lua", &chunk, ()).map(|value| value.to_string().unwrap())
+    };
+    assert_eq!(run("return require('@pdk/study').value").unwrap(), "ps4");
+    let error = run("return require('./study')").unwrap_err().to_string();
+    assert!(error.contains("the pipeline is part of pdk, so nothing lies beside it; write @pdk/"), "{error}");
 }
 
 #[test]
@@ -333,7 +356,7 @@ fn modules_may_require_each_other_deeply_but_not_without_end() {
 
 #[test]
 fn modules_are_of_one_virtual_machine() {
-    let modules = Modules::new(Path::new("."), Vec::new());
+    let modules = Modules::new(Some(Path::new(".")), &[]);
     let install = || Sandbox::with_api(Limits::default(), |lua| modules.install(lua)).map(|_| ());
     install().unwrap();
     assert!(install().unwrap_err().to_string().contains("these modules are already in a virtual machine"));

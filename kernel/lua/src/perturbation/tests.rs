@@ -9,6 +9,7 @@ use pdk_sdk::serde_json::{Map, json};
 use super::*;
 use crate::image::operations;
 use crate::random::RANDOM;
+use crate::shipped::PERTURBATIONS;
 
 pub(crate) const SCRIPT: &str = "scripts/foo.lua";
 
@@ -244,7 +245,7 @@ fn what_a_script_says_of_itself_reaches_the_description() {
 
 #[test]
 fn a_broken_file_is_named() {
-    let missing = description(std::path::Path::new("no/such/file.lua")).unwrap_err().to_string();
+    let missing = Source::read(std::path::Path::new("no/such/file.lua")).err().unwrap().to_string();
     assert!(missing.starts_with("no/such/file.lua: "), "{missing}");
     assert_eq!(make("error('at once')", json!({})).err().unwrap().to_string(), "scripts/foo.lua:1: at once");
 }
@@ -600,24 +601,16 @@ fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).map(PathBuf::from).unwrap()
 }
 
-fn shipped() -> Vec<PathBuf> {
-    let folder = root().join("scripts/perturbations");
-    let mut files: Vec<_> = std::fs::read_dir(&folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .filter(|path| path.extension().is_some_and(|extension| extension == "lua"))
-        .collect();
-    files.sort();
-    assert!(files.len() >= 2, "{files:?}");
-    files
+fn shipped() -> impl Iterator<Item = Source<'static>> {
+    PERTURBATIONS.iter().map(|script| Source::of(Script::BuiltIn(script)).unwrap())
 }
 
 #[test]
 fn shipped_perturbations_keep_their_promises() {
-    for path in shipped() {
-        let description = description(&path).unwrap();
+    for source in shipped() {
+        let description = description(&source).unwrap();
         let config = Config::check(&description, &Map::new()).unwrap();
-        let make = || open(&path, &config).unwrap();
+        let make = || open(&source, &config).unwrap();
         let (src, key) = (picture(64, 48), key());
         let apply = |perturbation: &mut dyn Perturbation, intensity, frame, key: &Key| {
             let mut dst = FrameBuf::new(64, 48);
@@ -634,17 +627,17 @@ fn shipped_perturbations_keep_their_promises() {
         let late = apply(&mut first, 4.0, 10, &key);
         let early = apply(&mut first, 4.0, 0, &key);
         // Any frame can be computed on its own and again.
-        assert_eq!(apply(&mut make(), 4.0, 10, &key), late, "{path:?}");
-        assert_eq!(apply(&mut first, 4.0, 10, &key), late, "{path:?}");
-        assert_eq!(early != late, description.temporal == Temporal::Dynamic, "{path:?}");
-        assert_ne!(apply(&mut first, 4.0, 10, &seed::key(8, "foo", 0)), late, "{path:?}");
+        assert_eq!(apply(&mut make(), 4.0, 10, &key), late, "{}", source.stem);
+        assert_eq!(apply(&mut first, 4.0, 10, &key), late, "{}", source.stem);
+        assert_eq!(early != late, description.temporal == Temporal::Dynamic, "{}", source.stem);
+        assert_ne!(apply(&mut first, 4.0, 10, &seed::key(8, "foo", 0)), late, "{}", source.stem);
         // Stronger means further from the original.
         let distance = |intensity| {
             let frame = apply(&mut make(), intensity, 5, &key);
             src.data().iter().zip(frame.data()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum::<u64>()
         };
         let distances: Vec<_> = (0..5).map(|level| distance(f64::from(level))).collect();
-        assert!(distances[0] > 0 && distances.is_sorted(), "{path:?}: {distances:?}");
+        assert!(distances[0] > 0 && distances.is_sorted(), "{}: {distances:?}", source.stem);
     }
 }
 
@@ -662,9 +655,9 @@ fn shipped_perturbations_on_a_real_picture() {
     let picture = image::imageops::thumbnail(&picture.to_rgb8(), 480, 270);
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let src = FrameBuf::from_vec(picture.into_raw(), width, height).unwrap();
-    for path in shipped() {
-        let description = description(&path).unwrap();
-        let mut perturbation = open(&path, &Config::check(&description, &Map::new()).unwrap()).unwrap();
+    for source in shipped() {
+        let description = description(&source).unwrap();
+        let mut perturbation = open(&source, &Config::check(&description, &Map::new()).unwrap()).unwrap();
         // Levels from left to right, frames from top to bottom.
         let mut sheet = image::RgbImage::new(3 * width as u32, 2 * height as u32);
         for (row, frame) in [0u64, 4].into_iter().enumerate() {
@@ -696,7 +689,6 @@ fn the_cost_of_a_frame() {
     let draws = "local r = cx.frame_random for i = 1, 10000 do r:unit() end";
     let bulk = "local b = buffer.create(80000) cx.frame_random:fill_unit(b)";
     let sines = "local s = 0 for i = 1, 10000 do s += math.sin(i) end";
-    let shipped = shipped();
     let mut cases: Vec<(String, Box<dyn Perturbation>)> = Vec::new();
     for (name, source) in [
         ("empty", ""),
@@ -707,9 +699,9 @@ fn the_cost_of_a_frame() {
     ] {
         cases.push((name.to_owned(), Box::new(make(&body(source), json!({})).unwrap())));
     }
-    for path in shipped {
-        let config = Config::check(&description(&path).unwrap(), &Map::new()).unwrap();
-        cases.push((stem(&path).to_owned(), Box::new(open(&path, &config).unwrap())));
+    for source in shipped() {
+        let config = Config::check(&description(&source).unwrap(), &Map::new()).unwrap();
+        cases.push((source.stem.to_owned(), Box::new(open(&source, &config).unwrap())));
     }
     for (name, mut perturbation) in cases {
         for (src, mut dst) in frames.clone() {

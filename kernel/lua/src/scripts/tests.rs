@@ -11,7 +11,7 @@ fn describe(folder: &str, source: &str) -> Result<Option<Description>> {
     fs::create_dir(&folder).unwrap();
     let file = folder.join("foo.lua");
     fs::write(&file, source).unwrap();
-    let result = LuaScripts::default().describe(&file);
+    let result = LuaScripts::default().describe(Script::File(&file));
     // Without the way there, which differs.
     result.map_err(|error| error.to_string().replace(&format!("{}/", folder.display()), "").into())
 }
@@ -87,10 +87,10 @@ fn a_file_that_the_user_named_has_to_be_a_perturbation() {
     let fog = write("fog.lua", PERTURBATION);
     let plugins = vec![named.clone(), fog.clone(), place.path().to_owned()];
     let scripts = LuaScripts::new(&SearchPath { plugins, ..SearchPath::default() });
-    let error = scripts.describe(&named).unwrap_err().to_string();
+    let error = scripts.describe(Script::File(&named)).unwrap_err().to_string();
     assert!(error.contains("named.lua: is a pipeline, but a perturbation is expected here"), "{error}");
-    assert_eq!(scripts.describe(&other), Ok(None));
-    assert_eq!(scripts.describe(&fog).unwrap().unwrap().name, "fog");
+    assert_eq!(scripts.describe(Script::File(&other)), Ok(None));
+    assert_eq!(scripts.describe(Script::File(&fog)).unwrap().unwrap().name, "fog");
 }
 
 #[test]
@@ -107,7 +107,8 @@ fn a_script_that_fails_for_another_reason_is_an_error() {
             assert!(error.starts_with(expected), "{error}");
         }
     }
-    let missing = LuaScripts::default().describe(Path::new("no/such/file.lua")).unwrap_err().to_string();
+    let missing =
+        LuaScripts::default().describe(Script::File(Path::new("no/such/file.lua"))).unwrap_err().to_string();
     assert!(missing.starts_with("no/such/file.lua: "), "{missing}");
 }
 
@@ -117,9 +118,9 @@ fn an_instance_that_calls_what_pipelines_have_is_told_so() {
     let file = place.path().join("foo.lua");
     fs::write(&file, "return { doc = 'x', apply = function() pdk.drive({}) end }").unwrap();
     let scripts = LuaScripts::default();
-    let description = scripts.describe(&file).unwrap().unwrap();
+    let description = scripts.describe(Script::File(&file)).unwrap().unwrap();
     let config = Config::check(&description, json!({}).as_object().unwrap_or(&Map::new())).unwrap();
-    let Ok(Instance::Perturbation(mut made)) = scripts.create(&file, &config) else { panic!() };
+    let Ok(Instance::Perturbation(mut made)) = scripts.create(Script::File(&file), &config) else { panic!() };
     let src = pdk_sdk::ops::FrameBuf::new(4, 3);
     let mut dst = src.clone();
     let key = pdk_sdk::seed::key(7, "foo", 0);

@@ -78,7 +78,7 @@ pub fn read(directory: &RunDirectory) -> Result<Vec<Evaluation>> {
         }
         number += 1;
         let line: Line = serde_json::from_slice(&text).map_err(|error| {
-            Error::new(format!("{}:{number} is no result as pdk writes it ({error})", path.display()))
+            Error::new(format!("{}:{number} is not a result as pdk writes it ({error})", path.display()))
         })?;
         match line {
             Line::Result(line) => evaluations.entry(line.evaluation).or_default().add(line),

@@ -6,7 +6,8 @@ use pdk_sdk::prelude::*;
 
 use super::viewer::Viewer;
 use crate::backend;
-use crate::session::{Network, Session, Source};
+use crate::model_file::Source;
+use crate::session::{self, Network, Session};
 
 /// What can be done where a gradient is missing.
 const WITHOUT: &str = "eigen-cam, score-cam, rise and occlusion work without one";
@@ -38,7 +39,10 @@ pub struct Derived {
 /// # Errors
 /// Where it contradicts itself.
 pub fn graph(viewer: &Viewer) -> Result<Graph> {
-    Graph::new(model::read(&viewer.model.path)?)
+    Graph::new(match &viewer.model.source {
+        Source::File(path) => model::read(path)?,
+        Source::BuiltIn(bytes) => model::decode(bytes)?,
+    })
 }
 
 /// The input of a graph that is the image.
@@ -94,7 +98,7 @@ impl Derived {
 
     fn open(viewer: &Viewer, layer: Layer, model: &pdk_onnx::proto::ModelProto, outputs: usize) -> Result<Self> {
         let bytes = model::encode(model);
-        let network = Network { source: Source::Memory(&bytes), inputs: viewer.model.shapes() };
+        let network = Network { graph: session::Graph::Memory(&bytes), inputs: viewer.model.shapes() };
         let session = backend::open(&network, &viewer.backend)?;
         Ok(Self { session, outputs: vec![Vec::new(); outputs], image: Vec::new(), layer })
     }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use pdk_lua::perturbation::Source;
 use pdk_lua::{Kept, LuaPerturbation};
 use pdk_sdk::config::{Config, frame_values};
 use pdk_sdk::describe::Description;
@@ -60,7 +61,7 @@ pub fn work(arguments: &Arguments, skipped: usize) {
 }
 
 fn load(arguments: &Arguments) -> Result<Description> {
-    let description = pdk_lua::description(&arguments.plugin)?;
+    let description = pdk_lua::description(&Source::read(&arguments.plugin)?)?;
     known(std::slice::from_ref(&description), arguments)?;
     Ok(description)
 }
@@ -87,7 +88,7 @@ struct Script<'a> {
 
 impl Script<'_> {
     fn make(&self) -> Result<LuaPerturbation> {
-        pdk_lua::open(self.file, self.config)
+        pdk_lua::open(&Source::read(self.file)?, self.config)
     }
 
     /// Computes a frame of a sequence.
@@ -164,8 +165,9 @@ impl Script<'_> {
 
     /// What any perturbation has to hold.
     fn rules(&self) -> Result<()> {
-        let mut make =
-            |config: &Config| Ok(Box::new(pdk_lua::open(self.file, config)?) as Box<dyn Perturbation>);
+        let mut make = |config: &Config| {
+            Ok(Box::new(pdk_lua::open(&Source::read(self.file)?, config)?) as Box<dyn Perturbation>)
+        };
         testing::check_perturbation(self.description, self.config, &mut make)
     }
 }

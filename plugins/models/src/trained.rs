@@ -1,0 +1,82 @@
+//! The networks that are part of this plugin. They learned to drive from images of the embedded simulator; the recipe is in
+//! `scripts/training`.
+
+use pdk_sdk::prelude::*;
+
+use crate::driver::{Onnx, backend};
+use crate::model_file::Source;
+
+/// Defines the driver of a network; the literals are its name, which is also that of its file in `scripts/models`, and what it
+/// does.
+macro_rules! networks {
+    ($($driver:ident: $name:literal, $doc:literal;)*) => {
+        $(
+            #[doc = concat!($doc, ".")]
+            pub struct $driver {
+                network: Onnx,
+                hash: String,
+            }
+
+            impl Component for $driver {
+                fn description() -> Description {
+                    Description::driver($name, $doc)
+                        .family("network")
+                        .source("DAVE-2: Bojarski et al., End to End Learning for Self-Driving Cars, 2016")
+                        .parameter(backend())
+                }
+
+                fn new(config: &Config) -> Result<Self> {
+                    let content = include_bytes!(concat!("../../../scripts/models/", $name, ".onnx"));
+                    let mut values = config.values().clone();
+                    values.insert("model".to_owned(), $name.into());
+                    let config = Config::check(&Onnx::description(), &values)?;
+                    let network = Onnx::open(Source::BuiltIn(content), $name, &config)?;
+                    Ok(Self { network, hash: blake3::hash(content).to_hex().to_string() })
+                }
+            }
+
+            impl Driver for $driver {
+                fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
+                    self.network.drive(frame, cx)
+                }
+
+                // The library's own hash changes with every build of it; that of the network says whether it is the same.
+                fn info(&self) -> Vec<(String, String)> {
+                    let mut info = self.network.info();
+                    info.push(("network BLAKE3".to_owned(), self.hash.clone()));
+                    info
+                }
+            }
+        )*
+    };
+}
+
+networks! {
+    Dave2: "dave2", "Drives with a network that learned from images of `lane`";
+    Dave2Augmented: "dave2_augmented",
+        "Drives with a network that learned from images of `lane` with random noise, blur, brightness and contrast";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_sdk::serde_json::Map;
+
+    #[test]
+    fn a_network_drives_as_the_file_that_it_was_made_from() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scripts/models/dave2.onnx");
+        let given =
+            Map::from_iter([("model".to_owned(), file.into()), ("backend".to_owned(), "tract".into())]);
+        let mut from_file = Onnx::new(&Config::check(&Onnx::description(), &given).unwrap()).unwrap();
+        let given = Map::from_iter([("backend".to_owned(), "tract".into())]);
+        let mut own = Dave2::new(&Config::check(&Dave2::description(), &given).unwrap()).unwrap();
+        let pixels = (0..320 * 160 * 3).map(|i| (i * 31 % 251) as u8).collect();
+        let frame = FrameBuf::from_vec(pixels, 320, 160).unwrap();
+        let cx = DriveContext { speed: 7.0, ..DriveContext::default() };
+        let expected = from_file.drive(frame.as_ref(), &cx).unwrap();
+        assert_eq!(own.drive(frame.as_ref(), &cx).unwrap(), expected);
+        assert!(expected.steering != 0.0, "a test that tells: {expected:?}");
+        let hash = blake3::hash(&std::fs::read(file).unwrap()).to_hex().to_string();
+        assert!(own.info().contains(&("network BLAKE3".to_owned(), hash)));
+    }
+}
