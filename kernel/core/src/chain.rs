@@ -11,8 +11,9 @@ use pdk_sdk::prelude::{Context, Frame, FrameBuf, FrameMut, Key, Perturbation};
 use pdk_sdk::seed;
 
 use crate::calls::{self, Function};
-use crate::mask::Mask;
+use crate::mask::{self, Mask};
 use crate::registry::Registry;
+use crate::selection::Selector;
 
 /// Perturbations applied one after the other.
 pub struct Chain {
@@ -37,6 +38,9 @@ struct Link {
     chance_key: Key,
     draws: Option<Draws>,
     mask: Option<Mask>,
+    selector: Option<Selector>,
+    /// How much of each pixel is changed where both limit it.
+    weights: Vec<u8>,
 }
 
 impl Chain {
@@ -66,6 +70,11 @@ impl Chain {
                 chance_key: key("probability"),
                 draws: applied.draws,
                 mask: applied.region.as_ref().map(Mask::new).transpose()?,
+                selector: match &applied.selection {
+                    Some(selection) => Some(Selector::new(registry, selection, key("where"))?),
+                    None => None,
+                },
+                weights: Vec::new(),
             });
             *number += 1;
         }
@@ -93,16 +102,31 @@ impl Chain {
         let [from, to] = &mut self.between;
         for (position, link) in earlier.iter_mut().enumerate() {
             let input = if position == 0 { src } else { from.as_ref() };
-            link.apply(input, to.as_mut(), frame_index, time)?;
+            link.apply(src, input, to.as_mut(), frame_index, time)?;
             std::mem::swap(from, to);
         }
         let input = if earlier.is_empty() { src } else { from.as_ref() };
-        last.apply(input, dst, frame_index, time)
+        last.apply(src, input, dst, frame_index, time)
     }
 }
 
 impl Link {
-    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, frame_index: u64, time: f64) -> Result<()> {
+    /// Perturbs `src`; `raw` is the frame before all perturbations, of which maps are made.
+    fn apply(
+        &mut self,
+        raw: Frame<'_>,
+        src: Frame<'_>,
+        mut dst: FrameMut<'_>,
+        frame_index: u64,
+        time: f64,
+    ) -> Result<()> {
+        let chosen = match &mut self.selector {
+            // Also for frames that are spared, so that a map comes from the frame whose turn it is.
+            Some(selector) => {
+                Some(selector.weights(raw, frame_index, time).map_err(|error| error.at(&self.label))?)
+            }
+            None => None,
+        };
         let spared =
             self.probability.is_some_and(|chance| self.chance_key.frame(frame_index).unit() >= chance);
         let level = match self.level.at(time) {
@@ -129,8 +153,19 @@ impl Link {
             instance.apply(src, dst.reborrow(), &cx)
         })
         .map_err(|error| error.at(&self.label))?;
-        if let Some(mask) = &mut self.mask {
-            mask.restore(src, dst);
+        let within = self.mask.as_mut().map(|mask| mask.weights(src.width(), src.height()));
+        match (within, chosen) {
+            (Some(weights), None) | (None, Some(weights)) => mask::restore(src, dst, weights),
+            (Some(within), Some(chosen)) => {
+                let both = within
+                    .iter()
+                    .zip(chosen)
+                    .map(|(&a, &b)| ((u32::from(a) * u32::from(b) + 127) / 255) as u8);
+                self.weights.clear();
+                self.weights.extend(both);
+                mask::restore(src, dst, &self.weights);
+            }
+            (None, None) => {}
         }
         Ok(())
     }

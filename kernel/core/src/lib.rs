@@ -40,6 +40,7 @@ pub mod modifiers;
 pub mod output;
 pub mod registry;
 pub mod search_path;
+pub mod selection;
 pub mod suggest;
 pub mod supervisor;
 

@@ -303,7 +303,7 @@ impl InUse {
         self.add_perturbations(catalog, perturbations)
     }
 
-    /// Notes perturbations with their masks.
+    /// Notes perturbations with their masks and the methods that choose their pixels.
     ///
     /// # Errors
     /// As for [`InUse::add`].
@@ -311,6 +311,9 @@ impl InUse {
         for perturbation in applied {
             if let Some(Region::Mask(path)) = &perturbation.region {
                 self.add_file(Path::new(path))?;
+            }
+            if let Some(by) = perturbation.selection.as_ref().and_then(|selection| selection.by.as_ref()) {
+                self.add(catalog, Kind::Saliency, &by.name, &by.parameters, Vec::new())?;
             }
             let AppliedPerturbation { name, parameters, .. } = perturbation;
             self.add(catalog, Kind::Perturbation, name, parameters, Vec::new())?;

@@ -16,5 +16,6 @@ pub mod outcome;
 pub mod perturbation;
 pub mod region;
 pub mod scenario;
+pub mod selection;
 pub mod state;
 pub mod text;

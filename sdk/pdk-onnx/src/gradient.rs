@@ -49,6 +49,11 @@ pub fn gradients(graph: &Graph, target: Target<'_>, of: &[&str], keep: &[&str]) 
             graph.opset()
         )));
     }
+    let between = between(graph, target.value, of)?;
+    let lacking = lacking(graph, &between);
+    if !lacking.is_empty() {
+        return Err(Error::new(format!("these operators have no gradient here: {}", lacking.join(", "))));
+    }
     let shape = float_shape(graph, target.value)?;
     let count: usize = shape.iter().product();
     if target.index >= count {
@@ -56,11 +61,6 @@ pub fn gradients(graph: &Graph, target: Target<'_>, of: &[&str], keep: &[&str]) 
             "`{}` has {count} numbers, so there is none with the number {}",
             target.value, target.index
         )));
-    }
-    let between = between(graph, target.value, of)?;
-    let lacking = lacking(graph, &between);
-    if !lacking.is_empty() {
-        return Err(Error::new(format!("these operators have no gradient here: {}", lacking.join(", "))));
     }
     for name in &between {
         if graph.fact(name).is_ok_and(|fact| fact.element.is_float()) {

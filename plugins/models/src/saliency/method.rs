@@ -71,7 +71,7 @@ impl<M: Method> Saliency for Map<M> {
     }
 
     fn map(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, out: HeatmapMut<'_>) -> Result<()> {
-        let frame = self.viewer.fit(frame)?;
+        let frame = self.viewer.fit(frame);
         let grid = self.method.grid(&mut self.viewer, frame.as_ref(), cx);
         let grid = grid.and_then(|grid| grid.normalize(self.sign)).map_err(|error| error.at(&self.viewer.place))?;
         match self.by_cell {

@@ -1,15 +1,14 @@
 //! A model as saliency methods see it: frames in, one number out.
 
-use std::path::Path;
-
 use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 
 use crate::backend;
-use crate::model_file::{Layout, ModelFile};
+use crate::model_file::{Layout, ModelFile, Source};
 use crate::pixels::Pixels;
 use crate::selection::Selection;
 use crate::session::Session;
+use crate::trained;
 
 /// A model whose output is explained.
 pub struct Viewer {
@@ -32,7 +31,7 @@ pub struct Viewer {
 /// What every method takes.
 pub fn parameters(description: Description) -> Description {
     description
-        .parameter(Parameter::path("model", "the ONNX file whose view is shown: a model that the driver `onnx` takes"))
+        .parameter(Parameter::path("model", "the ONNX file whose view is shown, which the driver `onnx` takes; or the name of a network that is part of pdk"))
         .parameter(Parameter::choice("backend", &backend::NAMES, "who runs the network, as for the driver `onnx`"))
         .parameter(Parameter::choice(
             "layout",
@@ -61,13 +60,21 @@ pub fn parameters(description: Description) -> Description {
         ))
 }
 
+/// Where the model of this name is: in a file, or part of this plugin.
+fn source(name: &str) -> Source {
+    match trained::content(name) {
+        Some(content) => Source::BuiltIn(content),
+        None => Source::File(name.into()),
+    }
+}
+
 impl Viewer {
     /// Opens the model and runs it once.
     ///
     /// # Errors
     /// Where the file is no driving model, or has no such output.
     pub fn open(config: &Config) -> Result<Self> {
-        let model = ModelFile::read(Path::new(config.text("model")), config.text("layout"))?;
+        let model = ModelFile::read(source(config.text("model")), config.text("layout"))?;
         let backend = config.text("backend").to_owned();
         let mut session = backend::open(&model.network(), &backend)?;
         let mut outputs = vec![Vec::new(); model.outputs.len()];
@@ -124,9 +131,13 @@ impl Viewer {
     }
 
     /// The frame in the size of the model's image.
-    pub fn fit(&mut self, frame: Frame<'_>) -> Result<FrameBuf> {
-        resize_linear(frame, self.resized.as_mut());
-        Ok(self.resized.clone())
+    pub fn fit(&mut self, frame: Frame<'_>) -> FrameBuf {
+        if (frame.width(), frame.height()) == self.size() {
+            self.resized.as_mut().copy_from(frame);
+        } else {
+            resize_linear(frame, self.resized.as_mut());
+        }
+        self.resized.clone()
     }
 
     /// The numbers that the model gets for a frame in the size of its image.
