@@ -189,7 +189,7 @@ mod tests {
         let list = page.split("=====").next().unwrap();
         // A normal dependency, native source, a font, what the compiler adds; macros and build tools are not compiled in.
         for name in [
-            "abi_stable 0.",
+            "libloading 0.",
             "openh264-sys2 0.",
             "luau0-src",
             "epaint_default_fonts",

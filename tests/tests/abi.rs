@@ -194,10 +194,10 @@ fn the_verbs_use_a_plugin_of_the_first_sdk_as_any_other() {
 
     let source = r#"
         pdk.drive({ simulator = "frozen", driver = "frozen", scenarios = { {}, { perturbations = { "frozen@1" } } } })
-        pdk.evaluate({ dataset = "frozen", driver = "frozen", perturbations = { "frozen" }, levels = { 2 } })
+        pdk.evaluate({ dataset = { name = "frozen" }, driver = "frozen", perturbations = { "frozen" }, levels = { 2 } })
     "#;
     let out = folder.path().join("out");
-    verb(&["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).succeed();
+    verb(&["run"]).arg("--out").arg(&out).arg(pipeline(folder.path(), source)).succeed();
     let lines = json_lines(&out.join("scenarios.jsonl"));
     assert_eq!(lines.len(), 2);
     for line in &lines {
@@ -259,6 +259,6 @@ fn a_plugin_that_knows_more_works_with_a_word() {
 
     let source = r#"pdk.drive({ simulator = "lane", driver = "later", duration = 1, scenarios = { {} } })"#;
     let out = folder.path().join("out");
-    verb(&["run", "--out"]).arg(&out).arg(pipeline(folder.path(), source)).succeed();
+    verb(&["run"]).arg("--out").arg(&out).arg(pipeline(folder.path(), source)).succeed();
     assert_eq!(json_lines(&out.join("scenarios.jsonl"))[0]["cause"], json!("time_out"));
 }

@@ -67,7 +67,8 @@ impl Defaults {
         };
         let duration = fields.number("duration")?.unwrap_or(self.duration);
         check_duration(fields.table(), duration)?;
-        let failure = failure(fields.table(), fields.any("failure"), self.failure)?;
+        let criteria = fields.any("failure");
+        let failure = failure(fields.table(), criteria, self.failure)?;
         Ok(Self {
             simulator: component("simulator", fields.any("simulator"))?.or(self.simulator),
             driver: component("driver", fields.any("driver"))?.or(self.driver),

@@ -229,7 +229,7 @@ impl Answer {
     pub fn is_good(&self) -> bool {
         match self {
             Self::Driven(driven) => driven.outcome.cause != Cause::Error,
-            Self::Evaluated(_) | Self::Made(_) => true,
+            Self::Evaluated(_) | Self::Made(_) | Self::Proposed(_) => true,
             Self::Failed(_) | Self::Broken(_) => false,
         }
     }

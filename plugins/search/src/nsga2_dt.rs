@@ -3,7 +3,8 @@
 //! Ben Abdessalem, Nejati, Briand, Stifter, "Testing vision-based control systems using learnable evolutionary algorithms"
 //! (2018). A decision tree over all evaluations tells in which regions most candidates are critical. In these, offspring is bred
 //! that stays within the region, and the rest of the region is filled, so that its extent shows. A share of the evaluations goes
-//! elsewhere, half of it after what is most promising there, so that further regions are found.
+//! elsewhere, half of it to several places that are promising, far from all that is critical and far from each other, so that
+//! further regions are found. (What is most promising of all lies just beside the regions that are known.)
 //!
 //! `variant=published` is the algorithm as its published integration runs it: see [`crate::published`].
 
@@ -27,6 +28,12 @@ const DRAWS: usize = 12;
 const MARGIN: f64 = 0.05;
 /// Half the width of the region around a critical candidate that lies in none, in shares of each variable's range.
 const AROUND: f64 = 0.08;
+/// Places elsewhere that are followed at the same time.
+const PLACES: usize = 4;
+/// How far these are from each other and from all that is critical: see [`Space::distance`].
+const APART: f64 = 0.15;
+/// Half the width of the region around such a place, in shares of each variable's range.
+const NEARBY: f64 = 0.15;
 /// The most regions of one round.
 const MOST_REGIONS: usize = 12;
 
@@ -150,16 +157,21 @@ impl Meant {
                 offspring.extend(self.filled(domain, &wide, told, filled, random));
             }
         }
-        let outside = |point: &&Point| !self.regions.iter().any(|region| contains(region, &point.x));
-        let elsewhere: Vec<&Point> = told.iter().filter(outside).collect();
         let rest = self.size - offspring.len();
-        // Without regions it is NSGA-II, which leads to where there may be some, but for the share that is kept for the rest.
-        let bred = match self.regions.is_empty() {
-            true => rest - libm::round(rest as f64 * self.explore / 2.0) as usize,
-            false => rest / 2,
-        };
         let everywhere = domain.bounds().clone();
-        offspring.extend(self.bred(domain, &everywhere, elsewhere.into_iter(), bred, random));
+        if self.regions.is_empty() {
+            // NSGA-II, which leads to where there may be some, but for the share that is kept for the rest.
+            let bred = rest - libm::round(rest as f64 * self.explore / 2.0) as usize;
+            offspring.extend(self.bred(domain, &everywhere, told.iter(), bred, random));
+        } else {
+            let places = promising(domain, told);
+            for (number, place) in places.iter().enumerate() {
+                let share = rest / 2 / places.len() + usize::from(number < rest / 2 % places.len());
+                let region = around(domain, &told[*place].x, NEARBY);
+                let inside = |point: &&Point| contains(&region, &point.x);
+                offspring.extend(self.bred(domain, &region, told.iter().filter(inside), share, random));
+            }
+        }
         let filled = self.size - offspring.len();
         offspring.extend(self.filled(domain, &everywhere, told, filled, random));
         offspring
@@ -231,21 +243,70 @@ fn critical_regions(domain: &Domain, told: &[Point]) -> Vec<Region> {
     let mut regions: Vec<Region> = leaves.into_iter().map(|leaf| leaf.region.clone()).collect();
     for point in evaluated.iter().filter(|point| point.critical) {
         if !regions.iter().any(|region| contains(region, &point.x)) {
-            regions.push(around(domain, &point.x));
+            regions.push(around(domain, &point.x, AROUND));
         }
     }
     regions.truncate(MOST_REGIONS);
     regions
 }
 
-/// The region around a position.
-fn around(domain: &Domain, x: &[f64]) -> Region {
+/// The best points that are not critical, far from all that is, and far from each other.
+fn promising(domain: &Domain, told: &[Point]) -> Vec<usize> {
+    let space = domain.space();
+    let far = |x: &[f64], others: &[&[f64]], apart: f64| {
+        others.iter().all(|other| space.distance(x, other) > apart)
+    };
+    // Of critical points that are close to each other one is enough.
+    let mut critical: Vec<&[f64]> = Vec::new();
+    for point in told.iter().filter(|point| point.critical) {
+        if far(&point.x, &critical, APART / 3.0) {
+            critical.push(&point.x);
+        }
+    }
+    let mut places: Vec<usize> = Vec::new();
+    let mut positions: Vec<&[f64]> = Vec::new();
+    for place in by_merit(told) {
+        let x = told[place].x.as_slice();
+        if far(x, &positions, APART) && far(x, &critical, APART) {
+            places.push(place);
+            positions.push(x);
+        }
+        if places.len() == PLACES {
+            break;
+        }
+    }
+    places
+}
+
+/// The points that keep the constraints and are not critical, the best first: by the sum of their ranks in the objectives.
+fn by_merit(told: &[Point]) -> Vec<usize> {
+    let candidate = |place: &usize| {
+        let point = &told[*place];
+        !point.critical && !point.f.is_empty() && point.violation <= 0.0
+    };
+    let mut places: Vec<usize> = (0..told.len()).filter(candidate).collect();
+    let objectives = places.first().map_or(0, |&place| told[place].f.len());
+    let mut ranks = vec![0; told.len()];
+    for m in 0..objectives {
+        let value = |place: usize| told[place].f.get(m).copied().unwrap_or(f64::INFINITY);
+        let mut order = places.clone();
+        order.sort_by(|&a, &b| value(a).total_cmp(&value(b)));
+        for (rank, place) in order.into_iter().enumerate() {
+            ranks[place] += rank;
+        }
+    }
+    places.sort_by_key(|&place| ranks[place]);
+    places
+}
+
+/// The region around a position, so wide to each side, in shares of each variable's range.
+fn around(domain: &Domain, x: &[f64], half: f64) -> Region {
     let side = |i: usize| {
         let (low, high) = domain.bounds()[i];
         if domain.is_choice(i) {
             return (x[i], x[i]);
         }
-        let half = AROUND * (high - low);
+        let half = half * (high - low);
         let half = if domain.is_discrete(i) { libm::round(half).max(1.0) } else { half };
         ((x[i] - half).max(low), (x[i] + half).min(high))
     };

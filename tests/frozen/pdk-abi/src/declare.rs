@@ -14,11 +14,6 @@ macro_rules! fixed {
             }
         )*
 
-        /// The layouts of all of them.
-        #[cfg(test)]
-        pub(crate) fn layouts() -> Vec<crate::layout::Structure> {
-            vec![$(crate::layout::structure!($name { $($field: $type),* })),*]
-        }
     };
 }
 
@@ -42,11 +37,6 @@ macro_rules! sized {
             unsafe impl crate::prefix::Prefix for $name {}
         )*
 
-        /// The layouts of all of them.
-        #[cfg(test)]
-        pub(crate) fn layouts() -> Vec<crate::layout::Structure> {
-            vec![$(crate::layout::structure!($name { size: usize, $($field: $type),* })),*]
-        }
     };
 }
 
@@ -55,9 +45,6 @@ macro_rules! numbers {
     ($($(#[$meta:meta])* pub const $name:ident = $number:literal;)*) => {
         $($(#[$meta])* pub const $name: u64 = $number;)*
 
-        /// All of them, by name.
-        #[cfg(test)]
-        pub(crate) const ALL: &[(&str, u64)] = &[$((stringify!($name), $number)),*];
     };
 }
 
