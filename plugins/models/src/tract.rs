@@ -38,8 +38,8 @@ impl Tract {
         let onnx = tract_onnx::onnx();
         let proto = match &network.graph {
             Graph::File { proto, .. } => Cow::Borrowed(*proto),
-            Graph::Memory(mut bytes) => {
-                let read = onnx.proto_model_for_read(&mut bytes);
+            Graph::Memory(bytes) => {
+                let read = onnx.proto_model_for_read(&mut &**bytes);
                 Cow::Owned(read.map_err(|error| Error::new(format!("it cannot read the graph ({error:#})")))?)
             }
         };

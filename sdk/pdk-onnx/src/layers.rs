@@ -212,7 +212,7 @@ mod tests {
     fn the_image_is_a_layer_of_its_own() {
         let layer = image_layer(&graph(), IMAGE).unwrap();
         assert_eq!((layer.rows.0, layer.columns.0, layer.columns.1.step), (2, 3, 1.0));
-        let flat = Image { height: 0, ..IMAGE };
+        let flat = Image { height: 0, width: 1, ..IMAGE };
         assert!(image_layer(&graph(), flat).is_err());
     }
 }
