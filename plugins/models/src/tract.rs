@@ -125,7 +125,12 @@ impl Session for Tract {
             write(tensor, values)?;
         }
         let inputs = self.inputs.iter().map(|tensor| tensor.clone().into_tvalue()).collect();
-        let results = self.state.run(inputs).place(name())?;
+        // tract panics where it computes some models, such as those whose pads are negative.
+        let results = catch_unwind(AssertUnwindSafe(|| self.state.run(inputs)))
+            .map_err(|_| {
+                Error::new(format!("{} cannot compute the model; {}", name(), locate::instead_of_tract()))
+            })?
+            .place(name())?;
         for (values, result) in outputs.iter_mut().zip(results) {
             values.clear();
             values.extend_from_slice(
