@@ -1,7 +1,8 @@
 //! Tests against the reference outputs of the published tool, shared by the plugin crates (`#[path]`).
 //!
-//! The data lie in the folder that `PDK_TEST_DATA` names, or else in `shared` beside the repository. Where there are
-//! none the tests say so and check nothing.
+//! A small set of the deterministic ones is part of the repository: `tests/golden`. A larger one, with real images and with
+//! statistics of the random ones, lies in the folder that `PDK_TEST_DATA` names, or else in `shared` beside the repository;
+//! where it is missing, the tests say so.
 
 // Every crate uses a part of this file.
 #![allow(dead_code)]
@@ -45,7 +46,7 @@ pub fn perturb_into<P: Component + Perturbation>(
     P::new(&config).unwrap().apply(src, dst, &context).unwrap();
 }
 
-/// The folder with the reference outputs, where there is one.
+/// The folder with the large set of reference outputs, where there is one.
 fn folder() -> Option<PathBuf> {
     let data = std::env::var_os("PDK_TEST_DATA")
         .map(PathBuf::from)
@@ -54,7 +55,10 @@ fn folder() -> Option<PathBuf> {
     if folder.join("index.json").is_file() {
         return Some(folder);
     }
-    eprintln!("skipped: no reference outputs in {}; PDK_TEST_DATA can name the folder", folder.display());
+    eprintln!(
+        "skipped: no large set of reference outputs in {}; PDK_TEST_DATA can name the folder",
+        folder.display()
+    );
     None
 }
 
@@ -68,9 +72,10 @@ fn index(folder: &std::path::Path) -> Value {
     from_str(&std::fs::read_to_string(folder.join("index.json")).unwrap()).unwrap()
 }
 
-/// Checks a deterministic perturbation on all images and levels: 99.9 % of the values within one grey level of the
-/// reference, and the mean absolute difference below `mean_limit`.
+/// Checks a deterministic perturbation against the small set, and against the large one where there is one: on all images and
+/// levels 99.9 % of the values within one grey level of the reference, and the mean absolute difference below `mean_limit`.
 pub fn matches_outputs<P: Component + Perturbation>(mean_limit: f64) {
+    matches_small_set::<P>(mean_limit);
     let Some(folder) = folder() else { return };
     let name = P::description().name;
     let statistics = index(&folder);
@@ -78,17 +83,7 @@ pub fn matches_outputs<P: Component + Perturbation>(mean_limit: f64) {
         let src = read_image(folder.join(format!("inputs/{image}.png")));
         for level in 0..5 {
             let expected = read_image(folder.join(format!("outputs/{name}/{image}_{level}.png")));
-            let actual = perturb::<P>(&Value::Null, src.as_ref(), f64::from(level), &Key::default(), 0);
-            let differences: Vec<u8> =
-                expected.data().iter().zip(actual.data()).map(|(a, b)| a.abs_diff(*b)).collect();
-            let count = differences.len() as f64;
-            let close = differences.iter().filter(|&&d| d <= 1).count() as f64 / count;
-            let mean = differences.iter().map(|&d| f64::from(d)).sum::<f64>() / count;
-            println!("{name} {image} {level}: {:.3} % within 1, mean {mean:.4}", 100.0 * close);
-            assert!(
-                close >= 0.999 && mean < mean_limit,
-                "{name} on {image} at level {level}: {close}, {mean}"
-            );
+            is_close::<P>(image, &src, &expected, level, mean_limit);
             // The statistics of the reference itself check the functions that the random perturbations are judged by.
             let recorded = &statistics["deterministic"][&name][level.to_string()][image];
             let measured = measure(&src, &expected);
@@ -99,6 +94,38 @@ pub fn matches_outputs<P: Component + Perturbation>(mean_limit: f64) {
             }
         }
     }
+}
+
+/// The part of [`matches_outputs`] that needs nothing but the repository: a crop of a frame of the embedded simulator, and the
+/// outputs for it, one level under the other.
+fn matches_small_set<P: Component + Perturbation>(mean_limit: f64) {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden");
+    let src = read_image(folder.join("lane.png"));
+    let outputs = read_image(folder.join(format!("outputs/{}.png", P::description().name)));
+    let size = src.data().len();
+    assert_eq!((outputs.width(), outputs.height()), (src.width(), 5 * src.height()));
+    for (level, expected) in (0..5).zip(outputs.data().chunks(size)) {
+        let expected = FrameBuf::from_vec(expected.to_vec(), src.width(), src.height()).unwrap();
+        is_close::<P>("lane", &src, &expected, level, mean_limit);
+    }
+}
+
+fn is_close<P: Component + Perturbation>(
+    image: &str,
+    src: &FrameBuf,
+    expected: &FrameBuf,
+    level: u32,
+    mean_limit: f64,
+) {
+    let name = P::description().name;
+    let actual = perturb::<P>(&Value::Null, src.as_ref(), f64::from(level), &Key::default(), 0);
+    let differences: Vec<u8> =
+        expected.data().iter().zip(actual.data()).map(|(a, b)| a.abs_diff(*b)).collect();
+    let count = differences.len() as f64;
+    let close = differences.iter().filter(|&&d| d <= 1).count() as f64 / count;
+    let mean = differences.iter().map(|&d| f64::from(d)).sum::<f64>() / count;
+    println!("{name} {image} {level}: {:.3} % within 1, mean {mean:.4}", 100.0 * close);
+    assert!(close >= 0.999 && mean < mean_limit, "{name} on {image} at level {level}: {close}, {mean}");
 }
 
 /// Checks a random perturbation on all images and levels: every statistic of its output within four standard

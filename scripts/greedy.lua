@@ -1,11 +1,16 @@
--- The lowest level at which each perturbation makes a driver fail: all climb level by level until they fail. An error of a
--- component says nothing about the driver: it ends the climb without a failing level.
+-- The level at which each perturbation makes a driver fail every other time, found with few drives.
 --
---   pdk run scripts/greedy.lua
---   pdk run scripts/greedy.lua --set perturbations=gaussian_noise,dirty_lens --set roads=3 --seed 7
+--   pdk run greedy
+--   pdk run greedy --set perturbations=gaussian_noise,dirty_lens --set roads=10 --set seed=7
+--   pdk run greedy --set search=climb --set levels=0,1,2,3,4
 --
--- Roads that the driver does not manage with a clear view are left out. greedy.json in the record holds what the table
--- shows.
+-- On each road the levels are halved: first the highest, since most perturbations never make a driver fail, then halfway between
+-- what it survived and what it failed. With search=climb all levels are driven from the lowest until the driver fails. The interval
+-- comes from how roads differ, so it takes at least four of them. A perturbation that draws at random is driven several times on
+-- each road. An error of a component says nothing about the driver: it ends the search on that road.
+--
+-- Roads that the driver does not manage with a clear view are left out. greedy.json in the record holds what the table shows, and
+-- every drive.
 
 local study = require("@pdk/study")
 
@@ -13,75 +18,164 @@ local settings = pdk.settings({
 	simulator = "lane",
 	driver = "dave2",
 	perturbations = {}, -- none: the default set
-	levels = { 0, 1, 2, 3, 4 },
-	roads = 1, -- how many random roads
+	levels = { 0, 1, 2, 3, 4 }, -- the search goes from the first to the last, a climb takes each
+	search = "bisect", -- or "climb"
+	resolution = 0.25, -- how close a bisection comes
+	roads = 8, -- how many random roads; fewer make intervals too narrow
 	road_seed = 1, -- seed of the first road; each further one has the next
 	limit = 35, -- largest angle of a road in degrees
 	attempts = 1000, -- draws until a road is valid
-	duration = 40, -- seconds of simulation time
+	repeats = 3, -- how often a perturbation that draws at random is driven on each road
+	duration = 30, -- seconds of simulation time
+	failure = {}, -- what counts as a failure: see FailureCriteria
+	confidence = 0.95, -- of the intervals
 	images_every = 10, -- every how many frames the record keeps an image; 0 for none
 })
 
-local names, levels = study.checked(settings, { "roads", "attempts" })
-local driven, left_out = study.roads(settings)
+local names, levels = study.checked(settings, { "roads", "attempts", "repeats" })
+if settings.search ~= "bisect" and settings.search ~= "climb" then
+	error(`search is {settings.search}, but has to be bisect or climb`, 0)
+end
+local driven, left_out = study.roads(settings, 1, { settings.driver })
 if #driven == 0 then
-	error("the driver managed no road without perturbation, so there is nothing to climb on", 0)
+	error("the driver managed no road without perturbation, so there is nothing to search on", 0)
 end
 
--- One climber for each road and perturbation; those still in the race are driven together, so that all cores work.
-local climbers = {}
+-- The level that a searcher drives next; nothing where it knows enough.
+local function next_level(searcher): number?
+	local trials = searcher.trials
+	if searcher.error then
+		return nil
+	elseif settings.search == "bisect" and #levels > 1 then
+		return pdk.next_level(trials, { lowest = levels[1], highest = levels[#levels], resolution = settings.resolution })
+	end
+	local last = trials[#trials]
+	return if last and last.failed then nil else levels[#trials + 1]
+end
+
+-- One searcher for each road, perturbation and repeat; those still under way are driven together, so that all cores work.
+local searchers = {}
 for _, place in driven do
 	for _, name in names do
-		table.insert(climbers, { road = place.number, map = place.road, perturbation = name, mean_cross_track_error = {} })
-	end
-end
-local racing = climbers
-for _, level in levels do
-	if #racing == 0 then
-		break
-	end
-	local scenarios = {}
-	for _, climber in racing do
-		table.insert(scenarios, {
-			name = `{climber.perturbation}@{level}, road {climber.road}`,
-			road = climber.map,
-			perturbations = { { name = climber.perturbation, level = level } },
-		})
-	end
-	local still = {}
-	for i, outcome in study.drive(settings, scenarios) do
-		local climber = racing[i]
-		table.insert(climber.mean_cross_track_error, { level = level, metres = outcome.mean_cross_track_error })
-		if outcome.success then
-			table.insert(still, climber)
-		elseif outcome.cause == "error" then
-			climber.cause = "error"
-			climber.error = outcome.error
-		else
-			climber.first_failing_level = level
-			climber.cause = outcome.cause
+		for again = 1, study.repeats(settings, name) do
+			table.insert(searchers, {
+				road = place.number,
+				map = place.road,
+				perturbation = name,
+				again = again,
+				trials = {},
+				drives = {},
+			})
 		end
 	end
-	racing = still
+end
+while true do
+	local scenarios, under_way = {}, {}
+	for _, searcher in searchers do
+		local level = next_level(searcher)
+		if level then
+			table.insert(under_way, { searcher = searcher, level = level })
+			table.insert(scenarios, {
+				name = study.called(`{searcher.perturbation}@{level}`, searcher.road, searcher.again),
+				road = searcher.map,
+				["repeat"] = searcher.again - 1,
+				perturbations = { { name = searcher.perturbation, level = level } },
+			})
+		end
+	end
+	if #scenarios == 0 then
+		break
+	end
+	for i, outcome in study.drive(settings, scenarios) do
+		local searcher, level = under_way[i].searcher, under_way[i].level
+		if outcome.cause == "error" then
+			searcher.error = outcome.error
+			continue
+		end
+		table.insert(searcher.trials, { level = level, failed = not outcome.success })
+		table.insert(searcher.drives, {
+			level = level,
+			success = outcome.success,
+			cause = outcome.cause,
+			verdict = outcome.verdict,
+			time = outcome.time,
+			-- Of a drive that was cut short it is not comparable.
+			mean_cross_track_error = if outcome.success then outcome.mean_cross_track_error else nil,
+		})
+	end
 end
 
-local header = { "perturbation", "road", "fails at", "cause" }
-for _, level in levels do
-	table.insert(header, `|XTE| m @{level}`)
-end
-local rows = {}
-for _, climber in climbers do
-	local row: { any } = { climber.perturbation, climber.road, climber.first_failing_level or (if climber.error then "unknown" else "never"), (string.gsub(climber.cause or "", "_", " ")) }
-	for i in levels do
-		local reached = climber.mean_cross_track_error[i]
-		table.insert(row, if reached then reached.metres else "")
+local header = { "perturbation", "fails at", "interval", "drives", "unsafe", "stopped", "time to failure s", "errors" }
+local rows, results = {}, {}
+for _, name in names do
+	-- All repeats on a road are drives on that road.
+	local by_road, roads, times = {}, {}, {}
+	local counted = { unsafe = 0, stopped = 0, errors = 0 }
+	for _, searcher in searchers do
+		if searcher.perturbation ~= name then
+			continue
+		end
+		if not by_road[searcher.road] then
+			by_road[searcher.road] = {}
+			table.insert(roads, by_road[searcher.road])
+		end
+		for _, trial in searcher.trials do
+			table.insert(by_road[searcher.road], trial)
+		end
+		for _, drive in searcher.drives do
+			if not drive.success then
+				counted[drive.verdict] += 1
+				table.insert(times, drive.time)
+			end
+		end
+		counted.errors += if searcher.error then 1 else 0
 	end
-	table.insert(rows, row)
-	climber.map = nil
+	local found = pdk.failing_level(roads, settings.confidence)
+	local result = {
+		perturbation = name,
+		failing_level = found,
+		unsafe = counted.unsafe,
+		stopped = counted.stopped,
+		errors = counted.errors,
+		median_time_to_failure = study.median(times),
+	}
+	table.insert(results, result)
+	local at, interval = "unknown", ""
+	if found then
+		at, interval = study.shown(found, levels[#levels])
+	end
+	table.insert(rows, {
+		name,
+		at,
+		interval,
+		if found then found.drives else 0,
+		result.unsafe,
+		result.stopped,
+		result.median_time_to_failure or "",
+		result.errors,
+	} :: { any })
 end
 pdk.table(header, rows)
+
+local searches = {}
+for _, searcher in searchers do
+	table.insert(searches, {
+		perturbation = searcher.perturbation,
+		road = searcher.road,
+		["repeat"] = searcher.again - 1,
+		drives = searcher.drives,
+		error = searcher.error,
+	})
+end
 local roads = {}
 for _, place in driven do
-	table.insert(roads, { number = place.number, road = place.road, nominal = place.mean_cross_track_error })
+	table.insert(roads, { number = place.number, road = place.road, nominal = place.nominal[1] })
 end
-pdk.save("greedy.json", { results = climbers, roads = roads, left_out = left_out })
+pdk.save("greedy.json", {
+	driver = settings.driver,
+	confidence = settings.confidence,
+	results = results,
+	searches = searches,
+	roads = roads,
+	left_out = left_out,
+})

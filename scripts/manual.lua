@@ -1,6 +1,6 @@
 -- What you name is driven: each chain of perturbations, on each random road, after a drive with a clear view.
 --
---   pdk run scripts/manual.lua --set chains=fog_filter@2+motion_blur@1,dirty_lens@3.5 --set roads=2
+--   pdk run manual --set chains=fog_filter@2+motion_blur@1,dirty_lens@3.5 --set roads=2
 --
 -- A chain is perturbations joined by +, each with its intensity behind @; the first one sees the frame first. A chain can
 -- also be a list with everything that a perturbation takes: { { name = "fog_filter", level = 2, probability = 0.5 } }.
@@ -13,7 +13,7 @@ local settings = pdk.settings({
 	road_seed = 1, -- seed of the first road; each further one has the next
 	limit = 35, -- largest angle of a road in degrees
 	attempts = 1000, -- draws until a road is valid
-	duration = 40, -- seconds of simulation time
+	duration = 30, -- seconds of simulation time
 	images_every = 10, -- every how many frames the record keeps an image; 0 for none
 	mode = "lockstep", -- or "realtime": the simulator does not wait for the driver
 })

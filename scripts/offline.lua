@@ -1,6 +1,6 @@
 -- What perturbations do to the predictions of a model, frame by frame, on a recorded dataset.
 --
---   pdk run scripts/offline.lua --set dataset=DIR --set model=FILE.onnx
+--   pdk run offline --set dataset=DIR --set model=FILE.onnx
 
 local settings = pdk.settings({
 	dataset = "", -- a DonkeyCar tub, or a folder of images with records

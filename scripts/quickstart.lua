@@ -1,7 +1,7 @@
 -- A trained driver on the embedded simulator: once with a clear view, then through perturbations.
 --
---   pdk run scripts/quickstart.lua
---   pdk run scripts/quickstart.lua --set perturbations=gaussian_noise,dirty_lens --set levels=1,4 --seed 7
+--   pdk run quickstart
+--   pdk run quickstart --set perturbations=gaussian_noise,dirty_lens --set levels=1,4 --seed 7
 
 local settings = pdk.settings({
 	simulator = "lane",
@@ -9,7 +9,7 @@ local settings = pdk.settings({
 	road = { angles = { 0, 12, -18, 10, 20, -15, -8, 0 }, segment = 25 }, -- degrees turned every 25 m
 	perturbations = { "gaussian_noise", "motion_blur", "fog_filter", "translate_image", "raindrops_on_lens", "dirty_lens" },
 	levels = { 2, 4 },
-	duration = 40, -- seconds of simulation time
+	duration = 30, -- seconds of simulation time
 })
 
 local scenarios = { { name = "nominal" } }

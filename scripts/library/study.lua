@@ -37,38 +37,87 @@ function study.checked(settings, counts: { string }): ({ string }, { number })
 	return names, levels
 end
 
--- Drives scenarios with the simulator and the driver that are set.
-function study.drive(settings, scenarios)
+-- How often a perturbation is driven at a level on a road: as often as `repeats` says where it draws anything at random, else once.
+function study.repeats(settings, name: string): number
+	return if pdk.draws(name) then settings.repeats else 1
+end
+
+-- What a drive is called in tables; the first of several has no number.
+function study.called(what: string, road: number, again: number): string
+	local name = `{what}, road {road}`
+	return if again > 1 then `{name}, repeat {again}` else name
+end
+
+-- Drives scenarios with the simulator that is set and a driver.
+function study.drive(settings, scenarios, driver)
 	return pdk.drive({
 		simulator = settings.simulator,
-		driver = settings.driver,
+		driver = driver or settings.driver,
 		duration = settings.duration,
+		failure = settings.failure,
 		images_every = settings.images_every,
 		scenarios = scenarios,
 	})
 end
 
--- Makes the random roads that are set and drives each with a clear view. Returns those that the driver manages, each with its
--- number, seed, angles, road and the mean |XTE| on it, and what is said of the others.
-function study.roads(settings)
-	local roads, scenarios = {}, {}
+-- Makes the random roads that are set and drives each with a clear view, `repeats` times, with each of the drivers. Returns those
+-- that all manage every time, each with its number, seed, angles and road, and with the mean |XTE| of each drive of the first
+-- driver; and what is said of the others.
+function study.roads(settings, repeats: number, drivers)
+	local roads = {}
 	for number = 1, settings.roads do
 		local seed = settings.road_seed + number - 1
 		local made = pdk.road({ seed = seed, limit = settings.limit, attempts = settings.attempts })
-		table.insert(roads, { number = number, seed = seed, angles = made.angles, road = made.road })
-		table.insert(scenarios, { name = "nominal, road " .. number, road = made.road })
+		table.insert(roads, { number = number, seed = seed, angles = made.angles, road = made.road, nominal = {} })
 	end
-	local driven, left_out = {}, {}
-	for number, outcome in study.drive(settings, scenarios) do
-		if outcome.success then
-			roads[number].mean_cross_track_error = outcome.mean_cross_track_error
-			table.insert(driven, roads[number])
-		else
-			print(`Road {number} is left out: without perturbation it ended with {outcome.cause}.`)
-			table.insert(left_out, { road = number, cause = outcome.cause })
+	local left_out, out = {}, {}
+	for place, driver in drivers do
+		local scenarios, of = {}, {}
+		for again = 1, repeats do
+			for _, road in roads do
+				table.insert(scenarios, { name = study.called("nominal", road.number, again), road = road.road, ["repeat"] = again - 1 })
+				table.insert(of, road)
+			end
+		end
+		for i, outcome in study.drive(settings, scenarios, driver) do
+			local number = of[i].number
+			if outcome.success then
+				if place == 1 then
+					table.insert(of[i].nominal, outcome.mean_cross_track_error)
+				end
+			elseif not out[number] then
+				out[number] = true
+				print(`Road {number} is left out: without perturbation it ended with {outcome.cause}.`)
+				table.insert(left_out, { road = number, cause = outcome.cause })
+			end
+		end
+	end
+	local driven = {}
+	for _, road in roads do
+		if not out[road.number] then
+			table.insert(driven, road)
 		end
 	end
 	return driven, left_out
+end
+
+-- The one in the middle of some numbers, the mean of two where they are even; nothing where there are none.
+function study.median(values: { number }): number?
+	local sorted = table.clone(values)
+	table.sort(sorted)
+	local half = #sorted // 2
+	if #sorted == 0 then
+		return nil
+	end
+	return if #sorted % 2 == 1 then sorted[half + 1] else (sorted[half] + sorted[half + 1]) / 2
+end
+
+-- A failing level with its interval, as tables have it.
+function study.shown(found, highest: number): (string, string)
+	local function end_of(level: number?): string
+		return if level then string.format("%.2f", level) else `above {highest}`
+	end
+	return if found.level then end_of(found.level) else "never", `{end_of(found.low)} to {end_of(found.high)}`
 end
 
 return study

@@ -2,7 +2,7 @@
 -- middle and directions off its course, vehicles ahead at all distances. No perturbation: what the network makes of those
 -- is what tests are for.
 --
---   pdk run scripts/training/collect.lua --out training-data
+--   pdk run collect --out training-data
 --   python scripts/training/train.py training-data scripts/models
 
 local settings = pdk.settings({

@@ -1,7 +1,7 @@
 """Trains the shipped DAVE-2 networks on records of the embedded simulator.
 
     pip install -r scripts/training/requirements.txt
-    pdk run scripts/training/collect.lua --out training-data
+    pdk run collect --out training-data
     python scripts/training/train.py training-data scripts/models
 
 The network is that of Bojarski et al., "End to End Learning for Self-Driving Cars" (2016): five convolutions and four

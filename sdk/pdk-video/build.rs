@@ -4,7 +4,7 @@
 use std::env;
 
 fn main() {
-    println!("cargo::rerun-if-env-changed=PATH");
+    // Not where the PATH changes, which it does from shell to shell: OpenH264's build does not look again either.
     println!("cargo::rerun-if-changed=build.rs");
     let target = env::var("CARGO_CFG_TARGET_ARCH").unwrap_or_default();
     let path = env::var_os("PATH").unwrap_or_default();
@@ -12,7 +12,7 @@ fn main() {
     if target == "x86_64" && !found {
         println!(
             "cargo::warning=nasm is not on the PATH, so OpenH264 is built without assembly: videos and the first use of a clip \
-             take longer; to change that, install nasm, then `cargo clean --release -p openh264-sys2` and build again"
+             take longer; to change that, install nasm, then `cargo clean --release -p openh264-sys2 -p pdk-video` and build again"
         );
     }
 }

@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used)]
 
 pub mod datasets;
+pub mod installation;
 pub mod onnx;
 pub mod pictures;
 pub mod process;

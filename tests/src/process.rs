@@ -2,6 +2,7 @@
 
 use std::ffi::OsStr;
 use std::io::Read;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -73,6 +74,18 @@ impl Pdk {
     /// Sets an environment variable.
     pub fn env(mut self, name: &str, value: impl AsRef<OsStr>) -> Self {
         self.command.env(name, value);
+        self
+    }
+
+    /// Takes everything out of the environment: there is no home, and nothing says where anything is.
+    pub fn bare(mut self) -> Self {
+        self.command.env_clear();
+        self
+    }
+
+    /// Runs it as the user with this number, which only root can.
+    pub fn user(mut self, number: u32) -> Self {
+        self.command.uid(number).gid(number);
         self
     }
 

@@ -17,6 +17,9 @@ use serde_json::json;
 /// A short road for the embedded simulator in small frames: 80 x 60 pixels, 20 a second.
 const SIMULATOR: &str = r#"{"name":"lane","width":80,"height":60,"rate":20}"#;
 const ROAD: &str = r#"{"angles":[0,4,-4],"segment":10}"#;
+/// The same in Lua.
+const SIMULATOR_LUA: &str = r#"{ name = "lane", width = 80, height = 60, rate = 20 }"#;
+const ROAD_LUA: &str = "{ angles = { 0, 4, -4 }, segment = 10 }";
 
 fn quickstart(out: &Path) -> Pdk {
     Pdk::new(["run", "--out"])
@@ -601,4 +604,45 @@ fn in_real_time_frames_that_come_too_fast_are_skipped_and_replayed_all_the_same(
     fs::write(&pipeline, script("sometimes")).unwrap();
     let expected = "`mode` is `sometimes`, but has to be lockstep or realtime";
     Pdk::new(["run", "--out"]).arg(folder.path().join("other")).arg(&pipeline).fail(1, &[expected]);
+}
+
+#[test]
+fn a_scenario_says_what_a_failure_is() {
+    let folder = temp();
+    let source = format!(
+        r#"local outcomes = pdk.drive({{
+            simulator = {SIMULATOR_LUA}, driver = "lane_keeper", duration = 4, images_every = 0,
+            failure = {{ over_line = 0.001 }},
+            scenarios = {{
+                {{ road = {ROAD_LUA} }},
+                {{ road = {ROAD_LUA}, failure = {{ lane_departure = 0.01 }} }},
+                {{ road = {ROAD_LUA}, failure = {{ standstill_speed = 50, standstill_seconds = 0.5 }} }},
+            }},
+        }})
+        pdk.show(outcomes)
+        pdk.save("told.json", outcomes)"#
+    );
+    let out = folder.path().join("record");
+    let ran = Pdk::new(["run", "--out"]).arg(&out).arg(pipeline(folder.path(), &source)).succeed();
+    for mark in ["ok   finished", "FAIL lane departure", "STOP no progress", "cut short"] {
+        assert!(ran.stdout.contains(mark), "{mark}: {}", ran.stdout);
+    }
+    let told = json_file(&out.join("told.json"));
+    let verdicts: Vec<_> = (0..3).map(|i| told[i]["verdict"].clone()).collect();
+    assert_eq!(verdicts, ["passed", "unsafe", "stopped"]);
+    assert_eq!(told[2]["time"], 0.5);
+    let measures = &told[0]["measures"];
+    for field in
+        ["over_line_seconds", "rms_lateral_acceleration", "max_lateral_acceleration", "rms_jerk", "max_jerk"]
+    {
+        assert!(measures[field].as_f64().unwrap() > 0.0, "{field}: {measures}");
+    }
+    assert!(measures["over_line_from"].as_f64().unwrap() < told[0]["time"].as_f64().unwrap());
+
+    // It is part of what is driven: of its id, and of what a replay drives again.
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    assert_eq!(lines[0]["scenario"]["failure"], json!({"over_line": 0.001}));
+    assert_eq!(lines[1]["scenario"]["failure"], json!({"lane_departure": 0.01, "over_line": 0.001}));
+    assert_ne!(lines[0]["id"], lines[1]["id"]);
+    Pdk::new(["replay"]).arg(&out).succeed();
 }

@@ -4,14 +4,11 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use pdk_sdk::prelude::Control;
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::records::trace;
-use pdk_tests::{
-    Finished, Pdk, built_in_libraries, datasets, library, onnx, pictures, repository, target_folder, temp,
-};
+use pdk_tests::{Finished, Pdk, built_in_libraries, datasets, library, onnx, pictures, repository, temp};
 use pdk_trace::reader::read_steps;
 use serde_json::{Value, json};
 
@@ -288,17 +285,26 @@ fn verbs_that_call_components_survive_them() {
         }
         assert!(how == "quit_in_drop" || !folder.path().join("out.png").exists(), "{how}");
     }
-    let describe = |verb: &[&str]| Pdk::new(verb).misbehave().folder(folder.path());
-    for verb in [&["list"][..], &["show", "contrast"], &["doctor"], &["new", "perturbation", "x"]] {
-        describe(verb)
-            .env("MISBEHAVE", "abort_in_describe")
-            .fail(70, &["libmisbehave", "in `load`", "SIGABRT"]);
+    // A plugin that cannot even be opened is left out, and named.
+    for (number, verb) in
+        [&["list"][..], &["show", "contrast"], &["doctor"], &["new", "perturbation", "x"]].iter().enumerate()
+    {
+        let cache = folder.path().join(number.to_string());
+        let verb = Pdk::new(*verb).misbehave().folder(folder.path()).env("PDK_CACHE", cache);
+        let finished = verb.env("MISBEHAVE", "abort_in_describe").run();
+        assert!(matches!(finished.code, Some(0 | 1)), "{finished:?}");
+        let said = format!("{}{}", finished.stdout, finished.stderr);
+        assert!(said.contains("libmisbehave.so: opening it was ended by signal 6"), "{said}");
     }
 }
 
 #[test]
 fn a_description_that_misbehaves_is_refused_by_name() {
-    let list = |how: &str| Pdk::new(["list", "driver"]).misbehave().env("MISBEHAVE", how);
+    let cache = temp();
+    let list = |how: &str| {
+        let list = Pdk::new(["list", "driver"]).misbehave().env("MISBEHAVE", how);
+        list.env("PDK_CACHE", cache.path())
+    };
     let panicked = list("panic_in_describe").succeed();
     assert!(
         panicked.stderr.contains("libmisbehave") && panicked.stderr.contains("panicked"),
@@ -307,7 +313,9 @@ fn a_description_that_misbehaves_is_refused_by_name() {
     );
     // The other plugins are there nevertheless.
     assert!(panicked.stdout.contains("lane_keeper"));
-    list("exit_in_describe").fail(70, &["libmisbehave", "in `load` ended the process"]);
+    let exited = list("exit_in_describe").succeed();
+    assert!(exited.stderr.contains("libmisbehave.so: opening it ended the process"), "{}", exited.stderr);
+    assert!(exited.stdout.contains("lane_keeper"));
     // One that hangs has a minute, but `pdk check` has the patience that it is told to have.
     let check = Pdk::new(["check", "--patience", "0.7"]).arg(library("misbehave"));
     let hung = check.env("MISBEHAVE", "hang_in_describe").run();
@@ -416,7 +424,10 @@ fn no_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
     };
     let whole = fs::read(library("misbehave")).unwrap();
     let mut files = vec![
-        (library("stranger"), "was built with pdk-sdk 0.0.1"),
+        (
+            library("stranger"),
+            "was built for version 2 of the plugin interface, but this pdk has version 1; get a newer pdk, or ",
+        ),
         (file("text.so", b"this is not a library\n"), "is not a library"),
         (file("empty.so", b""), "is not a library"),
         (file("head.so", &whole[..100]), "is cut off"),
@@ -489,40 +500,6 @@ fn the_built_in_plugins_keep_the_rules() {
     let misspelt = Pdk::new(["check"]).arg(library("pdk_datasets")).set("tup.path", "tub").run();
     assert_eq!(misspelt.code, Some(1), "{}", misspelt.stderr);
     assert!(misspelt.stdout.contains("did you mean `tub`"), "{}", misspelt.stdout);
-}
-
-#[test]
-fn a_new_plugin_builds_outside_the_repository_and_keeps_the_rules() {
-    let folder = temp();
-    Pdk::new(["new", "plugin", "salt_spray", "--out"]).arg(folder.path()).succeed();
-    let project = folder.path().join("salt_spray");
-    // A folder of its own, kept from one test run to the next.
-    let target = target_folder().parent().unwrap().join("new-plugin");
-    let cargo = |arguments: &[&str]| {
-        let built = Command::new(option_env!("CARGO").unwrap_or("cargo"))
-            .args(arguments)
-            .args(["--release", "--offline"])
-            .current_dir(&project)
-            .env("CARGO_TARGET_DIR", &target)
-            .output()
-            .unwrap();
-        assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
-    };
-    cargo(&["build"]);
-    cargo(&["test"]);
-    let library = target.join(format!("release/libsalt_spray.{}", std::env::consts::DLL_EXTENSION));
-    let checked = Pdk::new(["check"]).arg(&library).succeed();
-    assert!(checked.stdout.contains("ok   perturbation `salt_spray`"), "{}", checked.stdout);
-
-    pictures::write(&folder.path().join("in.png"), 64, 48);
-    Pdk::new(["perturb", "in.png", "--with", "salt_spray@4", "-o", "out.png", "--plugins"])
-        .arg(&library)
-        .folder(folder.path())
-        .succeed();
-    let [before, after] =
-        ["in.png", "out.png"].map(|name| image::open(folder.path().join(name)).unwrap().into_rgb8());
-    assert!(before.get_pixel(0, 0)[0] / 2 > after.get_pixel(0, 0)[0], "the corner is darker");
-    Pdk::new(["new", "plugin", "salt_spray", "--out"]).arg(folder.path()).fail(1, &["exists already"]);
 }
 
 #[test]

@@ -135,7 +135,7 @@ fn the_record_of_another_run_is_refused_and_kept() {
     let kept = fs::read_to_string(&manifest).unwrap();
     let start = kept.find("\"blake3\": \"").unwrap() + 11;
     fs::write(&manifest, format!("{}{}{}", &kept[..start], "0".repeat(64), &kept[start + 64..])).unwrap();
-    again().fail(1, &["the file of the", "is another", "--out"]);
+    again().fail(1, &["the file of the", "is not that of the plugin", "--out"]);
     fs::write(&manifest, kept).unwrap();
     assert_equal(&out, &expected);
 
@@ -232,4 +232,27 @@ fn two_processes_do_not_write_to_one_record() {
     run(&script, &out).fail(1, &["another process is writing to", "--out"]);
     child.kill().unwrap();
     child.wait().unwrap();
+}
+
+#[test]
+fn a_scenario_whose_trace_is_not_whole_is_driven_again() {
+    let folder = temp();
+    let script = pipeline(folder.path(), SOURCE);
+    let whole = folder.path().join("whole");
+    run(&script, &whole).succeed();
+    let expected = files(&whole);
+    let scenarios = json_lines(&whole.join("scenarios.jsonl"));
+    let traces = [0, 1, 2, 3].map(|number| trace(&whole, &scenarios[number]));
+    fs::write(&traces[0], "").unwrap();
+    fs::write(&traces[1], "no trace at all").unwrap();
+    fs::remove_file(&traces[2]).unwrap();
+    let mut damaged = fs::read(&traces[3]).unwrap();
+    let middle = damaged.len() / 2;
+    damaged[middle] ^= 0x10;
+    fs::write(&traces[3], damaged).unwrap();
+    let again = run(&script, &whole).succeed();
+    assert_eq!(again.stderr.matches("is driven again: the trace ").count(), 4, "{}", again.stderr);
+    let kept = format!("{} of {} scenarios were in the record already", scenarios.len() - 4, scenarios.len());
+    assert!(again.stdout.contains(&kept), "{}", again.stdout);
+    assert_equal(&whole, &expected);
 }

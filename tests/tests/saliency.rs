@@ -26,9 +26,20 @@ fn maps_are_written_by_cell_and_by_pixel_with_a_picture_of_each() {
     pictures::write(&image, 320, 160);
     let maps = dir.path().join("maps");
     let saliency = |more: &[&str]| {
-        Pdk::new(["saliency"]).arg(&image).args(["--driver", "dave2,backend=tract", "-o"]).arg(&maps).args(more)
+        Pdk::new(["saliency"])
+            .arg(&image)
+            .args(["--driver", "dave2,backend=tract", "-o"])
+            .arg(&maps)
+            .args(more)
     };
-    let methods = ["--with", "hirescam", "--with", "hirescam,layer=/convolutions/convolutions.2/Conv", "--with", "gradient"];
+    let methods = [
+        "--with",
+        "hirescam",
+        "--with",
+        "hirescam,layer=/convolutions/convolutions.2/Conv",
+        "--with",
+        "gradient",
+    ];
     saliency(&methods).succeed();
     // The last convolution of dave2 has one row of cells, its second one 14 rows.
     assert_eq!(numbers(&maps.join("road.hirescam.npy")).0, [1, 18]);
@@ -60,7 +71,16 @@ fn the_frames_of_a_dataset_are_mapped_and_methods_are_compared() {
     let maps = dir.path().join("maps");
     let result = Pdk::new(["saliency", "--json"])
         .arg(&drive)
-        .args(["--driver", "dave2,backend=tract", "--count", "3", "--with", "hirescam", "--with", "occlusion,patch=0.5"])
+        .args([
+            "--driver",
+            "dave2,backend=tract",
+            "--count",
+            "3",
+            "--with",
+            "hirescam",
+            "--with",
+            "occlusion,patch=0.5",
+        ])
         .args(["--curves", "-o"])
         .arg(&maps)
         .succeed()
@@ -83,10 +103,11 @@ fn mistakes_are_sentences() {
         Pdk::new(["saliency"]).arg(&image).args(["--driver", driver, "-o"]).arg(&out).args(more)
     };
     saliency("dave2", &["--with", "hirecam"]).fail(1, &["hirecam", "hirescam"]);
-    saliency("dave2", &["--with", "hirescam,layer=conv9"]).fail(1, &["it has no layer `conv9`", "/convolutions/convolutions.8/Conv"]);
+    saliency("dave2", &["--with", "hirescam,layer=conv9"])
+        .fail(1, &["it has no layer `conv9`", "/convolutions/convolutions.8/Conv"]);
     saliency("dave2", &["--output", "7"]).fail(1, &["has the numbers 0 to 1, so there is no 7"]);
     saliency("dave2", &["--with", "hirescam,size=frame"]).fail(1, &["`size` cannot be set"]);
-    saliency("onnx,model=/no/such.onnx", &[]).fail(1, &["/no/such.onnx", "cannot read the file"]);
+    saliency("onnx,model=/no/such.onnx", &[]).fail(1, &["/no/such.onnx", "it does not exist"]);
     saliency("nobody", &[]).fail(1, &["nobody"]);
     let damaged = dir.path().join("damaged.onnx");
     std::fs::write(&damaged, b"no network").unwrap();
@@ -97,7 +118,12 @@ fn mistakes_are_sentences() {
 fn a_network_shows_its_layers() {
     let file = pdk_tests::repository().join("scripts/models/dave2.onnx");
     let text = Pdk::new(["show"]).arg(&file).succeed().stdout;
-    for part in ["input     image (1, 3, 66, 200) FLOAT", "output    control (1, 2) FLOAT", "every operator before it has a gradient", "/convolutions/convolutions.8/Conv"] {
+    for part in [
+        "input     image (1, 3, 66, 200) FLOAT",
+        "output    control (1, 2) FLOAT",
+        "every operator before it has a gradient",
+        "/convolutions/convolutions.8/Conv",
+    ] {
         assert!(text.contains(part), "{part} is not in\n{text}");
     }
     let network = Pdk::new(["show", "--json"]).arg(&file).succeed().json();
@@ -128,7 +154,10 @@ fn a_perturbation_is_limited_to_what_a_map_marks() {
     let top = changed(&format!(r#"{{"top":20,{by}}}"#), "0");
     let bottom = changed(&format!(r#"{{"bottom":80,{by}}}"#), "0");
     assert_eq!((count(&top), count(&bottom)), (320 * 160 / 5, 320 * 160 * 4 / 5));
-    assert!(top.iter().zip(&bottom).filter(|(a, b)| **a && **b).count() < 100, "the two ends of a map hardly meet");
+    assert!(
+        top.iter().zip(&bottom).filter(|(a, b)| **a && **b).count() < 100,
+        "the two ends of a map hardly meet"
+    );
     let random = changed(r#"{"random":20}"#, "0");
     assert_eq!(count(&random), 320 * 160 / 5);
     assert_eq!(random, changed(r#"{"random":20}"#, "0"));

@@ -6,7 +6,7 @@ local settings = pdk.settings({
 	driver = "lane_keeper",
 	perturbations = { "gaussian_noise", "gaussian_blur", "contrast" },
 	level = 2,
-	duration = 40, -- seconds of simulation time; the road takes about 22
+	duration = 30, -- seconds of simulation time; the road takes about 22
 })
 
 -- The road as it is, then once with each perturbation.

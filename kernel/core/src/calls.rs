@@ -57,12 +57,22 @@ pub enum Function {
     Name,
     /// A frame of a dataset.
     Read,
+    /// The size of a saliency map.
+    MapSize,
+    /// A frame for a saliency method.
+    Map,
+    /// The beginning of a search.
+    Start,
+    /// Candidates of a search.
+    Ask,
+    /// Results for a search.
+    Tell,
     /// The end of an instance.
     Drop,
 }
 
 impl Function {
-    const ALL: [Self; 14] = [
+    const ALL: [Self; 19] = [
         Self::Load,
         Self::New,
         Self::Camera,
@@ -76,6 +86,11 @@ impl Function {
         Self::Len,
         Self::Name,
         Self::Read,
+        Self::MapSize,
+        Self::Map,
+        Self::Start,
+        Self::Ask,
+        Self::Tell,
         Self::Drop,
     ];
 
@@ -95,6 +110,11 @@ impl Function {
             Self::Len => "len",
             Self::Name => "name",
             Self::Read => "read",
+            Self::MapSize => "map_size",
+            Self::Map => "map",
+            Self::Start => "start",
+            Self::Ask => "ask",
+            Self::Tell => "tell",
             Self::Drop => "drop",
         }
     }

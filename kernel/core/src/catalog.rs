@@ -32,9 +32,34 @@ pub struct Entry {
     /// The component that makes this one from a file of the user's; none where it stands for itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
+    /// The plugin that it is in; none where it is in a script, or is made from a file of the user's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plugin: Option<PluginRecord>,
     /// BLAKE3 of a script that is part of pdk, in hexadecimal; none where there is a file to read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blake3: Option<String>,
+}
+
+impl Entry {
+    /// A component that stands for itself, in a file.
+    pub fn new(description: Description, file: PathBuf) -> Self {
+        Self { description, file, base: None, plugin: None, blake3: None }
+    }
+}
+
+/// What tells a plugin from others, for whoever has to find it again.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct PluginRecord {
+    /// Its name.
+    pub name: String,
+    /// Its own version.
+    pub version: String,
+    /// Where to get it; empty where it does not say.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub homepage: String,
+    /// It comes with pdk.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub built_in: bool,
 }
 
 impl Catalog {

@@ -74,7 +74,7 @@ mod tests {
     use pdk_model::perturbation::AppliedPerturbation;
 
     fn plugin(components: Vec<Description>) -> std::result::Result<(), String> {
-        let plugin = PluginDescription { name: "test".into(), version: "1.0.0".into(), components };
+        let plugin = PluginDescription { components, ..PluginDescription::default() };
         check_plugin(&plugin).map_err(|error| error.to_string())
     }
 

@@ -145,11 +145,19 @@ impl RunDirectory {
     /// # Errors
     /// Where it cannot be written.
     pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<()> {
+        let mut text = serde_json::to_string_pretty(value)?;
+        text.push('\n');
+        self.write_text(name, &text)
+    }
+
+    /// Writes a text file as a whole: it is there complete, or not at all.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn write_text(&self, name: &str, text: &str) -> Result<()> {
         let (path, part) = (self.path.join(name), self.path.join(format!("{name}.part")));
-        let mut text = serde_json::to_vec_pretty(value)?;
-        text.push(b'\n');
         let written = File::create(&part)
-            .and_then(|mut file| file.write_all(&text).and_then(|()| file.sync_all()))
+            .and_then(|mut file| file.write_all(text.as_bytes()).and_then(|()| file.sync_all()))
             .and_then(|()| fs::rename(&part, &path));
         written.map_err(|error| write_error(&path, &error))?;
         sync_folder(&path);

@@ -1,9 +1,11 @@
 //! Looks at a library before the system maps it: from a file that was cut off, the system reads memory that is not
 //! there, and the process dies of it.
 
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
+
+use pdk_sdk::error::Result;
+use pdk_sdk::file;
 
 const MAGIC: [u8; 4] = *b"\x7fELF";
 const CLASS_64: u8 = 2;
@@ -16,9 +18,8 @@ const PT_LOAD: u32 = 1;
 ///
 /// # Errors
 /// Where the file cannot be read.
-pub fn missing_part(path: &Path) -> std::io::Result<Option<(u64, u64)>> {
-    let mut file = File::open(path)?;
-    let len = file.metadata()?.len();
+pub fn missing_part(path: &Path) -> Result<Option<(u64, u64)>> {
+    let (mut file, len) = file::open(path)?;
     let mut header = [0; 64];
     if len < header.len() as u64 {
         return Ok(None);

@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use pdk_model::outcome::Outcome;
 use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
+use pdk_sdk::file;
 use serde::{Deserialize, Serialize};
 
 use crate::directory::{RunDirectory, SCENARIOS};
@@ -221,13 +222,15 @@ fn read_at(path: &Path, start: u64, length: usize) -> io::Result<String> {
 /// Where the run drove no scenarios, or a line is damaged.
 pub fn read(directory: &RunDirectory) -> Result<(Vec<Line>, bool)> {
     let path = directory.path().join(SCENARIOS);
-    let text = fs::read(&path).map_err(|error| match error.kind() {
-        io::ErrorKind::NotFound => Error::new(format!(
+    let Some((mut file, _)) = file::open_if_there(&path).place(path.display())? else {
+        return Err(Error::new(format!(
             "there is no {}, so no scenarios to read; was it an offline run?",
             path.display()
-        )),
-        _ => Error::new(format!("cannot read {} ({error})", path.display())),
-    })?;
+        )));
+    };
+    let mut text = Vec::new();
+    file.read_to_end(&mut text)
+        .map_err(|error| Error::new(format!("cannot read {} ({error})", path.display())))?;
     let complete = complete(&text);
     let whole = std::str::from_utf8(&text[..complete]).map_err(|_| damaged(&path, 1))?;
     let line = |(number, line): (usize, &str)| {

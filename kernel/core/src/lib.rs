@@ -8,6 +8,7 @@
 //! | [`installation`] | where the parts of pdk itself lie |
 //! | [`search_path`] | where components are looked for |
 //! | [`registry`] | finds components and makes instances of them; [`loader`] opens libraries |
+//! | [`inspection`] | opens libraries in a process that dies afterwards, before they are opened where they are needed |
 //! | [`catalog`] | what there is, as plain data that can be sent to another process |
 //! | [`chain`] | the perturbations that a frame goes through, each with a key of its own; `mask` limits them to a region |
 //! | [`modifiers`] | what every perturbation takes besides its own parameters |
@@ -28,8 +29,9 @@ pub mod catalog;
 pub mod chain;
 mod description;
 pub mod directory;
-mod elf;
+pub mod elf;
 pub mod float;
+pub mod inspection;
 pub mod installation;
 pub mod ledger;
 pub mod lines;
@@ -38,6 +40,7 @@ pub mod manifest;
 mod mask;
 pub mod modifiers;
 pub mod output;
+mod reading;
 pub mod registry;
 pub mod search_path;
 pub mod selection;

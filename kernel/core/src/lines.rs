@@ -4,7 +4,8 @@ use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
 
 /// A file of lines that is open for adding.
 pub struct Lines {
@@ -21,6 +22,8 @@ impl Lines {
     /// Where it cannot be read or written.
     pub fn open(path: &Path) -> Result<(Self, Vec<u8>)> {
         let failed = |error| write_error(path, &error);
+        // What is there has to be a file: to write to a pipe would wait for its reader.
+        file::open_if_there(path).place(path.display())?;
         let file = File::options().create(true).append(true).open(path).map_err(failed)?;
         let mut text = fs::read(path).map_err(failed)?;
         if text.is_empty() {

@@ -1,42 +1,53 @@
 //! Opens plugin libraries and refuses those that do not fit, each with one sentence.
 
-use std::ffi::CStr;
 use std::path::{Path, PathBuf};
 
-use abi_stable::library::{AbiHeaderRef, LibraryError};
 use pdk_sdk::SDK_VERSION;
-use pdk_sdk::abi::host::{self, Instance};
-use pdk_sdk::abi::{self, PluginDescription, PluginModuleRef};
+use pdk_sdk::abi::PluginDescription;
+use pdk_sdk::abi::host::{Instance, Module};
+use pdk_sdk::abi::pdk_abi::{self, Header};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::{Map, Value};
 
 use crate::calls::{self, Function};
-use crate::description;
-use crate::elf;
+use crate::catalog::PluginRecord;
+use crate::reading::{self, Told};
+use crate::{description, elf};
 
 /// A plugin that has been loaded. Its library stays in memory until the process ends.
 pub struct Plugin {
     /// The library's file.
     pub path: PathBuf,
-    /// What the plugin says of itself.
+    /// What the plugin says of itself, as far as it is known here.
     pub description: PluginDescription,
-    module: PluginModuleRef,
+    /// What it says besides, a sentence each.
+    pub skipped: Vec<String>,
+    /// The place of each component of the description among all that the plugin has.
+    places: Vec<usize>,
+    module: Module,
 }
 
 impl Plugin {
     /// Opens a plugin library.
     ///
     /// # Errors
-    /// Where the file is not a library, is not a pdk plugin, was built with another SDK version, or cannot describe itself.
+    /// Where the file is not a library, is not a pdk plugin, was built for another version of the interface, or cannot describe
+    /// itself.
     pub fn load(path: &Path) -> Result<Self> {
         let name = format!("plugin {}", path.display());
         let loaded = calls::call(&name, Function::Load, || {
             let module = open(path)?;
-            let description: PluginDescription = serde_json::from_str(&host::result((module.describe())())?)?;
+            let Told { description, places, skipped } = reading::read(&module.describe()?)?;
             description::check_plugin(&description)?;
-            Ok(Self { path: path.to_owned(), description, module })
+            Ok(Self { path: path.to_owned(), description, skipped, places, module })
         });
         loaded.map_err(|error: Error| error.at(name))
+    }
+
+    /// What tells it from others.
+    pub fn record(&self, built_in: bool) -> PluginRecord {
+        let PluginDescription { name, version, homepage, .. } = self.description.clone();
+        PluginRecord { name, version, homepage, built_in }
     }
 
     /// Makes an instance of the component at `index` of the description.
@@ -44,12 +55,11 @@ impl Plugin {
     /// # Errors
     /// Where the component refuses the parameters or panics.
     pub fn create(&self, index: usize, parameters: &Map<String, Value>) -> Result<Instance> {
-        let json = serde_json::to_string(parameters)?;
-        host::instance(host::result((self.module.create())(index, json.as_str().into()))?)
+        self.module.create(self.places[index], &serde_json::to_string(parameters)?)
     }
 }
 
-fn open(path: &Path) -> Result<PluginModuleRef> {
+fn open(path: &Path) -> Result<Module> {
     if let Some((needed, has)) = elf::missing_part(path)? {
         return Err(Error::new(format!(
             "is cut off: it has {has} of at least {needed} bytes; build or copy it again"
@@ -64,36 +74,26 @@ fn open(path: &Path) -> Result<PluginModuleRef> {
     // A library is never unloaded: its functions and types live on in components.
     let library = Box::leak(Box::new(library));
 
-    // SAFETY: the name belongs to pdk, and every SDK version gives it this type.
-    let version = unsafe { library.get::<abi::VersionFn>(abi::VERSION_SYMBOL) }.map_err(|_| {
+    // SAFETY: the name belongs to pdk, and every version of the interface has a header under it.
+    let header = unsafe { library.get::<*const Header>(pdk_abi::SYMBOL) }.map_err(|_| {
         Error::new(format!(
             "is not a pdk plugin: it has no symbol `{}`; a plugin is a cdylib that uses pdk_sdk::export!",
-            abi::VERSION_SYMBOL
+            pdk_abi::SYMBOL
         ))
     })?;
-    let version = version();
-    if version.is_null() {
-        return Err(Error::new("does not tell its SDK version; build it again with pdk_sdk::export!"));
-    }
-    // SAFETY: the function returns a static string that ends with NUL.
-    let version = unsafe { CStr::from_ptr(version) }.to_string_lossy();
-    if version != SDK_VERSION {
+    let header = *header;
+    // SAFETY: the header of every version begins with it.
+    let version = unsafe { header.cast::<u64>().read_unaligned() };
+    if version != pdk_abi::VERSION {
+        let newer = if version > pdk_abi::VERSION { "get a newer pdk, or " } else { "" };
         return Err(Error::new(format!(
-            "was built with pdk-sdk {version}, but this pdk needs {SDK_VERSION}; build it again with pdk-sdk = \"={SDK_VERSION}\""
+            "was built for version {version} of the plugin interface, but this pdk has version {}; {newer}build it again with \
+             pdk-sdk {SDK_VERSION}",
+            pdk_abi::VERSION
         )));
     }
-    // SAFETY: a plugin of this SDK version exports its header under this name.
-    let header = unsafe { library.get::<AbiHeaderRef>(abi::HEADER_SYMBOL) }.map_err(|_| {
-        Error::new(format!("has no symbol `{}`; build it again with pdk_sdk::export!", abi::HEADER_SYMBOL))
-    })?;
-    header.upgrade().and_then(|header| header.init_root_module::<PluginModuleRef>()).map_err(|error| {
-        match error {
-            LibraryError::AbiInstability(_) => Error::new(format!(
-                "says pdk-sdk {SDK_VERSION} but has another layout; build it again with this compiler and SDK"
-            )),
-            other => Error::new(format!("cannot be started: {}", first_line(&other.to_string()))),
-        }
-    })
+    // SAFETY: it is the header of a plugin of this version, whose library stays.
+    unsafe { Module::behind(&*header) }
 }
 
 /// What the system says of a library that does not load, without the path that stands in front of it.

@@ -9,10 +9,11 @@ use pdk_model::region::Region;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Place, Result};
+use pdk_sdk::file;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::catalog::{Catalog, Entry};
+use crate::catalog::{Catalog, Entry, PluginRecord};
 
 /// The manifest of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -73,6 +74,9 @@ pub struct ComponentRecord {
     pub version: u32,
     /// The library or script that it comes from; a script that is part of pdk has `built-in:` and its name for a path.
     pub file: FileRecord,
+    /// The plugin that the library is; none for a script.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plugin: Option<PluginRecord>,
     /// What it decided itself when it was made, such as the library that runs a network.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub info: Vec<(String, String)>,
@@ -148,7 +152,7 @@ impl Manifest {
     pub fn changed_parts(&self, recorded: &Manifest, places_count: bool) -> Vec<String> {
         let mut changed = Vec::new();
         // A library holds many components, and its content is said to be another once.
-        let mut other_files: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
+        let mut other_files: BTreeMap<&Path, (Vec<String>, &ComponentRecord)> = BTreeMap::new();
         for component in &self.components {
             let same = |c: &&ComponentRecord| c.kind == component.kind && c.name == component.name;
             let Some(first) = recorded.components.iter().find(same) else { continue };
@@ -157,7 +161,8 @@ impl Manifest {
                 changed.push(differs(&format!("the version of {name}"), &first.version, &component.version));
             }
             if first.file.blake3 != component.file.blake3 {
-                let names = other_files.entry(&component.file.path).or_default();
+                let (names, _) =
+                    other_files.entry(&component.file.path).or_insert_with(|| (Vec::new(), first));
                 if !names.contains(&name) {
                     names.push(name.clone());
                 }
@@ -181,9 +186,12 @@ impl Manifest {
                 ));
             }
         }
-        for (path, names) in other_files {
-            let path = path.display();
-            changed.push(format!("the file of {}, {path}, is another", names.join(", ")));
+        for (path, (names, first)) in other_files {
+            let (names, path) = (names.join(", "), path.display());
+            let other = first
+                .origin(&recorded.pdk)
+                .map_or_else(|| "another".to_owned(), |origin| format!("not that of {origin}"));
+            changed.push(format!("the file of {names}, {path}, is {other}"));
         }
         for file in &self.files {
             let known = recorded.files.iter().find(|known| known.path == file.path);
@@ -219,6 +227,20 @@ pub fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value
     (was != is).then(|| (format!("`{place}`"), was.clone(), is.clone()))
 }
 
+impl ComponentRecord {
+    /// The very plugin that it was in, with its hash and where to get it; none where it was in a script. `pdk` is the version of
+    /// pdk then.
+    pub fn origin(&self, pdk: &str) -> Option<String> {
+        let PluginRecord { name, version, homepage, built_in } = self.plugin.as_ref()?;
+        let place = match homepage.as_str() {
+            _ if *built_in => format!("which came with pdk {pdk}"),
+            "" => "to be had from its author".to_owned(),
+            homepage => format!("to be had at {homepage}"),
+        };
+        Some(format!("the plugin {name} {version} (BLAKE3 {}), {place}", self.file.blake3))
+    }
+}
+
 impl Machine {
     /// This machine.
     pub fn this() -> Self {
@@ -237,7 +259,7 @@ impl FileRecord {
     /// Where it cannot be read.
     pub fn of(path: &Path) -> Result<Self> {
         let mut hasher = blake3::Hasher::new();
-        let mut file = std::fs::File::open(path).place(path.display())?;
+        let (mut file, _) = file::open(path).place(path.display())?;
         std::io::copy(&mut file, &mut hasher).place(path.display())?;
         Ok(Self { path: path.to_owned(), blake3: hasher.finalize().to_hex().to_string() })
     }
@@ -267,11 +289,13 @@ impl InUse {
         let entry = catalog.get(kind, name)?;
         let known = self.components.iter().any(|c| c.kind == kind && c.name == name && c.info == info);
         if !known {
+            let code = catalog.code_of(entry);
             self.components.insert(ComponentRecord {
                 kind,
                 name: name.to_owned(),
                 version: entry.description.version,
-                file: self.hashed(catalog.code_of(entry))?,
+                file: self.hashed(code)?,
+                plugin: code.plugin.clone(),
                 info,
             });
         }

@@ -1,6 +1,6 @@
 //! Finds components and makes instances of them.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind as IoErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -13,6 +13,7 @@ use serde_json::{Map, Value};
 
 use crate::calls::{self, Function};
 use crate::catalog::{BUILT_IN, Catalog, Entry, drop_in_name};
+use crate::inspection;
 use crate::installation;
 use crate::loader::Plugin;
 use crate::search_path::{self, PATH_VARIABLE, SearchPath, is_script};
@@ -72,6 +73,8 @@ pub struct Registry {
     /// Every folder that was looked into.
     places: Vec<PathBuf>,
     refused: Vec<Error>,
+    /// What plugins say and is not known here.
+    skipped: Vec<String>,
     /// What lies beside a pipeline and cannot be used: the name that it would have had, and why.
     passed_over: Vec<(String, String)>,
 }
@@ -116,18 +119,19 @@ impl Registry {
             seen: BTreeSet::new(),
             places: Vec::new(),
             refused: Vec::new(),
+            skipped: Vec::new(),
             passed_over: Vec::new(),
         };
         registry.add_built_in()?;
         for folder in &search.plugins {
-            registry.add_place(folder);
+            registry.add_place(folder)?;
         }
         for place in std::env::var_os(PATH_VARIABLE).iter().flat_map(std::env::split_paths) {
             if place.as_os_str().is_empty() {
                 continue; // Nothing between two separators, or in a variable that is set to nothing.
             }
             if place.exists() {
-                registry.add_place(&place);
+                registry.add_place(&place)?;
             } else {
                 registry.refused.push(Error::new(format!(
                     "{PATH_VARIABLE} names {}, which does not exist; create it or correct the variable",
@@ -136,7 +140,7 @@ impl Registry {
             }
         }
         if let Some(place) = search_path::user_folder() {
-            registry.add_place(&place);
+            registry.add_place(&place)?;
         }
         for place in &search.beside {
             registry.add_beside(place);
@@ -153,6 +157,11 @@ impl Registry {
     /// What was found but cannot be used, one sentence each.
     pub fn refused(&self) -> &[Error] {
         &self.refused
+    }
+
+    /// What plugins have or say that is not known here, one sentence each. They work without it.
+    pub fn skipped(&self) -> &[String] {
+        &self.skipped
     }
 
     /// What lies beside a pipeline and cannot be used: the name that it would have had, and why. Nobody has asked for it yet.
@@ -213,19 +222,21 @@ impl Registry {
         found.map(|(_, source)| source)
     }
 
-    fn add_place(&mut self, place: &Path) {
-        if place.is_file() {
-            self.add_file(place);
-        } else {
-            self.add_folder(place);
+    fn add_place(&mut self, place: &Path) -> Result<()> {
+        match place.is_file() {
+            true => self.add_files(vec![place.to_owned()]),
+            false => self.add_folder(place),
         }
     }
 
     /// What is part of pdk, and the plugins in a folder beside its libraries. Of its own parts none may be missing: names would
     /// mean something else then.
     fn add_built_in(&mut self) -> Result<()> {
-        for library in installation::libraries()? {
-            self.add_library(&library)?;
+        let libraries = installation::libraries()?;
+        let reasons = inspection::inspect(&libraries)?;
+        for (library, reason) in libraries.iter().zip(reasons) {
+            reason.map_or(Ok(()), Err)?;
+            self.add_library(library, true)?;
         }
         for script in self.scripts.built_in() {
             let file = script.path();
@@ -233,65 +244,86 @@ impl Registry {
             let describe = || self.scripts.describe(Script::BuiltIn(script));
             if let Some(description) = calls::call(&name, Function::Load, describe)? {
                 let blake3 = blake3::hash(script.source.as_bytes()).to_hex().to_string();
-                let entry = Entry { description, file, base: None, blake3: Some(blake3) };
+                let entry = Entry { blake3: Some(blake3), ..Entry::new(description, file) };
                 self.add(entry, Source::BuiltInScript(script));
             }
         }
-        self.add_folder(&installation::library_folder()?.join("plugins"));
-        Ok(())
+        self.add_folder(&installation::library_folder()?.join("plugins"))
     }
 
     /// Adds the libraries and scripts of a folder, by name; a folder that does not exist has none.
-    fn add_folder(&mut self, folder: &Path) {
+    fn add_folder(&mut self, folder: &Path) -> Result<()> {
         self.places.push(folder.to_owned());
-        for file in self.files_of(folder) {
-            let extension = file.extension().unwrap_or_default();
-            if extension == std::env::consts::DLL_EXTENSION || is_script(&file) {
-                self.add_file(&file);
-            }
-        }
+        let mut files = self.files_of(folder);
+        files.retain(|file| is_library(file) || is_script(file));
+        self.add_files(files)
     }
 
     /// Adds the scripts and drop-ins of a folder that nobody named.
     fn add_beside(&mut self, folder: &Path) {
         for file in self.files_of(folder).into_iter().filter(|file| is_script(file)) {
             // A script that is no component may be there for something else, so nobody is warned.
-            if let Err(error) = self.add_script(&file) {
-                self.passed_over.push((drop_in_name(&file), error.to_string()));
-            }
+            let reason = match self.add_script(&file) {
+                Ok(true) => continue,
+                Ok(false) => {
+                    format!("{} is no perturbation: it returns no table with `apply`", file.display())
+                }
+                Err(error) => error.to_string(),
+            };
+            self.passed_over.push((drop_in_name(&file), reason));
         }
         self.places.push(folder.to_owned());
     }
 
-    fn add_file(&mut self, file: &Path) {
-        let added = if is_script(file) { self.add_script(file) } else { self.add_library(file) };
-        if let Err(error) = added {
-            self.refused.push(error);
+    /// Adds libraries and scripts. What cannot be used is refused.
+    fn add_files(&mut self, files: Vec<PathBuf>) -> Result<()> {
+        let (scripts, libraries): (Vec<usize>, Vec<usize>) =
+            (0..files.len()).partition(|&at| is_script(&files[at]));
+        let inspected: Vec<PathBuf> = libraries.iter().map(|&at| files[at].clone()).collect();
+        let mut reasons: BTreeMap<usize, Error> = libraries
+            .into_iter()
+            .zip(inspection::inspect(&inspected)?)
+            .filter_map(|(at, reason)| Some((at, reason?)))
+            .collect();
+        for (at, file) in files.iter().enumerate() {
+            let added = match reasons.remove(&at) {
+                Some(reason) => Err(reason),
+                None if scripts.contains(&at) => self.add_script(file).map(drop),
+                None => self.add_library(file, false),
+            };
+            if let Err(error) = added {
+                self.refused.push(error);
+            }
         }
+        Ok(())
     }
 
-    /// Adds the components of a plugin.
-    fn add_library(&mut self, file: &Path) -> Result<()> {
+    /// Adds the components of a plugin, which may be one of pdk's own.
+    fn add_library(&mut self, file: &Path, built_in: bool) -> Result<()> {
         let Some(file) = self.first_look(file) else { return Ok(()) };
         let plugin = Plugin::load(&file)?;
+        let shown = file.display();
+        let sentence = |sentence: &String| format!("plugin {shown}: {sentence}");
+        self.skipped.extend(plugin.skipped.iter().map(sentence));
+        let record = plugin.record(built_in);
         let (number, descriptions) = (self.plugins.len(), plugin.description.components.clone());
         self.plugins.push(plugin);
         for (index, description) in descriptions.into_iter().enumerate() {
-            let entry = Entry { description, file: file.clone(), base: None, blake3: None };
+            let plugin = Some(record.clone());
+            let entry = Entry { plugin, ..Entry::new(description, file.clone()) };
             self.add(entry, Source::Plugin { plugin: number, index });
         }
         Ok(())
     }
 
-    /// Adds the component in a script, where it has one.
-    fn add_script(&mut self, file: &Path) -> Result<()> {
-        let Some(file) = self.first_look(file) else { return Ok(()) };
+    /// Adds the component in a script; false where it has none.
+    fn add_script(&mut self, file: &Path) -> Result<bool> {
+        let Some(file) = self.first_look(file) else { return Ok(true) };
         let name = format!("script {}", file.display());
         let describe = || self.scripts.describe(Script::File(&file));
-        if let Some(description) = calls::call(&name, Function::Load, describe)? {
-            self.add(Entry { description, file, base: None, blake3: None }, Source::Script);
-        }
-        Ok(())
+        let Some(description) = calls::call(&name, Function::Load, describe)? else { return Ok(false) };
+        self.add(Entry::new(description, file), Source::Script);
+        Ok(true)
     }
 
     /// A file by its full name; none where it was looked at before.
@@ -351,7 +383,7 @@ impl Registry {
         description.examples.clear();
         // It is the user's own, so it is there by name.
         description.default = false;
-        let entry = Entry { description, file, base: Some(base.name.clone()), blake3: None };
+        let entry = Entry { base: Some(base.name.clone()), ..Entry::new(description, file) };
         self.add(entry, Source::DropIn { parameter: parameter.to_owned() });
     }
 
@@ -368,6 +400,11 @@ impl Registry {
             None => self.sources.push((key, source)),
         }
     }
+}
+
+/// Whether a file is a library, by its name.
+fn is_library(file: &Path) -> bool {
+    file.extension().is_some_and(|ending| ending == std::env::consts::DLL_EXTENSION)
 }
 
 /// One function for each kind.

@@ -147,6 +147,12 @@ pub fn kill_group(leader: u32) {
     }
 }
 
+/// Whether a signal comes from outside as a rule: from somebody who wants an end, a batch system, or a machine that is short of
+/// memory. A component that goes wrong is ended by others.
+pub fn is_from_outside(signal: i32) -> bool {
+    matches!(signal, libc::SIGKILL | libc::SIGTERM | libc::SIGHUP | libc::SIGINT | libc::SIGQUIT)
+}
+
 /// The memory that a process has taken, in MiB; none where the system does not say.
 pub fn resident(process: u32) -> Option<u64> {
     let text = std::fs::read_to_string(format!("/proc/{process}/statm")).ok()?;

@@ -23,9 +23,10 @@ pub(crate) struct Declaration {
     pub apply: Function,
 }
 
-/// Whether a table that a script returned is meant as a perturbation.
-pub(crate) fn has_apply(table: &Table) -> Result<bool> {
-    Ok(!table.raw_get::<Value>("apply").map_err(unreadable)?.is_nil())
+/// Whether a table that a script returned is meant as a perturbation: it has what it applies, or says what that does.
+pub(crate) fn is_meant(table: &Table) -> Result<bool> {
+    let field = |name: &str| table.raw_get::<Value>(name).map_err(unreadable);
+    Ok(!field("apply")?.is_nil() || matches!(field("doc")?, Value::String(_)))
 }
 
 /// Checks what a script returned. `stem` is the name it has where it gives none.

@@ -9,10 +9,12 @@ use pdk_core::suggest;
 use pdk_sdk::config::{Config, frame_values};
 use pdk_sdk::describe::{Description, ParameterType};
 use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
 use pdk_sdk::ops::{Frame, FrameMut, Key};
 use pdk_sdk::perturbation::{Context, Perturbation};
 
 use crate::absent::{self, Reached};
+use crate::chunk::LARGEST_SCRIPT;
 use crate::declaration::{self, CONTEXT, Declaration, PARAMETER, PERTURBATION};
 use crate::failure::type_of;
 use crate::image::{ImageClass, LuaImage};
@@ -56,7 +58,8 @@ impl<'a> Source<'a> {
     /// # Errors
     /// Where it cannot be read.
     pub fn read(path: &'a Path) -> Result<Self> {
-        let text = std::fs::read(path).place(path.display())?;
+        // The error about a script that is too large comes from where it is compiled.
+        let text = file::read(path, 16 * LARGEST_SCRIPT as u64).place(path.display())?;
         let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
         Ok(Self { script: path.display().to_string(), text: Cow::Owned(text), stem })
     }
@@ -85,7 +88,7 @@ pub fn description(source: &Source<'_>) -> Result<Description> {
 /// Finds out what a script is.
 ///
 /// # Errors
-/// Where the script fails, or it returns a table with `apply` that is no valid perturbation.
+/// Where the script fails, or it returns a table that is meant as a perturbation and is no valid one.
 pub(crate) fn look_at(source: &Source<'_>) -> Result<Returned> {
     let machine = Machine::new(Limits::of_perturbation()?)?;
     machine.look_at(&source.script, &source.text, source.stem)
@@ -125,7 +128,7 @@ impl Machine {
             returned => returned?,
         };
         match &returned {
-            Value::Table(table) if declaration::has_apply(table)? => {
+            Value::Table(table) if declaration::is_meant(table)? => {
                 let declaration = declaration::read(&returned, stem).map_err(|error| error.at(script))?;
                 Ok(Returned::Perturbation(Box::new(declaration)))
             }

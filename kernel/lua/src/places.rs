@@ -1,12 +1,11 @@
 //! Where the modules of a pipeline are: names become files, and none of them leaves its folder.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use pdk_core::registry::BuiltInScript;
 use pdk_core::suggest;
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::file;
 
 use crate::chunk::LARGEST_SCRIPT;
 
@@ -145,23 +144,8 @@ impl Found {
         if let Some(source) = self.built_in {
             return Ok(source.to_owned());
         }
-        let unreadable = |why: &dyn std::fmt::Display| {
-            Error::new(format!("the module {} cannot be read ({why})", self.shown))
-        };
-        // What is not a file, such as a pipe, might keep the reader waiting.
-        if !self.file.is_file() {
-            return Err(unreadable(&"it is not a file"));
-        }
-        let mut source = Vec::new();
-        let file = File::open(&self.file).map_err(|error| unreadable(&error))?;
-        file.take(LARGEST_SCRIPT as u64 + 1).read_to_end(&mut source).map_err(|error| unreadable(&error))?;
-        if source.len() > LARGEST_SCRIPT {
-            return Err(Error::new(format!(
-                "the module {} has more than {LARGEST_SCRIPT} bytes; split it",
-                self.shown
-            )));
-        }
-        String::from_utf8(source).map_err(|_| unreadable(&"it is not UTF-8"))
+        file::read_text(&self.file, LARGEST_SCRIPT as u64)
+            .map_err(|why| Error::new(format!("the module {} cannot be read ({why})", self.shown)))
     }
 }
 

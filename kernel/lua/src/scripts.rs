@@ -17,7 +17,7 @@ const FOLDER: &str = "perturbations";
 
 /// Makes components from Lua files.
 ///
-/// A table with `apply` is a perturbation, wherever it lies. In a folder named `perturbations`, or where the user named the very
+/// A table with `apply` or a text `doc` is a perturbation, wherever it lies. In a folder named `perturbations`, or where the user named the very
 /// file, everything else is a mistake. Elsewhere a script may also be a pipeline, or a module that a pipeline requires.
 #[derive(Debug, Clone, Default)]
 pub struct LuaScripts {

@@ -16,11 +16,15 @@ pub const PIPELINES: &[BuiltInScript] = scripts! {
     "greedy": "greedy.lua",
     "study": "study.lua",
     "offline": "offline.lua",
+    "search": "search.lua",
     "collect": "training/collect.lua",
 };
 
 /// The modules that pipelines require as `@pdk/NAME`.
-pub const LIBRARY: &[BuiltInScript] = scripts! { "study": "library/study.lua" };
+pub const LIBRARY: &[BuiltInScript] = scripts! {
+    "hill_climber": "library/hill_climber.lua",
+    "study": "library/study.lua",
+};
 
 /// The perturbations.
 pub const PERTURBATIONS: &[BuiltInScript] = scripts! {

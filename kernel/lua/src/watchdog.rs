@@ -189,6 +189,12 @@ impl Drop for Running<'_> {
     }
 }
 
+/// Whether the script that this thread is in has been interrupted: then it has to end, whatever called it.
+pub fn is_interrupted() -> bool {
+    // SAFETY: the alarm belongs to a call that this thread is still in, and the call keeps it alive.
+    unsafe { CURRENT.get().as_ref() }.is_some_and(|alarm| alarm.rang.load(Ordering::Relaxed))
+}
+
 /// Runs `work`, the time of which does not count against the script that called it. Host functions that wait or
 /// compute for long, such as one that drives a scenario, do so inside this. Afterwards a pipeline has its whole time again, and
 /// any other script what it had left.

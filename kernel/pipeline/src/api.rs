@@ -7,9 +7,10 @@ use pdk_sdk::error::Error;
 use serde_json::Value;
 
 use crate::bridge::{call, frames_of, function, with_host};
+use crate::search::conduct::search;
 use crate::session_object::{SESSION, SessionObject};
 use crate::values::from_lua;
-use crate::{levels, records};
+use crate::{levels, records, statistics};
 
 /// What a pipeline can call.
 pub const API: ApiTable = ApiTable {
@@ -54,6 +55,13 @@ pub const API: ApiTable = ApiTable {
             },
         },
         ApiFunction {
+            name: "search",
+            signature: "(request: SearchRequest) -> SearchResult",
+            doc: "Searches a space for candidates whose objectives are best, or that are critical: a strategy proposes them, and a \
+                  function evaluates them, by a scenario or by itself. Writes NAME.json and NAME.csv into the record.",
+            make: |lua| lua.create_function(|lua, request: LuaValue| search(lua, &request)),
+        },
+        ApiFunction {
             name: "evaluate",
             signature: "(request: EvaluateRequest) -> Evaluation",
             doc: "Perturbs the frames of a dataset and compares what the driver makes of them with the recorded ground \
@@ -94,6 +102,12 @@ pub const API: ApiTable = ApiTable {
                   the road would leave the map of 250 x 250 m or cross itself.",
             make: |lua| function(lua, "pdk.road", |host, [request]| host.road(request)),
         },
+        statistics::FAILED_SHARE,
+        statistics::MEAN,
+        statistics::COMPARE,
+        statistics::GROUPS,
+        statistics::FAILING_LEVEL,
+        statistics::NEXT_LEVEL,
         ApiFunction {
             name: "perturbations",
             signature: "(all: boolean?) -> { string }",
@@ -103,6 +117,12 @@ pub const API: ApiTable = ApiTable {
                     Ok(host.perturbations(all == Value::Bool(true)).into())
                 })
             },
+        },
+        ApiFunction {
+            name: "draws",
+            signature: "(perturbation: string) -> boolean",
+            doc: "Whether a perturbation draws anything at random, so that another drive of the same comes out differently.",
+            make: |lua| function(lua, "pdk.draws", |host, [name]| Ok(host.draws(&name)?.into())),
         },
         ApiFunction {
             name: "path",

@@ -8,21 +8,24 @@ use indicatif::ProgressBar;
 use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SUMMARY};
 use pdk_core::ledger::{Ledger, Line};
 use pdk_core::manifest::{InUse, Machine, Manifest, Module, Pipeline};
-use pdk_core::{output, println};
+use pdk_core::search_path::SearchPath;
+use pdk_core::{output, println, suggest};
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Cause;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_session::connection::Pool;
 use pdk_session::drive::expected_frames;
 use pdk_session::interrupt::{self, Wish};
 use pdk_session::protocol::{Evaluation, Made};
-use pdk_session::session::{Reply, Session, Submission, Ticket};
+use pdk_session::session::{Options, Reply, Session, Submission, Ticket};
 use pdk_session::stages::LoopTimes;
 use serde_json::{Map, Value, json};
 
 use crate::evaluation::{self, Results};
+use crate::naming::run_name;
 use crate::requests::{DatasetSpec, Defaults, Evaluate};
 use crate::settings::{self, COMMON, Common, Override};
 use crate::{road, table, tables};
@@ -53,6 +56,12 @@ pub struct Host {
     modules: Box<dyn Fn() -> Vec<Module> + Send>,
     /// The folders that were named on the command line, for the manifest.
     given: (Vec<PathBuf>, Vec<PathBuf>),
+    /// Where components are looked for, for the process of a strategy.
+    search: SearchPath,
+    /// The session of that process, between two searches.
+    strategist: Option<Session>,
+    /// How many searches were begun.
+    searches: u64,
     common: Common,
     overrides: Vec<Override>,
     quiet: bool,
@@ -66,8 +75,8 @@ pub struct Host {
     in_use: InUse,
     /// What components said when they were made, by kind and what they were made from.
     made: BTreeMap<(Kind, String), Made>,
-    /// Those that panicked then, took their process along or did not come back.
-    fatal: BTreeSet<(Kind, String)>,
+    /// Those that panicked then, took their process along or did not come back, and how.
+    fatal: BTreeMap<(Kind, String), Error>,
     /// What was submitted under each ticket.
     submitted: BTreeMap<Ticket, Submitted>,
     /// The numbers of the scenarios, in the order in which they were submitted first, which is that of the ledger in the end.
@@ -79,8 +88,8 @@ pub struct Host {
     results: Option<Results>,
     speed: Vec<String>,
     warnings: Vec<String>,
-    /// Outcomes that were in the ledger already.
-    kept: usize,
+    /// The numbers of the scenarios whose outcomes were in the ledger already.
+    kept: BTreeSet<usize>,
     progress: ProgressBar,
     /// Frames that scenarios did not need, and those that were driven before the bar began.
     spared: u64,
@@ -98,6 +107,20 @@ struct Submitted {
     expected: u64,
 }
 
+/// A search that was begun.
+pub(crate) struct BegunSearch {
+    /// What it is called.
+    pub name: String,
+    /// The number of the search in its run, from 0.
+    pub number: u64,
+    /// The seed of the run.
+    pub seed: u64,
+    /// How many scenarios are driven at the same time.
+    pub slots: usize,
+    /// The session of the strategy, where it is a component.
+    pub session: Option<Session>,
+}
+
 /// What it takes to make a host.
 pub struct Parts {
     /// The session.
@@ -108,6 +131,8 @@ pub struct Parts {
     pub modules: Box<dyn Fn() -> Vec<Module> + Send>,
     /// The folders that `--plugins` and `--overlays` named.
     pub given: (Vec<PathBuf>, Vec<PathBuf>),
+    /// Where components are looked for.
+    pub search: SearchPath,
     /// The settings that every pipeline has.
     pub common: Common,
     /// What `--set` puts in the place of the pipeline's own settings.
@@ -119,12 +144,15 @@ pub struct Parts {
 impl Host {
     /// The host for one pipeline.
     pub fn new(parts: Parts) -> Self {
-        let Parts { session, pipeline, modules, given, common, overrides, quiet } = parts;
+        let Parts { session, pipeline, modules, given, search, common, overrides, quiet } = parts;
         Self {
             session,
             pipeline,
             modules,
             given,
+            search,
+            strategist: None,
+            searches: 0,
             common,
             overrides,
             quiet,
@@ -135,7 +163,7 @@ impl Host {
             manifest: None,
             in_use: InUse::default(),
             made: BTreeMap::new(),
-            fatal: BTreeSet::new(),
+            fatal: BTreeMap::new(),
             submitted: BTreeMap::new(),
             numbers: BTreeMap::new(),
             outcomes: BTreeMap::new(),
@@ -144,7 +172,7 @@ impl Host {
             results: None,
             speed: Vec::new(),
             warnings: Vec::new(),
-            kept: 0,
+            kept: BTreeSet::new(),
             progress: progress(quiet),
             spared: 0,
             before: 0,
@@ -170,6 +198,63 @@ impl Host {
         let settings = settings::apply(defaults, &self.overrides)?;
         self.settings = Some(settings.clone());
         Ok(settings)
+    }
+
+    /// Begins a search with a strategy: a component, which gets a session of one worker on this machine that it has to itself, or
+    /// none.
+    pub(crate) fn begin_search(
+        &mut self,
+        name: Option<&str>,
+        strategy: Option<&ComponentSpec>,
+    ) -> Result<BegunSearch> {
+        let number = self.searches;
+        self.searches += 1;
+        let name = match (name, number) {
+            (Some(name), _) => name.to_owned(),
+            (None, 0) => "search".to_owned(),
+            (None, _) => format!("search-{}", number + 1),
+        };
+        tables::checked_name(&Value::String(format!("{name}.json")))?;
+        if let Some(strategy) = strategy {
+            let catalog = self.session.catalog();
+            catalog.check(Kind::Search, &strategy.name, &strategy.parameters)?;
+            self.in_use.add(catalog, Kind::Search, &strategy.name, &strategy.parameters, Vec::new())?;
+        }
+        self.begin()?;
+        let session = match strategy {
+            None => None,
+            Some(_) => Some(match self.strategist.take() {
+                Some(session) => session,
+                None => Session::start(Options {
+                    run: format!("{}-search{number}", run_name(&self.pipeline.path)),
+                    pool: Pool::Here(1),
+                    limits: self.common.limits,
+                    search: self.search.clone(),
+                })?,
+            }),
+        };
+        Ok(BegunSearch { name, number, seed: self.common.seed, slots: self.session.slots(), session })
+    }
+
+    /// Ends a search: its files go into the record, and its session is kept for the next one.
+    pub(crate) fn end_search(
+        &mut self,
+        name: &str,
+        found: &Value,
+        table: &str,
+        session: Option<Session>,
+    ) -> Result<()> {
+        self.strategist = session.or(self.strategist.take());
+        if let Some(directory) = &self.directory {
+            directory.write_json(&format!("{name}.json"), found)?;
+            directory.write_text(&format!("{name}.csv"), table)?;
+        }
+        Ok(())
+    }
+
+    /// Notes what did not go well without ending the run.
+    pub(crate) fn warn(&mut self, sentence: String) {
+        self.warnings.push(sentence);
     }
 
     /// What scenarios have where nobody says it.
@@ -244,9 +329,10 @@ impl Host {
     fn take(&mut self, ticket: Ticket, reply: Result<Reply>) {
         let line = reply.and_then(|reply| match reply {
             Reply::Recorded(line, known) => {
-                self.kept += usize::from(known);
                 let driven = if known { 0 } else { line.outcome.frames };
-                let expected = self.submitted.get(&ticket).map_or(0, |submitted| submitted.expected);
+                let submitted = self.submitted.get(&ticket);
+                self.kept.extend(submitted.filter(|_| known).map(|submitted| submitted.number));
+                let expected = submitted.map_or(0, |submitted| submitted.expected);
                 self.spared += expected.saturating_sub(driven);
                 Ok(*line)
             }
@@ -293,7 +379,7 @@ impl Host {
     /// process along or does not come back is the outcome of each scenario that needs it.
     fn try_to_make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
         let key = (kind, serde_json::to_string(component)?);
-        if self.fatal.contains(&key) {
+        if self.fatal.contains_key(&key) {
             return Ok(Made::default());
         }
         match self.make(kind, component) {
@@ -301,7 +387,7 @@ impl Host {
                 if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late | ErrorKind::Panic)
                     && interrupt::wish() == Wish::None =>
             {
-                self.fatal.insert(key);
+                self.fatal.insert(key, error);
                 Ok(Made::default())
             }
             made => made,
@@ -437,6 +523,30 @@ impl Host {
         wanted.filter(|c| all || c.description.default).map(|c| c.description.name.clone()).collect()
     }
 
+    /// `pdk.draws`: whether a perturbation draws anything at random.
+    ///
+    /// # Errors
+    /// Where there is none of this name.
+    pub(crate) fn draws(&self, name: &Value) -> Result<bool> {
+        let Some(name) = name.as_str() else {
+            return Err(Error::new(format!("pdk.draws takes the name of a perturbation, not {name}")));
+        };
+        let mut all = self.session.catalog().of_kind(Kind::Perturbation);
+        match all.find(|component| component.description.name == name) {
+            Some(component) => {
+                let description = &component.description;
+                Ok(!(description.drawn_per_sequence.is_empty() && description.drawn_per_frame.is_empty()))
+            }
+            None => {
+                let known = self.perturbations(true);
+                Err(Error::new(format!(
+                    "pdk.draws: there is no perturbation `{name}`; {}",
+                    suggest::hint(name, known.iter().map(String::as_str))
+                )))
+            }
+        }
+    }
+
     /// `pdk.path`: a path that counts from the pipeline's folder.
     pub(crate) fn path(&self, relative: &str) -> String {
         let folder = self.pipeline.path.parent().unwrap_or(Path::new(""));
@@ -522,11 +632,19 @@ impl Host {
         };
         self.progress.finish_and_clear();
         let rows: Vec<Value> = self.outcomes.keys().filter_map(|ticket| self.row(*ticket).ok()).collect();
-        let (all, failed) = (rows.len(), self.failed());
+        // A scenario that was asked for several times is one.
+        let (all, failed) = (self.numbers.len(), self.failed());
         let summary = json!({ "outcomes": rows, "evaluations": self.evaluations });
         let written = self.complete(&summary);
-        if self.kept > 0 {
-            self.speed.insert(0, format!("{} of {all} scenarios were in the record already", self.kept));
+        let mut troubles = self.unnoticed();
+        for trouble in self.session.end() {
+            if !troubles.contains(&trouble) {
+                troubles.push(trouble);
+            }
+        }
+        if !self.kept.is_empty() {
+            self.speed
+                .insert(0, format!("{} of {all} scenarios were in the record already", self.kept.len()));
         }
         let scenarios = failed.first().map(|first| {
             Error::new(format!(
@@ -534,7 +652,14 @@ impl Host {
                 failed.len(),
             ))
         });
-        let failures = [script.err(), rest.err(), written.err(), scenarios, self.check_overrides().err()];
+        let trouble = troubles.first().map(|first| {
+            Error::new(format!(
+                "{first}; what was recorded is kept, but what was computed in the same process before may be wrong"
+            ))
+        });
+        self.warnings.extend(troubles.into_iter().skip(1));
+        let overrides = self.check_overrides().err();
+        let failures = [script.err(), rest.err(), written.err(), scenarios, trouble, overrides];
         Finished {
             record: self.directory.as_ref().map(|directory| directory.path().to_owned()),
             summary,
@@ -544,15 +669,33 @@ impl Host {
         }
     }
 
-    /// The scenarios in which a component failed, in the order of submission.
+    /// The scenarios in which a component failed, in the order of submission, each once.
     fn failed(&self) -> Vec<String> {
-        let of = |(ticket, line): (&Ticket, &Result<Line>)| {
-            let outcome = &line.as_ref().ok()?.outcome;
-            let Submitted { number, name, .. } = self.submitted.get(ticket)?;
-            let error = outcome.error.as_deref().filter(|_| outcome.cause == Cause::Error)?;
-            Some(format!("scenario {number} `{name}`: {error}"))
-        };
-        self.outcomes.iter().filter_map(of).collect()
+        let mut failed = BTreeMap::new();
+        for (ticket, line) in &self.outcomes {
+            if let (Ok(line), Some(Submitted { number, name, .. })) = (line, self.submitted.get(ticket))
+                && line.outcome.cause == Cause::Error
+                && let Some(error) = &line.outcome.error
+            {
+                failed.entry(*number).or_insert_with(|| format!("scenario {number} `{name}`: {error}"));
+            }
+        }
+        failed.into_values().collect()
+    }
+
+    /// How components went wrong when they were made although a scenario went well with them, as one does that crashes only when it
+    /// is dropped.
+    fn unnoticed(&self) -> Vec<String> {
+        let spec = |component: &ComponentSpec| serde_json::to_string(component).unwrap_or_default();
+        let mut good = BTreeSet::new();
+        for line in self.outcomes.values().flatten().filter(|line| line.outcome.cause != Cause::Error) {
+            good.insert((Kind::Simulator, spec(&line.scenario.simulator)));
+            good.insert((Kind::Driver, spec(&line.scenario.driver)));
+            let perturbations = components(&line.scenario.perturbations);
+            good.extend(perturbations.iter().map(|component| (Kind::Perturbation, spec(component))));
+        }
+        let of_good = self.fatal.iter().filter(|(component, _)| good.contains(*component));
+        of_good.map(|(_, error)| error.to_string()).collect()
     }
 
     /// Takes the outcomes that nobody has waited for: all where the script came to its end, and what was in flight where the user
@@ -629,6 +772,7 @@ fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
         "name": submitted.name,
         "success": outcome.success,
         "cause": outcome.cause,
+        "verdict": outcome.cause.verdict(),
         "error": outcome.error,
         "time": outcome.time,
         "frames": outcome.frames,
@@ -636,6 +780,7 @@ fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
         "progress": outcome.progress,
         "mean_cross_track_error": outcome.mean_cross_track_error,
         "max_cross_track_error": outcome.max_cross_track_error,
+        "measures": outcome.measures,
         "digest": outcome.digest,
     })
 }

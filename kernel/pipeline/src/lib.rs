@@ -9,10 +9,13 @@
 //! | [`api`] | what a pipeline can call; `session_object` is what `pdk.session` returns; both over `bridge` |
 //! | [`host`] | what stands behind it: settings, session, record |
 //! | `requests` | what a pipeline writes, as scenarios and evaluations; `fields` reads tables, `values` crosses from Lua |
+//! | `naming` | the names of runs on their topics |
 //! | `levels` | levels that are functions of time |
+//! | `search` | `pdk.search`: a strategy proposes, a function of the pipeline evaluates |
 //! | `evaluation` | the offline loop: frames to lines and sums |
 //! | [`settings`] | `--set` |
 //! | [`road`] | `pdk.road` |
+//! | `statistics` | how sure a conclusion is |
 //! | [`table`], `tables` | results and free tables for people |
 //! | [`records`] | the tables that pipelines write and read, as types for editors |
 
@@ -22,12 +25,15 @@ mod evaluation;
 mod fields;
 pub mod host;
 mod levels;
+mod naming;
 pub mod records;
 mod requests;
 pub mod road;
 pub mod run;
+mod search;
 mod session_object;
 pub mod settings;
+mod statistics;
 pub mod table;
 mod tables;
 mod values;

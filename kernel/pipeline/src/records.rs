@@ -8,16 +8,28 @@ const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -
 }
 
 /// All of them, in the order of the type definition file.
-pub const RECORDS: [&ApiRecord; 14] = [
+pub const RECORDS: [&ApiRecord; 26] = [
     &COMPONENT,
     &SCHEDULE,
     &REGION,
     &SELECTION,
     &APPLIED,
+    &FAILURE_CRITERIA,
     &SCENARIO,
     &SESSION_REQUEST,
     &DRIVE_REQUEST,
     &OUTCOME,
+    &MEASURES,
+    &ESTIMATE,
+    &PAIRED,
+    &TRIAL,
+    &FAILING_LEVEL,
+    &BISECTION,
+    &SEARCH_RANGE,
+    &SEARCH_STRATEGY,
+    &SEARCH_JUDGEMENT,
+    &SEARCH_REQUEST,
+    &SEARCH_RESULT,
     &ROAD_REQUEST,
     &ROAD,
     &EVALUATE_REQUEST,
@@ -105,6 +117,40 @@ const APPLIED: ApiRecord = ApiRecord {
     ],
 };
 
+const FAILURE_CRITERIA: ApiRecord = ApiRecord {
+    name: "FailureCriteria",
+    doc: "What counts as a failure, besides a collision and the time limit, which always do.",
+    fields: &[
+        field(
+            "lane_departure",
+            "number?",
+            "The absolute cross-track error in metres at which the vehicle has left its lane. Where it is left out, the simulator \
+             says that itself: `lane` at 2. As published: 2 for DonkeyCar, 4 for Udacity.",
+        ),
+        field(
+            "comparison",
+            "(\"at_least\" | \"more_than\")?",
+            "Whether the error has to reach `lane_departure`, as published and where it is left out, or to exceed it.",
+        ),
+        field(
+            "standstill_speed",
+            "number?",
+            "A vehicle slower than this stands still; 0.1 m/s where it is left out.",
+        ),
+        field(
+            "standstill_seconds",
+            "number?",
+            "So many seconds of standing still end a drive; 5 where it is left out.",
+        ),
+        field(
+            "over_line",
+            "number?",
+            "The absolute cross-track error in metres at which a wheel is over the line, which is measured and ends nothing. 1.1 \
+             where it is left out: a vehicle 1.8 m wide in a lane of 4 m.",
+        ),
+    ],
+};
+
 const SCENARIO: ApiRecord = ApiRecord {
     name: "Scenario",
     doc: "A road, perturbations with intensities, a seed and a duration.",
@@ -147,6 +193,11 @@ const SCENARIO: ApiRecord = ApiRecord {
             "(string | Component)?",
             "The driver under test, where it is not that of the request.",
         ),
+        field(
+            "failure",
+            "FailureCriteria?",
+            "What counts as a failure; what it leaves out is as in the request.",
+        ),
         field("images_every", "number?", "As in the request."),
         field("mode", "(\"lockstep\" | \"realtime\")?", "As in the request."),
     ],
@@ -163,6 +214,7 @@ const SESSION_REQUEST: ApiRecord = ApiRecord {
             "number?",
             "The time limit of a scenario in seconds of simulation time; 30 where it is left out.",
         ),
+        field("failure", "FailureCriteria?", "What counts as a failure."),
         field(
             "images_every",
             "number?",
@@ -184,6 +236,7 @@ const DRIVE_REQUEST: ApiRecord = ApiRecord {
             "number?",
             "The time limit of a scenario in seconds of simulation time; 30 where it is left out.",
         ),
+        field("failure", "FailureCriteria?", "What counts as a failure."),
         field(
             "images_every",
             "number?",
@@ -211,14 +264,275 @@ const OUTCOME: ApiRecord = ApiRecord {
             "\"finished\" | \"lane_departure\" | \"collision\" | \"no_progress\" | \"time_out\" | \"error\"",
             "How it ended.",
         ),
+        field(
+            "verdict",
+            "\"passed\" | \"unsafe\" | \"stopped\" | \"void\"",
+            "What that says about the driver: it reached the end; it left its lane or hit something; it stood still or was too \
+             slow, which endangers nobody; nothing, because a component failed.",
+        ),
         field("error", "string?", "What failed, where a component did."),
         field("time", "number", "Simulation time at the end in seconds."),
         field("frames", "number", "Frames that were driven."),
         field("skipped_frames", "number", "In real time: frames that the driver was too slow to see."),
         field("progress", "number", "The share of the road that was driven, 0 to 1."),
-        field("mean_cross_track_error", "number", "Mean absolute cross-track error in metres."),
+        field(
+            "mean_cross_track_error",
+            "number",
+            "Mean absolute cross-track error over all frames in metres. Drives that were cut short are not comparable in it.",
+        ),
         field("max_cross_track_error", "number", "Largest absolute cross-track error in metres."),
+        field("measures", "Measures?", "What else was measured; nothing where a component failed before."),
         field("digest", "string", "A hash of every frame that the driver saw and every control it gave."),
+    ],
+};
+
+const MEASURES: ApiRecord = ApiRecord {
+    name: "Measures",
+    doc: "What is measured of a drive besides its end.",
+    fields: &[
+        field("over_line_from", "number?", "When a wheel was over the line first, in seconds."),
+        field("over_line_seconds", "number", "For how many seconds a wheel was over the line."),
+        field("rms_lateral_acceleration", "number", "Root mean square of speed times yaw rate, in m/s²."),
+        field("max_lateral_acceleration", "number", "The largest of these."),
+        field(
+            "rms_jerk",
+            "number",
+            "Root mean square of the change of the acceleration along and across, in m/s³.",
+        ),
+        field("max_jerk", "number", "The largest of these."),
+    ],
+};
+
+const ESTIMATE: ApiRecord = ApiRecord {
+    name: "Estimate",
+    doc: "A value with its interval.",
+    fields: &[
+        field("value", "number", "The value."),
+        field("low", "number", "The lower end of its interval."),
+        field("high", "number", "The upper end."),
+    ],
+};
+
+const PAIRED: ApiRecord = ApiRecord {
+    name: "Paired",
+    doc: "What two conditions on the same roads differ by.",
+    fields: &[
+        field("difference", "Estimate", "The mean over roads of the first minus the second."),
+        field(
+            "effect_size",
+            "number",
+            "The matched-pairs rank-biserial correlation: 1 where all roads that differ point upwards, -1 where all point \
+             downwards.",
+        ),
+        field(
+            "p",
+            "number",
+            "How likely a mean difference of at least this size is where the conditions do not differ: a randomisation test over \
+             roads.",
+        ),
+        field("roads", "number", "Roads that have both."),
+    ],
+};
+
+const TRIAL: ApiRecord = ApiRecord {
+    name: "Trial",
+    doc: "A drive at a level.",
+    fields: &[field("level", "number", "The level."), field("failed", "boolean", "Whether it failed.")],
+};
+
+const FAILING_LEVEL: ApiRecord = ApiRecord {
+    name: "FailingLevel",
+    doc: "The level at which the probability of failing reaches one half.",
+    fields: &[
+        field(
+            "level",
+            "number?",
+            "The level: the lowest that was driven where it is reached there already, nothing where it is not reached up to the \
+             highest.",
+        ),
+        field("low", "number?", "The lower end of its interval, in the same terms."),
+        field("high", "number?", "The upper end; nothing where it may lie above the highest level."),
+        field("drives", "number", "How many drives it was found with."),
+    ],
+};
+
+const BISECTION: ApiRecord = ApiRecord {
+    name: "Bisection",
+    doc: "Levels in which the failing level is looked for.",
+    fields: &[
+        field("lowest", "number?", "The lowest level; 0 where it is left out."),
+        field("highest", "number?", "The highest level; 4 where it is left out."),
+        field(
+            "resolution",
+            "number?",
+            "How close the levels that were survived and failed come in the end; 0.25 where it is left out.",
+        ),
+    ],
+};
+
+const SEARCH_RANGE: ApiRecord = ApiRecord {
+    name: "SearchRange",
+    doc: "The values that a variable of a search may take: one of the fields.",
+    fields: &[
+        field("integer", "{ number }?", "The smallest and the largest of whole numbers."),
+        field("real", "{ number }?", "The smallest and the largest of all numbers."),
+        field(
+            "ordinal",
+            "{ any }?",
+            "A list in which neighbours are alike, such as perturbations ranked by their effect.",
+        ),
+        field("choice", "{ any }?", "A list in whose order nothing lies."),
+    ],
+};
+
+const SEARCH_STRATEGY: ApiRecord = ApiRecord {
+    name: "SearchStrategy",
+    doc: "A strategy of the pipeline's own.",
+    fields: &[
+        field(
+            "start",
+            "((problem: { variables: { any }, objectives: { string }, evaluations: number? }, random: Random) -> ())?",
+            "Called once. A variable has `name` and `type`, and `min` and `max` or `values`. Everything that is drawn comes from \
+             `random`.",
+        ),
+        field(
+            "ask",
+            "(n: number) -> { { [string]: any } }",
+            "The next candidates, at most `n`, each a table with a value for each variable. None where the search is over.",
+        ),
+        field(
+            "tell",
+            "((results: { { id: number, values: { [string]: any }, objectives: { number }, violation: number, critical: boolean, \
+             failure: string? } }) -> ())?",
+            "How the candidates of the last `ask` did: all of them, in their order. Objectives are those of the search in the order \
+             of their names, and smaller is better; there are none where a candidate could not be evaluated.",
+        ),
+        field("batch", "number?", "How many candidates it is asked for at once; 16 where it is left out."),
+    ],
+};
+
+const SEARCH_JUDGEMENT: ApiRecord = ApiRecord {
+    name: "SearchJudgement",
+    doc: "What is said of a candidate.",
+    fields: &[
+        field(
+            "objectives",
+            "{ [string]: number }?",
+            "A value for each objective. For a scenario, those that are left out are fields of its outcome, or `time_to_failure` (the \
+             share of the road that was left) or `criticality` (negative where the driver failed, the less the earlier).",
+        ),
+        field(
+            "critical",
+            "boolean?",
+            "Whether it shows what is searched for; for a scenario, whether the driver failed where it is left out.",
+        ),
+        field(
+            "violations",
+            "{ number }?",
+            "By how much each constraint is violated that shows only now; 0 or less where it holds.",
+        ),
+    ],
+};
+
+const SEARCH_REQUEST: ApiRecord = ApiRecord {
+    name: "SearchRequest",
+    doc: "What `pdk.search` takes.",
+    fields: &[
+        field("space", "{ [string]: SearchRange }", "The variables."),
+        field(
+            "constraints",
+            "{ ((values: { [string]: any }) -> number) | { weights: { [string]: number }, at_most: number } }?",
+            "What has to hold for a candidate to be evaluated: functions that return at most 0, and sums of weights times values \
+             that are at most a number. The value of an ordinal is its place in its list, from 0.",
+        ),
+        field(
+            "objectives",
+            "{ [string]: \"minimise\" | \"maximise\" }",
+            "What is to be best. Several are a compromise: what no other is better than in all of them.",
+        ),
+        field("strategy", "string | Component | SearchStrategy", "Who proposes: see `pdk list search`."),
+        field(
+            "evaluate",
+            "(values: { [string]: any }) -> Scenario | SearchJudgement",
+            "Makes a scenario of the values of a candidate, or evaluates it by itself: then what it returns has `objectives`.",
+        ),
+        field(
+            "outcome",
+            "((outcome: Outcome, values: { [string]: any }) -> SearchJudgement)?",
+            "Judges the outcome of a scenario. Not called where a component failed.",
+        ),
+        field(
+            "stop",
+            "{ evaluations: number?, seconds: number?, hypervolume: number? }",
+            "When to stop, whichever comes first: after so many different candidates, after so much time, or when the best \
+             compromises dominate such a volume.",
+        ),
+        field(
+            "reference",
+            "{ [string]: number }?",
+            "The worst value of each objective that counts for the hypervolume.",
+        ),
+        field("name", "string?", "What the files in the record are called; `search` where it is left out."),
+        field(
+            "seed",
+            "number?",
+            "The seed of what the strategy draws; that of the run where it is left out.",
+        ),
+        field("simulator", "(string | Component)?", "The simulator of the scenarios."),
+        field("driver", "(string | Component)?", "The driver under test."),
+        field("duration", "number?", "The time limit of a scenario in seconds of simulation time."),
+        field("images_every", "number?", "As in `DriveRequest`."),
+        field("mode", "(\"lockstep\" | \"realtime\")?", "As in `DriveRequest`."),
+    ],
+};
+
+const SEARCH_RESULT: ApiRecord = ApiRecord {
+    name: "SearchResult",
+    doc: "What `pdk.search` returns. Candidates go by their numbers, from 0.",
+    fields: &[
+        field("name", "string", "What the files in the record are called."),
+        field(
+            "stopped",
+            "\"evaluations\" | \"seconds\" | \"hypervolume\" | \"strategy\" | \"exhausted\" | \"nothing new\"",
+            "Why it ended: a limit was reached, the strategy proposed no more, every candidate was evaluated, or ten thousand in a \
+             row were known.",
+        ),
+        field("evaluations", "number", "How many different candidates were evaluated."),
+        field("proposed", "number", "How many were proposed."),
+        field(
+            "duplicates",
+            "number",
+            "How many were the same as an earlier one, and answered with its result.",
+        ),
+        field("failures", "number", "How many could not be evaluated."),
+        field("critical", "number", "How many different candidates are critical."),
+        field(
+            "distinct_failures",
+            "{ number }",
+            "Critical candidates that differ by more than a tenth of the ranges.",
+        ),
+        field("front", "{ number }", "The candidates that no other is better than."),
+        field(
+            "tests",
+            "{ { number: number, values: { [string]: any }, objectives: { [string]: number }?, violation: number?, \
+             critical: boolean?, same_as: number?, failure: string?, cause: string?, scenario: string? } }",
+            "All candidates.",
+        ),
+        field(
+            "tree",
+            "{ nodes: { any }, critical_regions: { { region: string, evaluations: number, critical: number, share: number } } }?",
+            "The decision tree over all evaluations, and the regions in which most are critical, in words.",
+        ),
+        field(
+            "convergence",
+            "{ { evaluations: number, hypervolume: number?, critical: number, distinct_failures: number } }",
+            "What was reached after how many evaluations.",
+        ),
+        field(
+            "[string]",
+            "any",
+            "What was asked for: space, objectives, strategy, seed, reference of the hypervolume.",
+        ),
     ],
 };
 

@@ -1,6 +1,7 @@
 //! What a pipeline writes, as scenarios to drive and evaluations to make.
 
 use pdk_model::component::ComponentSpec;
+use pdk_model::failure::FailureCriteria;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::{DEFAULT_DURATION, Mode, Scenario, seed_of};
 use pdk_sdk::error::{Error, Result};
@@ -15,7 +16,10 @@ const DEFAULT_IMAGES_EVERY: u64 = 6;
 const LONGEST: f64 = 86_400.0;
 
 /// What a request says for all of its scenarios.
-const SHARED: [&str; 5] = ["simulator", "driver", "duration", "images_every", "mode"];
+pub const SHARED: [&str; 6] = ["simulator", "driver", "duration", "failure", "images_every", "mode"];
+/// What `failure` may say.
+const FAILURE: [&str; 5] =
+    ["lane_departure", "comparison", "standstill_speed", "standstill_seconds", "over_line"];
 
 /// What scenarios have where they do not say it themselves.
 #[derive(Debug, Clone)]
@@ -23,6 +27,7 @@ pub struct Defaults {
     simulator: Option<ComponentSpec>,
     driver: Option<ComponentSpec>,
     duration: f64,
+    failure: FailureCriteria,
     images_every: u64,
     mode: Mode,
     /// The seed of the run.
@@ -36,6 +41,7 @@ impl Defaults {
             simulator: None,
             driver: None,
             duration: DEFAULT_DURATION,
+            failure: FailureCriteria::default(),
             images_every: DEFAULT_IMAGES_EVERY,
             mode: Mode::default(),
             seed,
@@ -50,17 +56,24 @@ impl Defaults {
         self.take(&mut Fields::new(function, request, &SHARED)?)
     }
 
-    fn take(self, fields: &mut Fields) -> Result<Self> {
+    /// The defaults among the fields of a table, which has others too.
+    ///
+    /// # Errors
+    /// As for [`Defaults::read`].
+    pub fn take(self, fields: &mut Fields) -> Result<Self> {
         let component = |what: &str, value: Value| match value {
             Value::Null => Ok(None),
             value => ComponentSpec::from_json(what, &value).map(Some),
         };
         let duration = fields.number("duration")?.unwrap_or(self.duration);
         check_duration(fields.table(), duration)?;
+        let criteria = fields.any("failure");
+        let failure = failure(fields.table(), criteria, self.failure)?;
         Ok(Self {
             simulator: component("simulator", fields.any("simulator"))?.or(self.simulator),
             driver: component("driver", fields.any("driver"))?.or(self.driver),
             duration,
+            failure,
             images_every: fields.whole("images_every")?.unwrap_or(self.images_every),
             mode: fields.text("mode")?.map_or(Ok(self.mode), |name| fields.read(&name))?,
             seed: self.seed,
@@ -98,7 +111,8 @@ impl Defaults {
             .collect::<Result<Vec<_>>>()?;
         let (name, road) = (fields.text("name")?, fields.any("road"));
         let (seed, repeat) = (fields.whole("seed")?, fields.whole("repeat")?.unwrap_or_default());
-        let Self { simulator, driver, duration, images_every, mode, .. } = self.clone().take(&mut fields)?;
+        let Self { simulator, driver, duration, failure, images_every, mode, .. } =
+            self.clone().take(&mut fields)?;
         let needed = |what: &str, component: Option<ComponentSpec>| {
             component.ok_or_else(|| Error::new(format!("{place}: `{what}` is missing")))
         };
@@ -109,11 +123,30 @@ impl Defaults {
             road,
             perturbations,
             duration,
+            failure,
             mode,
             repeat,
         };
         Ok(Submission { name: name.unwrap_or_else(|| scenario.default_name()), scenario, images_every })
     }
+}
+
+/// What counts as a failure: what the table says, and the defaults for the rest.
+fn failure(place: &str, table: Value, defaults: FailureCriteria) -> Result<FailureCriteria> {
+    if table.is_null() {
+        return Ok(defaults);
+    }
+    let mut fields = Fields::new(format!("{place}: `failure`"), table, &FAILURE)?;
+    let comparison = fields.text("comparison")?;
+    let criteria = FailureCriteria {
+        lane_departure: fields.number("lane_departure")?.or(defaults.lane_departure),
+        comparison: comparison.map_or(Ok(defaults.comparison), |name| fields.read(&name))?,
+        standstill_speed: fields.number("standstill_speed")?.unwrap_or(defaults.standstill_speed),
+        standstill_seconds: fields.number("standstill_seconds")?.unwrap_or(defaults.standstill_seconds),
+        over_line: fields.number("over_line")?.unwrap_or(defaults.over_line),
+    };
+    criteria.check().map_err(|error| error.at(place))?;
+    Ok(criteria)
 }
 
 fn check_duration(place: &str, duration: f64) -> Result<()> {
@@ -260,6 +293,35 @@ mod tests {
             error(images),
             "pdk.drive: `images_every` is -1, but has to be a whole number of at least 0"
         );
+    }
+
+    #[test]
+    fn a_scenario_says_what_counts_as_a_failure() {
+        let all = drive(json!({
+            "simulator": "lane", "driver": "x", "failure": {"lane_departure": 4, "standstill_seconds": 3},
+            "scenarios": [{}, {"failure": {"lane_departure": 2, "comparison": "more_than"}}],
+        }))
+        .unwrap();
+        let limits = |index: usize| {
+            let failure = all[index].scenario.failure;
+            (failure.lane_departure, failure.comparison.name(), failure.standstill_seconds, failure.over_line)
+        };
+        assert_eq!(limits(0), (Some(4.0), "at_least", 3.0, 1.1));
+        assert_eq!(limits(1), (Some(2.0), "more_than", 3.0, 1.1));
+        let error = |failure: Value| {
+            drive(json!({"simulator": "lane", "driver": "x", "scenarios": [{"failure": failure}]}))
+                .unwrap_err()
+                .to_string()
+        };
+        assert!(
+            error(json!({"xte": 4}))
+                .starts_with("pdk.drive: scenarios[1]: `failure`: there is no field `xte`")
+        );
+        assert!(
+            error(json!({"lane_departure": -1}))
+                .contains("scenarios[1]: `lane_departure` in `failure` is -1 m")
+        );
+        assert!(error(json!({"comparison": ">"})).contains("has to be at_least or more_than"));
     }
 
     #[test]

@@ -10,11 +10,13 @@ use pdk_core::suggest;
 use pdk_lua::shipped::{LIBRARY, PIPELINES};
 use pdk_lua::{Limits, Modules, Sandbox};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::file;
 use pdk_session::interrupt;
 use pdk_session::session::{Options as SessionOptions, Session};
 
 use crate::api::API;
 use crate::host::{Finished, Host, Parts};
+use crate::naming::run_name;
 use crate::settings::{Common, Override};
 
 /// How a pipeline is run.
@@ -29,6 +31,9 @@ pub struct Options {
     /// Whether nobody reads along: then there are no progress bars and no tables.
     pub quiet: bool,
 }
+
+/// Bytes of a file that may be a pipeline; a script that is compiled may have fewer.
+const LARGEST_PIPELINE: u64 = 16 << 20;
 
 /// The text of a pipeline and where it comes from.
 struct Script {
@@ -54,14 +59,15 @@ impl Script {
             })?;
             return Ok(Self { path: script.name.into(), source: script.source.to_owned(), folder: None });
         }
-        let source = std::fs::read_to_string(pipeline).map_err(|error| unreadable(pipeline, &error))?;
+        let source =
+            file::read_text(pipeline, LARGEST_PIPELINE).map_err(|error| unreadable(pipeline, &error))?;
         let folder =
             pipeline.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         Ok(Self { path: pipeline.to_owned(), source, folder: Some(folder.to_owned()) })
     }
 }
 
-fn unreadable(pipeline: &Path, error: &std::io::Error) -> Error {
+fn unreadable(pipeline: &Path, error: &Error) -> Error {
     let name = pipeline.file_stem().unwrap_or_default().to_string_lossy();
     let hint = match PIPELINES.iter().any(|script| script.name == name) {
         true => format!("; the one that comes with pdk is `pdk run {name}`"),
@@ -94,7 +100,7 @@ pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
         run: run_name(&path),
         pool: options.common.pool(),
         limits: options.common.limits,
-        search,
+        search: search.clone(),
     })?;
     for refused in session.refused() {
         eprintln!("pdk: warning: {refused}");
@@ -105,6 +111,7 @@ pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
         pipeline: Pipeline { path, source: source.clone(), modules: Vec::new() },
         modules: Box::new(move || loaded.loaded()),
         given,
+        search,
         common: options.common,
         overrides: options.overrides,
         quiet: options.quiet,
@@ -130,14 +137,6 @@ fn stop() -> Option<Error> {
 fn given(search: &SearchPath) -> (Vec<PathBuf>, Vec<PathBuf>) {
     let search = search.absolute();
     (search.plugins, search.drop_ins.into_iter().map(|(_, folder)| folder).collect())
-}
-
-/// The name of a run on its topics: letters, digits, dashes and underscores, unique on this machine.
-fn run_name(path: &Path) -> String {
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    let fits = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '_' };
-    let name: String = name.chars().map(fits).take(40).collect();
-    format!("{name}-{}", std::process::id())
 }
 
 /// A perturbation returns a table that applies it; run as a pipeline it would do nothing and say nothing.

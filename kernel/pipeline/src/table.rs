@@ -37,24 +37,32 @@ fn number(value: &Value, digits: usize) -> String {
 }
 
 fn outcome_table(outcomes: &[Value]) -> String {
-    let mut table = table(["scenario", "outcome", "time s", "road", "mean |XTE| m", "max |XTE| m"]);
+    let mut table =
+        table(["scenario", "outcome", "time s", "road", "mean |XTE| m", "max |XTE| m", "over line s"]);
     for outcome in outcomes {
         let cause = outcome["cause"].as_str().unwrap_or_default().replace('_', " ");
-        // Where a component failed, there is nothing to say about the driver.
-        let void = cause == "error";
-        let mark = match outcome["success"] == true {
-            true => "ok",
-            false if void => "",
-            false => "FAIL",
+        let verdict = outcome["verdict"].as_str().unwrap_or_default();
+        let mark = match verdict {
+            "passed" => "ok",
+            "unsafe" => "FAIL",
+            "stopped" => "STOP",
+            _ => "",
         };
-        let cell = |text: String| right(if void { String::new() } else { text });
+        // Where a component failed, there is nothing to say about the driver.
+        let cell = |text: String| right(if verdict == "void" { String::new() } else { text });
+        // The mean of a part of the road is none of the road.
+        let mean = match verdict {
+            "passed" => number(&outcome["mean_cross_track_error"], 3),
+            _ => "cut short".to_owned(),
+        };
         table.add_row([
             Cell::new(outcome["name"].as_str().unwrap_or_default()),
             Cell::new(format!("{mark:<4} {cause}")),
             cell(number(&outcome["time"], 1)),
             cell(format!("{:.0} %", outcome["progress"].as_f64().unwrap_or_default() * 100.0)),
-            cell(number(&outcome["mean_cross_track_error"], 3)),
+            cell(mean),
             cell(number(&outcome["max_cross_track_error"], 3)),
+            cell(number(&outcome["measures"]["over_line_seconds"], 1)),
         ]);
     }
     table.to_string()
@@ -107,6 +115,26 @@ mod tests {
     fn what_is_no_result_is_refused() {
         assert!(render(&json!([1, 2])).is_err());
         assert!(render(&json!({"a": 1})).is_err());
+    }
+
+    #[test]
+    fn a_drive_that_was_cut_short_has_no_mean() {
+        let outcome = |verdict: &str, cause: &str| {
+            json!({"name": "x", "cause": cause, "verdict": verdict, "time": 6.24, "progress": 0.5,
+                "mean_cross_track_error": 0.123, "max_cross_track_error": 2.01, "measures": {"over_line_seconds": 1.5}})
+        };
+        let row = |verdict: &str, cause: &str| {
+            let text = render(&json!([outcome(verdict, cause)])).unwrap();
+            let row = text.lines().find(|line| line.contains(" x ")).unwrap().to_owned();
+            row.split('┆').map(|cell| cell.trim_matches([' ', '│']).to_owned()).collect::<Vec<_>>()
+        };
+        assert_eq!(row("passed", "finished"), ["x", "ok   finished", "6.2", "50 %", "0.123", "2.010", "1.5"]);
+        assert_eq!(
+            row("unsafe", "lane_departure")[1..5],
+            ["FAIL lane departure", "6.2", "50 %", "cut short"]
+        );
+        assert_eq!(row("stopped", "no_progress")[1], "STOP no progress");
+        assert_eq!(row("void", "error")[1..4], ["error", "", ""]);
     }
 
     #[test]

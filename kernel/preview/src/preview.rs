@@ -209,7 +209,7 @@ mod tests {
         for (name, default) in [("fog", true), ("frost", false)] {
             let description =
                 Description { default, ..Description::perturbation(name, "x").family("weather") };
-            catalog.add(Entry { description, file: "plugin".into(), base: None, blake3: None });
+            catalog.add(Entry::new(description, "plugin".into()));
         }
         catalog
     }
@@ -235,12 +235,8 @@ mod tests {
     fn the_default_set_and_files_of_the_users_are_shown_unless_all_are_wanted() {
         let mut catalog = catalog();
         let description = Description { default: false, ..Description::perturbation("sticker", "x") };
-        catalog.add(Entry {
-            description,
-            file: "sticker.png".into(),
-            base: Some("overlay".into()),
-            blake3: None,
-        });
+        let base = Some("overlay".into());
+        catalog.add(Entry { base, ..Entry::new(description, "sticker.png".into()) });
         let names = |all: bool| {
             chosen(&catalog, &[], all).unwrap().into_iter().map(|s| s.description.name).collect::<Vec<_>>()
         };

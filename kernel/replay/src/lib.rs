@@ -17,6 +17,7 @@
 //! | [`replay`] | opens a record and drives its scenarios again |
 //! | [`parts`] | what is different since then of pdk, components and files, and where these are looked for |
 //! | [`compare`] | two traces and two outcomes |
+//! | [`shrink`] | the simplest scenario that still fails like a recorded one |
 //! | [`clip`] | a video of one scenario, made from its new trace; `gauge` draws the quantities below the frames |
 //!
 //! What a replay finds is told as data ([`compare::Compared`]); that a difference makes the command fail is for the command line
@@ -28,3 +29,4 @@ mod gauge;
 pub mod parts;
 pub mod recorded;
 pub mod replay;
+pub mod shrink;

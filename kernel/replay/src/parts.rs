@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use pdk_core::catalog::{Catalog, drop_in_name};
-use pdk_core::manifest::{FileRecord, InUse, Machine, Manifest};
+use pdk_core::manifest::{ComponentRecord, FileRecord, InUse, Machine, Manifest};
 use pdk_core::search_path::SearchPath;
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::Scenario;
@@ -119,7 +119,7 @@ pub fn changes(
 
 /// What a driver said of itself when the record was made.
 fn said_before(manifest: &Manifest, driver: &ComponentSpec) -> Vec<(String, String)> {
-    let same = |c: &&pdk_core::manifest::ComponentRecord| c.kind == Kind::Driver && c.name == driver.name;
+    let same = |c: &&ComponentRecord| c.kind == Kind::Driver && c.name == driver.name;
     manifest.components.iter().find(same).map_or_else(Vec::new, |component| component.info.clone())
 }
 
@@ -129,10 +129,14 @@ fn missing(manifest: &Manifest, kind: Kind, name: &str, error: &Error) -> Error 
     let recorded = manifest.components.iter().find(|c| c.kind == kind && c.name == name);
     let from = shown.or(recorded.map(|component| &component.file));
     let from = from.map_or_else(String::new, |file| format!(" from {}", file.path.display()));
-    Error::of(
-        error.kind(),
-        format!(
-            "{error}; the record has it{from}: name the folder in which it lies with --plugins or --overlays"
-        ),
-    )
+    // A file of the user's is not to be had from anybody else.
+    let plugin = recorded.filter(|_| shown.is_none());
+    let origin = plugin.and_then(|component| component.origin(&manifest.pdk));
+    let remedy = match plugin.and_then(|component| component.plugin.as_ref()) {
+        Some(plugin) if plugin.built_in => "replay it with that version",
+        Some(_) => "install it with `pdk plugin add FILE`, or name its folder with --plugins",
+        None => "name the folder in which it lies with --plugins or --overlays",
+    };
+    let origin = origin.map_or_else(String::new, |origin| format!(", {origin}"));
+    Error::of(error.kind(), format!("{error}; the record has it{from}{origin}: {remedy}"))
 }

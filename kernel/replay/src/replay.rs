@@ -20,6 +20,7 @@ use crate::clip::film;
 use crate::compare::{Compared, Finding, compare};
 use crate::parts;
 use crate::recorded::{Recorded, select};
+use crate::shrink::{self, Shrunk};
 
 /// Recorded scenarios to replay.
 pub struct Replay {
@@ -112,7 +113,11 @@ impl Replay {
         let mut session = session;
         let replayed =
             Driving { replay: self, session: &mut session, folder: folder.path(), clip }.drive(progress);
-        drop(session);
+        let troubles = session.end();
+        let replayed = replayed.map(|mut replayed| {
+            replayed.warnings.extend(troubles);
+            replayed
+        });
         progress.finish_and_clear();
         let shown = folder.path().to_owned();
         if let Err(error) = folder.close() {
@@ -128,6 +133,50 @@ impl Replay {
                 Error::of(error.kind(), "the replay was interrupted; the record is as it was before")
             }),
         }
+    }
+}
+
+impl Replay {
+    /// Shrinks the first of the scenarios, and films what is left where a video is wanted. The session is over afterwards.
+    ///
+    /// # Errors
+    /// Where there is no failure, the session cannot go on, or the video cannot be written.
+    pub fn shrink(
+        &self,
+        mut session: Session,
+        limits: shrink::Limits,
+        clip: Option<&Path>,
+        progress: &ProgressBar,
+    ) -> Result<Shrunk> {
+        interrupt::watch()?;
+        let Some(recorded) = self.scenarios.first() else {
+            return Err(Error::new("there is no scenario to shrink"));
+        };
+        let shrunk = shrink::shrink(&mut session, &recorded.line, limits, progress)?;
+        let Some(clip) = clip else { return Ok(shrunk) };
+        let folder = tempfile::Builder::new()
+            .prefix("pdk-shrink-")
+            .tempdir()
+            .place("cannot make a temporary folder; name a place for it with TMPDIR")?;
+        let trace = folder.path().join("shrunk.mcap");
+        let scenario = shrunk.scenario.clone();
+        let name = scenario.default_name();
+        let ticket = session.drive(Drive {
+            scenario: scenario.clone(),
+            name: name.clone(),
+            trace: Some(trace.clone()),
+            images_every: 1,
+            skips: None,
+        });
+        let Reply::Driven(driven) = session.wait(ticket, &mut |_| progress.tick())? else {
+            return Err(Error::new("driving a scenario gave something else, which is a defect in pdk"));
+        };
+        let outcome = driven.outcome.clone();
+        let line = Line { id: scenario.id(), name, scenario, images_every: 1, outcome };
+        film(clip, &Recorded { number: 0, line }, &driven, &trace)?;
+        // The session ends before the folder goes, as its workers write there.
+        drop(session);
+        Ok(shrunk)
     }
 }
 

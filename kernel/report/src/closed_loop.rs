@@ -6,11 +6,13 @@ use pdk_sdk::error::Result;
 use serde::Serialize;
 
 use crate::color::{LINES, NOMINAL, ORDERED, Rgb};
+use crate::conclusions::{Conclusions, conclusions};
 use crate::curve::{Axes, Chart, Curve, chart};
 use crate::heat::{self, Cell, Grid};
 use crate::road::{self, Picture};
+use crate::tally::{Tally, by_severity};
 use crate::text::{self, count, number, percent, was};
-use crate::view::{Drive, Scenario, Verdict};
+use crate::view::{Drive, Measures, Scenario, Verdict};
 
 /// Perturbations that have a curve of their own.
 const CURVES: usize = 7;
@@ -27,6 +29,7 @@ pub struct Section {
     mode: String,
     failed: Grid,
     error: Grid,
+    conclusions: Conclusions,
     curves: Vec<Chart>,
     roads: Vec<Picture>,
     /// What is said about roads without a picture.
@@ -80,64 +83,18 @@ struct ScenarioRow {
     progress: String,
     mean_error: String,
     max_error: String,
+    over_line: String,
+    lateral_acceleration: String,
+    jerk: String,
     replay: String,
     clip: String,
-}
-
-/// How the scenarios of a group went.
-#[derive(Debug, Clone, Copy, Default)]
-struct Tally {
-    failed: usize,
-    judged: usize,
-    /// The sum of the mean cross-track errors of those judged.
-    error: f64,
-}
-
-impl Tally {
-    fn add(&mut self, scenario: &Scenario) {
-        if scenario.verdict != Verdict::Void {
-            self.failed += usize::from(scenario.verdict == Verdict::Failed);
-            self.judged += 1;
-            self.error += scenario.mean_error;
-        }
-    }
-
-    fn of<'a>(scenarios: impl IntoIterator<Item = &'a Scenario>) -> Self {
-        let mut tally = Self::default();
-        scenarios.into_iter().for_each(|scenario| tally.add(scenario));
-        tally
-    }
-
-    fn share(&self) -> f64 {
-        self.failed as f64 / self.judged.max(1) as f64
-    }
-
-    fn mean_error(&self) -> f64 {
-        self.error / self.judged.max(1) as f64
-    }
-}
-
-/// The perturbations, the worst first: by the share of failed scenarios, then by the mean cross-track error.
-fn by_severity<'a>(scenarios: impl IntoIterator<Item = &'a Scenario>) -> Vec<(String, Tally)> {
-    let mut tallies: BTreeMap<&str, Tally> = BTreeMap::new();
-    for scenario in scenarios {
-        if let Some(perturbation) = &scenario.perturbation {
-            tallies.entry(perturbation).or_default().add(scenario);
-        }
-    }
-    let mut order: Vec<_> = tallies.into_iter().map(|(name, tally)| (name.to_owned(), tally)).collect();
-    order.sort_by(|(_, a), (_, b)| {
-        b.share().total_cmp(&a.share()).then(b.mean_error().total_cmp(&a.mean_error()))
-    });
-    order
 }
 
 /// The positions of the failures that tell most: those that came soonest on their road, of each perturbation one before
 /// a second of any.
 pub fn worst_failures(drive: &Drive, most: usize) -> Vec<usize> {
     let scenarios = &drive.scenarios;
-    let mut failed: Vec<usize> =
-        (0..scenarios.len()).filter(|&i| scenarios[i].verdict == Verdict::Failed).collect();
+    let mut failed: Vec<usize> = (0..scenarios.len()).filter(|&i| scenarios[i].verdict.failed()).collect();
     failed.sort_by(|&a, &b| scenarios[a].progress.total_cmp(&scenarios[b].progress).then(a.cmp(&b)));
     let mut seen: BTreeMap<&Option<String>, usize> = BTreeMap::new();
     let mut rounds: Vec<(usize, usize)> = Vec::new();
@@ -172,12 +129,20 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
             (judged, failed) => format!(", {failed} of the {judged} without perturbation"),
         };
     }
+    if tally.stopped > 0 {
+        first += &match tally.stopped {
+            all if all == tally.failed => {
+                "; no vehicle left its lane or hit anything: they stopped".to_owned()
+            }
+            stopped => format!("; in {stopped} of these the vehicle only stopped"),
+        };
+    }
     if void > 0 {
         first += &format!("; in {void} a component failed, which says nothing about the driver");
     }
     let mut sentences = vec![first + "."];
     if let Some((name, worst)) = by_severity(all()).first() {
-        let failing = all().filter(|s| s.verdict == Verdict::Failed && s.perturbation.as_ref() == Some(name));
+        let failing = all().filter(|s| s.verdict.failed() && s.perturbation.as_ref() == Some(name));
         let lowest = failing.filter_map(|s| s.level).min_by(f64::total_cmp);
         let from = match lowest {
             None => String::new(),
@@ -188,7 +153,7 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
             (0, _) => format!("Nothing can be said about {name}."),
             (_, 0) => format!(
                 "The largest deviation comes with {name}: {} m from the middle of the lane on average.",
-                number(worst.mean_error())
+                number(worst.mean_error().unwrap_or_default())
             ),
             (judged, failed) => {
                 format!("The worst perturbation is {name}: {failed} of {judged} failed{from}.")
@@ -198,18 +163,18 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
     sentences
 }
 
-/// All that the page says about a drive. `classes` are the edges of the colours of cross-track errors.
+/// All that the page says about a drive, one of `all` of the run. `classes` are the edges of the colours of cross-track errors.
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
-pub fn section(drive: &Drive, classes: &[f64]) -> Result<Section> {
+pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section> {
     let order: Vec<String> = by_severity(&drive.scenarios).into_iter().map(|(name, _)| name).collect();
     let (failed, error) = grids(drive, &order);
     let mut roads = road::pictures(drive, classes);
     let road_note = road_note(drive, roads.len());
     roads.truncate(PICTURES);
     let shown: Vec<&Scenario> = drive.scenarios.iter().filter(|s| !s.shots.is_empty()).collect();
-    let all_failed = drive.scenarios.iter().filter(|s| s.verdict == Verdict::Failed).count();
+    let all_failed = drive.scenarios.iter().filter(|s| s.verdict.failed()).count();
     let failure_note = match (all_failed, shown.len()) {
         (0, _) => "No scenario failed.".to_owned(),
         (_, 0) => "There are no frames of the failures: they failed before the first, or their traces cannot be read.".to_owned(),
@@ -232,6 +197,7 @@ pub fn section(drive: &Drive, classes: &[f64]) -> Result<Section> {
         mode: drive.mode.clone(),
         failed,
         error,
+        conclusions: conclusions(drive, all),
         curves: if all_failed > 0 { curves(drive, &order)? } else { Vec::new() },
         roads,
         road_note,
@@ -305,7 +271,7 @@ fn grids(drive: &Drive, order: &[String]) -> (Grid, Grid) {
             }
         }
     }
-    let largest = cells.iter().map(|(.., tally, _)| tally.mean_error()).fold(0.0, f64::max);
+    let largest = cells.iter().filter_map(|(.., tally, _)| tally.mean_error()).fold(0.0, f64::max);
     let (mut failed, mut error) = (Vec::new(), Vec::new());
     for (name, level, tally, total) in cells {
         let what = match (name, level) {
@@ -317,16 +283,23 @@ fn grids(drive: &Drive, order: &[String]) -> (Grid, Grid) {
             0 => String::new(),
             void => format!("; in {void} a component failed"),
         };
-        let title = format!(
-            "{what}: {} of {} failed, mean cross-track error {} m{void}",
-            tally.failed,
-            tally.judged,
-            number(tally.mean_error())
-        );
-        let (share, metres) = match tally.judged {
-            0 => ("–".to_owned(), "–".to_owned()),
-            1 => (if tally.failed > 0 { "failed" } else { "ok" }.to_owned(), number(tally.mean_error())),
-            judged => (format!("{}/{judged}", tally.failed), number(tally.mean_error())),
+        let title = format!("{what}: {}{void}", tally.told());
+        let share = match (tally.judged, tally.failed, tally.stopped) {
+            (0, ..) => "–".to_owned(),
+            (1, 0, _) => "ok".to_owned(),
+            (1, _, 0) => "failed".to_owned(),
+            (1, ..) => "stopped".to_owned(),
+            (judged, failed, 0) => format!("{failed}/{judged}"),
+            (judged, failed, stopped) => format!("{failed}/{judged} ({stopped} st.)"),
+        };
+        // A drive that was cut short has no mean that could be compared: where all were, it is how soon.
+        let (shown, depth) = match (tally.mean_error(), tally.time_to_failure()) {
+            (None, None) => ("–".to_owned(), 0.0),
+            (None, Some(seconds)) => (format!("✗ {} s", number(seconds)), 1.0),
+            (Some(metres), time) => {
+                let mark = if time.is_some() { " ✗" } else { "" };
+                (format!("{}{mark}", number(metres)), if largest > 0.0 { metres / largest } else { 0.0 })
+            }
         };
         let push = |entries: &mut Vec<heat::Entry>, text: String, share: f64| {
             entries.push(heat::Entry {
@@ -336,11 +309,11 @@ fn grids(drive: &Drive, order: &[String]) -> (Grid, Grid) {
             });
         };
         push(&mut failed, share, tally.share());
-        push(&mut error, metres, if largest > 0.0 { tally.mean_error() / largest } else { 0.0 });
+        push(&mut error, shown, depth);
     }
     (
         heat::grid(&failed, order, ("none failed".to_owned(), "all failed".to_owned())),
-        heat::grid(&error, order, ("0 m".to_owned(), format!("{} m", number(largest)))),
+        heat::grid(&error, order, ("0 m".to_owned(), format!("{} m, or all failed", number(largest)))),
     )
 }
 
@@ -385,7 +358,7 @@ fn curves(drive: &Drive, order: &[String]) -> Result<Vec<Chart>> {
 
     let mut worst: Vec<Curve> = nominal().into_iter().collect();
     let failing = |name: &&String| {
-        drive.scenarios.iter().any(|s| s.verdict == Verdict::Failed && s.perturbation.as_ref() == Some(*name))
+        drive.scenarios.iter().any(|s| s.verdict.failed() && s.perturbation.as_ref() == Some(*name))
     };
     for ((name, color), key) in order.iter().filter(failing).take(CURVES).zip(LINES).zip('A'..) {
         worst.extend(curve(key.to_string(), name.clone(), color, &|s| s.perturbation.as_ref() == Some(name)));
@@ -403,7 +376,7 @@ fn curves(drive: &Drive, order: &[String]) -> Result<Vec<Chart>> {
 /// The share that has not failed, over time, as corners of a line of steps. Who reached the end of the road counts as still
 /// driving.
 fn survival(group: &[&Scenario], end: f64) -> Vec<(f64, f64)> {
-    let mut times: Vec<f64> = group.iter().filter(|s| s.verdict == Verdict::Failed).map(|s| s.time).collect();
+    let mut times: Vec<f64> = group.iter().filter(|s| s.verdict.failed()).map(|s| s.time).collect();
     times.sort_by(f64::total_cmp);
     let mut points = vec![(0.0, 1.0)];
     let share = |failed: usize| 1.0 - failed as f64 / group.len().max(1) as f64;
@@ -461,14 +434,16 @@ fn picture(jpeg: &[u8]) -> String {
 }
 
 fn scenario_row(scenario: &Scenario) -> ScenarioRow {
-    let failed = scenario.verdict == Verdict::Failed;
+    let failed = scenario.verdict.failed();
+    let measured = |of: fn(&Measures) -> f64| scenario.measures.map_or_else(String::new, |m| number(of(&m)));
     ScenarioRow {
         index: scenario.index,
         name: scenario.name.clone(),
         road: scenario.road.map(|road| (road + 1).to_string()).unwrap_or_default(),
         mark: match scenario.verdict {
             Verdict::Passed => "✓",
-            Verdict::Failed => "✗",
+            Verdict::Unsafe => "✗",
+            Verdict::Stopped => "■",
             Verdict::Void => "–",
         },
         cause: scenario.cause.clone(),
@@ -480,6 +455,9 @@ fn scenario_row(scenario: &Scenario) -> ScenarioRow {
         progress: percent(scenario.progress),
         mean_error: number(scenario.mean_error),
         max_error: number(scenario.max_error),
+        over_line: measured(|measures| measures.over_line_seconds),
+        lateral_acceleration: measured(|measures| measures.rms_lateral_acceleration),
+        jerk: measured(|measures| measures.rms_jerk),
         replay: if failed { scenario.replay.clone() } else { String::new() },
         clip: scenario.clip.clone(),
     }
@@ -504,7 +482,7 @@ mod tests {
     }
 
     fn drive() -> Drive {
-        use Verdict::{Failed, Passed, Void};
+        use Verdict::{Passed, Unsafe as Failed, Void};
         let scenarios = vec![
             scenario(None, 0.0, Passed, 10.0),
             scenario(Some("fog"), 1.0, Passed, 10.0),
@@ -540,8 +518,24 @@ mod tests {
     }
 
     #[test]
+    fn to_stop_is_told_apart() {
+        let mut drive = drive();
+        drive.scenarios[2].verdict = Verdict::Stopped;
+        assert!(
+            verdict(std::slice::from_ref(&drive))[0]
+                .contains("; in 1 of these the vehicle only stopped; in 1 a")
+        );
+        let section = section(&drive, &[], &[0.1]).unwrap();
+        let fog = section.failed.rows.iter().find(|row| row.label == "fog").unwrap();
+        assert_eq!(fog.cells[1].as_ref().unwrap().text, "stopped");
+        assert_eq!(section.scenarios[2].mark, "■");
+        drive.scenarios.truncate(3);
+        assert!(verdict(&[drive])[0].contains("no vehicle left its lane or hit anything: they stopped."));
+    }
+
+    #[test]
     fn the_heat_map_counts_what_says_something_about_the_driver() {
-        let section = section(&drive(), &[0.1]).unwrap();
+        let section = section(&drive(), &[], &[0.1]).unwrap();
         assert_eq!(section.failed.columns, ["1", "2"].map(|level| Some(level.to_owned())));
         let rows = |grid: &Grid| {
             let text = |cell: &Option<Cell>| cell.as_ref().map_or(String::new(), |cell| cell.text.clone());
@@ -555,10 +549,10 @@ mod tests {
         );
         assert_eq!(
             rows(&section.error),
-            [expected("rain", ["0.375", "–"]), expected("fog", ["0.100", "0.200"])]
+            [expected("rain", ["✗ 3.00 s", "–"]), expected("fog", ["0.100", "✗ 5.00 s"])]
         );
         assert_eq!(section.failed.nominal.unwrap().text, "ok");
-        assert_eq!(section.error.legend.1, "0.375 m");
+        assert_eq!(section.error.legend.1, "0.100 m, or all failed");
         assert_eq!(section.curves.len(), 2);
         assert_eq!(section.scenarios.len(), 6);
     }
@@ -579,7 +573,7 @@ mod tests {
         }
         let unreadable = "2 scenarios are shown without a path, because the trace cannot be read: the table of scenarios says why.";
         assert_eq!(road_note(&drive, pictures), unreadable);
-        assert_eq!(section(&drive, &[0.1]).unwrap().scenarios[1].unreadable, "the trace is missing");
+        assert_eq!(section(&drive, &[], &[0.1]).unwrap().scenarios[1].unreadable, "the trace is missing");
         drive.scenarios[2].road = None;
         let unknown = "Of 1 scenario the simulator did not tell the road.";
         assert_eq!(road_note(&drive, pictures), format!("{unknown} {unreadable}"));

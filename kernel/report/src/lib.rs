@@ -14,8 +14,9 @@
 //! | [`record`] | what a page says, read from the folder of a run |
 //! | [`published`] | scenarios in the JSON shape of the published tool |
 //! | `view` | what a page is about, as plain data |
-//! | `page` | puts the page together; `closed_loop` and `offline` make its parts |
-//! | `heat`, `curve`, `road` | heat maps, curves and roads as pictures; `color` has their colours |
+//! | `page` | puts the page together; `closed_loop`, `offline` and `search` make its parts |
+//! | `heat`, `curve`, `scatter`, `road` | heat maps, curves, points and roads as pictures; `color` has their colours |
+//! | `tally`, `conclusions` | how scenarios went together, and how sure what follows from it is |
 //! | `text` | numbers, dates and addresses |
 //! | `parallel` | work on all processors |
 //!
@@ -24,6 +25,7 @@
 
 mod closed_loop;
 mod color;
+mod conclusions;
 mod curve;
 mod heat;
 mod offline;
@@ -32,6 +34,9 @@ mod parallel;
 pub mod published;
 pub mod record;
 mod road;
+mod scatter;
+mod search;
+mod tally;
 mod text;
 mod view;
 

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::text::{count, date, number, percent};
 use crate::view::{DriveTimes, EvaluateTimes, Run};
-use crate::{closed_loop, color, offline, road};
+use crate::{closed_loop, color, offline, road, search};
 
 /// Row of the table of times.
 #[derive(Debug, Serialize)]
@@ -29,9 +29,10 @@ struct EvaluateRow {
 }
 
 /// The templates by their names; the ending says what is escaped.
-const TEMPLATES: [(&str, &str); 5] = [
+const TEMPLATES: [(&str, &str); 6] = [
     ("page.html", include_str!("template/page.html")),
     ("closed_loop.html", include_str!("template/closed_loop.html")),
+    ("search.html", include_str!("template/search.html")),
     ("parts.html", include_str!("template/parts.html")),
     ("style.css", include_str!("template/style.css")),
     ("sort.js", include_str!("template/sort.js")),
@@ -43,11 +44,16 @@ const TEMPLATES: [(&str, &str); 5] = [
 /// Where a picture cannot be drawn.
 pub fn render(run: &Run) -> Result<String> {
     let classes = road::classes(&run.drives);
-    let drives =
-        run.drives.iter().map(|drive| closed_loop::section(drive, &classes)).collect::<Result<Vec<_>>>()?;
+    let drives = run
+        .drives
+        .iter()
+        .map(|drive| closed_loop::section(drive, &run.drives, &classes))
+        .collect::<Result<Vec<_>>>()?;
     let evaluations = run.evaluations.iter().map(offline::section).collect::<Result<Vec<_>>>()?;
     let mut verdict = if run.drives.is_empty() { Vec::new() } else { closed_loop::verdict(&run.drives) };
     verdict.extend(run.evaluations.iter().flat_map(offline::verdict));
+    verdict.extend(run.searches.iter().flat_map(search::verdict));
+    let searches = run.searches.iter().map(search::section).collect::<Result<Vec<_>>>()?;
     if verdict.is_empty() {
         verdict.push("Nothing has been driven or evaluated yet.".to_owned());
     }
@@ -64,6 +70,7 @@ pub fn render(run: &Run) -> Result<String> {
         scenarios => count(scenarios, "scenario"),
         drives,
         evaluations,
+        searches,
         setup,
         drive_times,
         evaluate_times,
@@ -134,12 +141,15 @@ mod tests {
             progress: 0.5,
             mean_error: 0.25,
             max_error: 1.5,
+            road_id: nasty(),
+            repeat: 0,
+            measures: Some(Measures { over_line_seconds: 0.75, ..Measures::default() }),
             path: vec![Place::default(), Place { x: 1.0, z: 20.0, error: 1.0 }],
             unreadable: nasty(),
             replay: nasty(),
             clip: crate::text::address(NASTY),
             shots: match verdict {
-                Verdict::Failed => vec![Shot { time: 1.0, raw: vec![1, 2, 3], perturbed: vec![] }],
+                Verdict::Unsafe => vec![Shot { time: 1.0, raw: vec![1, 2, 3], perturbed: vec![] }],
                 _ => vec![],
             },
         };
@@ -174,7 +184,7 @@ mod tests {
                 roads: vec![vec![[0.0, 0.0], [0.0, 30.0]]],
                 scenarios: vec![
                     scenario(0, None, Verdict::Passed),
-                    scenario(1, Some(nasty()), Verdict::Failed),
+                    scenario(1, Some(nasty()), Verdict::Unsafe),
                     scenario(2, Some(nasty()), Verdict::Void),
                 ],
             }],
@@ -187,6 +197,34 @@ mod tests {
                     .map(|level| EvaluationCell { perturbation: nasty(), level, error: 0.75, drift: 0.25 })
                     .to_vec(),
                 worst: vec![WorstFrame { frame: nasty(), perturbation: nasty(), ..WorstFrame::default() }],
+            }],
+            searches: vec![Search {
+                name: nasty(),
+                strategy: nasty(),
+                stopped: nasty(),
+                evaluations: 2,
+                critical: 1,
+                variables: vec![nasty(), nasty()],
+                objectives: vec![nasty(), nasty()],
+                tests: [false, true]
+                    .map(|critical| Test {
+                        values: vec![nasty(), nasty()],
+                        positions: vec![0.5, 1.0],
+                        objectives: vec![1.0, 2.0],
+                        critical,
+                        cause: nasty(),
+                        replay: nasty(),
+                    })
+                    .to_vec(),
+                distinct: vec![1],
+                front: vec![0],
+                regions: vec![Region { words: nasty(), evaluations: 1, critical: 1 }],
+                tree: vec![
+                    Branch { words: nasty(), ..Branch::default() },
+                    Branch { words: nasty(), ..Branch::default() },
+                ],
+                convergence: vec![Reached { evaluations: 2, hypervolume: 1.0, distinct: 1 }],
+                ..Search::default()
             }],
             drive_times: Some(DriveTimes {
                 steps: 10,
@@ -246,8 +284,11 @@ mod tests {
         let page = render(&run()).unwrap();
         for part in [
             "driven, and 1 failed (50 %)",
+            ">✗ 3.00 s</td>",
             ">failed</td>",
             "0.250",
+            "0.75",
+            "How sure this is",
             "50 %",
             "1970-01-01 00:00 UTC",
             "2.50",

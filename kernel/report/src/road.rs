@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use crate::color::ORDERED;
-use crate::view::{Drive, Scenario, Verdict};
+use crate::view::{Drive, Scenario};
 
 /// A picture of a road, without its outermost tag.
 #[derive(Debug, Clone, Serialize)]
@@ -102,7 +102,7 @@ pub fn pictures(drive: &Drive, classes: &[f64]) -> Vec<Picture> {
     let mut pictures: Vec<(usize, Picture)> = Vec::new();
     for (number, road) in drive.roads.iter().enumerate() {
         let scenarios: Vec<&Scenario> = drive.scenarios.iter().filter(|s| s.road == Some(number)).collect();
-        let failed = scenarios.iter().filter(|s| s.verdict == Verdict::Failed).count();
+        let failed = scenarios.iter().filter(|s| s.verdict.failed()).count();
         pictures
             .extend(picture(number + 1, road, &scenarios, failed, classes).map(|picture| (failed, picture)));
     }
@@ -195,7 +195,7 @@ fn lines(frame: &Frame, scenarios: &[&Scenario], classes: &[f64]) -> Vec<String>
 /// A cross where scenarios failed, which tells their names.
 fn marks(frame: &Frame, scenarios: &[&Scenario]) -> String {
     let mut places: BTreeMap<(i32, i32), Vec<&Scenario>> = BTreeMap::new();
-    for scenario in scenarios.iter().filter(|s| s.verdict == Verdict::Failed) {
+    for scenario in scenarios.iter().filter(|s| s.verdict.failed()) {
         if let Some(end) = scenario.path.last() {
             let (x, y) = frame.place(end.x, end.z);
             places.entry((x / MARK, y / MARK)).or_default().push(scenario);
@@ -239,7 +239,7 @@ fn path(points: impl Iterator<Item = (i32, i32)>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::view::Place;
+    use crate::view::{Place, Verdict};
 
     fn scenario(error: f64, verdict: Verdict) -> Scenario {
         let place = |z: f64, error: f64| Place { x: error, z, error };
@@ -267,7 +267,7 @@ mod tests {
 
     #[test]
     fn errors_have_their_colours_and_failures_their_marks() {
-        let drive = drive(vec![scenario(0.1, Verdict::Passed), scenario(2.0, Verdict::Failed)]);
+        let drive = drive(vec![scenario(0.1, Verdict::Passed), scenario(2.0, Verdict::Unsafe)]);
         let classes = classes(std::slice::from_ref(&drive));
         assert_eq!(classes.len(), ORDERED.len() - 1);
         let pictures = pictures(&drive, &classes);

@@ -1,5 +1,6 @@
 //! What a page is about, as plain data. Texts may hold anything: they are escaped when the page is made.
 
+pub use pdk_model::outcome::{Measures, Verdict};
 use serde::Serialize;
 
 /// A run.
@@ -19,6 +20,8 @@ pub struct Run {
     pub drives: Vec<Drive>,
     /// What was evaluated on recordings.
     pub evaluations: Vec<Evaluation>,
+    /// What was searched.
+    pub searches: Vec<Search>,
     /// How long driving took, all scenarios together; none where nothing was driven.
     pub drive_times: Option<DriveTimes>,
     /// How long each evaluation took.
@@ -82,18 +85,6 @@ pub struct Drive {
     pub scenarios: Vec<Scenario>,
 }
 
-/// What a scenario says about the driver.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub enum Verdict {
-    /// The end of the road was reached.
-    #[default]
-    Passed,
-    /// It was not.
-    Failed,
-    /// Nothing: a component failed.
-    Void,
-}
-
 /// A scenario that was driven.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Scenario {
@@ -107,6 +98,10 @@ pub struct Scenario {
     pub level: Option<f64>,
     /// The number of its road in [`Drive::roads`]; none where the simulator did not tell.
     pub road: Option<usize>,
+    /// What tells its road from the others of the run.
+    pub road_id: String,
+    /// Which drive of the same it is.
+    pub repeat: u64,
     /// What it says about the driver.
     pub verdict: Verdict,
     /// How it ended, such as "lane departure".
@@ -123,6 +118,8 @@ pub struct Scenario {
     pub mean_error: f64,
     /// Largest absolute cross-track error in metres.
     pub max_error: f64,
+    /// What else was measured; none where a component failed before anything was.
+    pub measures: Option<Measures>,
     /// Where the vehicle was.
     pub path: Vec<Place>,
     /// Why its trace could not be read, which leaves it without road, path and frames; empty where it could.
@@ -234,4 +231,93 @@ pub struct EvaluateTimes {
     pub perturbation: f64,
     /// Mean time of a prediction in milliseconds.
     pub driver: f64,
+}
+
+/// A search.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Search {
+    /// Its name.
+    pub name: String,
+    /// The strategy with its parameters.
+    pub strategy: String,
+    /// The seed.
+    pub seed: u64,
+    /// Why it ended.
+    pub stopped: String,
+    /// How many different candidates were evaluated.
+    pub evaluations: usize,
+    /// How many were the same as an earlier one.
+    pub duplicates: usize,
+    /// How many could not be evaluated.
+    pub failures: usize,
+    /// How many different ones are critical.
+    pub critical: usize,
+    /// The names of the variables.
+    pub variables: Vec<String>,
+    /// The names of the objectives.
+    pub objectives: Vec<String>,
+    /// All candidates.
+    pub tests: Vec<Test>,
+    /// Critical ones that are unlike each other.
+    pub distinct: Vec<usize>,
+    /// Those that no other is better than.
+    pub front: Vec<usize>,
+    /// Where most are critical.
+    pub regions: Vec<Region>,
+    /// The tree over all of them, each node before those beneath it.
+    pub tree: Vec<Branch>,
+    /// What was reached after how many.
+    pub convergence: Vec<Reached>,
+}
+
+/// A candidate of a search.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Test {
+    /// The value of each variable.
+    pub values: Vec<String>,
+    /// The same as numbers; empty where one is out of its range.
+    pub positions: Vec<f64>,
+    /// Its objectives; empty where it could not be evaluated.
+    pub objectives: Vec<f64>,
+    /// Whether it is critical.
+    pub critical: bool,
+    /// How its scenario ended.
+    pub cause: String,
+    /// The command that replays it; empty where it drove none.
+    pub replay: String,
+}
+
+/// A region of a space.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Region {
+    /// Which, in words.
+    pub words: String,
+    /// How many were evaluated there.
+    pub evaluations: usize,
+    /// How many of these are critical.
+    pub critical: usize,
+}
+
+/// A node of a tree.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Branch {
+    /// How many nodes lie above it.
+    pub depth: usize,
+    /// What tells it from the other node beneath the same.
+    pub words: String,
+    /// How many were evaluated there.
+    pub evaluations: usize,
+    /// How many of these are critical.
+    pub critical: usize,
+}
+
+/// What was reached after so many evaluations.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Reached {
+    /// How many.
+    pub evaluations: usize,
+    /// The hypervolume of the best so far.
+    pub hypervolume: f64,
+    /// Critical candidates that are unlike each other.
+    pub distinct: usize,
 }

@@ -1,6 +1,6 @@
 //! The session's thread: gives jobs to workers, writes the ledger, and answers.
 
-use std::collections::{HashMap, HashSet, VecDeque};
+use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use pdk_core::directory::RunDirectory;
 use pdk_core::eprintln;
 use pdk_core::ledger::{Ledger, Line};
+use pdk_core::supervisor::is_from_outside;
 use pdk_model::outcome::Outcome;
 use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, ErrorKind, Result};
@@ -28,6 +29,8 @@ const TRIES: u32 = 3;
 const LEAVE: Duration = Duration::from_secs(12);
 /// How long a worker may take to leave whose work nobody wants any more.
 const DROP: Duration = Duration::from_secs(3);
+/// How long what a worker said last may be on its way.
+const LAST_WORDS: Duration = Duration::from_secs(1);
 /// How often the session looks up where nothing happens.
 const TICK: Duration = Duration::from_millis(50);
 /// How much longer than its calls may take a worker of this machine may take to be ready, or to say something of its job.
@@ -42,6 +45,8 @@ pub struct Shared {
     pub frames: AtomicU64,
     /// What all scenarios took.
     pub performance: Mutex<Performance>,
+    /// Components that took their process along outside of any job's outcome, a sentence each, and how often.
+    pub troubles: Mutex<BTreeMap<String, u64>>,
 }
 
 /// What the thread is told.
@@ -186,7 +191,7 @@ impl Dispatch {
             }
             self.measure();
         }
-        self.leave();
+        self.leave(events);
     }
 
     /// Starts another worker.
@@ -252,6 +257,21 @@ impl Dispatch {
         // What was lost in an earlier process may go better now.
         let known = ledger.get(&id)?.filter(|line| !before || !line.is_chance());
         let trace = directory.trace(&id)?;
+        // Nor is a scenario done whose trace is not there or not whole.
+        let known = known.filter(|line| {
+            !before
+                || match pdk_trace::reader::check(&trace) {
+                    Err(error) => {
+                        eprintln!(
+                            "pdk: warning: scenario `{}` is driven again: {}",
+                            line.name,
+                            because(&error)
+                        );
+                        false
+                    }
+                    _ => true,
+                }
+        });
         self.order.push(id);
         if let Some(line) = known {
             self.answer(ticket, Ok(Reply::Recorded(Box::new(line), before)));
@@ -259,7 +279,7 @@ impl Dispatch {
         }
         let Submission { scenario, name, images_every } = submission.clone();
         let trace = Some(std::path::absolute(&trace).unwrap_or(trace));
-        Ok(Some(Work::Drive(Drive { scenario, name, trace, images_every, skips: None })))
+        Ok(Some(Work::Drive(Box::new(Drive { scenario, name, trace, images_every, skips: None }))))
     }
 
     /// Gives what waits to slots that have nothing to do, and starts workers while there are too few.
@@ -321,6 +341,10 @@ impl Dispatch {
                 self.done(done.number, done.answer);
                 Ok(())
             }
+            Found::Message(FromWorker::Trouble(sentence)) => {
+                self.note(sentence);
+                Ok(())
+            }
             Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
             Found::Nonsense(error) => {
                 Err(Error::of(ErrorKind::Nonsense, format!("{name} says what is not a message ({error})")))
@@ -333,7 +357,7 @@ impl Dispatch {
                     return Ok(());
                 }
                 // That came from outside, as a rule.
-                let killed = end.and_then(|status| status.signal()) == Some(libc::SIGKILL);
+                let killed = end.and_then(|status| status.signal()).is_some_and(is_from_outside);
                 self.stillborn += 1;
                 if !killed || self.stillborn == TRIES {
                     let sentence = format!(
@@ -362,7 +386,7 @@ impl Dispatch {
         };
         let limit = |work: &Work| {
             let calls = match work {
-                Work::Drive(_) | Work::Make(_) => 4,
+                Work::Drive(_) | Work::Make(_) | Work::Search(_) => 4,
                 Work::Evaluate(frame) => 4 + 2 * frame.evaluation.perturbations.len() as u32,
             };
             patience.saturating_mul(calls).saturating_add(GRACE)
@@ -433,6 +457,7 @@ impl Dispatch {
                 self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
             }
             Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
+            Answer::Proposed(candidates) => self.finish(number, Ok(Reply::Proposed(candidates))),
             Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
             Answer::Broken(failure) => self.finish(number, Err(failure.into())),
         }
@@ -528,14 +553,35 @@ impl Dispatch {
         self.connections.clear();
     }
 
-    /// Ends the session.
-    fn leave(&mut self) {
+    fn note(&self, trouble: String) {
+        *self.shared.troubles.lock().unwrap_or_else(PoisonError::into_inner).entry(trouble).or_default() += 1;
+    }
+
+    /// Ends the session. Workers say what happened when their components took leave.
+    fn leave(&mut self, events: &Receiver<Event>) {
+        let mut speaking: HashSet<u64> =
+            self.connections.iter().map(|connection| connection.number).collect();
         self.let_go(LEAVE);
+        while !speaking.is_empty() {
+            match events.recv_timeout(LAST_WORDS) {
+                Ok(Event::Worker(_, Found::Message(FromWorker::Trouble(sentence)))) => self.note(sentence),
+                Ok(Event::Worker(number, Found::End)) => {
+                    speaking.remove(&number);
+                }
+                Ok(_) => {}
+                Err(_) => break,
+            }
+        }
         if let Some((directory, _)) = &self.record {
             directory.remove_partial_traces();
         }
         let _ = pdk_bus::sweep_run(&self.options.run);
     }
+}
+
+/// The reason of an error about a trace, without what the user could do, which is being done.
+fn because(error: &Error) -> String {
+    error.message().split(';').next().unwrap_or_default().to_owned()
 }
 
 /// How a worker ended, in words.

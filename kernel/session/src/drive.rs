@@ -98,7 +98,7 @@ impl<'a> Run<'a> {
             drive,
             number,
             slot,
-            judge: Judge::new(drive.scenario.duration),
+            judge: Judge::new(drive.scenario.failure, drive.scenario.duration),
             digest: blake3::Hasher::new(),
             frames: 0,
             sequence: 0,
@@ -315,6 +315,7 @@ impl<'a> Run<'a> {
             progress: self.state.progress,
             mean_cross_track_error,
             max_cross_track_error,
+            measures: self.judge.measures().map(Box::new),
             digest: self.digest.finalize().to_hex()[..32].to_owned(),
         }
     }

@@ -10,14 +10,16 @@ use pdk_core::registry::Registry;
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Outcome;
 use pdk_sdk::describe::Kind;
-use pdk_sdk::error::{ErrorKind, Result};
-use pdk_sdk::prelude::{Camera, Dataset, Driver, Simulator};
+use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_sdk::prelude::{Camera, Candidate, Dataset, Driver, Key, Search, Simulator};
 
 use crate::drive::{Fault, Instances, Run, Witnesses};
 use crate::environment::Environment;
 use crate::evaluate::Evaluator;
 use crate::held::{Held, keep};
-use crate::protocol::{Answer, Drive, Driven, Failure, Hello, Job, Made, Make, Work};
+use crate::protocol::{
+    Answer, Drive, Driven, Failure, Hello, Job, Made, Make, SearchStep, StartSearch, Work,
+};
 use crate::recent::Recent;
 use crate::recorder::Recorder;
 use crate::stages::Stopwatch;
@@ -36,6 +38,7 @@ pub struct Engine<'a> {
     camera: Camera,
     driver: Option<Held<dyn Driver>>,
     evaluator: Option<Evaluator>,
+    strategy: Option<Held<dyn Search>>,
     bus: Option<(Bus, u32, u32)>,
     recorder: Option<Recorder>,
     recent: Recent,
@@ -53,6 +56,7 @@ impl<'a> Engine<'a> {
             camera: NO_CAMERA,
             driver: None,
             evaluator: None,
+            strategy: None,
             bus: None,
             recorder: None,
             recent: Recent::default(),
@@ -89,6 +93,14 @@ impl<'a> Engine<'a> {
             Work::Make(make) => {
                 self.make(make).map_or_else(|error| Answer::Failed(error.into()), Answer::Made)
             }
+            Work::Search(step) => {
+                let proposed = self.search(step);
+                if proposed.as_ref().is_err_and(|error| error.kind() == ErrorKind::Panic) {
+                    // What panicked may be in any state.
+                    self.strategy = None;
+                }
+                proposed.map_or_else(|error| Answer::Failed(error.into()), Answer::Proposed)
+            }
         };
         let changed = self.environment.restore();
         match answer {
@@ -124,6 +136,31 @@ impl<'a> Engine<'a> {
             Kind::Search => drop(Held::new(*kind, component, self.registry.search(name, parameters)?.0)),
         }
         Ok(made)
+    }
+
+    /// Takes a step of a search.
+    fn search(&mut self, step: &SearchStep) -> Result<Vec<Candidate>> {
+        if let Some(StartSearch { strategy, problem, key }) = &step.start {
+            self.strategy = None;
+            let instance = self.registry.search(&strategy.name, &strategy.parameters)?.0;
+            let mut held = Held::new(Kind::Search, strategy.clone(), instance);
+            held.call(Function::Start, None, |strategy| strategy.start(problem, &Key(*key)))?;
+            self.strategy = Some(held);
+        }
+        let Some(strategy) = &mut self.strategy else {
+            return Err(Error::of(
+                ErrorKind::Lost,
+                "the process of the search strategy was ended from outside, and what it had learnt with it; continue the run \
+                 with --out and its folder",
+            ));
+        };
+        if !step.tell.is_empty() {
+            strategy.call(Function::Tell, None, |strategy| strategy.tell(&step.tell))?;
+        }
+        match step.ask {
+            0 => Ok(Vec::new()),
+            n => strategy.call(Function::Ask, None, |strategy| strategy.ask(n)),
+        }
     }
 
     /// Drives a scenario. A component that fails is its outcome.
@@ -226,12 +263,15 @@ fn topics<'a>(
     Ok(bus)
 }
 
-/// Refuses what no session of pdk asks for: levels that are not on the scale.
+/// Refuses what no session of pdk asks for: levels that are not on the scale, and criteria of failure that nothing can meet.
 fn check(work: &Work) -> Result<()> {
     let perturbations = match work {
-        Work::Drive(drive) => &drive.scenario.perturbations,
+        Work::Drive(drive) => {
+            drive.scenario.failure.check()?;
+            &drive.scenario.perturbations
+        }
         Work::Evaluate(frame) => &frame.evaluation.perturbations,
-        Work::Make(_) => return Ok(()),
+        Work::Make(_) | Work::Search(_) => return Ok(()),
     };
     perturbations.iter().try_for_each(|applied| applied.level.check(&applied.name))
 }

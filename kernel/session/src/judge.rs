@@ -1,45 +1,62 @@
-//! Says when a scenario is over, and how the vehicle kept to its lane until then.
+//! Says when a scenario is over, and measures the drive until then.
 
-use pdk_model::outcome::Cause;
+use pdk_model::failure::FailureCriteria;
+use pdk_model::outcome::{Cause, Measures};
 use pdk_sdk::prelude::State;
-use pdk_trace::telemetry::Sampler;
 
-/// A vehicle that covers less than this share of a metre a second makes no progress.
-const STANDSTILL_SPEED: f64 = 0.1;
-
-/// So many seconds of standing still end a scenario.
-const STANDSTILL_SECONDS: f64 = 5.0;
+use crate::comfort::Comfort;
 
 /// Looks at every state of a scenario, also at those of frames that the driver did not see.
 pub struct Judge {
+    criteria: FailureCriteria,
     duration: f64,
     standing_since: Option<f64>,
-    sampler: Sampler,
-    samples: u64,
+    states: u64,
     sum: f64,
     max: f64,
+    /// The time of the state before.
+    before: f64,
+    over_line_from: Option<f64>,
+    over_line_seconds: f64,
+    comfort: Comfort,
 }
 
 impl Judge {
-    /// A judge of a scenario with this time limit in seconds.
-    pub fn new(duration: f64) -> Self {
-        Self { duration, standing_since: None, sampler: Sampler::default(), samples: 0, sum: 0.0, max: 0.0 }
+    /// A judge of a scenario with these criteria, and a time limit in seconds.
+    pub fn new(criteria: FailureCriteria, duration: f64) -> Self {
+        Self {
+            criteria,
+            duration,
+            standing_since: None,
+            states: 0,
+            sum: 0.0,
+            max: 0.0,
+            before: 0.0,
+            over_line_from: None,
+            over_line_seconds: 0.0,
+            comfort: Comfort::default(),
+        }
     }
 
     /// Notes a state, and says whether the scenario ends with it.
     pub fn look(&mut self, state: &State) -> Option<Cause> {
-        let end = self.end(state);
-        if self.sampler.takes(state.time, end.is_some()) {
-            let error = state.cross_track_error.abs();
-            self.samples += 1;
-            self.sum += error;
-            self.max = self.max.max(error);
+        let error = state.cross_track_error.abs();
+        self.states += 1;
+        self.sum += error;
+        self.max = self.max.max(error);
+        let passed = (state.time - self.before).max(0.0);
+        if error >= self.criteria.over_line {
+            // The first state counts for no time: nobody knows since when.
+            self.over_line_seconds += if self.states > 1 { passed } else { 0.0 };
+            self.over_line_from.get_or_insert(state.time);
         }
-        end
+        self.comfort.look(state);
+        self.before = state.time;
+        self.end(state)
     }
 
     fn end(&mut self, state: &State) -> Option<Cause> {
-        let standing_since = match state.speed.abs() < STANDSTILL_SPEED {
+        let standing_since = match state.speed.abs() < self.criteria.standstill_speed {
             true => *self.standing_since.get_or_insert(state.time),
             false => {
                 self.standing_since = None;
@@ -48,11 +65,11 @@ impl Judge {
         };
         if state.collision {
             Some(Cause::Collision)
-        } else if state.lane_departure {
+        } else if self.departed(state) {
             Some(Cause::LaneDeparture)
         } else if state.finished {
             Some(Cause::Finished)
-        } else if state.time - standing_since >= STANDSTILL_SECONDS {
+        } else if state.time - standing_since >= self.criteria.standstill_seconds {
             Some(Cause::NoProgress)
         } else if state.time + 0.0005 >= self.duration {
             Some(Cause::TimeOut)
@@ -61,23 +78,47 @@ impl Judge {
         }
     }
 
-    /// Mean and largest absolute cross-track error over the telemetry.
+    fn departed(&self, state: &State) -> bool {
+        match self.criteria.lane_departure {
+            Some(limit) => self.criteria.comparison.exceeds(state.cross_track_error.abs(), limit),
+            None => state.lane_departure,
+        }
+    }
+
+    /// Mean and largest absolute cross-track error over all states.
     pub fn cross_track_error(&self) -> (f64, f64) {
-        (self.sum / self.samples.max(1) as f64, self.max)
+        (self.sum / self.states.max(1) as f64, self.max)
+    }
+
+    /// What else was measured; none before the first state.
+    pub fn measures(&self) -> Option<Measures> {
+        (self.states > 0).then(|| Measures {
+            over_line_from: self.over_line_from,
+            over_line_seconds: self.over_line_seconds,
+            rms_lateral_acceleration: self.comfort.lateral_acceleration.rms(),
+            max_lateral_acceleration: self.comfort.lateral_acceleration.max(),
+            rms_jerk: self.comfort.jerk.rms(),
+            max_jerk: self.comfort.jerk.max(),
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pdk_model::failure::Comparison;
 
     fn state(time: f64) -> State {
         State { time, speed: 5.0, ..State::default() }
     }
 
+    fn judge(duration: f64) -> Judge {
+        Judge::new(FailureCriteria::default(), duration)
+    }
+
     #[test]
-    fn errors_are_those_of_the_telemetry() {
-        let mut judge = Judge::new(1.0);
+    fn errors_are_those_of_all_states() {
+        let mut judge = judge(1.0);
         let mut end = None;
         for frame in 0..100 {
             let cross_track_error = if frame == 1 { 9.0 } else { f64::from(frame) / -30.0 };
@@ -86,17 +127,20 @@ mod tests {
                 break;
             }
         }
-        assert_eq!((end, judge.samples), (Some(Cause::TimeOut), 5));
+        assert_eq!((end, judge.states), (Some(Cause::TimeOut), 31));
         let (mean, max) = judge.cross_track_error();
-        // Frames 0, 8, 15, 23 and 30.
-        assert!((mean - 76.0 / 30.0 / 5.0).abs() < 1e-12 && max == 1.0, "{mean} {max}");
+        // 0 to 30 thirtieths, with 9 in the place of one of them.
+        assert!(
+            (mean - (465.0 / 30.0 - 1.0 / 30.0 + 9.0) / 31.0).abs() < 1e-12 && max == 9.0,
+            "{mean} {max}"
+        );
     }
 
     #[test]
     fn failures_end_a_scenario() {
         let departed = State { lane_departure: true, finished: true, ..state(1.0) };
-        assert_eq!(Judge::new(9.0).look(&departed), Some(Cause::LaneDeparture));
-        let mut judge = Judge::new(60.0);
+        assert_eq!(judge(9.0).look(&departed), Some(Cause::LaneDeparture));
+        let mut judge = judge(60.0);
         let standing = |time| State { speed: 0.0, ..state(time) };
         assert_eq!(judge.look(&standing(1.0)), None);
         assert_eq!(judge.look(&standing(5.9)), None);
@@ -105,10 +149,40 @@ mod tests {
 
     #[test]
     fn a_pause_that_ends_is_no_standstill() {
-        let mut judge = Judge::new(60.0);
+        let mut judge = judge(60.0);
         let standing = |time| State { speed: 0.0, ..state(time) };
         judge.look(&standing(1.0));
         judge.look(&state(3.0));
         assert_eq!(judge.look(&standing(7.0)), None);
+    }
+
+    #[test]
+    fn the_criteria_are_those_of_the_scenario() {
+        let at = |criteria: FailureCriteria, cross_track_error: f64| {
+            let state = State { cross_track_error, lane_departure: true, ..state(1.0) };
+            Judge::new(criteria, 60.0).look(&state)
+        };
+        let own = FailureCriteria { lane_departure: Some(4.0), ..FailureCriteria::default() };
+        // What the simulator says does not count then.
+        assert_eq!((at(own, -3.9), at(own, -4.0)), (None, Some(Cause::LaneDeparture)));
+        assert_eq!(at(FailureCriteria { comparison: Comparison::MoreThan, ..own }, 4.0), None);
+        assert_eq!(at(FailureCriteria::default(), 0.0), Some(Cause::LaneDeparture));
+        let patient = FailureCriteria { standstill_seconds: 9.0, standstill_speed: 6.0, ..own };
+        let mut judge = Judge::new(patient, 60.0);
+        assert_eq!(
+            [0.0, 8.9, 9.0].map(|time| judge.look(&state(time))),
+            [None, None, Some(Cause::NoProgress)]
+        );
+    }
+
+    #[test]
+    fn a_wheel_over_the_line_is_measured_and_ends_nothing() {
+        let mut judge = judge(60.0);
+        for (frame, cross_track_error) in [0.0, 1.0, 1.1, 1.5, 1.0, -1.2, 0.0].into_iter().enumerate() {
+            assert_eq!(judge.look(&State { cross_track_error, ..state(frame as f64 * 0.5) }), None);
+        }
+        let measures = judge.measures().unwrap();
+        assert_eq!((measures.over_line_from, measures.over_line_seconds), (Some(1.0), 1.5));
+        assert!(Judge::new(FailureCriteria::default(), 1.0).measures().is_none());
     }
 }

@@ -20,13 +20,14 @@
 //! | [`protocol`] | what the two say to each other, on `lines` |
 //! | [`worker`] | answers every job, whatever its process does |
 //! | [`loop_process`] | the process that calls components; `engine` keeps them, `held` notes every call |
-//! | [`drive`] | one scenario around the loop; `judge` says when it is over |
+//! | [`drive`] | one scenario around the loop; `judge` says when it is over and measures it, `comfort` with it |
 //! | `evaluate` | frames of datasets |
 //! | `recorder`, [`recent`] | the trace, and the last frames of failures |
 //! | [`stages`] | how long it takes |
 //! | `environment` | what a component changed of its process, put back |
 //! | [`interrupt`] | Ctrl-C |
 
+mod comfort;
 pub mod connection;
 mod dispatch;
 pub mod drive;

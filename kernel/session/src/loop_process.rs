@@ -78,7 +78,12 @@ pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> 
         pdk: env!("CARGO_PKG_VERSION").to_owned(),
         slots: 1,
         catalog: registry.catalog().clone(),
-        refused: registry.refused().iter().map(ToString::to_string).collect(),
+        refused: registry
+            .refused()
+            .iter()
+            .map(ToString::to_string)
+            .chain(registry.skipped().to_vec())
+            .collect(),
         passed_over: registry.passed_over().to_vec(),
     };
     // Where nobody listens any more, there is nobody to tell so either: here and below, the end of the input is noticed.

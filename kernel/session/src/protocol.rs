@@ -9,9 +9,10 @@ use pdk_core::catalog::Catalog;
 use pdk_core::search_path::SearchPath;
 use pdk_model::component::ComponentSpec;
 use pdk_model::error::ErrorKind;
-use pdk_model::outcome::Outcome;
+use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
+use pdk_model::search::{Candidate, Evaluated as EvaluatedCandidate, Problem};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::Error;
 use pdk_sdk::prelude::{Camera, Control};
@@ -63,11 +64,13 @@ pub struct Job {
 #[serde(rename_all = "snake_case")]
 pub enum Work {
     /// Drive a scenario.
-    Drive(Drive),
+    Drive(Box<Drive>),
     /// Evaluate a frame of a dataset.
     Evaluate(EvaluateFrame),
     /// Make a component and say what it is like.
     Make(Make),
+    /// Take a step of a search. Only a worker of this machine gets it, which does nothing else.
+    Search(Box<SearchStep>),
 }
 
 /// A scenario to drive.
@@ -126,6 +129,31 @@ pub struct Make {
     pub component: ComponentSpec,
 }
 
+/// A step of a search: what of it is there is done in this order.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct SearchStep {
+    /// Begin a search, which ends the one before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<StartSearch>,
+    /// Tell these results.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tell: Vec<EvaluatedCandidate>,
+    /// Ask for so many candidates.
+    #[serde(default)]
+    pub ask: usize,
+}
+
+/// A search to begin.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StartSearch {
+    /// The strategy.
+    pub strategy: ComponentSpec,
+    /// What it searches.
+    pub problem: Problem,
+    /// The key of all that it draws.
+    pub key: [u8; 32],
+}
+
 /// What a worker says.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -136,6 +164,8 @@ pub enum FromWorker {
     Progress(Progress),
     /// A job is done.
     Done(Done),
+    /// A component took the process along where that is no job's outcome, such as when an instance was dropped; one sentence.
+    Trouble(String),
     /// It cannot go on, and why.
     Failed(String),
 }
@@ -186,10 +216,23 @@ pub enum Answer {
     Evaluated(Evaluated),
     /// A component was made.
     Made(Made),
+    /// A step of a search was taken; these are the candidates that were asked for.
+    Proposed(Vec<Candidate>),
     /// A component failed, so that there is no result.
     Failed(Failure),
     /// Something else failed, such as the disk: nothing is to be expected of the next job either.
     Broken(Failure),
+}
+
+impl Answer {
+    /// Whether it is what was asked for, whatever came of the driving.
+    pub fn is_good(&self) -> bool {
+        match self {
+            Self::Driven(driven) => driven.outcome.cause != Cause::Error,
+            Self::Evaluated(_) | Self::Made(_) | Self::Proposed(_) => true,
+            Self::Failed(_) | Self::Broken(_) => false,
+        }
+    }
 }
 
 /// A scenario's outcome and what else there is to know.

@@ -11,11 +11,12 @@ use pdk_core::catalog::Catalog;
 use pdk_core::directory::RunDirectory;
 use pdk_core::ledger::Ledger;
 use pdk_model::component::ComponentSpec;
+use pdk_model::search::Candidate;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 
 use crate::dispatch::{Dispatch, Event, Request, Shared};
-use crate::protocol::{Drive, EvaluateFrame, Made, Make, Ready, Work};
+use crate::protocol::{Drive, EvaluateFrame, Made, Make, Ready, SearchStep, StartSearch, Work};
 pub use crate::submission::{Options, Performance, Reply, Submission, Ticket};
 
 /// The session's handle, which the pipeline holds.
@@ -99,7 +100,7 @@ impl Session {
 
     /// Submits a scenario that is driven without being recorded, with a trace where the caller wants it.
     pub fn drive(&mut self, drive: Drive) -> Ticket {
-        self.request(Request::Work(Box::new(Work::Drive(drive))))
+        self.request(Request::Work(Box::new(Work::Drive(Box::new(drive)))))
     }
 
     /// Submits a frame of a dataset.
@@ -127,6 +128,23 @@ impl Session {
             Reply::Made(made) => Ok(made),
             Reply::Failed(failure) => Err(failure.into()),
             _ => Err(Error::new(format!("making {kind} `{}` gave something else", component.name))),
+        }
+    }
+
+    /// Takes a step of a search, and returns the candidates that were asked for. Only in a session of this machine's single worker,
+    /// which keeps the strategy from one step to the next.
+    ///
+    /// # Errors
+    /// What the strategy says, or how it ended.
+    pub fn search(&mut self, step: SearchStep) -> Result<Vec<Candidate>> {
+        if let Some(StartSearch { strategy, .. }) = &step.start {
+            self.catalog.check(Kind::Search, &strategy.name, &strategy.parameters)?;
+        }
+        let ticket = self.request(Request::Work(Box::new(Work::Search(Box::new(step)))));
+        match self.wait(ticket, &mut |_| {})? {
+            Reply::Proposed(candidates) => Ok(candidates),
+            Reply::Failed(failure) => Err(failure.into()),
+            _ => Err(Error::new("a step of a search gave something else, which is a defect in pdk")),
         }
     }
 
@@ -211,13 +229,27 @@ impl Session {
     }
 }
 
-impl Drop for Session {
-    fn drop(&mut self) {
+impl Session {
+    /// Ends the session: all workers leave. Returns which components took their process along where that is no job's outcome, such
+    /// as when an instance was dropped, a sentence each.
+    pub fn end(&mut self) -> Vec<String> {
         // Where the thread is gone already, its workers are as well.
         let _ = self.requests.send(Event::Close);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
+        let troubles = self.shared.troubles.lock().unwrap_or_else(PoisonError::into_inner);
+        let said = |(sentence, times): (&String, &u64)| match times {
+            1 => sentence.clone(),
+            times => format!("{sentence}, {times} times"),
+        };
+        troubles.iter().map(said).collect()
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.end();
     }
 }
 

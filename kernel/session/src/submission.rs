@@ -6,6 +6,7 @@ use pdk_core::ledger::Line;
 use pdk_core::search_path::SearchPath;
 use pdk_core::supervisor::Limits;
 use pdk_model::scenario::Scenario;
+use pdk_model::search::Candidate;
 
 use crate::connection::Pool;
 use crate::protocol::{Driven, Evaluated, Failure, Made};
@@ -50,6 +51,8 @@ pub enum Reply {
     Evaluated(Box<Evaluated>),
     /// A component.
     Made(Made),
+    /// Candidates of a search.
+    Proposed(Vec<Candidate>),
     /// A component failed, so that there is no result.
     Failed(Failure),
 }

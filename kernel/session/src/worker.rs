@@ -10,19 +10,20 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use pdk_core::calls::Seen;
-use pdk_core::supervisor::{End, LOOK, Limits, Supervised};
+use pdk_core::eprintln;
+use pdk_core::supervisor::{End, LOOK, Limits, Supervised, is_from_outside};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_trace::writer::part_of;
 
 use crate::lines::{self, Found};
-use crate::protocol::{Answer, Done, Drive, Driven, FromWorker, Hello, Job, ToWorker, VERSION, Work};
+use crate::protocol::{Answer, Done, Driven, FromWorker, Hello, Job, ToWorker, VERSION, Work};
 use crate::recorder::write_trace;
 
 /// How often a job is begun whose process somebody else kills, and how often a process is started that is killed before it is ready.
 const TRIES: u32 = 3;
 
-/// How long a process may take to leave that has nothing to do any more.
-const LEAVE: Duration = Duration::from_secs(10);
+/// How long a process may take to leave that has nothing to do any more: less than it gives itself.
+const LEAVE: Duration = Duration::from_secs(8);
 
 /// Does jobs until there are no more.
 ///
@@ -59,6 +60,7 @@ pub fn run() -> Result<()> {
         job: None,
         tries: 0,
         unheard: false,
+        suspect: None,
     };
     // The session tells the user. Where it is gone, all that is left is to leave.
     if let Err(error) = worker.serve() {
@@ -88,6 +90,8 @@ struct Worker {
     tries: u32,
     /// Whether the session does not listen any more.
     unheard: bool,
+    /// How a process ended that had done other jobs before this one.
+    suspect: Option<String>,
 }
 
 struct Process {
@@ -113,6 +117,7 @@ impl Worker {
                 Some(Event::Session(Found::Message(ToWorker::Job(job)))) => {
                     self.tries = 0;
                     self.job = Some(job);
+                    self.suspect = None;
                     self.begin()?;
                 }
                 Some(Event::Session(Found::End)) => return Ok(()),
@@ -185,15 +190,25 @@ impl Worker {
             Found::Message(FromWorker::Done(done)) => {
                 // Whatever its components write there, only the job's own answer counts.
                 if self.job.as_ref().is_some_and(|job| job.number == done.number) {
+                    // What an earlier job, or somebody else, did to its topics does not reach a new process.
+                    if matches!(done.answer, Answer::Broken(_)) && self.tries < TRIES {
+                        self.end_process();
+                        return self.begin();
+                    }
                     self.job = None;
                     if let Some(process) = &mut self.process {
                         process.used = true;
+                    }
+                    // Where it went well in a new process, nothing else would tell.
+                    if let Some(sentence) = self.suspect.take().filter(|_| done.answer.is_good()) {
+                        self.say(&FromWorker::Trouble(sentence));
                     }
                     self.say(&FromWorker::Done(done));
                 }
                 Ok(())
             }
             Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
+            Found::Message(FromWorker::Trouble(_)) => Ok(()),
             Found::Message(progress @ FromWorker::Progress(_)) => {
                 self.say(&progress);
                 Ok(())
@@ -230,27 +245,40 @@ impl Worker {
 
     /// The process is over.
     fn ended(&mut self, end: &End) -> Result<()> {
-        let Some(mut process) = self.process.take() else { return Ok(()) };
-        let calls = process.supervised.calls();
-        process.supervised.kill();
-        self.remove_part(process.supervised.child().id());
-        self.generation += 1;
-        // What it had in shared memory.
-        let _ = pdk_bus::sweep_run(&self.hello.run);
+        let Some(process) = &self.process else { return Ok(()) };
+        let (calls, used) = (process.supervised.calls(), process.used);
+        self.end_process();
         let Some(job) = &self.job else {
             self.tries += 1;
+            if used && !is_blameless(end) && !calls.is_empty() {
+                let sentence = self.sentence(end, &calls);
+                self.say(&FromWorker::Trouble(sentence));
+            }
             // Nobody is waiting for it, or it was killed while it started.
-            return match self.introduced || *end == End::Signal(libc::SIGKILL) && self.tries < TRIES {
+            return match self.introduced || is_blameless(end) && self.tries < TRIES {
                 true => self.start(),
                 false => Err(Error::of(end.kind(), self.sentence(end, &calls))),
             };
         };
         // A kill comes from outside, as a rule; and a process whose standard files a component has closed leaves by itself after
         // its job, maybe just when it was given another one.
-        let blameless = matches!(end, End::Signal(libc::SIGKILL) | End::Done(_)) && self.tries < TRIES;
+        let blameless = is_blameless(end) && self.tries < TRIES;
+        // Where no component was called, memory that others see as well may have been changed, such as that of the topics.
+        let unexplained =
+            calls.is_empty() && matches!(end, End::Signal(_) | End::Exited(_)) && self.tries < TRIES;
         // What is left of an earlier job may be to blame: memory that was overwritten or is missing, an instance that crashes when it
         // is dropped. So that an outcome does not depend on what came before, only a new process is believed.
-        if blameless || process.used {
+        // What a strategy has learnt is gone with its process, so nothing is to be had from a new one.
+        let goes_on = matches!(&job.work, Work::Search(step) if step.start.is_none());
+        if (blameless || unexplained || used) && !goes_on {
+            if unexplained && !blameless {
+                let said = end.said(&[]).replacen("a component", "a process", 1);
+                eprintln!(
+                    "pdk: warning: {said} outside of any component; what it was driving is driven again"
+                );
+            } else if !blameless {
+                self.suspect = Some(self.sentence(end, &calls));
+            }
             self.start()?;
             return self.begin();
         }
@@ -261,11 +289,21 @@ impl Worker {
         self.start()
     }
 
+    /// Ends the process and removes what it had in shared memory and what it has written of a trace.
+    fn end_process(&mut self) {
+        let Some(mut process) = self.process.take() else { return };
+        process.supervised.kill();
+        self.remove_part(process.supervised.child().id());
+        self.generation += 1;
+        let _ = pdk_bus::sweep_run(&self.hello.run);
+    }
+
     fn sentence(&self, end: &End, calls: &[Seen]) -> String {
         let remedy = match end {
             End::Late(..) => " (the limit is raised with --set patience=SECONDS)",
             End::Memory(_) => " (the limit is raised with --set memory=MIB)",
             End::Signal(libc::SIGKILL) => " (killed from outside, or for want of memory)",
+            End::Signal(signal) if is_from_outside(*signal) => " (from outside)",
             End::Done(_) | End::Exited(_) => {
                 " (a component has to return an error instead of ending its process)"
             }
@@ -287,7 +325,9 @@ impl Worker {
 
     /// Removes what a process has written of the job's trace.
     fn remove_part(&self, process: u32) {
-        if let Some(Work::Drive(Drive { trace: Some(trace), .. })) = self.job.as_ref().map(|job| &job.work) {
+        if let Some(Work::Drive(drive)) = self.job.as_ref().map(|job| &job.work)
+            && let Some(trace) = &drive.trace
+        {
             // There may be none.
             let _ = std::fs::remove_file(part_of(trace, process));
         }
@@ -305,12 +345,34 @@ impl Worker {
         let started = Instant::now();
         // In the middle of a job it ends at once; else it takes leave of its components, which takes some time.
         let limit = if self.job.is_some() { Duration::from_secs(1) } else { LEAVE };
-        while started.elapsed() < limit && matches!(supervised.look(), Ok(None)) {
-            std::thread::sleep(Duration::from_millis(1));
-        }
+        let end = loop {
+            match supervised.look() {
+                Ok(None) if started.elapsed() < limit => std::thread::sleep(Duration::from_millis(1)),
+                Ok(None) => break supervised.calls().into_iter().next().map(|call| End::Late(call, limit)),
+                end => break end.unwrap_or(None),
+            }
+        };
+        let calls = supervised.calls();
         supervised.kill();
+        if let Some(end) = end.filter(|end| self.job.is_none() && !is_blameless(end) && !calls.is_empty()) {
+            let sentence = match end {
+                // Here it is another limit.
+                End::Late(..) => end.said(&calls),
+                _ => self.sentence(&end, &calls),
+            };
+            self.say(&FromWorker::Trouble(sentence));
+        }
         self.remove_part(supervised.child().id());
         let _ = pdk_bus::sweep_run(&self.hello.run);
+    }
+}
+
+/// Whether a process came to its end without a component's doing.
+fn is_blameless(end: &End) -> bool {
+    match end {
+        End::Done(_) => true,
+        End::Signal(signal) => is_from_outside(*signal),
+        End::Exited(_) | End::Late(..) | End::Memory(_) => false,
     }
 }
 

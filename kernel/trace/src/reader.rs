@@ -4,12 +4,13 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, ErrorKind};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
 use mcap::sans_io::LinearReaderOptions;
 use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
 use pdk_sdk::prelude::{Control, FrameBuf, State};
 
 use crate::message::Field;
@@ -123,19 +124,26 @@ pub fn read_steps_and_road(path: &Path) -> Result<(Vec<Step>, String)> {
     Ok((steps, road))
 }
 
+/// Reads a trace to its end, with all checksums, to see whether it is whole.
+///
+/// # Errors
+/// As for [`TraceReader`].
+pub fn check(path: &Path) -> Result<()> {
+    TraceReader::open(path)?.try_for_each(|entry| entry.map(drop))
+}
+
 impl TraceReader {
     /// Opens a trace.
     ///
     /// # Errors
     /// Where it is not there or cannot be read. What is wrong with its content shows with its entries.
     pub fn open(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|error| match error.kind() {
-            ErrorKind::NotFound => Error::new(format!(
+        let opened = file::open_if_there(path)
+            .map_err(|error| Error::new(format!("cannot read the trace {} ({error})", path.display())))?;
+        let (file, _) = opened.ok_or_else(|| Error::new(format!(
                 "the trace {} is missing; delete its line from scenarios.jsonl and run the pipeline again with --out and its folder",
                 path.display()
-            )),
-            _ => Error::new(format!("cannot read the trace {} ({error})", path.display())),
-        })?;
+            )))?;
         let options = LinearReaderOptions::default()
             .with_prevalidate_chunk_crcs(true)
             .with_validate_data_section_crc(true)

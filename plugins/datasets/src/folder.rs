@@ -4,18 +4,19 @@
 //! and `user/throttle`, N being a whole number. DonkeyCar tubs of version 1 have the same form.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{self, Map, Value};
 
 use crate::clock::Clock;
+use crate::inside::Inside;
 use crate::record::Record;
 
 /// Reads a folder of images with one record each.
 pub struct Folder {
-    root: PathBuf,
+    folder: Inside,
     rows: Vec<Row>,
     clock: Clock,
 }
@@ -45,20 +46,21 @@ impl Component for Folder {
     }
 
     fn new(config: &Config) -> Result<Self> {
-        let root = Path::new(config.text("path")).to_path_buf();
+        let root = Path::new(config.text("path"));
         let place = format!("dataset folder `{}`", root.display());
-        let rows = rows(&root).map_err(|e| e.at(&place))?;
+        let folder = Inside::new(root).map_err(|e| e.at(&place))?;
+        let rows = rows(root).map_err(|e| e.at(&place))?;
         if rows.is_empty() {
             return Err(Error::new(format!(
                 "{place} has no frames: it needs images N_text.jpg, .jpeg or .png with a record_N.json beside each"
             )));
         }
         let first = rows.iter().find_map(|row| match &row.files {
-            Files::Pair { record } => read_record(&root.join(record)).ok(),
+            Files::Pair { record } => read_record(&folder, record).ok(),
             _ => None,
         });
         let clock = Clock::new(config, first.as_ref());
-        Ok(Self { root, rows, clock })
+        Ok(Self { folder, rows, clock })
     }
 }
 
@@ -76,7 +78,7 @@ impl Dataset for Folder {
             Error::new(format!("the folder has {} frames, so there is no frame {index}", self.rows.len()))
         })?;
         let record = match files {
-            Files::Pair { record } => read_record(&self.root.join(record))?,
+            Files::Pair { record } => read_record(&self.folder, record)?,
             Files::ImageAlone => {
                 let expected = match image_number(name) {
                     Some(number) => format!("record_{number}.json beside it"),
@@ -97,7 +99,7 @@ impl Dataset for Folder {
             }
         };
         Ok(Entry {
-            frame: pdk_image::read(&self.root.join(name))?,
+            frame: pdk_image::read(&self.folder.path(Path::new(name))?)?,
             steering: record.steering,
             throttle: record.throttle,
             time: self.clock.time(index, &record).map_err(|e| e.at(name))?,
@@ -169,9 +171,9 @@ fn is_image(name: &str) -> bool {
     })
 }
 
-fn read_record(path: &Path) -> Result<Record> {
-    let place = format!("record `{}`", path.display());
-    let text = std::fs::read_to_string(path).place(&place)?;
+fn read_record(folder: &Inside, name: &str) -> Result<Record> {
+    let place = format!("record `{name}`");
+    let text = folder.record(Path::new(name)).map_err(|e| e.at(&place))?;
     let json: Map<String, Value> = serde_json::from_str(&text).place(&place)?;
     Record::from_json(&json).map_err(|e| e.at(&place))
 }
@@ -274,7 +276,7 @@ mod tests {
         std::fs::write(dir.path().join("notes.txt"), "").unwrap();
         assert!(open(dir.path()).err().unwrap().message().contains("has no frames"));
         let file = dir.path().join("notes.txt");
-        assert!(open(&file).err().unwrap().message().contains("cannot list it"));
+        assert!(open(&file).err().unwrap().message().ends_with("it is not a folder"));
         assert!(open(Path::new("/no/such/place")).err().unwrap().message().contains("/no/such/place"));
     }
 }

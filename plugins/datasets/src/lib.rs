@@ -7,10 +7,14 @@
 
 mod clock;
 mod folder;
+mod inside;
 mod record;
 mod tub;
 
 #[cfg(test)]
 mod fixture;
+
+pub use folder::Folder;
+pub use tub::Tub;
 
 pdk_sdk::export! { datasets: [tub::Tub, folder::Folder] }

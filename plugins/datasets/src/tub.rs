@@ -6,18 +6,19 @@
 //! frames there are.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{self, Map, Value};
 
 use crate::clock::Clock;
+use crate::inside::Inside;
 use crate::record::Record;
 
 /// Reads a DonkeyCar tub, version 2.
 pub struct Tub {
-    images: PathBuf,
+    folder: Inside,
     rows: Vec<Row>,
     clock: Clock,
 }
@@ -42,10 +43,11 @@ impl Component for Tub {
     fn new(config: &Config) -> Result<Self> {
         let root = Path::new(config.text("path"));
         let place = format!("tub `{}`", root.display());
-        let manifest = Manifest::read(root).map_err(|e| e.at(&place))?;
+        let folder = Inside::new(root).map_err(|e| e.at(&place))?;
+        let manifest = Manifest::read(&folder).map_err(|e| e.at(&place))?;
         let mut rows = Vec::new();
         for catalog in &manifest.catalogs {
-            let lines = read_text(&root.join(catalog)).map_err(|e| e.at(&place))?;
+            let lines = folder.catalog(Path::new(catalog)).map_err(|e| e.at(&place))?;
             for (number, line) in lines.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
                 rows.extend(row(catalog, number + 1, line, &manifest.deleted));
             }
@@ -54,7 +56,7 @@ impl Component for Tub {
             return Err(Error::new(format!("{place} has no records that are not deleted")));
         }
         let clock = Clock::new(config, rows.iter().find_map(|row| row.record.as_ref().ok()));
-        Ok(Self { images: root.join("images"), rows, clock })
+        Ok(Self { folder, rows, clock })
     }
 }
 
@@ -73,7 +75,7 @@ impl Dataset for Tub {
         })?;
         let record = row.record.clone()?;
         Ok(Entry {
-            frame: pdk_image::read(&self.images.join(&row.name))?,
+            frame: pdk_image::read(&self.folder.path(&Path::new("images").join(&row.name))?)?,
             steering: record.steering,
             throttle: record.throttle,
             time: self.clock.time(index, &record).map_err(|e| e.at(&row.name))?,
@@ -88,11 +90,8 @@ struct Manifest {
 }
 
 impl Manifest {
-    fn read(root: &Path) -> Result<Self> {
-        if !root.is_dir() {
-            return Err(Error::new("there is no such folder"));
-        }
-        let text = read_text(&root.join("manifest.json"))?;
+    fn read(folder: &Inside) -> Result<Self> {
+        let text = folder.catalog(Path::new("manifest.json"))?;
         let listing = text
             .lines()
             .filter_map(|line| serde_json::from_str::<Map<String, Value>>(line).ok())
@@ -138,10 +137,6 @@ fn row(catalog: &str, number: usize, line: &str, deleted: &BTreeSet<u64>) -> Opt
             Row { name: place, record: Err(error) }
         }
     })
-}
-
-fn read_text(path: &Path) -> Result<String> {
-    std::fs::read_to_string(path).place(format!("cannot read `{}`", path.display()))
 }
 
 #[cfg(test)]
@@ -225,7 +220,7 @@ mod tests {
         let all = record(0);
         assert!(error(&tub(&[&all], listing(&[0]))).ends_with("has no records that are not deleted"));
         assert!(error(&tub(&[], listing(&[]))).contains("has no records"));
-        assert!(error(&tub(&[&all], json!({}))).contains("no tub of version 2"));
+        assert!(error(&tub(&[&all], json!({}))).contains("is not a tub of version 2"));
         assert!(error(&tub(&[&all], json!({"paths": "x"}))).contains("`paths`"));
         assert!(error(&tub(&[&all], json!({"paths": ["lost.catalog"]}))).contains("lost.catalog"));
         let deleted = json!({"paths": ["catalog_0.catalog"], "deleted_indexes": ["a"]});

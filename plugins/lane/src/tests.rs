@@ -295,7 +295,7 @@ fn cross_track_error_is_positive_to_the_right_and_departs_at_two_metres() {
         assert!(state.cross_track_error.abs() < 1e-9 && !state.lane_departure);
         while !state.lane_departure {
             state = simulator.act(Control { steering: 0.1 * side, throttle: 0.0 }).unwrap();
-            assert_eq!(state.lane_departure, state.cross_track_error.abs() > 2.0);
+            assert_eq!(state.lane_departure, state.cross_track_error.abs() >= 2.0);
             assert!(state.time < 10.0);
         }
         assert!((state.position[0] - state.cross_track_error).abs() < 1e-9);

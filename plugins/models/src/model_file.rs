@@ -1,9 +1,9 @@
 //! What an ONNX file declares: its inputs, an image and maybe the speed, and its outputs.
 
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Component, Path, PathBuf};
 
-use pdk_sdk::error::Place;
+use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 use tract_onnx::pb;
 use tract_onnx::pb::tensor_proto::DataType;
@@ -60,6 +60,9 @@ pub struct SpeedInput {
 
 /// The name of the input for the speed.
 const SPEED: &str = "speed";
+
+/// Bytes of a model: a message in protocol buffers has no more.
+const LARGEST: u64 = 2 << 30;
 
 /// Where a model comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -120,7 +123,7 @@ impl ModelFile {
     /// maybe `speed`, one float.
     pub fn read(source: Source, layout: &str) -> Result<Self> {
         let bytes = match &source {
-            Source::File(path) => Cow::Owned(std::fs::read(path).place("cannot read the file")?),
+            Source::File(path) => Cow::Owned(file::read(path, LARGEST)?),
             Source::BuiltIn(bytes) => Cow::Borrowed(*bytes),
         };
         let proto = tract_onnx::onnx()
@@ -131,6 +134,9 @@ impl ModelFile {
             .as_ref()
             .filter(|graph| !graph.node.is_empty())
             .ok_or_else(|| Error::new("the file is no ONNX model: it contains no graph"))?;
+        if let Source::File(path) = &source {
+            check_external(graph, path.parent().unwrap_or(Path::new("")))?;
+        }
         // Old files list their weights among the inputs.
         let is_weight = |name: &str| graph.initializer.iter().any(|weight| weight.name == name);
         let inputs: Vec<_> = graph.input.iter().filter(|input| !is_weight(&input.name)).collect();
@@ -151,6 +157,25 @@ impl ModelFile {
         let outputs = graph.output.iter().map(|output| output.name.clone()).collect();
         Ok(Self { source, input, speed, outputs, proto })
     }
+}
+
+/// Looks at the files of weights that a graph names: they lie in the folder of the model, and are files.
+fn check_external(graph: &pb::GraphProto, folder: &Path) -> Result<()> {
+    let attributes = || graph.node.iter().flat_map(|node| &node.attribute);
+    let tensors = attributes().flat_map(|attribute| attribute.t.iter().chain(&attribute.tensors));
+    let entries = graph.initializer.iter().chain(tensors).flat_map(|tensor| &tensor.external_data);
+    for location in entries.filter(|entry| entry.key == "location").map(|entry| Path::new(&entry.value)) {
+        if location.components().any(|part| !matches!(part, Component::Normal(_) | Component::CurDir)) {
+            return Err(Error::new(format!(
+                "its weights lie in `{}`, outside of its folder, where nothing is read; put them beside the model",
+                location.display()
+            )));
+        }
+        file::open(&folder.join(location))
+            .map_err(|error| error.at(format_args!("its weights `{}`", location.display())))?;
+    }
+    let graphs = attributes().flat_map(|attribute| attribute.g.iter().chain(&attribute.graphs));
+    graphs.into_iter().try_for_each(|graph| check_external(graph, folder))
 }
 
 /// The type and shape of an input of 32-bit floats.
@@ -251,7 +276,7 @@ fn shape_text(shape: Option<&pb::TensorShapeProto>) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::path::Path;
+    use prost::Message;
 
     use super::*;
     use crate::fixture::Pilot;
@@ -310,6 +335,25 @@ mod tests {
     }
 
     #[test]
+    fn weights_are_read_from_the_folder_of_the_model_only() {
+        let refused = |location: &str| {
+            let mut model =
+                pb::ModelProto::decode(Pilot::new(&["1", "3", "4", "6"]).bytes().as_slice()).unwrap();
+            let entry = pb::StringStringEntryProto { key: "location".to_owned(), value: location.to_owned() };
+            let weight = &mut model.graph.as_mut().unwrap().initializer[0];
+            weight.external_data = vec![entry];
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("model.onnx");
+            std::fs::write(&path, model.encode_to_vec()).unwrap();
+            model_in(&path, "auto").err().unwrap().to_string()
+        };
+        for outside in ["/etc/passwd", "../weights", "a/../../weights"] {
+            assert!(refused(outside).contains("outside of its folder"), "{}", refused(outside));
+        }
+        assert_eq!(refused("none.bin"), "its weights `none.bin`: it does not exist");
+    }
+
+    #[test]
     fn files_that_are_no_models_are_refused() {
         let error = |content: &[u8]| {
             let file = tempfile::NamedTempFile::new().unwrap();
@@ -321,6 +365,6 @@ mod tests {
         let whole = Pilot::new(&["1", "3", "4", "6"]).bytes();
         assert!(error(&whole[..whole.len() / 2]).contains("damaged"));
         let missing = model_in(Path::new("/no/such.onnx"), "auto").err().unwrap();
-        assert!(missing.message().starts_with("cannot read the file: "));
+        assert_eq!(missing.message(), "it does not exist");
     }
 }

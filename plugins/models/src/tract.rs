@@ -21,6 +21,9 @@ pub struct Tract {
     inputs: Vec<Arc<Tensor>>,
 }
 
+/// Bytes of a tensor between the operators of a model: far above those of any driver.
+const LARGEST_TENSOR: usize = 1 << 30;
+
 /// The name with the version, which is pinned in the workspace.
 pub fn name() -> &'static str {
     "tract 0.23.9"
@@ -85,7 +88,28 @@ fn prepare(network: &Network<'_>, proto: &pb::ModelProto) -> TractResult<TypedSi
     for (place, shape) in network.inputs.iter().enumerate() {
         graph.set_input_fact(place, InferenceFact::dt_shape(f32::datum_type(), shape))?;
     }
-    graph.into_optimized()?.into_runnable()?.spawn()
+    let graph = graph.into_optimized()?;
+    check_tensors(&graph)?;
+    graph.into_runnable()?.spawn()
+}
+
+/// A small file can describe tensors of any size, which are made when a frame is computed.
+fn check_tensors(graph: &TypedModel) -> TractResult<()> {
+    for node in &graph.nodes {
+        for fact in node.outputs.iter().map(|output| &output.fact) {
+            let Some(shape) = fact.shape.as_concrete() else { continue };
+            let elements = shape.iter().try_fold(1usize, |product, dim| product.checked_mul(*dim));
+            let bytes = elements.and_then(|elements| elements.checked_mul(fact.datum_type.size_of()));
+            if bytes.is_none_or(|bytes| bytes > LARGEST_TENSOR) {
+                return Err(TractError::msg(format!(
+                    "its operator {} makes a tensor of the shape {shape:?}, and one may have {} MiB",
+                    node.name,
+                    LARGEST_TENSOR >> 20
+                )));
+            }
+        }
+    }
+    Ok(())
 }
 
 fn write(tensor: &mut Arc<Tensor>, values: &[f32]) -> Result<()> {
@@ -101,7 +125,12 @@ impl Session for Tract {
             write(tensor, values)?;
         }
         let inputs = self.inputs.iter().map(|tensor| tensor.clone().into_tvalue()).collect();
-        let results = self.state.run(inputs).place(name())?;
+        // tract panics where it computes some models, such as those whose pads are negative.
+        let results = catch_unwind(AssertUnwindSafe(|| self.state.run(inputs)))
+            .map_err(|_| {
+                Error::new(format!("{} cannot compute the model; {}", name(), locate::instead_of_tract()))
+            })?
+            .place(name())?;
         for (values, result) in outputs.iter_mut().zip(results) {
             values.clear();
             values.extend_from_slice(

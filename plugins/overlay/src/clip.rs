@@ -103,7 +103,7 @@ impl Clip {
                 Opened::Frames(reader) => Ok(Box::new(Video { reader, frame: Yuv420::default() })),
                 Opened::OtherCodec(codec) => self.through_ffmpeg(&codec),
             },
-            Content::Picture(format) => Ok(Box::new(Animation::open(input, size, format)?)),
+            Content::Picture(format) => Ok(Box::new(Animation::open(input, format)?)),
             Content::Video(Container::Other(name)) => self.through_ffmpeg(name),
             Content::Unknown if !head.is_empty() => self.through_ffmpeg("of an unknown kind"),
             Content::Unknown => Err(Error::new("the file is empty")),

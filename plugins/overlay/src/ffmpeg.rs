@@ -6,10 +6,11 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{ChildStdout, Command};
 
+use pdk_image::{check_size, most_pixels};
 use pdk_sdk::prelude::*;
 
 use crate::frames::Frames;
-use crate::picture::{LARGEST, Layout, Picture, check_size};
+use crate::picture::{Layout, Picture};
 use crate::process::Process;
 
 /// Longer lines are no header.
@@ -39,7 +40,7 @@ impl Ffmpeg {
         command
             .args(["-v", "error", "-nostdin", "-xerror", "-err_detect", "explode"])
             .args(["-protocol_whitelist", "file,pipe", "-format_whitelist", FORMATS])
-            .args(["-max_pixels", &LARGEST.to_string(), "-i"])
+            .args(["-max_pixels", &most_pixels()?.to_string(), "-i"])
             .arg(&clip)
             .args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-strict", "-1", "-f", "yuv4mpegpipe", "-"]);
         let (process, output) = Process::start(command).map_err(|error| match error.kind() {
@@ -62,7 +63,7 @@ impl Ffmpeg {
                 header.chars().take(100).collect::<String>().escape_debug()
             ))
         })?;
-        check_size(decoder.width, decoder.height)?;
+        check_size(decoder.width as u32, decoder.height as u32)?;
         Ok(decoder)
     }
 
@@ -75,8 +76,8 @@ impl Ffmpeg {
     fn read_header(&mut self, header: &str) -> Option<()> {
         for field in header.strip_prefix("YUV4MPEG2 ")?.split(' ') {
             match field.split_at_checked(1)? {
-                ("W", width) => self.width = width.parse().ok()?,
-                ("H", height) => self.height = height.parse().ok()?,
+                ("W", width) => self.width = width.parse::<u32>().ok()? as usize,
+                ("H", height) => self.height = height.parse::<u32>().ok()? as usize,
                 ("F", rate) => {
                     let (frames, seconds) = rate.split_once(':')?;
                     self.rate = frames.parse::<f64>().ok()? / seconds.parse::<f64>().ok()?;
@@ -212,9 +213,9 @@ mod tests {
             (r"printf 'YUV4MPEG2 W3 H2 F30:1 C444\n'; exec yes".to_owned(), "in the form asked for"),
             (
                 r"printf 'YUV4MPEG2 W40000 H40 F30:1 C420jpeg\n'; exec yes".to_owned(),
-                "its pictures are 40000 x 40, and",
+                "it is 40000 x 40, and pictures may have",
             ),
-            (format!("{header}; exec yes"), "no sequence of frames"),
+            (format!("{header}; exec yes"), "not a sequence of frames"),
             // Its output ends, and it does not.
             (format!("{header}; exec sleep 60 >&-"), "it gives no reason"),
             (format!("{header}; exec sleep 60 >&- 2>&-"), "it gives no reason"),
@@ -251,7 +252,7 @@ mod tests {
         for format in ["hls", "concat", "dash", "image2", "lavfi", "sdp", "rtsp", "tee", "imf"] {
             assert!(value("-format_whitelist").split(',').all(|allowed| allowed != format), "{format}");
         }
-        assert_eq!(value("-max_pixels"), LARGEST.to_string());
+        assert_eq!(value("-max_pixels"), most_pixels().unwrap().to_string());
     }
 
     /// An installed ffmpeg.
@@ -293,9 +294,9 @@ mod tests {
             let ffmpeg = ffmpeg.clone();
             move || message(Ffmpeg::start(&ffmpeg, &clip, "a test"))
         });
-        assert!(said.starts_with("its pictures are 40000 x 40, and"), "{said}");
+        assert!(said.starts_with("it is 40000 x 40, and pictures may have"), "{said}");
         let clip = folder.path().join("large.mkv");
-        make(&ffmpeg, "8192x4112", "ffv1", &clip);
+        make(&ffmpeg, "8192x8208", "ffv1", &clip);
         let said = within(20, move || message(Ffmpeg::start(&ffmpeg, &clip, "a test")));
         assert!(said.starts_with("ffmpeg cannot decode it whole: "), "{said}");
     }

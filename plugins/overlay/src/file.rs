@@ -13,7 +13,7 @@ const LARGEST: u64 = 4;
 /// # Errors
 /// Where it cannot be read, is no regular file, or is too large.
 pub fn open(path: &Path) -> Result<(File, u64)> {
-    let (file, length) = pdk_video::regular_file(path)?;
+    let (file, length) = pdk_sdk::file::open(path)?;
     if length > LARGEST << 30 {
         let gibibytes = length as f64 / f64::from(1 << 30);
         return Err(Error::new(format!(

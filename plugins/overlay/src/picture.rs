@@ -1,25 +1,5 @@
 //! Decoded frames of a clip, and the samples that keying works on.
 
-use pdk_sdk::prelude::*;
-
-/// Pixels that a picture of a clip may have, which is 8K video, and the longest side. To key one pixel takes some 20 bytes.
-pub const LARGEST: usize = 8192 * 4096;
-pub const LONGEST: usize = 16_384;
-
-/// Looks at the size of a clip's pictures before memory is taken for them.
-///
-/// # Errors
-/// Where they are too large.
-pub fn check_size(width: usize, height: usize) -> Result<()> {
-    if width.max(height) <= LONGEST && width * height <= LARGEST {
-        return Ok(());
-    }
-    Err(Error::new(format!(
-        "its pictures are {width} x {height}, and those of a clip may have {LARGEST} pixels and sides of {LONGEST}; scale it \
-         down"
-    )))
-}
-
 /// How the bytes of a [`Picture`] are laid out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Layout {

@@ -1,26 +1,24 @@
 //! Clips made of pictures: animated GIF, PNG and WebP, still pictures, and folders of pictures.
 
 use std::collections::VecDeque;
-use std::io::{BufRead, BufReader, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use image::codecs::gif::GifDecoder;
 use image::codecs::png::PngDecoder;
 use image::codecs::webp::WebPDecoder;
-use image::{AnimationDecoder, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use image::{AnimationDecoder, DynamicImage, ImageDecoder, ImageError, ImageFormat, Limits};
+use pdk_image::{LARGEST_FILE, LONGEST, check_size, most_pixels};
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 use pdk_video::Input;
 
 use crate::file;
 use crate::frames::Frames;
-use crate::picture::{LARGEST, LONGEST, Layout, Picture, check_size};
+use crate::picture::{Layout, Picture};
 
 /// Pictures a second where nothing says how many: in a folder, or in a clip whose pictures have no duration.
 const RATE: f64 = 30.0;
-/// Mebibytes that the file of a still picture may have: some of them are read whole before their size is known.
-const LARGEST_STILL: u64 = 512;
-
 /// An animation, or a still picture as an animation of one frame.
 pub struct Animation {
     frames: image::Frames<'static>,
@@ -30,32 +28,50 @@ pub struct Animation {
 }
 
 impl Animation {
-    /// Opens a picture file of `length` bytes.
+    /// Opens a picture file.
     ///
     /// # Errors
     /// Where it is damaged or too large.
-    pub fn open(mut input: Box<dyn Input>, length: u64, format: ImageFormat) -> Result<Self> {
-        input.seek(SeekFrom::Start(0))?;
-        let input = BufReader::new(input);
+    pub fn open(mut input: Box<dyn Input>, format: ImageFormat) -> Result<Self> {
+        input.rewind()?;
+        let mut input = BufReader::new(input);
         let frames = match format {
             ImageFormat::Gif => limited(GifDecoder::new(input).map_err(damaged)?)?.into_frames(),
-            ImageFormat::WebP => {
-                let decoder = limited(WebPDecoder::new(input).map_err(damaged)?)?;
-                match decoder.has_animation() {
-                    true => decoder.into_frames(),
-                    false => once(DynamicImage::from_decoder(decoder).map_err(damaged)?),
-                }
+            ImageFormat::WebP if is_moving(&mut input)? => {
+                limited(WebPDecoder::new(input).map_err(damaged)?)?.into_frames()
             }
             ImageFormat::Png => {
-                let decoder = limited(PngDecoder::with_limits(input, limits()).map_err(damaged)?)?;
+                let bytes = whole(input)?;
+                let pictures = Cursor::new(pdk_image::without_texts(&bytes)?);
+                let decoder = limited(PngDecoder::new(pictures).map_err(damaged)?)?;
                 match decoder.is_apng().map_err(damaged)? {
                     true => decoder.apng().map_err(damaged)?.into_frames(),
-                    false => once(DynamicImage::from_decoder(decoder).map_err(damaged)?),
+                    false => once(pdk_image::decode(&bytes)?),
                 }
             }
-            format => once(still(ImageReader::with_format(input, format), length)?),
+            _ => once(pdk_image::decode(&whole(input)?)?),
         };
         Ok(Self { frames, count: 0, seconds: 0.0 })
+    }
+}
+
+/// Whether a WebP file is an animation. The input is where it was.
+fn is_moving<R: BufRead + Seek>(input: &mut R) -> Result<bool> {
+    let moving = WebPDecoder::new(&mut *input).map_err(damaged)?.has_animation();
+    input.rewind()?;
+    Ok(moving)
+}
+
+/// The content of a file.
+fn whole(input: impl Read) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    input.take(LARGEST_FILE + 1).read_to_end(&mut bytes)?;
+    match bytes.len() as u64 > LARGEST_FILE {
+        true => Err(Error::new(format!(
+            "it has more than {} MiB, and the file of a still picture may not have; scale it down",
+            LARGEST_FILE >> 20
+        ))),
+        false => Ok(bytes),
     }
 }
 
@@ -63,40 +79,28 @@ fn once(image: DynamicImage) -> image::Frames<'static> {
     image::Frames::new(Box::new(std::iter::once(Ok(image::Frame::new(image.into_rgba8())))))
 }
 
-/// Decodes a picture, or the first of an animation, from a file of `length` bytes.
-fn still<R: BufRead + Seek>(mut reader: ImageReader<R>, length: u64) -> Result<DynamicImage> {
-    if length > LARGEST_STILL << 20 {
-        return Err(Error::new(format!(
-            "it has {} MiB, and the file of a still picture may have {LARGEST_STILL} MiB; scale it down",
-            length >> 20
-        )));
-    }
-    reader.limits(limits());
-    DynamicImage::from_decoder(limited(reader.into_decoder().map_err(damaged)?)?).map_err(damaged)
-}
-
 /// Does not believe a picture that says it is as large as the world.
 fn limited<D: ImageDecoder>(mut decoder: D) -> Result<D> {
     let (width, height) = decoder.dimensions();
-    check_size(width as usize, height as usize)?;
-    decoder.set_limits(limits()).map_err(damaged)?;
+    check_size(width, height)?;
+    decoder.set_limits(limits()?).map_err(damaged)?;
     Ok(decoder)
 }
 
 /// What decoding may take.
-fn limits() -> Limits {
+fn limits() -> Result<Limits> {
     let mut limits = Limits::default();
-    (limits.max_image_width, limits.max_image_height) = (Some(LONGEST as u32), Some(LONGEST as u32));
+    (limits.max_image_width, limits.max_image_height) = (Some(LONGEST), Some(LONGEST));
     // The largest picture, four times: as it is decoded, as it was before, as it is laid over that, and 16 bits instead of 8.
-    limits.max_alloc = Some(4 * 4 * LARGEST as u64);
-    limits
+    limits.max_alloc = Some(4 * 4 * most_pixels()? as u64);
+    Ok(limits)
 }
 
 fn damaged(error: ImageError) -> Error {
     match error {
-        ImageError::Limits(_) => Error::new(format!(
-            "its pictures are too large: those of a clip may have {LARGEST} pixels and sides of {LONGEST}; scale it down"
-        )),
+        ImageError::Limits(_) => Error::new(
+            "its pictures are too large: decoding them takes more memory than pictures may; scale it down",
+        ),
         error => Error::new(format!("it is damaged or cut off ({error}); copy it again")),
     }
 }
@@ -159,8 +163,23 @@ impl Frames for Folder {
         let Some(path) = self.files.pop_front() else { return Ok(false) };
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let decode = || {
-            let (file, length) = file::open(&path)?;
-            still(ImageReader::new(BufReader::new(file)).with_guessed_format()?, length)
+            let (mut input, _) = file::open(&path)?;
+            let mut head = [0; 12];
+            let read = (&mut input).take(12).read(&mut head)?;
+            match image::guess_format(&head[..read]) {
+                // Its first picture.
+                Ok(ImageFormat::Gif) => {
+                    input.rewind()?;
+                    DynamicImage::from_decoder(limited(
+                        GifDecoder::new(BufReader::new(input)).map_err(damaged)?,
+                    )?)
+                    .map_err(damaged)
+                }
+                _ => {
+                    input.rewind()?;
+                    pdk_image::decode(&whole(input)?)
+                }
+            }
         };
         let image = decode().place(format!("its picture `{name}`"))?;
         take(image.into_rgba8(), into);

@@ -40,8 +40,16 @@ pub struct Player {
     folder: PathBuf,
     /// The clip at the size of the last frame.
     store: Option<Store>,
-    /// The clip's frame that `layer` holds.
-    held: Option<usize>,
+    /// The clip's frames that are held: the one shown, and the one after it.
+    held: [Held; 2],
+    /// Both, mixed.
+    mixed: Layer,
+}
+
+/// A frame of the clip that was read, and its number.
+#[derive(Default)]
+struct Held {
+    number: Option<usize>,
     layer: Layer,
 }
 
@@ -53,7 +61,8 @@ impl Player {
     pub fn new(clip: Clip, settings: Settings, motion: Motion) -> Result<Self> {
         let hash = clip.hash().place(&clip)?;
         let folder = cache::folder()?;
-        Ok(Self { clip, hash, settings, motion, folder, store: None, held: None, layer: Layer::default() })
+        let (held, mixed) = (Default::default(), Layer::default());
+        Ok(Self { clip, hash, settings, motion, folder, store: None, held, mixed })
     }
 
     /// Lays the clip over a frame.
@@ -62,41 +71,82 @@ impl Player {
     /// Where the clip cannot be prepared.
     pub fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let size = (src.width(), src.height());
-        let store = self.store.take().filter(|store| (store.index().width, store.index().height) == size);
-        let store = match store {
-            Some(store) => store,
-            None => {
-                self.held = None;
-                prepare::open(&self.clip, &self.hash, &self.settings, size, &self.folder)?
+        let fits = |store: &Store| (store.index().width, store.index().height) == size;
+        if !self.store.as_ref().is_some_and(fits) {
+            self.open(size)?;
+        }
+        let Some(store) = &self.store else { return Ok(()) };
+        let shown = frame_at(store.index(), self.motion, cx.time, &mut cx.sequence_random());
+        // The frame that is held already may be the first one now.
+        if self.held[1].number == Some(shown.first) {
+            self.held.swap(0, 1);
+        }
+        self.hold(0, shown.first, size)?;
+        let layer = match shown.weight {
+            0 => &self.held[0].layer,
+            weight => {
+                self.hold(1, shown.second, size)?;
+                let [first, second] = &self.held;
+                self.mixed.mix(&first.layer, &second.layer, weight);
+                &self.mixed
             }
         };
-        let mut store = self.store.insert(store);
-        let wanted = frame_at(store.index(), self.motion, cx.time, &mut cx.sequence_random());
-        if self.held != Some(wanted) {
-            self.held = None;
-            if store.read(wanted, &mut self.layer).is_err() {
-                // The file was damaged after it was written; the clip itself is still there.
-                prepare::discard(&self.hash, &self.settings, size, &self.folder);
-                let fresh = prepare::open(&self.clip, &self.hash, &self.settings, size, &self.folder)?;
-                store = self.store.insert(fresh);
-                store.read(wanted, &mut self.layer).place(format!("the prepared {}", self.clip))?;
-            }
-            self.held = Some(wanted);
-        }
-        let (colours, alphas) = self.layer.planes();
+        let (colours, alphas) = layer.planes();
         overlay(src, dst, colours, alphas, cx.number("opacity"));
+        Ok(())
+    }
+
+    /// Opens the clip at a size, and forgets what was held of another.
+    fn open(&mut self, size: (usize, usize)) -> Result<()> {
+        self.held.iter_mut().for_each(|held| held.number = None);
+        self.store = None;
+        self.store = Some(prepare::open(&self.clip, &self.hash, &self.settings, size, &self.folder)?);
+        Ok(())
+    }
+
+    /// Reads a frame of the clip, unless it is held there already.
+    fn hold(&mut self, place: usize, number: usize, size: (usize, usize)) -> Result<()> {
+        if self.held[place].number == Some(number) {
+            return Ok(());
+        }
+        let mut layer = std::mem::take(&mut self.held[place].layer);
+        self.held[place].number = None;
+        let read = |store: &mut Option<Store>, layer: &mut Layer| match store {
+            Some(store) => store.read(number, layer),
+            None => Err(Error::new("the clip is not open, which is a defect in pdk")),
+        };
+        if read(&mut self.store, &mut layer).is_err() {
+            // The file was damaged after it was written; the clip itself is still there.
+            prepare::discard(&self.hash, &self.settings, size, &self.folder);
+            self.open(size)?;
+            read(&mut self.store, &mut layer).place(format!("the prepared {}", self.clip))?;
+        }
+        self.held[place] = Held { number: Some(number), layer };
         Ok(())
     }
 }
 
-/// The frame of a store that is shown at a time, in seconds.
-pub fn frame_at(index: &Index, motion: Motion, time: f64, random: &mut Random) -> usize {
+/// What is shown of a store at some time: a frame, and how much of the next one is mixed in, in 256ths.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shown {
+    /// The frame.
+    pub first: usize,
+    /// The one that follows.
+    pub second: usize,
+    /// The share of the second, 0 to 255.
+    pub weight: u16,
+}
+
+/// What is shown of a store at a time, in seconds: between two frames of the clip both, so that it moves evenly at any rate of
+/// frames.
+pub fn frame_at(index: &Index, motion: Motion, time: f64, random: &mut Random) -> Shown {
     let frames = index.frames;
     let Motion::Runs { end, rate } = motion else {
         let fullest = index.coverage[..frames].iter().copied().fold(0.0, f64::max);
         let full = || (0..frames).filter(|&frame| index.coverage[frame] * 3.0 >= fullest);
         let chosen = random.below(full().count() as u32) as usize;
-        return full().nth(chosen).unwrap_or_default();
+        let first = full().nth(chosen).unwrap_or_default();
+        return Shown { first, second: first, weight: 0 };
     };
     let faded = index.places.len() - frames;
     let period = match end {
@@ -105,15 +155,19 @@ pub fn frame_at(index: &Index, motion: Motion, time: f64, random: &mut Random) -
         Loop::PingPong => (2 * frames).saturating_sub(2).max(1),
     };
     let start = random.below(period as u32) as i64;
-    // Times are multiples of a frame's duration that are not exact: the least bit below a whole number belongs to it.
-    let passed = (time * rate.unwrap_or(index.rate) + 1e-6).floor() as i64;
-    let place = passed.saturating_add(start).rem_euclid(period as i64) as usize;
-    match end {
-        Loop::Repeat => place,
-        Loop::CrossFade if place < faded => frames + place,
-        Loop::CrossFade => place,
-        Loop::PingPong => place.min(period - place),
-    }
+    // In 256ths of a frame. Times are multiples of a frame's duration that are not exact, so the nearest one counts.
+    let passed = (time * rate.unwrap_or(index.rate) * 256.0).round() as i64;
+    let (whole, weight) = (passed.div_euclid(256), passed.rem_euclid(256) as u16);
+    let frame = |number: i64| {
+        let place = number.saturating_add(start).rem_euclid(period as i64) as usize;
+        match end {
+            Loop::Repeat => place,
+            Loop::CrossFade if place < faded => frames + place,
+            Loop::CrossFade => place,
+            Loop::PingPong => place.min(period - place),
+        }
+    };
+    Shown { first: frame(whole), second: frame(whole.saturating_add(1)), weight }
 }
 
 #[cfg(test)]
@@ -130,7 +184,9 @@ mod tests {
     fn played(index: &Index, end: Loop, count: usize) -> Vec<usize> {
         let random = Key([4; 32]).sequence();
         let motion = Motion::Runs { end, rate: None };
-        (0..count).map(|i| frame_at(index, motion, i as f64 / 30.0, &mut random.clone())).collect()
+        let at = |i: usize| frame_at(index, motion, i as f64 / 30.0, &mut random.clone());
+        assert!((0..count).all(|i| at(i).weight == 0), "at its own rate nothing is mixed");
+        (0..count).map(|i| at(i).first).collect()
     }
 
     #[test]
@@ -173,12 +229,19 @@ mod tests {
         let at = |time: f64, rate: Option<f64>| {
             frame_at(&index, Motion::Runs { end: Loop::Repeat, rate }, time, &mut random.clone())
         };
-        let start = at(0.0, None);
-        assert_eq!((at(2.0, None) + 1000 - start) % 1000, 60);
-        assert_eq!((at(2.0, Some(25.0)) + 1000 - start) % 1000, 50);
-        // Two simulator frames show the same frame of the clip where the simulator is twice as fast.
-        assert_eq!((at(1.0 / 60.0, None) + 1000 - start) % 1000, 0);
-        assert!(at(f64::NAN, None) < 1000 && at(1e300, None) < 1000 && at(-1e300, None) < 1000);
+        let start = at(0.0, None).first;
+        assert_eq!((at(2.0, None).first + 1000 - start) % 1000, 60);
+        assert_eq!((at(2.0, Some(25.0)).first + 1000 - start) % 1000, 50);
+        // Between two frames of the clip both are shown.
+        for (time, weight) in [(1.0 / 60.0, 128), (0.01 / 3.0, 26), (-1.0 / 120.0, 192)] {
+            let shown = at(time, None);
+            assert_eq!((shown.second + 1000 - shown.first) % 1000, 1);
+            assert_eq!((shown.first == start, shown.weight), (time > 0.0, weight), "{time}");
+        }
+        for time in [f64::NAN, 1e300, -1e300] {
+            let shown = at(time, None);
+            assert!(shown.first < 1000 && shown.second < 1000 && shown.weight < 256);
+        }
     }
 
     #[test]
@@ -189,6 +252,8 @@ mod tests {
             let random = Key([key; 32]).sequence();
             let frame = frame_at(&index, Motion::Stands, 0.0, &mut random.clone());
             assert_eq!(frame, frame_at(&index, Motion::Stands, 7.3, &mut random.clone()));
+            assert_eq!(frame.weight, 0);
+            let frame = frame.first;
             chosen.push(frame);
         }
         chosen.sort_unstable();

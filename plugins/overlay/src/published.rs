@@ -37,10 +37,10 @@ const SOURCE: &str = "A loop over a green screen, drawn by this project";
 const OWN_CLIP: &str = "The clip is a drawing of this project's instead of the published recording.";
 
 /// Defines the two perturbations of a clip; the literals are their names, what they show, and how long and how often it
-/// does; then the version of both.
+/// does; then their versions.
 macro_rules! overlays {
     ($($clip:literal: $moving:ident $moving_name:literal, $still:ident $still_name:literal, $what:literal, $loop:literal,
-       $version:literal $(, $not_default:ident)?;)*) => {
+       $version:literal $still_version:literal $(, $not_default:ident)?;)*) => {
         $(
             #[doc = concat!("Lays moving ", $what, " over the frame.")]
             pub struct $moving(Player);
@@ -72,7 +72,7 @@ macro_rules! overlays {
                 fn description() -> Description {
                     let doc = concat!("Lays ", $what, " over the frame, standing still");
                     let description =
-                        Description::perturbation($still_name, doc).version($version).source(SOURCE).divergence(OWN_CLIP);
+                        Description::perturbation($still_name, doc).version($still_version).source(SOURCE).divergence(OWN_CLIP);
                     with_common(description)
                         .drawn_per_sequence(
                             "which frame of the clip is shown, of those that cover at least a third as much as the fullest",
@@ -96,18 +96,18 @@ macro_rules! overlays {
 }
 
 overlays! {
-    "rain": DynamicRain "dynamic_rain_filter", StaticRain "static_rain_filter", "streaks of rain",
-        "a loop of 3 s", 1;
-    "snow": DynamicSnow "dynamic_snow_filter", StaticSnow "static_snow_filter", "flakes of snow",
-        "a loop of 4 s", 1;
+    "rain": DynamicRain "dynamic_rain_filter", StaticRain "static_rain_filter", "streaks of rain, as a moving vehicle meets them",
+        "a loop of 3 s", 2 2;
+    "snow": DynamicSnow "dynamic_snow_filter", StaticSnow "static_snow_filter", "flakes of snow, as a moving vehicle meets them",
+        "a loop of 4 s", 2 2;
     "smoke": DynamicSmoke "dynamic_smoke_filter", StaticSmoke "static_smoke_filter", "swathes of smoke",
-        "a loop of 4 s", 1, not_default;
-    "birds": DynamicObject "dynamic_object_overlay", StaticObject "static_object_overlay", "birds in flight",
-        "a loop of 4 s", 1;
-    "sun": DynamicSun "dynamic_sun_filter", StaticSun "static_sun_filter", "glare of a low sun",
-        "a loop of 4 s", 1;
+        "a loop of 4 s", 2 1, not_default;
+    "birds": DynamicObject "dynamic_object_overlay", StaticObject "static_object_overlay", "birds in flight above the horizon",
+        "a loop of 4 s", 2 2;
+    "sun": DynamicSun "dynamic_sun_filter", StaticSun "static_sun_filter", "glare of a low sun, which veils the frame and makes the camera expose it less",
+        "a loop of 4 s", 2 2;
     "lightning": DynamicLightning "dynamic_lightning_filter", StaticLightning "static_lightning_filter", "bolts of lightning",
-        "a loop of 10 s, in 40 % of which one shows; otherwise the frame stays as it is", 2;
+        "a loop of 10 s, in 40 % of which one shows; otherwise the frame stays as it is", 3 2;
 }
 
 /// The screen of all clips of our own; smoke hides too much of it to have it searched for.

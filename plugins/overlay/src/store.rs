@@ -45,6 +45,16 @@ impl Layer {
     pub fn planes(&self) -> (&[u8], &[u8]) {
         self.data.split_at(self.data.len() / 4 * 3)
     }
+
+    /// Becomes a mixture of two frames of the same size: `weight` 256ths of the second.
+    pub fn mix(&mut self, first: &Self, second: &Self, weight: u16) {
+        self.data.resize(first.data.len(), 0);
+        for ((mixed, &first), &second) in self.data.iter_mut().zip(&first.data).zip(&second.data) {
+            let sum = u16::from(first) * (256 - weight) + u16::from(second) * weight;
+            // Rounded down, so that no colour comes to exceed its alpha.
+            *mixed = (sum >> 8) as u8;
+        }
+    }
 }
 
 /// Writes a store.

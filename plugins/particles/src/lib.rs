@@ -14,6 +14,7 @@
 
 mod births;
 mod flakes;
+mod focus;
 mod lens;
 mod rain;
 mod raindrops_on_lens;

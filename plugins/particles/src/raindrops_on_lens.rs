@@ -3,6 +3,7 @@
 use pdk_sdk::prelude::*;
 
 use crate::births::{Births, COLUMN, sequence_key};
+use crate::focus::Focus;
 use crate::lens::{Backdrop, Density, Lens, smooth, time_of, with_common};
 use crate::rain::{LIFETIME, MEAN_LIFE, Sitting};
 use crate::sliders::{self, AFTERMATH, DRIFT, Slider};
@@ -25,20 +26,22 @@ pub struct RaindropsOnLens {
     sweepers: Sweepers,
     water: Water,
     backdrop: Backdrop,
+    focus: Focus,
 }
 
 impl Component for RaindropsOnLens {
     fn description() -> Description {
         let description = Description::perturbation(
             "raindrops_on_lens",
-            "Drops of water sit on the lens, refract the scene, join and run down",
+            "Drops of water sit on the lens out of focus, refract the scene, veil it, join and run down",
         )
         .family("lens")
-        .version(2)
+        .version(3)
         .dynamic()
         .source("Particles with bounded lives; caps joined by a smooth maximum, refracted by their slope")
         .mathematics(
-            "h = max of R / 2 (1 - |p - c|² / R²); out(p) = blurred(p + 0.26 H grad h (1 + 0.55 |grad h|²))",
+            "h = max of R / 2 (1 - |p - c|² / R²); w(p) = blurred(p + 0.26 H grad h (1 + 0.55 |grad h|²)); \
+             out = (1 - veil A) (v (1 - D * a) + D * (a w)) + veil A mean(v), a the water's opacity, A its mean, D a disc",
         )
         .divergence(
             "The published particles are half transparent and move at random with every frame; these refract or hide the \
@@ -68,12 +71,13 @@ impl Component for RaindropsOnLens {
             sweepers: Sweepers::default(),
             water: Water::default(),
             backdrop: Backdrop::default(),
+            focus: Focus::default(),
         })
     }
 }
 
 impl Perturbation for RaindropsOnLens {
-    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let lens = Lens::of(src);
         let time = time_of(cx)?;
         let density = Density::new((cx.number("number") / MOST_DROPS) as f32, lens, cx)?;
@@ -93,8 +97,8 @@ impl Perturbation for RaindropsOnLens {
         self.add_tracks(&lens);
         self.add_sliders(&lens);
         self.backdrop.update(src, &lens);
-        dst.copy_from(src);
-        self.water.refract(dst, &self.backdrop);
+        let radius = cx.number("defocus") * f64::from(lens.unit);
+        self.focus.draw(src, dst, (&self.water, &self.backdrop), radius, cx.number("veil") as f32);
         Ok(())
     }
 }

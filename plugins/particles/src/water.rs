@@ -147,6 +147,29 @@ impl Water {
         );
     }
 
+    /// Whether there is none.
+    pub fn is_dry(&self) -> bool {
+        !self.wet.contains(&true)
+    }
+
+    /// Writes how opaque the water is, 0 to 255, into all channels of a frame. What is dry stays as it is.
+    pub fn opacity(&self, mut dst: FrameMut<'_>) {
+        let (columns, line) = (self.tile_columns(), self.width + 2);
+        let opacity = 255.0 / (EDGE * self.unit).max(1.0);
+        for tile in (0..self.wet.len()).filter(|&tile| self.wet[tile]) {
+            let (left, top) = ((tile % columns * TILE).max(1), (tile / columns * TILE).max(1));
+            let right = (tile % columns * TILE + TILE).min(self.width + 1);
+            let bottom = (tile / columns * TILE + TILE).min(self.height + 1);
+            for y in top..bottom {
+                let depths = &self.field[y * line + left..y * line + right];
+                let out = &mut dst.row_mut(y - 1)[(left - 1) * 3..(right - 1) * 3];
+                for (out, depth) in out.chunks_exact_mut(3).zip(depths) {
+                    out.fill(to_byte((depth * opacity).clamp(0.0, 255.0)));
+                }
+            }
+        }
+    }
+
     /// Draws the scene as seen through the water over `dst`, which holds the scene as seen through dry glass.
     pub fn refract(&self, mut dst: FrameMut<'_>, backdrop: &Backdrop) {
         let (columns, line) = (self.tile_columns(), self.width + 2);

@@ -1,6 +1,11 @@
 //! Image files as frames. Reading is strict: a file is read whole and undamaged, or it is an error, because a model
 //! would be judged on what a lenient decoder makes up.
 
+mod jpeg;
+mod png;
+mod scan;
+mod size;
+
 use std::io::Cursor;
 use std::path::Path;
 
@@ -8,11 +13,11 @@ use image::codecs::jpeg::JpegEncoder;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
 use pdk_sdk::error::Place;
+use pdk_sdk::file;
 use pdk_sdk::prelude::*;
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::zune_core::bytestream::ZCursor;
-use zune_jpeg::zune_core::colorspace::ColorSpace;
-use zune_jpeg::zune_core::options::DecoderOptions;
+
+pub use png::without_texts;
+pub use size::{LARGEST_FILE, LONGEST, check_size, most_pixels};
 
 /// The quality of a JPEG that is written, of 100: high, so that what a perturbation does is not mixed with what JPEG does.
 const JPEG_QUALITY: u8 = 95;
@@ -21,7 +26,8 @@ const JPEG_QUALITY: u8 = 95;
 /// picture that its camera held otherwise (the orientation of the file's EXIF data) is turned upright.
 ///
 /// # Errors
-/// Where the file cannot be read, is no such image, or is damaged or cut off: there is no partial image.
+/// Where the file cannot be read, is no such image, has more than [`most_pixels`], or is damaged or cut off: there is no
+/// partial image.
 pub fn read(path: &Path) -> Result<FrameBuf> {
     read_as(path, |image| frame(image.into_rgb8()))
 }
@@ -42,13 +48,27 @@ pub fn is_image(head: &[u8]) -> bool {
     image::guess_format(head).is_ok_and(|format| is_still(&format))
 }
 
+/// Decodes an image file as [`read`] does.
+///
+/// # Errors
+/// As [`read`].
+pub fn decode(bytes: &[u8]) -> Result<DynamicImage> {
+    let format = image::guess_format(bytes)
+        .ok()
+        .filter(is_still)
+        .ok_or_else(|| Error::new("it is not a JPEG, PNG, BMP or WebP file"))?;
+    let (mut image, orientation) = match format {
+        ImageFormat::Jpeg => jpeg::decode(bytes)?,
+        ImageFormat::Png => png::decode(bytes)?,
+        _ => other(bytes, format)?,
+    };
+    image.apply_orientation(orientation);
+    Ok(image)
+}
+
 fn read_as<T>(path: &Path, convert: impl FnOnce(DynamicImage) -> Result<T>) -> Result<T> {
-    let place = format!("image `{}`", path.display());
-    let bytes = std::fs::read(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::NotFound => Error::new(format!("{place} does not exist")),
-        _ => Error::from(error).at(&place),
-    })?;
-    decode(&bytes).and_then(convert).map_err(|e| e.at(&place))
+    let image = file::read(path, LARGEST_FILE).and_then(|bytes| decode(&bytes)).and_then(convert);
+    image.map_err(|error| error.at(format_args!("image `{}`", path.display())))
 }
 
 fn frame(image: RgbImage) -> Result<FrameBuf> {
@@ -56,78 +76,23 @@ fn frame(image: RgbImage) -> Result<FrameBuf> {
     Ok(FrameBuf::from_vec(image.into_raw(), width, height)?)
 }
 
-fn decode(bytes: &[u8]) -> Result<DynamicImage> {
-    let format = image::guess_format(bytes)
-        .ok()
-        .filter(is_still)
-        .ok_or_else(|| Error::new("it is no JPEG, PNG, BMP or WebP file"))?;
-    let (mut image, orientation) = match format {
-        ImageFormat::Jpeg => jpeg(bytes)?,
-        _ => other(bytes, format).place("it is damaged")?,
-    };
-    image.apply_orientation(orientation);
-    Ok(image)
-}
-
-/// Decodes what is no JPEG.
-fn other(bytes: &[u8], format: ImageFormat) -> image::ImageResult<(DynamicImage, Orientation)> {
-    let mut decoder = ImageReader::with_format(Cursor::new(bytes), format).into_decoder()?;
-    // A file that says it is as large as the world is not believed.
+/// Decodes BMP and WebP.
+fn other(bytes: &[u8], format: ImageFormat) -> Result<(DynamicImage, Orientation)> {
+    const DAMAGED: &str = "it is damaged";
+    let mut decoder = ImageReader::with_format(Cursor::new(bytes), format).into_decoder().place(DAMAGED)?;
+    let (width, height) = decoder.dimensions();
+    check_size(width, height)?;
     let mut limits = Limits::default();
-    limits.reserve(decoder.total_bytes())?;
-    decoder.set_limits(limits)?;
-    let orientation = decoder.orientation()?;
-    Ok((DynamicImage::from_decoder(decoder)?, orientation))
+    // What the picture takes, and as much beside it.
+    limits.max_alloc = Some(decoder.total_bytes().saturating_mul(2).max(1 << 20));
+    decoder.set_limits(limits).place(DAMAGED)?;
+    let orientation = decoder.orientation().place(DAMAGED)?;
+    Ok((DynamicImage::from_decoder(decoder).place(DAMAGED)?, orientation))
 }
 
 /// The formats that are read and written: those of single pictures.
 fn is_still(format: &ImageFormat) -> bool {
     matches!(format, ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::Bmp | ImageFormat::WebP)
-}
-
-/// Decodes a JPEG. Most decoders, `image`'s among them, fill what is missing of a damaged file with grey; a model
-/// would be judged on that. What cannot be told from a whole file is one in which bytes were exchanged for others that
-/// still decode, for JPEG has no checksum.
-fn jpeg(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
-    if !reaches_end(bytes) {
-        return Err(Error::new("it is cut off: the JPEG's end is missing"));
-    }
-    let options = DecoderOptions::default().set_strict_mode(true).jpeg_set_out_colorspace(ColorSpace::RGB);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    let pixels = decoder.decode().place("it is damaged")?;
-    let (width, height) = decoder.dimensions().ok_or_else(|| Error::new("it is damaged: it has no size"))?;
-    let orientation = decoder.exif().and_then(|exif| Orientation::from_exif_chunk(exif));
-    let image = RgbImage::from_raw(width as u32, height as u32, pixels)
-        .ok_or_else(|| Error::new("it is damaged: it has fewer pixels than its size says"))?;
-    Ok((image.into(), orientation.unwrap_or(Orientation::NoTransforms)))
-}
-
-/// Whether a JPEG has the marker that ends it (ITU-T T.81, annex B). Looks at the segments one after the other, because
-/// the thumbnail inside a segment may end with the same bytes.
-fn reaches_end(bytes: &[u8]) -> bool {
-    const END_OF_IMAGE: u8 = 0xd9;
-    let mut position = 0;
-    loop {
-        // Inside compressed data 0xff is followed by 0 (a plain 0xff) or by a restart marker; between segments it may
-        // be repeated.
-        while !matches!(bytes.get(position..position + 2), Some([0xff, next]) if !matches!(next, 0 | 0xff)) {
-            position += 1;
-            if position >= bytes.len() {
-                return false;
-            }
-        }
-        let marker = bytes[position + 1];
-        position += 2;
-        match marker {
-            END_OF_IMAGE => return true,
-            // Start of image, restarts and the temporary marker stand alone.
-            0x01 | 0xd0..=0xd8 => {}
-            _ => match bytes.get(position..position + 2) {
-                Some(&[high, low]) => position += usize::from(u16::from_be_bytes([high, low])),
-                _ => return false,
-            },
-        }
-    }
 }
 
 /// Writes a frame as PNG, JPEG (of quality 95), BMP or WebP; the ending of the name says which. Folders on the way are made.
@@ -160,6 +125,10 @@ pub fn write(path: &Path, frame: Frame<'_>) -> Result<()> {
 mod tests {
     use super::*;
     use image::{ExtendedColorType, ImageEncoder};
+    use zune_jpeg::JpegDecoder;
+    use zune_jpeg::zune_core::bytestream::ZCursor;
+    use zune_jpeg::zune_core::colorspace::ColorSpace;
+    use zune_jpeg::zune_core::options::DecoderOptions;
 
     fn decode(bytes: &[u8]) -> Result<FrameBuf> {
         super::decode(bytes).and_then(|image| frame(image.into_rgb8()))
@@ -218,6 +187,133 @@ mod tests {
         }
     }
 
+    /// JPEGs as other programs write them: in several passes, with restarts, with fewer samples of color, grey.
+    fn foreign() -> [&'static [u8]; 4] {
+        [
+            include_bytes!("../tests/jpeg/progressive.jpg"),
+            include_bytes!("../tests/jpeg/restarts.jpg"),
+            include_bytes!("../tests/jpeg/progressive_restarts.jpg"),
+            include_bytes!("../tests/jpeg/grey_progressive.jpg"),
+        ]
+    }
+
+    #[test]
+    fn all_forms_of_jpeg_are_read_and_none_with_missing_data() {
+        for (number, bytes) in foreign().into_iter().chain([&encoded(ImageFormat::Jpeg)[..]]).enumerate() {
+            let theirs = image::load_from_memory(bytes).unwrap().into_rgb8();
+            assert_eq!(decode(bytes).unwrap().data(), theirs.as_raw().as_slice(), "{number}");
+            // Compressed data goes on from the first scan's header to the end marker.
+            let begin = bytes.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap() + 14;
+            let end = bytes.len() - 2;
+            let mut taken = 0;
+            let mut tried = 0;
+            for from in (begin..end).step_by(7) {
+                for to in [from + 1, from + 16, from + 150, end] {
+                    if to <= end {
+                        let deleted = [&bytes[..from], &bytes[to..]].concat();
+                        taken += usize::from(decode(&deleted).is_ok());
+                        tried += 1;
+                    }
+                }
+                let deleted = [&bytes[..from], &bytes[end..]].concat();
+                assert!(decode(&deleted).is_err(), "{number}: nothing from {from} to the end marker");
+            }
+            // Without some bytes, what follows may happen to be as many blocks again, the more so where a code stands for many.
+            assert!(taken * 15 <= tried, "{number}: {taken} of {tried} with a hole were taken");
+        }
+    }
+
+    #[test]
+    fn a_scan_that_is_missing_as_a_whole_is_an_error() {
+        for bytes in [foreign()[0], foreign()[3]] {
+            let scans: Vec<usize> =
+                (0..bytes.len() - 1).filter(|&at| bytes[at..at + 2] == [0xff, 0xda]).collect();
+            assert!(scans.len() > 3);
+            for &scan in &scans {
+                let deleted = [&bytes[..scan], &bytes[bytes.len() - 2..]].concat();
+                let error = decode(&deleted).unwrap_err().to_string();
+                assert!(error.starts_with("it is damaged"), "{error}");
+            }
+        }
+    }
+
+    #[test]
+    fn small_files_that_claim_large_pictures_are_refused() {
+        let mut jpeg = encoded(ImageFormat::Jpeg);
+        let size = jpeg.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap() + 5;
+        let error = |bytes: &[u8]| decode(bytes).unwrap_err().to_string();
+        jpeg[size..size + 4].copy_from_slice(&[0x3e, 0x80, 0x3e, 0x80]);
+        assert_eq!(
+            error(&jpeg),
+            "it is 16000 x 16000, and pictures may have 64 megapixels and sides of 16384; scale it down, or raise the limit \
+             with PDK_MEGAPIXELS"
+        );
+        jpeg[size..size + 4].copy_from_slice(&[0x20, 0, 0x20, 0]);
+        assert_eq!(error(&jpeg), "it is damaged: a part of its compressed data is missing");
+        let mut png = encoded(ImageFormat::Png);
+        png[16..24].copy_from_slice(&[0, 0, 0x40, 1, 0, 0, 0, 1]);
+        let checksum = crc(&png[12..29]);
+        png[29..33].copy_from_slice(&checksum.to_be_bytes());
+        assert!(error(&png).starts_with("it is 16385 x 1, and pictures may have"), "{}", error(&png));
+        let mut bmp = encoded(ImageFormat::Bmp);
+        bmp[18..26].copy_from_slice(&[0, 0x30, 0, 0, 0, 0x30, 0, 0]);
+        assert!(error(&bmp).starts_with("it is 12288 x 12288, and pictures may have"), "{}", error(&bmp));
+    }
+
+    /// The checksum of a PNG's chunk (PNG specification, annex D).
+    fn crc(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(u32::MAX, |crc, byte| {
+            (0..8)
+                .fold(crc ^ u32::from(*byte), |crc, _| crc >> 1 ^ if crc & 1 == 1 { 0xedb8_8320 } else { 0 })
+        })
+    }
+
+    /// A PNG file with another chunk before its pixels.
+    fn with_chunk(png: &[u8], name: &[u8; 4], data: &[u8]) -> Vec<u8> {
+        let body = [name, data].concat();
+        let chunk = [&(data.len() as u32).to_be_bytes()[..], &body, &crc(&body).to_be_bytes()].concat();
+        [&png[..33], &chunk, &png[33..]].concat()
+    }
+
+    #[test]
+    fn a_png_whose_pixels_do_not_fit_their_checksum_is_an_error() {
+        let whole = encoded(ImageFormat::Png);
+        // The checksum of the pixels comes last in the last IDAT, before that of the chunk and the IEND.
+        let at = whole.windows(4).position(|name| name == b"IEND").unwrap() - 4 - 4 - 4;
+        let begin = whole.windows(4).rposition(|name| name == b"IDAT").unwrap();
+        let mut wrong = whole.clone();
+        wrong[at] ^= 1;
+        let checksum = crc(&wrong[begin..at + 4]);
+        wrong[at + 4..at + 8].copy_from_slice(&checksum.to_be_bytes());
+        let error = decode(&wrong).unwrap_err().to_string();
+        assert!(error.starts_with("it is damaged"), "{error}");
+        assert!(decode(&whole).is_ok());
+    }
+
+    #[test]
+    fn what_is_no_part_of_the_picture_of_a_png_is_not_expanded() {
+        let whole = encoded(ImageFormat::Png);
+        // Not even valid, which would show if it were read.
+        let texts = with_chunk(&with_chunk(&whole, b"zTXt", b"k\0\0no zlib"), b"iCCP", b"k\0\0no zlib");
+        assert_eq!(decode(&texts).unwrap(), decode(&whole).unwrap());
+        assert_eq!(without_texts(&texts).unwrap(), whole);
+        assert!(without_texts(&whole[..whole.len() - 5]).is_err());
+    }
+
+    #[test]
+    fn pngs_of_all_kinds_are_read_as_the_image_crate_does() {
+        use image::ColorType::{L8, L16, La8, La16, Rgb8, Rgb16, Rgba8, Rgba16};
+        for color in [L8, La8, Rgb8, Rgba8, L16, La16, Rgb16, Rgba16] {
+            let pixels: Vec<u8> =
+                (0..5 * 3 * usize::from(color.bytes_per_pixel())).map(|i| (i * 37) as u8).collect();
+            let mut bytes = Vec::new();
+            let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+            encoder.write_image(&pixels, 5, 3, color.into()).unwrap();
+            let theirs = image::load_from_memory(&bytes).unwrap();
+            assert_eq!(super::decode(&bytes).unwrap(), theirs, "{color:?}");
+        }
+    }
+
     #[test]
     fn the_end_of_a_thumbnail_is_not_taken_for_the_end() {
         let bytes = encoded(ImageFormat::Jpeg);
@@ -225,7 +321,7 @@ mod tests {
         with_thumbnail.extend([0xff, 0xe1, 0, 6, 1, 2, 0xff, 0xd9]);
         with_thumbnail.extend(&bytes[2..]);
         assert!(decode(&with_thumbnail).is_ok());
-        assert!(!reaches_end(&with_thumbnail[..with_thumbnail.len() - 2]));
+        assert!(decode(&with_thumbnail[..with_thumbnail.len() - 2]).is_err());
         // Some cameras write a few bytes behind the end.
         with_thumbnail.extend([0, 0, 0, 0]);
         assert!(decode(&with_thumbnail).is_ok());
@@ -364,14 +460,14 @@ mod tests {
 
     #[test]
     fn what_is_no_image_is_said_to_be_none() {
-        assert!(decode(b"GIF89a\x01\0\x01\0\0\0\0;").unwrap_err().message().starts_with("it is no JPEG"));
+        assert!(decode(b"GIF89a\x01\0\x01\0\0\0\0;").unwrap_err().message().starts_with("it is not a JPEG"));
         for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::WebP] {
             assert!(is_image(&encoded(format)[..12]), "{format:?}");
         }
         assert!(!is_image(b"hello hello!") && !is_image(b""));
-        assert_eq!(decode(b"hello").unwrap_err().message(), "it is no JPEG, PNG, BMP or WebP file");
+        assert_eq!(decode(b"hello").unwrap_err().message(), "it is not a JPEG, PNG, BMP or WebP file");
         let missing = read(Path::new("/no/such.jpg")).unwrap_err();
-        assert_eq!(missing.message(), "image `/no/such.jpg` does not exist");
+        assert_eq!(missing.message(), "image `/no/such.jpg`: it does not exist");
     }
 
     #[test]

@@ -1,11 +1,9 @@
 //! The camera of a simulator.
 
-use abi_stable::StableAbi;
 use serde::{Deserialize, Serialize};
 
 /// Size and rate of a simulator's camera.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, StableAbi, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// Frame width in pixels.
     pub width: u32,

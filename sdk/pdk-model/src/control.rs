@@ -1,13 +1,11 @@
 //! What a driver decides.
 
-use abi_stable::StableAbi;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, ErrorKind, Result};
 
 /// What a driver decides.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Default, StableAbi, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Control {
     /// -1 (full left) to 1 (full right).
     pub steering: f64,

@@ -32,19 +32,9 @@ pub enum ErrorKind {
 }
 
 impl ErrorKind {
-    /// All kinds, in the order of their codes.
+    /// All kinds.
     pub const ALL: [Self; 6] =
         [Self::Failed, Self::Late, Self::Lost, Self::Nonsense, Self::Configuration, Self::Panic];
-
-    /// The number under which it crosses the boundary between host and plugin.
-    pub fn code(self) -> u8 {
-        self as u8
-    }
-
-    /// The kind with this number; [`ErrorKind::Failed`] where no kind has it.
-    pub fn from_code(code: u8) -> Self {
-        Self::ALL.get(usize::from(code)).copied().unwrap_or_default()
-    }
 }
 
 /// The result of everything a component does.
@@ -144,16 +134,6 @@ mod tests {
         assert_eq!(Err::<(), _>(lost()).place("frame 3"), Err(lost().at("frame 3")));
         let plain: Result<(), Error> = Err::<(), _>("it is gone").place("frame 3");
         assert_eq!(plain.unwrap_err().kind(), ErrorKind::Failed);
-    }
-
-    #[test]
-    fn every_kind_has_a_code_of_its_own_and_other_codes_say_failed() {
-        for (place, kind) in ErrorKind::ALL.into_iter().enumerate() {
-            assert_eq!((usize::from(kind.code()), ErrorKind::from_code(kind.code())), (place, kind));
-        }
-        for code in ErrorKind::ALL.len() as u8..=u8::MAX {
-            assert_eq!(ErrorKind::from_code(code), ErrorKind::Failed);
-        }
     }
 
     #[test]

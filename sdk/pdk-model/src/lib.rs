@@ -7,15 +7,17 @@
 #![forbid(unsafe_code)]
 
 pub mod camera;
-mod canonical;
+pub mod canonical;
 pub mod component;
 pub mod control;
 pub mod error;
+pub mod failure;
 pub mod level;
 pub mod outcome;
 pub mod perturbation;
 pub mod region;
 pub mod scenario;
+pub mod search;
 pub mod selection;
 pub mod state;
 pub mod text;

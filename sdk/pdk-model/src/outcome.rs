@@ -22,7 +22,39 @@ pub enum Cause {
     Error,
 }
 
+/// What a scenario says about the driver.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The end of the road was reached.
+    #[default]
+    Passed,
+    /// The vehicle left its lane or hit something.
+    Unsafe,
+    /// The vehicle stood still or was too slow, and endangered nobody.
+    Stopped,
+    /// Nothing: a component failed.
+    Void,
+}
+
+impl Verdict {
+    /// Whether the driver failed, in whatever way.
+    pub fn failed(self) -> bool {
+        matches!(self, Self::Unsafe | Self::Stopped)
+    }
+}
+
 impl Cause {
+    /// What it says about the driver.
+    pub fn verdict(self) -> Verdict {
+        match self {
+            Cause::Finished => Verdict::Passed,
+            Cause::LaneDeparture | Cause::Collision => Verdict::Unsafe,
+            Cause::NoProgress | Cause::TimeOut => Verdict::Stopped,
+            Cause::Error => Verdict::Void,
+        }
+    }
+
     /// As it is written in tables.
     pub fn text(self) -> &'static str {
         match self {
@@ -58,12 +90,34 @@ pub struct Outcome {
     pub skipped_frames: u64,
     /// The share of the road that was driven, 0 to 1.
     pub progress: f64,
-    /// Mean of the absolute cross-track error in metres.
+    /// Mean of the absolute cross-track error over all frames, in metres. That of a drive that was cut short is not comparable
+    /// with that of one that reached the end: how soon it failed is.
     pub mean_cross_track_error: f64,
     /// Largest absolute cross-track error in metres.
     pub max_cross_track_error: f64,
+    /// What else was measured; none where a component failed before anything was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measures: Option<Box<Measures>>,
     /// Hash over every frame that the driver saw and every control it gave: equal for equal runs.
     pub digest: String,
+}
+
+/// What is measured of a drive besides its end.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Measures {
+    /// When a wheel was over the line first, in seconds of simulation time; none where none was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub over_line_from: Option<f64>,
+    /// For how many seconds a wheel was over the line.
+    pub over_line_seconds: f64,
+    /// The root mean square of the lateral acceleration, speed times yaw rate, in m/s².
+    pub rms_lateral_acceleration: f64,
+    /// Its largest size.
+    pub max_lateral_acceleration: f64,
+    /// The root mean square of the jerk, the change of the acceleration along and across, in m/s³.
+    pub rms_jerk: f64,
+    /// Its largest size.
+    pub max_jerk: f64,
 }
 
 impl Outcome {
@@ -80,6 +134,7 @@ impl Outcome {
             progress: 0.0,
             mean_cross_track_error: 0.0,
             max_cross_track_error: 0.0,
+            measures: None,
             digest: String::new(),
         }
     }
@@ -106,6 +161,7 @@ mod tests {
             progress: 1.0,
             mean_cross_track_error: 0.1,
             max_cross_track_error: 0.7,
+            measures: None,
             digest: "00ff".into(),
         };
         let failure = Outcome {
@@ -116,10 +172,21 @@ mod tests {
             skipped_frames: 3,
             ..success.clone()
         };
-        for (outcome, fields) in [(success, 8), (failure, 11)] {
+        let measures = Measures { over_line_from: Some(3.5), over_line_seconds: 0.5, ..Measures::default() };
+        let measured = Outcome { measures: Some(Box::new(measures)), ..success.clone() };
+        for (outcome, fields) in [(success, 8), (failure, 11), (measured, 9)] {
             let written = serde_json::to_value(&outcome).unwrap();
             assert_eq!(written.as_object().unwrap().len(), fields);
             assert_eq!(serde_json::from_value::<Outcome>(written).unwrap(), outcome);
         }
+    }
+
+    #[test]
+    fn to_stop_is_a_failure_and_not_unsafe() {
+        assert_eq!(Cause::NoProgress.verdict(), Verdict::Stopped);
+        assert_eq!(Cause::TimeOut.verdict(), Verdict::Stopped);
+        assert_eq!(Cause::LaneDeparture.verdict(), Verdict::Unsafe);
+        let failed = [Verdict::Passed, Verdict::Unsafe, Verdict::Stopped, Verdict::Void].map(Verdict::failed);
+        assert_eq!(failed, [false, true, true, false]);
     }
 }

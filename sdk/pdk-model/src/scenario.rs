@@ -9,6 +9,7 @@ use serde_json::Value;
 use crate::canonical::canonical;
 use crate::component::ComponentSpec;
 use crate::error::{Error, Result};
+use crate::failure::FailureCriteria;
 use crate::perturbation::AppliedPerturbation;
 
 /// The time limit of a scenario in seconds of simulation time, where nobody sets one.
@@ -76,6 +77,9 @@ pub struct Scenario {
     pub perturbations: Vec<AppliedPerturbation>,
     /// The time limit in seconds of simulation time.
     pub duration: f64,
+    /// What counts as a failure.
+    #[serde(default, skip_serializing_if = "FailureCriteria::is_default")]
+    pub failure: FailureCriteria,
     /// What happens while the driver is at work.
     #[serde(default, skip_serializing_if = "Mode::is_lockstep")]
     pub mode: Mode,
@@ -99,6 +103,7 @@ impl Scenario {
             road: Value::Null,
             perturbations: Vec::new(),
             duration: DEFAULT_DURATION,
+            failure: FailureCriteria::default(),
             mode: Mode::default(),
             seed: 0,
             repeat: 0,

@@ -1,11 +1,9 @@
 //! The state of the ego vehicle.
 
-use abi_stable::StableAbi;
 use serde::{Deserialize, Serialize};
 
 /// The state of the ego vehicle at one moment.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, StableAbi, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
     /// Simulation time in seconds since the start of the scenario.
     pub time: f64,

@@ -6,8 +6,8 @@
 use std::path::Path;
 use std::process::ExitCode;
 
-use pdk_model::error::{Error, Place, Result};
 use pdk_onnx::{Graph, Target, gradients, model};
+use pdk_sdk::error::{Error, Place, Result};
 
 fn main() -> ExitCode {
     match run(&std::env::args().skip(1).collect::<Vec<_>>()) {

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use pdk_model::error::Result;
+use pdk_sdk::error::Result;
 
 use crate::graph::Graph;
 use crate::proto::{AttributeProto, NodeProto, attribute_type};

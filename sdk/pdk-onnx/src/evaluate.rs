@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
-use pdk_model::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, Place, Result};
 
 use crate::graph::{Graph, describe};
 use crate::operators;

@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use pdk_model::error::Result;
+use pdk_sdk::error::Result;
 
 use crate::graph::Graph;
 use crate::operators::{conv, conv_transpose, layout, max_pool, pad, resize, slice};

@@ -5,7 +5,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use crate::builder::Builder;
 use crate::graph::{Graph, describe};

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use crate::field::{ImageAxis, Look, Looks, looks};
 use crate::graph::{Graph, Source};

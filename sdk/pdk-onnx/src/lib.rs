@@ -7,7 +7,7 @@
 //! ```no_run
 //! use pdk_onnx::{Graph, Target, gradients, model};
 //!
-//! # fn main() -> pdk_model::error::Result<()> {
+//! # fn main() -> pdk_sdk::error::Result<()> {
 //! let graph = Graph::new(model::read("pilot.onnx".as_ref())?)?;
 //! let steering = Target { value: "steering", index: 0 };
 //! let gradients = gradients(&graph, steering, &["conv2d_5"], &["conv2d_5"])?;

@@ -1,10 +1,10 @@
 //! ONNX files, read with everything that belongs to them.
 
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Component, Path};
 
-use pdk_model::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
 use prost::Message;
 
 use crate::proto::{ModelProto, TensorProto};
@@ -17,14 +17,7 @@ const MAX_BYTES: u64 = 1 << 31;
 /// # Errors
 /// Where a file cannot be read, is none, or is no ONNX model.
 pub fn read(path: &Path) -> Result<ModelProto> {
-    let metadata = std::fs::metadata(path).place("cannot read the file")?;
-    if !metadata.is_file() {
-        return Err(Error::new("it is no file"));
-    }
-    if metadata.len() > MAX_BYTES {
-        return Err(Error::new("the file is larger than 2 GiB, which no ONNX model is"));
-    }
-    let mut model = decode(&std::fs::read(path).place("cannot read the file")?)?;
+    let mut model = decode(&file::read(path, MAX_BYTES)?)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     for tensor in model.graph.iter_mut().flat_map(|graph| &mut graph.initializer) {
         if tensor.data_location == 1 {
@@ -69,12 +62,11 @@ fn take_in(tensor: &mut TensorProto, folder: &Path) -> Result<()> {
     let (offset, length) = (number("offset")?.unwrap_or(0), number("length")?);
     let path = folder.join(path);
     let place = format!("`{}`", path.display());
-    let mut file = File::open(&path).place(&place)?;
-    let metadata = file.metadata().place(&place)?;
-    let available = metadata.len().saturating_sub(offset);
+    let (mut file, whole) = file::open(&path).place(&place)?;
+    let available = whole.saturating_sub(offset);
     let length = length.unwrap_or(available);
-    if !metadata.is_file() || length > available {
-        return Err(Error::new(format!("{place} is too short for them")));
+    if length > available.min(MAX_BYTES) {
+        return Err(Error::new(format!("{place} does not hold {length} bytes from byte {offset} on")));
     }
     file.seek(SeekFrom::Start(offset)).place(&place)?;
     let mut bytes = Vec::new();
@@ -121,7 +113,7 @@ mod tests {
         let tensor = Tensor::from_proto(&model.graph.unwrap().initializer[0]).unwrap();
         assert_eq!(tensor, Tensor::floats(&[2], vec![3.0, 4.0]));
         for (location, offset, expected) in [
-            ("weights.bin", "8", "too short"),
+            ("weights.bin", "8", "does not hold 8 bytes"),
             ("../weights.bin", "0", "does not lie beside"),
             ("none.bin", "0", "none.bin"),
             ("weights.bin", "-1", "`offset` is `-1`"),
@@ -137,9 +129,9 @@ mod tests {
         for bytes in [&b""[..], b"PK\x03\x04 an archive of something else", &[0x0a; 40]] {
             assert!(decode(bytes).unwrap_err().to_string().starts_with("the file is no ONNX model"));
         }
-        assert_eq!(read(Path::new("/dev/zero")).unwrap_err().to_string(), "it is no file");
         assert!(
-            read(Path::new("/no/such.onnx")).unwrap_err().to_string().starts_with("cannot read the file: ")
+            read(Path::new("/dev/zero")).unwrap_err().to_string().contains("only regular files are read")
         );
+        assert_eq!(read(Path::new("/no/such.onnx")).unwrap_err().to_string(), "it does not exist");
     }
 }

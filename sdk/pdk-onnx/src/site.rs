@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use crate::graph::{Fact, Graph};
 use crate::proto::{AttributeProto, NodeProto};

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use crate::proto::TensorProto;
 

@@ -1,6 +1,6 @@
 //! How convolutions and pools move a window over an image.
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use crate::builder::{int, ints};
 use crate::proto::AttributeProto;

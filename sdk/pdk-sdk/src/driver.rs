@@ -1,6 +1,5 @@
 //! Drivers: the models under test.
 
-use abi_stable::StableAbi;
 pub use pdk_model::control::Control;
 use pdk_ops::Frame;
 
@@ -30,8 +29,7 @@ pub trait Driver: Send {
 }
 
 /// What a driver knows besides the frame.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Default, StableAbi)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DriveContext {
     /// The number of the frame in its sequence, from 0.
     pub frame_index: u64,
@@ -39,4 +37,11 @@ pub struct DriveContext {
     pub time: f64,
     /// The vehicle's speed in metres per second; not a number where it is not known, as in a dataset.
     pub speed: f64,
+}
+
+impl Default for DriveContext {
+    /// The first frame, at an unknown speed.
+    fn default() -> Self {
+        Self { frame_index: 0, time: 0.0, speed: f64::NAN }
+    }
 }

@@ -10,53 +10,50 @@
 /// ```
 ///
 /// The kinds are `perturbations`, `simulators`, `drivers`, `saliencies`, `searches` and `datasets`. The crate has to be
-/// a `cdylib`, and may use the macro once.
+/// a `cdylib`, and may use the macro once. Name and version of the plugin are those of the package, and its `homepage` or
+/// `repository` is where pdk says that the plugin is to be had.
 #[macro_export]
 macro_rules! export {
     ($($kind:ident: [$($component:ty),* $(,)?]),* $(,)?) => {
         const _: () = {
-            use $crate::abi::abi_stable;
-            use abi_stable::std_types::{RStr, RString};
+            use $crate::abi::pdk_abi::{Header, Instance, Plugin, Sink, Status, Text, VERSION};
+            use $crate::abi::plugin::{Package, Registration};
 
-            static TABLE: &[$crate::abi::plugin::Registration] =
-                &[$($($crate::abi::plugin::$kind::<$component>()),*),*];
+            static PACKAGE: Package = Package {
+                name: env!("CARGO_PKG_NAME"),
+                version: env!("CARGO_PKG_VERSION"),
+                homepage: env!("CARGO_PKG_HOMEPAGE"),
+                repository: env!("CARGO_PKG_REPOSITORY"),
+            };
 
-            extern "C" fn describe() -> $crate::abi::Outcome<RString> {
-                $crate::abi::plugin::describe(env!("CARGO_PKG_NAME"), env!("CARGO_PKG_VERSION"), TABLE)
+            static TABLE: &[Registration] = &[$($($crate::abi::plugin::$kind::<$component>()),*),*];
+
+            unsafe extern "C" fn describe(description: *const Sink, error: *const Sink) -> Status {
+                // SAFETY: the host lends both for this call.
+                unsafe { $crate::abi::plugin::describe(&PACKAGE, TABLE, description, error) }
             }
 
-            extern "C" fn create(
+            unsafe extern "C" fn create(
                 index: usize,
-                config: RStr<'_>,
-            ) -> $crate::abi::Outcome<$crate::abi::RawComponent> {
-                $crate::abi::plugin::create(TABLE, index, config)
+                parameters: Text,
+                into: *mut Instance,
+                error: *const Sink,
+            ) -> Status {
+                // SAFETY: the host lends all of it for this call.
+                unsafe { $crate::abi::plugin::create(TABLE, index, parameters, into, error) }
             }
 
-            fn module() -> $crate::abi::PluginModuleRef {
-                $crate::abi::plugin::module(describe, create)
-            }
-
-            extern "C" fn erased_module() -> abi_stable::library::RootModuleResult {
-                abi_stable::library::__call_root_module_loader(module)
-            }
-
-            // SAFETY: the names are part of the interface and no other crate in a plugin uses them.
+            // SAFETY: the name is part of the interface and no other crate in a plugin uses it.
             #[unsafe(no_mangle)]
             #[allow(non_upper_case_globals)]
-            pub static pdk_plugin: abi_stable::library::LibHeader =
-                // SAFETY: `module` returns the root module whose type is named here.
-                unsafe {
-                    abi_stable::library::LibHeader::from_constructor::<$crate::abi::PluginModuleRef>(
-                        erased_module,
-                        abi_stable::library::CheckTypeLayout::Yes,
-                    )
-                };
-
-            // SAFETY: as above.
-            #[unsafe(no_mangle)]
-            pub extern "C" fn pdk_plugin_sdk_version() -> *const ::std::ffi::c_char {
-                $crate::abi::plugin::SDK_VERSION.as_ptr()
-            }
+            pub static pdk_plugin: Header = Header {
+                version: VERSION,
+                plugin: &Plugin {
+                    size: ::core::mem::size_of::<Plugin>(),
+                    describe: Some(describe),
+                    create: Some(create),
+                },
+            };
         };
     };
 }

@@ -45,6 +45,7 @@ pub mod dataset;
 pub mod describe;
 pub mod driver;
 mod export;
+pub mod file;
 pub mod perturbation;
 pub mod saliency;
 pub mod search;
@@ -57,7 +58,7 @@ pub use pdk_model::error;
 pub use pdk_ops as ops;
 pub use serde_json;
 
-/// The version of the SDK. A plugin runs in a host of the same version.
+/// The version of the SDK, which a plugin tells. What decides whether a plugin can be used is [`abi::pdk_abi::VERSION`].
 pub const SDK_VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Everything a component usually needs.
@@ -69,8 +70,8 @@ pub mod prelude {
     pub use crate::driver::{Control, DriveContext, Driver};
     pub use crate::error::{Error, ErrorKind, Result};
     pub use crate::perturbation::{Context, Perturbation};
-    pub use crate::saliency::{HeatmapMut, Saliency};
-    pub use crate::search::{Candidate, Evaluated, Search};
+    pub use crate::saliency::{HeatmapMut, MapContext, Saliency};
+    pub use crate::search::{Candidate, Evaluated, Problem, Range, Search, Space, Variable};
     pub use crate::simulator::{Camera, Scenario, Simulator, State};
     pub use pdk_ops::{Frame, FrameBuf, FrameMut, Key, Random};
 }

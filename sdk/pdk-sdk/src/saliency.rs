@@ -1,19 +1,55 @@
 //! Saliency methods: components that say which pixels matter to a driver.
 
-use pdk_ops::Frame;
+use pdk_ops::{Frame, Key, Random};
 
 use crate::error::{Error, Result};
 
-/// Says how much each pixel of a frame matters.
+/// Says how much each part of a frame matters.
+///
+/// The map depends on the frame, the parameters and the key in the context alone, so that it can be made for any frame on its
+/// own. The model whose view it shows is among the parameters.
 pub trait Saliency: Send {
-    /// Writes a value from 0 (does not matter) to 1 (matters most) for each pixel. `out` is as large as `frame`.
+    /// Width and height of the map of a frame of this size: as large as the frame, where nothing else is said, and never larger.
+    ///
+    /// # Errors
+    /// Where the method cannot use frames of this size.
+    fn map_size(&mut self, width: usize, height: usize) -> Result<[usize; 2]> {
+        Ok([width, height])
+    }
+
+    /// Writes a value from 0 (does not matter) to 1 (matters most) for each part of the frame. `out` has the size that
+    /// [`map_size`](Saliency::map_size) tells, covers the whole frame, and starts out with unspecified values, all of which have
+    /// to be written.
     ///
     /// # Errors
     /// Where the method cannot use the frame.
-    fn map(&mut self, frame: Frame<'_>, out: HeatmapMut<'_>) -> Result<()>;
+    fn map(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, out: HeatmapMut<'_>) -> Result<()>;
 }
 
-/// A writable map of one number a pixel, row by row without gaps.
+/// What a saliency method knows besides the frame.
+#[derive(Debug, Clone, Copy)]
+pub struct MapContext<'a> {
+    /// The number of the frame in its sequence, from 0.
+    pub frame_index: u64,
+    /// Simulation time in seconds since the start of the sequence.
+    pub time: f64,
+    /// The key that all random numbers of this instance come from.
+    pub key: &'a Key,
+}
+
+impl MapContext<'_> {
+    /// Random numbers that are drawn anew for every frame. Every call starts the stream from its beginning.
+    pub fn frame_random(&self) -> Random {
+        self.key.frame(self.frame_index)
+    }
+
+    /// Random numbers that are the same for all frames of a sequence. Every call starts the stream from its beginning.
+    pub fn sequence_random(&self) -> Random {
+        self.key.sequence()
+    }
+}
+
+/// A writable map of one number a part of the frame, row by row without gaps.
 pub struct HeatmapMut<'a> {
     values: &'a mut [f32],
     width: usize,
@@ -23,20 +59,20 @@ impl<'a> HeatmapMut<'a> {
     /// A map over `values`.
     ///
     /// # Errors
-    /// Where the number of values is not `width * height`.
+    /// Where the number of values is not `width * height`, or zero.
     pub fn new(values: &'a mut [f32], width: usize, height: usize) -> Result<Self> {
-        if width == 0 || values.len() != width * height {
+        if values.is_empty() || width.checked_mul(height) != Some(values.len()) {
             return Err(Error::new(format!("{} values cannot hold a {width}x{height} map", values.len())));
         }
         Ok(Self { values, width })
     }
 
-    /// Width in pixels.
+    /// Values in a row.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Height in pixels.
+    /// Rows.
     pub fn height(&self) -> usize {
         self.values.len() / self.width
     }

@@ -1,13 +1,26 @@
-//! Search strategies: components that propose scenarios and learn from outcomes.
+//! Search strategies: components that propose candidates and learn from how these did.
 
-use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
+pub use pdk_model::search::{Candidate, Constraint, Evaluated, Problem, Range, Space, Variable};
+use pdk_ops::Key;
 
 use crate::error::Result;
 
-/// Proposes scenarios and learns from their outcomes, by ask and tell.
+/// Proposes candidates and learns from how they did, by ask and tell.
+///
+/// Candidates and their order depend on problem, key and results alone, never on when results come, how many are told at once,
+/// or how many are asked for. So each candidate depends on the results of a certain number of candidates before it: all of the
+/// generation before, or all but the last eight, as the strategy likes. It uses no others, even where it knows them.
+///
+/// Results are told in the order of the candidates, each once.
 pub trait Search: Send {
-    /// Proposes up to `n` candidates; none where the search is over.
+    /// Begins a search; called once, before anything else. `key` is the origin of everything that it draws.
+    ///
+    /// # Errors
+    /// Where the strategy cannot search this space.
+    fn start(&mut self, problem: &Problem, key: &Key) -> Result<()>;
+
+    /// Proposes the next candidates, at most `n`. Fewer where those after them depend on results that have not been told; none
+    /// although all have been told where the search is over. The same values may be proposed again: nobody evaluates them twice.
     ///
     /// # Errors
     /// Where the strategy cannot propose.
@@ -16,26 +29,6 @@ pub trait Search: Send {
     /// Learns how candidates did.
     ///
     /// # Errors
-    /// Where a result is not one of a candidate that was asked for.
+    /// Where a result is not that of the next candidate.
     fn tell(&mut self, results: &[Evaluated]) -> Result<()>;
-}
-
-/// A scenario that a strategy proposes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Candidate {
-    /// The number of the candidate in its search, from 0.
-    pub id: u64,
-    /// A value for each search variable.
-    pub values: Map<String, Value>,
-}
-
-/// How a candidate did.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Evaluated {
-    /// The number of the candidate.
-    pub id: u64,
-    /// The objectives, smaller is better.
-    pub objectives: Vec<f64>,
-    /// Whether the driver failed.
-    pub critical: bool,
 }

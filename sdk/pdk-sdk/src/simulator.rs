@@ -19,7 +19,8 @@ pub trait Simulator: Send {
 
     /// Puts the vehicle at the start of a scenario. `slot` is the number of the worker that drives it, from 0: two that
     /// drive at the same time have different ones, so that each can take a network port of its own. Nothing else may
-    /// depend on it.
+    /// depend on it. What reaches a plugin has no perturbations: a simulator shows the same world whatever is done to its
+    /// pictures.
     ///
     /// # Errors
     /// Where the scenario cannot be built or the simulator does not answer.

@@ -29,8 +29,8 @@ use crate::describe::{Description, LEVELS};
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, Result};
 use crate::perturbation::{Context, Perturbation};
-use crate::saliency::{HeatmapMut, Saliency};
-use crate::search::{Evaluated, Search};
+use crate::saliency::{HeatmapMut, MapContext, Saliency};
+use crate::search::{Evaluated, Problem, Range, Search, Space, Variable};
 use crate::simulator::{Scenario, Simulator};
 
 /// Makes an instance from parameters.
@@ -46,9 +46,36 @@ const SIZES: [(usize, usize); 4] = [(1, 1), (3, 2), (33, 17), (160, 120)];
 pub fn perturbation<T: Component + Perturbation + 'static>() {
     let description = T::description();
     let mut make = |config: &Config| Ok(Box::new(T::new(config)?) as Box<dyn Perturbation>);
-    for config in configs(&description) {
-        let checked = config.and_then(|config| check_perturbation(&description, &config, &mut make));
-        if let Err(error) = checked {
+    for_each_config(&description, |config| check_perturbation(&description, config, &mut make));
+}
+
+/// One function for each other kind.
+macro_rules! on_types {
+    ($($function:ident: $bound:ident by $check:ident;)*) => {
+        $(
+            #[doc = concat!("Runs [`", stringify!($check), "`] on a type, in a test.")]
+            ///
+            /// # Panics
+            /// Where a check fails, with its sentence.
+            pub fn $function<T: Component + $bound + 'static>() {
+                let mut make = |config: &Config| Ok(Box::new(T::new(config)?) as Box<dyn $bound>);
+                for_each_config(&T::description(), |config| $check(config, &mut make));
+            }
+        )*
+    };
+}
+
+on_types! {
+    driver: Driver by check_driver;
+    simulator: Simulator by check_simulator;
+    saliency: Saliency by check_saliency;
+    search: Search by check_search;
+    dataset: Dataset by check_dataset;
+}
+
+fn for_each_config(description: &Description, mut check: impl FnMut(&Config) -> Result<()>) {
+    for config in configs(description) {
+        if let Err(error) = config.and_then(|config| check(&config)) {
             panic!("{}: {error}", description.name);
         }
     }
@@ -207,9 +234,17 @@ pub fn check_simulator(config: &Config, make: Make<'_, dyn Simulator>) -> Result
 pub fn check_saliency(config: &Config, make: Make<'_, dyn Saliency>) -> Result<()> {
     let mut method = make(config)?;
     let frame = sample_frame(160, 120);
-    let mut maps = [vec![f32::NAN; 160 * 120], vec![f32::NAN; 160 * 120]];
+    let [width, height] = method.map_size(160, 120)?;
+    ensure((1..=160).contains(&width) && (1..=120).contains(&height), || {
+        format!(
+            "its map of a frame of 160x120 has {width}x{height} values; it has to have one, and no more than the frame has pixels"
+        )
+    })?;
+    let key = Key([9; 32]);
+    let mut maps = [vec![f32::NAN; width * height], vec![f32::NAN; width * height]];
     for map in &mut maps {
-        method.map(frame.as_ref(), HeatmapMut::new(map, 160, 120)?)?;
+        let cx = MapContext { frame_index: 5, time: 0.25, key: &key };
+        method.map(frame.as_ref(), &cx, HeatmapMut::new(map, width, height)?)?;
         ensure(map.iter().all(|value| (0.0..=1.0).contains(value)), || {
             "its map has values that are not from 0 to 1, or that were not written".to_owned()
         })?;
@@ -217,20 +252,88 @@ pub fn check_saliency(config: &Config, make: Make<'_, dyn Saliency>) -> Result<(
     ensure(maps[0] == maps[1], || "the same frame gives two maps".to_owned())
 }
 
-/// Checks that a search strategy proposes no more than it is asked for, and takes the results.
+/// Checks that a search strategy proposes no more than it is asked for, that all it proposes lies in the space, and that what it
+/// proposes does not depend on how many candidates it is asked for and how many results it is told at once.
 ///
 /// # Errors
 /// The first check that fails.
 pub fn check_search(config: &Config, make: Make<'_, dyn Search>) -> Result<()> {
-    let mut strategy = make(config)?;
-    for _ in 0..3 {
-        let candidates = strategy.ask(4)?;
-        ensure(candidates.len() <= 4, || format!("asked for 4 candidates it proposes {}", candidates.len()))?;
-        let evaluated =
-            candidates.iter().map(|c| Evaluated { id: c.id, objectives: vec![0.5; 4], critical: false });
-        strategy.tell(&evaluated.collect::<Vec<_>>())?;
+    let problem = search_problem();
+    let key = Key([7; 32]);
+    let mut ways = Vec::new();
+    for at_once in [1, 7, 64] {
+        let mut strategy = make(config)?;
+        strategy.start(&problem, &key)?;
+        ways.push(searched(strategy.as_mut(), &problem, at_once)?);
+    }
+    ensure(!ways[0].is_empty(), || "asked for a candidate it proposes none".to_owned())?;
+    for way in &ways[1..] {
+        // What was asked for at last may be more in one way than in another.
+        let both = ways[0].len().min(way.len());
+        let differs = (0..both).find(|&i| ways[0][i] != way[i]);
+        ensure(differs.is_none(), || {
+            format!(
+                "candidate {} depends on how many candidates are asked for and told at once",
+                differs.unwrap_or_default()
+            )
+        })?;
     }
     Ok(())
+}
+
+/// A small problem with a range of each kind.
+fn search_problem() -> Problem {
+    let variable = |name: &str, range| Variable { name: name.to_owned(), range };
+    let values = |names: [&str; 3]| names.map(Value::from).to_vec();
+    Problem {
+        space: Space {
+            variables: vec![
+                variable("x", Range::Real { min: -1.0, max: 2.0 }),
+                variable("n", Range::Integer { min: 0, max: 20 }),
+                variable("rank", Range::Ordinal { values: values(["low", "middle", "high"]) }),
+                variable("kind", Range::Choice { values: values(["a", "b", "c"]) }),
+            ],
+            constraints: Vec::new(),
+        },
+        objectives: vec!["first".to_owned(), "second".to_owned()],
+        evaluations: Some(200),
+    }
+}
+
+/// What a strategy proposes for some 200 candidates, where so many are asked for and told at once.
+fn searched(strategy: &mut dyn Search, problem: &Problem, at_once: usize) -> Result<Vec<Map<String, Value>>> {
+    let mut proposed = Vec::new();
+    while proposed.len() < 200 {
+        let candidates = strategy.ask(at_once)?;
+        ensure(candidates.len() <= at_once, || {
+            format!("asked for {at_once} candidates it proposes {}", candidates.len())
+        })?;
+        if candidates.is_empty() {
+            break;
+        }
+        let mut results = Vec::new();
+        for candidate in candidates {
+            let number = proposed.len() as u64;
+            ensure(candidate.id == number, || {
+                format!("candidate {number} has the number {}; they count from 0", candidate.id)
+            })?;
+            let x = problem
+                .space
+                .positions(&candidate.values)
+                .map_err(|error| error.at(format_args!("candidate {number}")))?;
+            let failed = number % 17 == 16;
+            results.push(Evaluated {
+                id: number,
+                objectives: if failed { Vec::new() } else { vec![x[0] * x[0] + x[2], x[1] - x[0] * x[3]] },
+                violations: Vec::new(),
+                critical: !failed && x[0] > 1.0 && x[1] > 10.0,
+                failure: failed.then(|| "it failed".to_owned()),
+            });
+            proposed.push(candidate.values);
+        }
+        strategy.tell(&results)?;
+    }
+    Ok(proposed)
 }
 
 /// Checks that a dataset's frames can be read in any order.

@@ -5,13 +5,11 @@
 
 mod assembly;
 mod convert;
-mod file;
 mod index;
 mod reader;
 mod writer;
 
 pub use assembly::has_assembly;
 pub use convert::Yuv420;
-pub use file::regular_file;
 pub use reader::{Container, Input, Opened, Reader, container, only_h264};
 pub use writer::Writer;

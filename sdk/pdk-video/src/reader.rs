@@ -8,10 +8,10 @@ use mp4::{MediaType, Mp4Reader, TrackType};
 use openh264::OpenH264API;
 use openh264::decoder::{DecodedYUV, Decoder, DecoderConfig, Flush};
 use openh264::formats::YUVSource;
+use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
 use crate::convert::Yuv420;
-use crate::file::regular_file;
 use crate::index::{CUT_OFF, check_boxes, check_samples};
 
 /// Profiles that the decoder knows: Baseline, Main, Extended and High. The others have more bits or more chroma.
@@ -57,7 +57,7 @@ impl Reader {
     /// # Errors
     /// Where it cannot be read, is no MP4 file, is cut off, or has no video that can be decoded here.
     pub fn open_file(path: &Path) -> Result<Box<Self>> {
-        let (file, size) = regular_file(path)?;
+        let (file, size) = file::open(path)?;
         match Self::open(Box::new(BufReader::new(file)), size, false)? {
             Opened::Frames(reader) => Ok(reader),
             Opened::OtherCodec(codec) => Err(only_h264(&codec)),

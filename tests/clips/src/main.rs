@@ -12,6 +12,7 @@ mod rain;
 mod smoke;
 mod snow;
 mod sun;
+mod travel;
 mod video;
 
 use std::io::{Error, Result};

@@ -12,7 +12,11 @@ pub struct Misbehaving {
 impl Component for Misbehaving {
     fn description() -> Description {
         let description = Description::saliency("misbehave", "Misbehaves as told");
-        describe(description, &["new", "drop", "map"], &["out_of_range", "leave_values"])
+        describe(
+            description,
+            &["new", "drop", "map_size", "map"],
+            &["out_of_range", "leave_values", "large_map"],
+        )
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -21,7 +25,12 @@ impl Component for Misbehaving {
 }
 
 impl Saliency for Misbehaving {
-    fn map(&mut self, _frame: Frame<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
+    fn map_size(&mut self, width: usize, height: usize) -> Result<[usize; 2]> {
+        self.manner.reach("map_size");
+        Ok([if self.manner.is("large_map") { width + 1 } else { width / 2 }, height])
+    }
+
+    fn map(&mut self, _frame: Frame<'_>, _cx: &MapContext<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
         self.manner.reach("map");
         match self.manner.how.as_str() {
             "out_of_range" => out.values_mut().fill(2.0),

@@ -1,7 +1,6 @@
-//! A library that tells another SDK version and nothing else, as a plugin from another time would.
+//! A library for the tests that was built for another version of the plugin interface: the version is all that it has.
 
 // SAFETY: the name is part of pdk's plugin interface, and nothing else in this library uses it.
 #[unsafe(no_mangle)]
-extern "C" fn pdk_plugin_sdk_version() -> *const std::ffi::c_char {
-    c"0.0.1".as_ptr()
-}
+#[allow(non_upper_case_globals)]
+static pdk_plugin: u64 = 2;

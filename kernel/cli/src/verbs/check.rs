@@ -237,6 +237,9 @@ fn work(arguments: &Arguments, skipped: usize) -> Result<()> {
         version: plugin.description.version.clone(),
         components: components.iter().map(|c| format!("{} `{}`", c.kind, c.name)).collect(),
     });
+    if skipped == 0 {
+        plugin.skipped.iter().for_each(|sentence| report(&Report::Note(sentence.clone())));
+    }
     let mut number = 0;
     for (index, description) in components.iter().enumerate() {
         for (parameters, name) in parameters(description, &arguments.values) {

@@ -8,6 +8,7 @@ use pdk_core::registry::Registry;
 use pdk_core::search_path::{self, PATH_VARIABLE};
 use pdk_lua::LuaScripts;
 use pdk_sdk::SDK_VERSION;
+use pdk_sdk::abi::pdk_abi;
 use pdk_sdk::cache::{self, Cache};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
@@ -47,7 +48,11 @@ impl State {
 /// Looks at everything that pdk needs. Fails where something does not work.
 pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
     let search = global.search_path();
-    let version = format!("pdk {}, plugins for pdk-sdk {SDK_VERSION}", env!("CARGO_PKG_VERSION"));
+    let version = format!(
+        "pdk {}, for plugins of version {} of the interface, SDK {SDK_VERSION}",
+        env!("CARGO_PKG_VERSION"),
+        pdk_abi::VERSION
+    );
     let mut findings = vec![Finding { subject: "version", state: State::Good, text: version }, libraries()];
     // Where a part of pdk is missing there are no components, and that has been said.
     match Registry::discover(&search, Box::new(LuaScripts::new(&search))) {
@@ -57,6 +62,11 @@ pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
                 subject: "left out",
                 state: State::Bad,
                 text: error.to_string(),
+            }));
+            findings.extend(registry.skipped().iter().map(|skipped| Finding {
+                subject: "left out",
+                state: State::Note,
+                text: skipped.clone(),
             }));
         }
         Err(error) if installation::libraries().is_ok() => {
@@ -130,7 +140,9 @@ fn sdk() -> Finding {
 
 fn plugin_folders() -> Finding {
     let text = match search_path::user_folder() {
-        Some(folder) => format!("your own go to {}, or use --plugins DIR", folder.display()),
+        Some(folder) => {
+            format!("your own go to {} with `pdk plugin add FILE`, or use --plugins DIR", folder.display())
+        }
         None => format!(
             "there is no folder for your own, because neither HOME nor XDG_DATA_HOME is set; use --plugins DIR or {PATH_VARIABLE}"
         ),
@@ -167,7 +179,7 @@ fn video() -> Finding {
             subject: "video",
             state: State::Note,
             text: "H.264 is built in without assembly, so videos and the first use of a clip take longer; install nasm, then \
-                   `cargo clean --release -p openh264-sys2` and build pdk again"
+                   `cargo clean --release -p openh264-sys2 -p pdk-video` and build pdk again"
                 .to_owned(),
         },
     }

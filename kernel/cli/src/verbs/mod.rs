@@ -7,7 +7,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use pdk_core::registry::Registry;
 use pdk_core::search_path::SearchPath;
 use pdk_core::supervisor::Limits;
-use pdk_core::{calls, eprintln, output, println};
+use pdk_core::{calls, eprintln, inspection, output, println};
 use pdk_lua::LuaScripts;
 use pdk_sdk::error::{Place, Result};
 use pdk_session::connection::Pool;
@@ -23,6 +23,7 @@ mod list;
 mod network;
 mod new;
 mod perturb;
+mod plugin;
 mod preview;
 mod reference;
 mod replay;
@@ -31,6 +32,7 @@ mod road;
 mod run;
 mod saliency;
 mod show;
+mod shrink;
 mod worker;
 
 /// Tests driving models by disturbing what their camera sees
@@ -78,6 +80,9 @@ impl Global {
         for refused in registry.refused() {
             eprintln!("pdk: warning: {refused}");
         }
+        for skipped in registry.skipped() {
+            eprintln!("pdk: warning: {skipped}");
+        }
         Ok(registry)
     }
 
@@ -112,6 +117,8 @@ enum Verb {
     New(new::Arguments),
     /// Check a plugin before shipping it
     Check(check::Arguments),
+    /// Install, list and remove plugins
+    Plugin(plugin::Arguments),
     /// Say what is installed, what is missing and what to do
     Doctor(doctor::Arguments),
     /// Write a page about a run: what failed, when, where and how often
@@ -120,10 +127,18 @@ enum Verb {
     Road(road::Arguments),
     /// Drive recorded scenarios again and compare them with their record, bit for bit
     Replay(replay::Arguments),
+    /// Make a scenario that failed as simple as it can be and still fail
+    Shrink(shrink::Arguments),
     /// Export the record of a run for other tools
     Export(export::Arguments),
     /// Do jobs for a session: JSON lines on standard input and output (see docs/worker-protocol.md)
     Worker(worker::Arguments),
+    /// Open libraries, and say what came of it
+    #[command(name = inspection::VERB, hide = true)]
+    Inspect {
+        /// The libraries
+        libraries: Vec<PathBuf>,
+    },
     /// Write the completions for a shell to standard output
     Completions {
         /// The shell
@@ -143,17 +158,18 @@ impl Verb {
         match self {
             Verb::Perturb(_) | Verb::Preview(_) | Verb::Saliency(_) | Verb::Reference(_) => true,
             Verb::List(_) | Verb::Show(_) => true,
-            Verb::New(_) | Verb::Doctor(_) => true,
+            Verb::New(_) | Verb::Doctor(_) | Verb::Plugin(_) => true,
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
-            Verb::Run(_) | Verb::Replay(_) | Verb::Check(_) | Verb::Worker(_) => false,
+            Verb::Run(_) | Verb::Replay(_) | Verb::Shrink(_) | Verb::Check(_) | Verb::Worker(_) => false,
             Verb::Report(_) | Verb::Road(_) | Verb::Export(_) => false,
-            Verb::Completions { .. } | Verb::Man { .. } => false,
+            Verb::Inspect { .. } | Verb::Completions { .. } | Verb::Man { .. } => false,
         }
     }
 }
 
 /// Runs the verb on the command line.
 pub fn main() -> ExitCode {
+    inspection::enable();
     let cli = Cli::parse();
     if cli.verb.calls_components() && !calls::supervised() {
         return supervised::run().unwrap_or_else(|error| failed(&error));
@@ -169,12 +185,15 @@ pub fn main() -> ExitCode {
         Verb::Show(arguments) => show::run(global, arguments),
         Verb::New(arguments) => new::run(global, arguments),
         Verb::Check(arguments) => check::run(global, arguments),
+        Verb::Plugin(arguments) => plugin::run(global, arguments),
         Verb::Doctor(arguments) => doctor::run(global, arguments),
         Verb::Report(arguments) => report::run(global, arguments),
         Verb::Road(arguments) => road::run(global, arguments),
         Verb::Replay(arguments) => replay::run(global, arguments),
+        Verb::Shrink(arguments) => shrink::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
         Verb::Worker(arguments) => worker::run(arguments),
+        Verb::Inspect { libraries } => inspection::serve(libraries),
         Verb::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), "pdk", &mut script);

@@ -35,8 +35,12 @@ pub struct Arguments {
 enum What {
     /// A perturbation in Lua: one file
     Perturbation,
-    /// A plugin in Rust: a crate of its own
+    /// A plugin in Rust with a perturbation: a crate of its own
     Plugin,
+    /// A plugin in Rust with a simulator: a crate of its own
+    Simulator,
+    /// A plugin in Rust with a driver: a crate of its own
+    Driver,
     /// A pipeline in Lua: one file
     Pipeline,
 }
@@ -53,8 +57,8 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     if arguments.from.is_some() && !matches!(arguments.what, What::Pipeline) {
         return Err(Error::new("--from is for pipelines; leave it out, or write `pdk new pipeline`"));
     }
-    if matches!(arguments.what, What::Perturbation | What::Plugin) {
-        refuse_taken(global.registry()?.catalog(), name)?;
+    if let Some(kind) = arguments.what.kind() {
+        refuse_taken(global.registry()?.catalog(), kind, name)?;
     }
     let folder = arguments.out.clone().unwrap_or_default();
     match arguments.what {
@@ -72,35 +76,69 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             write(&file, template, arguments)?;
             println!("Wrote {}. Try it:\n  pdk run {}", file.display(), file.display());
         }
-        What::Plugin => {
-            let folder = folder.join(name);
-            if folder.exists() {
-                return Err(Error::new(format!("{} exists already; choose another name", folder.display())));
-            }
-            for (file, text) in [
-                ("Cargo.toml", include_str!("../../templates/plugin/Cargo.toml.txt")),
-                ("src/lib.rs", include_str!("../../templates/plugin/lib.rs.txt")),
-                ("README.md", include_str!("../../templates/plugin/README.md")),
-                (".gitignore", "/target\n"),
-            ] {
-                write(&folder.join(file), text, arguments)?;
-            }
-            let library = format!("target/release/lib{name}.{}", std::env::consts::DLL_EXTENSION);
-            println!("Wrote {}. Build, test and check it:", folder.display());
-            println!(
-                "  cd {} && cargo test --release && cargo build --release && pdk check {library}",
-                folder.display()
-            );
-        }
+        What::Plugin | What::Simulator | What::Driver => write_crate(&folder.join(name), arguments)?,
     }
     Ok(())
 }
 
-/// Refuses the name of a perturbation that is there already: one of the two would be left out.
-fn refuse_taken(catalog: &Catalog, name: &str) -> Result<()> {
-    match catalog.get(Kind::Perturbation, name) {
+impl What {
+    /// The kind of the component that is written; none for a pipeline.
+    fn kind(self) -> Option<Kind> {
+        match self {
+            What::Perturbation | What::Plugin => Some(Kind::Perturbation),
+            What::Simulator => Some(Kind::Simulator),
+            What::Driver => Some(Kind::Driver),
+            What::Pipeline => None,
+        }
+    }
+}
+
+/// Writes the crate of a plugin.
+fn write_crate(folder: &Path, arguments: &Arguments) -> Result<()> {
+    let (name, shown) = (&arguments.name, folder.display());
+    if folder.exists() {
+        return Err(Error::new(format!("{shown} exists already; choose another name")));
+    }
+    let (source, readme) = match arguments.what {
+        What::Simulator => (
+            include_str!("../../templates/simulator/lib.rs.txt"),
+            include_str!("../../templates/simulator/README.md"),
+        ),
+        What::Driver => (
+            include_str!("../../templates/driver/lib.rs.txt"),
+            include_str!("../../templates/driver/README.md"),
+        ),
+        What::Plugin | What::Perturbation | What::Pipeline => (
+            include_str!("../../templates/plugin/lib.rs.txt"),
+            include_str!("../../templates/plugin/README.md"),
+        ),
+    };
+    let mut dependencies = format!("pdk-sdk = {}\n", sdk_dependency(arguments)?);
+    if source.contains("libm::") {
+        dependencies = format!("libm = \"0.2\"\n{dependencies}");
+    }
+    let package =
+        include_str!("../../templates/plugin/Cargo.toml.txt").replace("{{dependencies}}", &dependencies);
+    for (file, text) in [
+        ("Cargo.toml", package.as_str()),
+        ("src/lib.rs", source),
+        ("README.md", readme),
+        (".gitignore", "/target\n"),
+    ] {
+        write(&folder.join(file), text, arguments)?;
+    }
+    let library = format!("target/release/lib{name}.{}", std::env::consts::DLL_EXTENSION);
+    println!("Wrote {shown}. Build, test, check and install it:");
+    println!("  cd {shown} && cargo test --release && cargo build --release");
+    println!("  pdk check {library} && pdk plugin add {library}");
+    Ok(())
+}
+
+/// Refuses the name of a component that is there already: one of the two would be left out.
+fn refuse_taken(catalog: &Catalog, kind: Kind, name: &str) -> Result<()> {
+    match catalog.get(kind, name) {
         Ok(taken) => Err(Error::new(format!(
-            "there is a perturbation `{name}` already, in {}; choose another name",
+            "there is a {kind} `{name}` already, in {}; choose another name",
             taken.file.display()
         ))),
         Err(_) => Ok(()),
@@ -110,10 +148,6 @@ fn refuse_taken(catalog: &Catalog, name: &str) -> Result<()> {
 /// Writes a file from a template; never over one that is there.
 fn write(file: &Path, template: &str, arguments: &Arguments) -> Result<()> {
     let text = template.replace("{{name}}", &arguments.name).replace("{{type}}", &type_name(&arguments.name));
-    let text = match text.contains("{{sdk}}") {
-        true => text.replace("{{sdk}}", &sdk_dependency(arguments)?),
-        false => text,
-    };
     if let Some(folder) = file.parent() {
         fs::create_dir_all(folder).place(format_args!("cannot make the folder {}", folder.display()))?;
     }

@@ -1,6 +1,5 @@
 //! `pdk perturb`: perturbs an image, or a video frame by frame.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -10,6 +9,7 @@ use pdk_core::chain::Chain;
 use pdk_core::{modifiers, output, println};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
 use pdk_sdk::prelude::FrameBuf;
 use pdk_video::{Container, Reader, Writer, Yuv420};
 use serde_json::json;
@@ -80,7 +80,7 @@ fn check_output(input: &Path, output: &Path) -> Result<()> {
 fn is_video(input: &Path, output: &Path) -> Result<bool> {
     let mut head = Vec::new();
     // Where it cannot be read, reading the image says so.
-    let read = File::open(input).and_then(|file| file.take(12).read_to_end(&mut head));
+    let read = file::open(input).and_then(|(file, _)| Ok(file.take(12).read_to_end(&mut head)?));
     let container = pdk_video::container(&head);
     let mp4 = output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4"));
     let (input, output) = (input.display(), output.display());

@@ -1,4 +1,4 @@
-//! The shipped library, in pipelines whose `pdk` answers without driving anything.
+//! The shipped library, in pipelines whose `pdk` answers without driving anything, and has simple statistics.
 
 use mlua::{LuaSerdeExt, Table, Value};
 use pdk_sdk::serde_json::{self, json};
@@ -13,6 +13,7 @@ const PDK: &str = r#"
     local calls = { drives = {}, tables = {}, saved = {} }
     local function settled(defaults)
         defaults.roads = 3
+        defaults.repeats = 2
         defaults.perturbations = { "fog", "rain", "fog" }
         defaults.levels = { 3, 0, 3, 1 }
         return defaults
@@ -33,11 +34,52 @@ const PDK: &str = r#"
                 outcomes[i] = {
                     success = success,
                     cause = if success then "end_of_road" else "lane_departure",
+                    verdict = if success then "passed" else "unsafe",
+                    time = 3,
                     mean_cross_track_error = scenario.road.angles[1] + level / 10,
                 }
                 table.insert(calls.drives, `{scenario.name} {scenario.road.angles[1]} {request.driver} {request.duration}`)
             end
             return outcomes
+        end,
+        draws = function(name) return name == "rain" end,
+        failed_share = function(roads)
+            local failed, count = 0, 0
+            for _, road in roads do
+                for _, one in road do
+                    count += 1
+                    failed += if one then 1 else 0
+                end
+            end
+            return if count > 0 then { value = failed / count, low = 0, high = 1 } else nil
+        end,
+        mean = function(values)
+            return if #values > 0 then { value = values[1], low = values[1], high = values[1] } else nil
+        end,
+        groups = function(entries)
+            local groups = {}
+            for i in entries do
+                groups[i] = i
+            end
+            return groups
+        end,
+        compare = function(first, second)
+            return { difference = { value = first[1] - second[1], low = -1, high = 1 }, effect_size = 0, p = 1, roads = #first }
+        end,
+        failing_level = function(roads)
+            local drives, level = 0, nil
+            for _, trials in roads do
+                for _, trial in trials do
+                    drives += 1
+                    if trial.failed and (not level or trial.level < level) then
+                        level = trial.level
+                    end
+                end
+            end
+            return if drives > 0 then { level = level, low = level, high = level, drives = drives } else nil
+        end,
+        next_level = function(trials, search)
+            return if #trials == 0 then search.highest elseif #trials == 1 and trials[1].failed then search.lowest else nil
         end,
         table = function(header, rows) table.insert(calls.tables, { header, rows }) end,
         save = function(name, value) calls.saved[name] = value end,
@@ -67,40 +109,102 @@ fn run(name: &str, from: &str, to: &str) -> Result<(serde_json::Value, Modules),
     Ok((sandbox.lua().from_value(Value::Table(calls.unwrap())).unwrap(), modules))
 }
 
+fn drives(calls: &serde_json::Value) -> Vec<&str> {
+    calls["drives"].as_array().unwrap().iter().filter_map(|drive| drive.as_str()).collect()
+}
+
 #[test]
-fn studies_leave_out_roads_and_drive_the_others() {
-    let (greedy, modules) = run("greedy", "dave2", "dave3").unwrap();
-    let nominal = ["nominal, road 1 1 dave3 40", "nominal, road 2 2 dave3 40", "nominal, road 3 3 dave3 40"];
-    let drives: Vec<&str> = greedy["drives"].as_array().unwrap().iter().filter_map(|d| d.as_str()).collect();
-    assert_eq!(drives[..3], nominal);
+fn a_climb_goes_level_by_level_and_repeats_what_draws() {
+    let (greedy, modules) = run("greedy", r#"search = "bisect""#, r#"search = "climb""#).unwrap();
+    let drives = drives(&greedy);
     assert_eq!(
-        drives[3..8],
+        drives[..3],
+        ["nominal, road 1 1 dave2 30", "nominal, road 2 2 dave2 30", "nominal, road 3 3 dave2 30"]
+    );
+    assert_eq!(
+        drives[3..10],
         [
-            "fog@0, road 1 1 dave3 40",
-            "rain@0, road 1 1 dave3 40",
-            "fog@0, road 3 3 dave3 40",
-            "rain@0, road 3 3 dave3 40",
-            "fog@1, road 1 1 dave3 40"
+            "fog@0, road 1 1 dave2 30",
+            "rain@0, road 1 1 dave2 30",
+            "rain@0, road 1, repeat 2 1 dave2 30",
+            "fog@0, road 3 3 dave2 30",
+            "rain@0, road 3 3 dave2 30",
+            "rain@0, road 3, repeat 2 3 dave2 30",
+            "fog@1, road 1 1 dave2 30",
         ]
     );
+    // Three levels each: the last is where fog fails.
+    assert_eq!(drives.len(), 3 + 3 * (2 + 4));
     let saved = &greedy["saved"]["greedy.json"];
     assert_eq!(saved["left_out"], json!([{ "road": 2, "cause": "lane_departure" }]));
     let road = |number: u32| json!({ "number": number, "road": { "angles": [number, 0], "segment": 25 }, "nominal": number });
     assert_eq!(saved["roads"], json!([road(1), road(3)]));
-    assert_eq!(saved["results"][0]["first_failing_level"], 3);
-    assert_eq!(saved["results"][1].get("first_failing_level"), None);
+    let fog = &saved["results"][0];
+    assert_eq!((&fog["failing_level"]["level"], &fog["failing_level"]["drives"]), (&json!(3), &json!(6)));
+    assert_eq!(
+        (&fog["unsafe"], &fog["stopped"], &fog["median_time_to_failure"]),
+        (&json!(2), &json!(0), &json!(3))
+    );
+    assert_eq!(saved["results"][1]["failing_level"].get("level"), None);
     assert_eq!(modules.loaded()[0].name, "@pdk/study");
+}
 
+#[test]
+fn a_bisection_drives_what_it_is_told() {
+    let (greedy, _) = run("greedy", "dave2", "dave3").unwrap();
+    let drives = drives(&greedy);
+    assert_eq!(drives[3..5], ["fog@3, road 1 1 dave3 30", "rain@3, road 1 1 dave3 30"]);
+    // The highest level everywhere, then the lowest where fog failed.
+    assert_eq!(drives.len(), 3 + 6 + 2);
+    assert_eq!(drives[9..], ["fog@0, road 1 1 dave3 30", "fog@0, road 3 3 dave3 30"]);
+    let searches = greedy["saved"]["greedy.json"]["searches"].as_array().unwrap();
+    let counts: Vec<usize> =
+        searches.iter().map(|search| search["drives"].as_array().unwrap().len()).collect();
+    assert_eq!(counts, [2, 1, 1, 2, 1, 1]);
+}
+
+#[test]
+fn a_study_repeats_what_draws_and_compares_drivers() {
     let (study, _) = run("study", "dave2", "dave3").unwrap();
-    let drives: Vec<&str> = study["drives"].as_array().unwrap().iter().filter_map(|d| d.as_str()).collect();
-    assert_eq!(drives[..3], nominal);
-    assert_eq!(drives.len(), 3 + 2 * 3 * 2);
+    let found = drives(&study);
+    assert_eq!(
+        found[..4],
+        [
+            "nominal, road 1 1 dave3 30",
+            "nominal, road 2 2 dave3 30",
+            "nominal, road 3 3 dave3 30",
+            "nominal, road 1, repeat 2 1 dave3 30"
+        ]
+    );
+    // Two roads and three levels: fog once, rain twice each.
+    assert_eq!(found.len(), 6 + 2 * 3 * (1 + 2));
     let saved = &study["saved"]["ranking.json"];
     assert_eq!(saved["left_out"], json!([{ "road": 2, "cause": "lane_departure" }]));
     let road = |number: u32| json!({ "road": number, "seed": number, "angles": [number, 0], "nominal_mean_cross_track_error": number });
     assert_eq!(saved["roads"], json!([road(1), road(3)]));
-    assert_eq!(saved["ranking"][0]["perturbation"], "fog");
-    assert_eq!(saved["ranking"][0]["failures"], 2);
+    let fog = &saved["ranking"][0];
+    assert_eq!(
+        (&fog["perturbation"], &fog["failures"], &fog["unsafe"]),
+        (&json!("fog"), &json!(2), &json!(2))
+    );
+    assert_eq!(
+        fog["by_road"],
+        json!([1, 3].map(|road| json!({ "road": road, "scenarios": 3, "failures": 1 })))
+    );
+    assert_eq!(fog["by_level"][2]["failed_share"], 1);
+    assert_eq!(saved["ranking"][1]["scenarios"], 12);
+    assert_eq!(saved["by_level"][2]["failures"], 2);
+    assert_eq!(saved.get("comparison"), None);
+
+    let (both, _) = run("study", r#"against = """#, r#"against = "lane_keeper""#).unwrap();
+    let drives = drives(&both);
+    assert_eq!(drives.len(), 2 * found.len());
+    assert_eq!(drives.iter().filter(|drive| drive.contains("lane_keeper")).count(), found.len());
+    let comparison = &both["saved"]["ranking.json"]["comparison"];
+    assert_eq!(
+        (&comparison[0]["perturbation"], &comparison[0]["paired"]["roads"]),
+        (&json!("fog"), &json!(2))
+    );
 }
 
 #[test]
@@ -117,8 +221,12 @@ fn settings_that_make_no_study_are_refused_at_their_pipeline() {
             error("study.checked((function() settings.levels = {} return settings end)()"),
             format!("{name}:{line}: levels is empty; name at least one from 0 to 4")
         );
-        let error = run(name, "= study.roads(settings)", "= {}, {}").map(|_| ()).unwrap_err();
-        assert!(error.contains("the driver managed no road without perturbation"), "{error}");
+        let roads = source.lines().find(|line| line.contains("= study.roads(")).unwrap();
+        let error = run(name, roads, "local driven, left_out = {}, {}").map(|_| ()).unwrap_err();
+        assert!(
+            error.contains("managed no road without") || error.contains("no road was managed"),
+            "{error}"
+        );
     }
 }
 

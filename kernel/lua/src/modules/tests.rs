@@ -281,10 +281,16 @@ fn what_is_wrong_is_said_with_the_file_and_the_line() {
         ("local l = require('./later')\n\nl.fail()", "pipelines/later.lua:2: later"),
         (
             "require('./large')",
-            "p.lua:1: the module pipelines/large.lua has more than 1048576 bytes; split it",
+            "p.lua:1: the module pipelines/large.lua cannot be read (it has more than 1 MiB, which is too large for what it is to be)",
         ),
-        ("require('./binary')", "p.lua:1: the module pipelines/binary.lua cannot be read (it is not UTF-8)"),
-        ("require('./folder')", "p.lua:1: the module pipelines/folder.lua cannot be read (it is not a file)"),
+        (
+            "require('./binary')",
+            "p.lua:1: the module pipelines/binary.lua cannot be read (it is not text: byte 0 is not UTF-8)",
+        ),
+        (
+            "require('./folder')",
+            "p.lua:1: the module pipelines/folder.lua cannot be read (it is a folder, and only regular files are read; name a file)",
+        ),
         (
             "require('./both')",
             "p.lua:1: require(\"./both\") could be pipelines/both.lua or pipelines/both.luau; rename one of them",

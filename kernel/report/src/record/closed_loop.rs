@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use pdk_core::ledger::Line;
-use pdk_model::outcome::Cause;
+use pdk_model::canonical::canonical;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Mode;
 
 use super::clips::ClipFolder;
 use super::shell;
-use crate::view::{Drive, Scenario, Verdict};
+use crate::view::{Drive, Scenario};
 
 /// The scenarios of each simulator, driver and mode, in the order in which these come first. The number of a scenario is its
 /// place among the lines.
@@ -40,11 +40,9 @@ fn scenario(number: u64, line: &Line, folder: &Path, clips: &ClipFolder) -> Scen
         name: line.name.clone(),
         perturbation,
         level,
-        verdict: match outcome.cause {
-            Cause::Error => Verdict::Void,
-            _ if outcome.success => Verdict::Passed,
-            _ => Verdict::Failed,
-        },
+        road_id: canonical(&line.scenario.road),
+        repeat: line.scenario.repeat,
+        verdict: outcome.cause.verdict(),
         cause: outcome.cause.text().to_owned(),
         error: outcome.error.clone().unwrap_or_default(),
         time: outcome.time,
@@ -52,6 +50,7 @@ fn scenario(number: u64, line: &Line, folder: &Path, clips: &ClipFolder) -> Scen
         progress: outcome.progress,
         mean_error: outcome.mean_cross_track_error,
         max_error: outcome.max_cross_track_error,
+        measures: outcome.measures.as_deref().copied(),
         replay: shell::replay(folder, number),
         clip: clips.address(number),
         ..Scenario::default()
@@ -75,6 +74,7 @@ fn condition(applied: &[AppliedPerturbation]) -> (Option<String>, Option<f64>) {
 mod tests {
     use super::super::clips::clip_folder;
     use super::*;
+    use crate::view::Verdict;
 
     #[test]
     fn a_level_that_all_share_is_the_column() {
@@ -129,6 +129,6 @@ mod tests {
         assert_eq!(told, expected);
         assert_eq!(drives[0].scenarios[1].replay, "pdk replay run --scenario 2");
         let mut all = drives.iter().flat_map(|d| &d.scenarios);
-        assert!(all.all(|s| s.verdict == Verdict::Failed && s.clip.is_empty() && s.road.is_none()));
+        assert!(all.all(|s| s.verdict == Verdict::Stopped && s.clip.is_empty() && s.road.is_none()));
     }
 }

@@ -4,6 +4,7 @@ mod clips;
 mod closed_loop;
 mod offline;
 mod read;
+mod search;
 mod setup;
 mod shell;
 mod times;

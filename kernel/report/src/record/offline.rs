@@ -1,11 +1,11 @@
 //! Offline results as a page shows them: sums over the lines, so that a run that has not ended has them too.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufRead, BufReader, ErrorKind};
+use std::io::{BufRead, BufReader};
 
 use pdk_core::directory::{RESULTS, RunDirectory};
 use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
 use pdk_sdk::prelude::Control;
 use serde::Deserialize;
 
@@ -63,11 +63,7 @@ struct Cell {
 /// Where the results cannot be read, or a line is damaged.
 pub fn read(directory: &RunDirectory) -> Result<Vec<Evaluation>> {
     let path = directory.path().join(RESULTS);
-    let file = match File::open(&path) {
-        Ok(file) => file,
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(Error::from(error).at(path.display())),
-    };
+    let Some((file, _)) = file::open_if_there(&path).place(path.display())? else { return Ok(Vec::new()) };
     let mut evaluations: BTreeMap<u64, Sums> = BTreeMap::new();
     let (mut reader, mut text, mut number) = (BufReader::new(file), Vec::new(), 0);
     loop {

@@ -1,20 +1,20 @@
 //! Reads a record as a whole.
 
 use std::collections::HashSet;
-use std::fs::{self, File};
-use std::io::{ErrorKind, Read as _, Seek, SeekFrom};
+use std::io::{Read as _, Seek, SeekFrom};
 use std::path::Path;
 
 use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SCENARIOS, SUMMARY};
 use pdk_core::ledger::{self, Line};
 use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::clips::clip_folder;
 use super::setup::{setup, title};
 use super::times::Performance;
-use super::{closed_loop, offline, traces};
+use super::{closed_loop, offline, search, traces};
 use crate::view::{Drive, Run};
 
 /// Failures whose last frames are shown.
@@ -44,7 +44,8 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
         false => (Vec::new(), false),
     };
     let evaluations = offline::read(&directory)?;
-    if lines.is_empty() && evaluations.is_empty() {
+    let searches = search::read(&directory, folder)?;
+    if lines.is_empty() && evaluations.is_empty() && searches.is_empty() {
         return Err(Error::new(format!(
             "the record in {} holds no scenario and no result yet; wait for the first, or run the pipeline again",
             folder.display()
@@ -62,6 +63,7 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
         setup: setup(&manifest),
         drives,
         evaluations,
+        searches,
         drive_times: performance.as_ref().and_then(Performance::drive),
         evaluate_times: performance.as_ref().map(Performance::evaluations).unwrap_or_default(),
     };
@@ -76,11 +78,10 @@ pub fn scenarios(run: &Run) -> usize {
 /// A JSON file of the record; none where it is not there.
 fn json<T: DeserializeOwned>(directory: &RunDirectory, name: &str) -> Result<Option<T>> {
     let path = directory.path().join(name);
-    match fs::read(&path) {
-        Ok(text) => serde_json::from_slice(&text).map(Some).place(path.display()),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(Error::from(error).at(path.display())),
-    }
+    let Some((mut file, _)) = file::open_if_there(&path).place(path.display())? else { return Ok(None) };
+    let mut text = Vec::new();
+    file.read_to_end(&mut text).place(path.display())?;
+    serde_json::from_slice(&text).map(Some).place(path.display())
 }
 
 /// How the record shows that its run did not come to the end: the summary is written last, and knows all lines.
@@ -113,10 +114,8 @@ fn unfinished(
 /// Whether a file ends within a line.
 fn ends_within_a_line(path: &Path) -> bool {
     let mut last = [b'\n'];
-    let read = File::open(path).and_then(|mut file| {
-        file.seek(SeekFrom::End(-1))?;
-        file.read_exact(&mut last)
-    });
-    // One that is not there or is empty has no line.
+    let Ok((mut file, _)) = file::open(path) else { return false };
+    let read = file.seek(SeekFrom::End(-1)).and_then(|_| file.read_exact(&mut last));
+    // One that is empty has no line.
     read.is_ok() && last != [b'\n']
 }

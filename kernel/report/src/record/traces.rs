@@ -186,7 +186,7 @@ mod tests {
     }
 
     fn drives(count: u64) -> Vec<Drive> {
-        let failed = |index: u64| Scenario { index, verdict: Verdict::Failed, ..Scenario::default() };
+        let failed = |index: u64| Scenario { index, verdict: Verdict::Unsafe, ..Scenario::default() };
         vec![Drive { scenarios: (0..count).map(failed).collect(), ..Drive::default() }]
     }
 

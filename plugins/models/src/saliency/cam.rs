@@ -154,7 +154,9 @@ mod tests {
     #[test]
     fn each_rule_weighs_as_its_formula_says() {
         let channels = [([1.0, 3.0], [0.5, -0.1]), ([0.0, 2.0], [1.0, 1.0])];
-        let close = |found: [f64; 2], expected: [f64; 2]| found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12);
+        let close = |found: [f64; 2], expected: [f64; 2]| {
+            found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12)
+        };
         // Means of the gradients: 0.2 and 1.
         assert!(close(map::<Mean>(&channels), [0.2, 0.6 + 2.0]));
         // Weights: 0.5 / (2 + 4 * 0.5), and twice 1 / (2 + 2 * 1).

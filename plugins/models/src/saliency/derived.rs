@@ -96,7 +96,12 @@ impl Derived {
         Self::open(viewer, layer, &model, 1)
     }
 
-    fn open(viewer: &Viewer, layer: Layer, model: &pdk_onnx::proto::ModelProto, outputs: usize) -> Result<Self> {
+    fn open(
+        viewer: &Viewer,
+        layer: Layer,
+        model: &pdk_onnx::proto::ModelProto,
+        outputs: usize,
+    ) -> Result<Self> {
         let bytes = model::encode(model);
         let network = Network { graph: session::Graph::Memory(&bytes), inputs: viewer.model.shapes() };
         let session = backend::open(&network, &viewer.backend)?;
@@ -141,12 +146,16 @@ impl Planes {
         // The first value of each channel: all places that are first downwards and to the right.
         let mut starts = vec![0];
         for axis in (0..shape.len()).filter(|&axis| axis != down && axis != right) {
-            starts = starts.iter().flat_map(|start| (0..shape[axis]).map(move |at| start + at * stride(axis))).collect();
+            starts = starts
+                .iter()
+                .flat_map(|start| (0..shape[axis]).map(move |at| start + at * stride(axis)))
+                .collect();
         }
         let (rows, columns) = (shape[down], shape[right]);
         let cells = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
         let cells: Vec<_> = cells.map(|(row, column)| row * stride(down) + column * stride(right)).collect();
-        let values = starts.iter().flat_map(|start| cells.iter().map(move |cell| f64::from(values[start + cell])));
+        let values =
+            starts.iter().flat_map(|start| cells.iter().map(move |cell| f64::from(values[start + cell])));
         Self { rows, columns, values: values.collect() }
     }
 

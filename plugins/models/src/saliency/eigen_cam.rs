@@ -57,7 +57,8 @@ impl Method for Eigen {
 /// Power iteration on the products of all pairs of channels, from the channels' own lengths.
 fn first_direction(channels: &[&[f64]]) -> Vec<f64> {
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let gram: Vec<Vec<f64>> = channels.iter().map(|a| channels.iter().map(|b| product(a, b)).collect()).collect();
+    let gram: Vec<Vec<f64>> =
+        channels.iter().map(|a| channels.iter().map(|b| product(a, b)).collect()).collect();
     let mut direction: Vec<f64> = (0..channels.len()).map(|place| gram[place][place].sqrt()).collect();
     for _ in 0..1000 {
         let mut next: Vec<f64> = gram.iter().map(|row| product(row, &direction)).collect();

@@ -69,16 +69,26 @@ pub struct Smooth {
 
 impl Method for Smooth {
     fn description() -> Description {
-        let description = Description::saliency("smooth-grad", "The mean gradient with respect to each pixel over frames with noise")
-            .family("gradient")
-            .source("Smilkov et al., \"SmoothGrad: removing noise by adding noise\" (2017)")
-            .mathematics("`map = max_c |E[g_c(x + σ n)]|` over the colours, or `Σ_c` where the sign matters")
-            .drawn_per_frame("the noise");
+        let description = Description::saliency(
+            "smooth-grad",
+            "The mean gradient with respect to each pixel over frames with noise",
+        )
+        .family("gradient")
+        .source("Smilkov et al., \"SmoothGrad: removing noise by adding noise\" (2017)")
+        .mathematics("`map = max_c |E[g_c(x + σ n)]|` over the colours, or `Σ_c` where the sign matters")
+        .drawn_per_frame("the noise");
         parameters(description)
             .parameter(sign_parameter())
-            .parameter(Parameter::integer("samples", 16, "how many noisy frames are averaged").range(1.0, 10_000.0))
             .parameter(
-                Parameter::number("noise", 0.15, "standard deviation of the noise, as a share of the range of pixel values").range(0.0, 1.0),
+                Parameter::integer("samples", 16, "how many noisy frames are averaged").range(1.0, 10_000.0),
+            )
+            .parameter(
+                Parameter::number(
+                    "noise",
+                    0.15,
+                    "standard deviation of the noise, as a share of the range of pixel values",
+                )
+                .range(0.0, 1.0),
             )
     }
 

@@ -138,7 +138,9 @@ mod tests {
         assert_eq!(of(Sign::Positive), [0.0, 0.0, 1.0]);
         assert_eq!(of(Sign::Signed), [0.0, 0.5, 0.75]);
         assert_eq!(of(Sign::Range), [0.0, 4.0 / 6.0, 1.0]);
-        for (sign, value) in [(Sign::Absolute, 0.0), (Sign::Positive, 0.0), (Sign::Signed, 0.5), (Sign::Range, 0.0)] {
+        for (sign, value) in
+            [(Sign::Absolute, 0.0), (Sign::Positive, 0.0), (Sign::Signed, 0.5), (Sign::Range, 0.0)]
+        {
             assert_eq!(grid(&[0.0, 0.0], 2, 0.0, 1.0).normalize(sign).unwrap().values, [value; 2]);
         }
         assert!(grid(&[f64::NAN], 1, 0.0, 1.0).normalize(Sign::Absolute).is_err());
@@ -150,7 +152,10 @@ mod tests {
         let grid = grid(&[0.0, 1.0], 2, 6.0, 4.0);
         let mut values = [f32::NAN; 16];
         grid.lay_over((16, 1), HeatmapMut::new(&mut values, 16, 1).unwrap());
-        assert!(values[..=6].iter().all(|&value| value == 0.0) && values[10..].iter().all(|&value| value == 1.0), "{values:?}");
+        assert!(
+            values[..=6].iter().all(|&value| value == 0.0) && values[10..].iter().all(|&value| value == 1.0),
+            "{values:?}"
+        );
         assert_eq!(values[7..10], [0.25, 0.5, 0.75]);
         // On a frame of twice the size the same place is twice as far, from middle to middle.
         let mut large = [f32::NAN; 32];

@@ -73,7 +73,8 @@ impl<M: Method> Saliency for Map<M> {
     fn map(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, out: HeatmapMut<'_>) -> Result<()> {
         let frame = self.viewer.fit(frame);
         let grid = self.method.grid(&mut self.viewer, frame.as_ref(), cx);
-        let grid = grid.and_then(|grid| grid.normalize(self.sign)).map_err(|error| error.at(&self.viewer.place))?;
+        let grid =
+            grid.and_then(|grid| grid.normalize(self.sign)).map_err(|error| error.at(&self.viewer.place))?;
         match self.by_cell {
             true => grid.copy_to(out),
             false => grid.lay_over(self.viewer.size(), out),
@@ -93,12 +94,21 @@ pub fn pixels(viewer: &Viewer) -> Grid {
     use pdk_onnx::field::{ImageAxis, Look};
     let (columns, rows) = viewer.size();
     let look = |along| Look { along, start: 0.0, step: 1.0, size: 1.0 };
-    Grid { rows, columns, values: vec![0.0; rows * columns], looks: [ImageAxis::Height, ImageAxis::Width].map(look) }
+    Grid {
+        rows,
+        columns,
+        values: vec![0.0; rows * columns],
+        looks: [ImageAxis::Height, ImageAxis::Width].map(look),
+    }
 }
 
 /// What is put where something is taken away.
 pub fn fill_parameter() -> Parameter {
-    Parameter::choice("fill", &["mean", "black"], "what is put in place of what is taken away: the frame's mean colour, or black")
+    Parameter::choice(
+        "fill",
+        &["mean", "black"],
+        "what is put in place of what is taken away: the frame's mean colour, or black",
+    )
 }
 
 /// The colour that is put where something is taken away.

@@ -17,10 +17,13 @@ pub struct Patches {
 
 impl Method for Patches {
     fn description() -> Description {
-        let description = Description::saliency("occlusion", "By how much the output changes when a patch covers each part, without gradients")
-            .family("no gradient")
-            .source("Zeiler and Fergus, \"Visualizing and Understanding Convolutional Networks\" (2014)")
-            .mathematics("`map = mean(f(x) - f(x covered))` over all patches that cover a pixel");
+        let description = Description::saliency(
+            "occlusion",
+            "By how much the output changes when a patch covers each part, without gradients",
+        )
+        .family("no gradient")
+        .source("Zeiler and Fergus, \"Visualizing and Understanding Convolutional Networks\" (2014)")
+        .mathematics("`map = mean(f(x) - f(x covered))` over all patches that cover a pixel");
         parameters(description)
             .parameter(sign_parameter())
             .parameter(
@@ -60,7 +63,8 @@ impl Method for Patches {
                 for y in rows {
                     for x in columns.clone() {
                         let at = y * width + x;
-                        (grid.values[at], covered[at], shares[at]) = (grid.values[at] + change, covered[at] + 1.0, 1.0);
+                        (grid.values[at], covered[at], shares[at]) =
+                            (grid.values[at] + change, covered[at] + 1.0, 1.0);
                     }
                 }
             }

@@ -28,8 +28,13 @@ impl Method for Masks {
         parameters(description)
             .parameter(sign_parameter())
             .parameter(Parameter::integer("samples", 400, "how many masks are tried").range(1.0, 1e6))
-            .parameter(Parameter::integer("cells", 8, "how many cells a mask has downwards and to the right").range(2.0, 64.0))
-            .parameter(Parameter::number("kept", 0.5, "the share of cells that a mask leaves").range(0.01, 0.99))
+            .parameter(
+                Parameter::integer("cells", 8, "how many cells a mask has downwards and to the right")
+                    .range(2.0, 64.0),
+            )
+            .parameter(
+                Parameter::number("kept", 0.5, "the share of cells that a mask leaves").range(0.01, 0.99),
+            )
             .parameter(fill_parameter())
     }
 
@@ -78,7 +83,8 @@ impl Masks {
     fn draw(&self, random: &mut Random, width: usize, height: usize, shares: &mut [f32]) {
         let cells = self.cells;
         let side = cells + 2;
-        let left: Vec<f64> = (0..side * side).map(|_| f64::from(u8::from(random.unit() < self.kept))).collect();
+        let left: Vec<f64> =
+            (0..side * side).map(|_| f64::from(u8::from(random.unit() < self.kept))).collect();
         let (down, right) = (random.unit(), random.unit());
         let place = |pixel: usize, length: usize, shift: f64| {
             let at = (pixel as f64 + 0.5) * cells as f64 / length as f64 + shift;

@@ -48,12 +48,14 @@ impl Method for Score {
         let base = viewer.answer(masked.as_ref())?;
         let mut grid = empty(&self.derived.layer);
         for channel in planes[0].channels() {
-            let (least, greatest) = channel.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, g), &v| (l.min(v), g.max(v)));
+            let (least, greatest) =
+                channel.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, g), &v| (l.min(v), g.max(v)));
             if greatest <= least {
                 // The same everywhere: no mask.
                 continue;
             }
-            let mask = Grid { values: channel.to_vec(), ..empty(&self.derived.layer) }.normalize(Sign::Range)?;
+            let mask =
+                Grid { values: channel.to_vec(), ..empty(&self.derived.layer) }.normalize(Sign::Range)?;
             mask.lay_over((width, height), HeatmapMut::new(&mut shares, width, height)?);
             blend(frame, color, &shares, masked.as_mut());
             let weight = viewer.answer(masked.as_ref())? - base;

@@ -62,7 +62,12 @@ fn map<M: Saliency>(method: &mut M, frame: &FrameBuf) -> Vec<f32> {
 /// The mean of a map over the left and the right quarter of a frame.
 fn sides(values: &[f32], width: usize) -> (f32, f32) {
     let mean = |columns: std::ops::Range<usize>| {
-        let picked: Vec<f32> = values.iter().enumerate().filter(|(at, _)| columns.contains(&(at % width))).map(|(_, v)| *v).collect();
+        let picked: Vec<f32> = values
+            .iter()
+            .enumerate()
+            .filter(|(at, _)| columns.contains(&(at % width)))
+            .map(|(_, v)| *v)
+            .collect();
         picked.iter().sum::<f32>() / picked.len() as f32
     };
     (mean(0..width / 4), mean(width - width / 4..width))
@@ -114,7 +119,8 @@ fn methods_that_weigh_whole_channels_show_where_those_are_active() {
 fn the_sign_says_what_lowers_the_output() {
     let frame = bright(32, 16);
     let file = right_half(-1.0);
-    let sides_of = |sign: &str| sides(&map(&mut open::<HiResCam>(&file, json!({"sign": sign})).unwrap(), &frame), 32);
+    let sides_of =
+        |sign: &str| sides(&map(&mut open::<HiResCam>(&file, json!({"sign": sign})).unwrap(), &frame), 32);
     assert!(sides_of("absolute").1 > 0.9);
     assert_eq!(sides_of("positive"), (0.0, 0.0));
     let (left, right) = sides_of("signed");
@@ -151,7 +157,11 @@ fn a_real_network_is_explained_by_every_method_in_little_time() {
         for _ in 0..repeats {
             assert_eq!(map(&mut method, frame), first);
         }
-        println!("{}: {:.2} ms a map", description.name, start.elapsed().as_secs_f64() * 1e3 / f64::from(repeats));
+        println!(
+            "{}: {:.2} ms a map",
+            description.name,
+            start.elapsed().as_secs_f64() * 1e3 / f64::from(repeats)
+        );
         assert!(first.iter().all(|value| (0.0..=1.0).contains(value)));
     }
     for backend in backends() {
@@ -191,7 +201,12 @@ fn what_cannot_be_explained_is_a_sentence() {
     let error = |found: Result<()>| found.unwrap_err().to_string();
     let place = format!("model `{}`: ", file.path().display());
     let layer = error(open::<HiResCam>(&file, json!({"layer": "conv_7"})).map(drop));
-    assert_eq!(layer, format!("{place}it has no layer `conv_7` whose cells have a place on the image; its convolutions are `conv_0`"));
+    assert_eq!(
+        layer,
+        format!(
+            "{place}it has no layer `conv_7` whose cells have a place on the image; its convolutions are `conv_0`"
+        )
+    );
     let output = error(open::<GradCam>(&file, json!({"output": "speed"})).map(drop));
     assert_eq!(output, format!("{place}it has no output `speed`; its outputs are `steering`"));
     let number = error(open::<GradCam>(&file, json!({"number": 1})).map(drop));
@@ -218,9 +233,15 @@ fn what_cannot_be_explained_is_a_sentence() {
     s.node("MatMul", &["flat", &weights], "steering", &[]);
     let pooled = save(&s);
     let lacking = error(open::<GradCam>(&pooled, json!({})).map(drop));
-    assert!(lacking.contains("GlobalMaxPool") && lacking.ends_with("eigen-cam, score-cam, rise and occlusion work without one"), "{lacking}");
+    assert!(
+        lacking.contains("GlobalMaxPool")
+            && lacking.ends_with("eigen-cam, score-cam, rise and occlusion work without one"),
+        "{lacking}"
+    );
     assert!(open::<EigenCam>(&pooled, json!({})).is_ok() && open::<ScoreCam>(&pooled, json!({})).is_ok());
-    assert!(open::<Rise>(&pooled, json!({"samples": 3})).is_ok() && open::<Occlusion>(&pooled, json!({})).is_ok());
+    assert!(
+        open::<Rise>(&pooled, json!({"samples": 3})).is_ok() && open::<Occlusion>(&pooled, json!({})).is_ok()
+    );
 
     // An output that no change of the layer moves.
     let mut s = Sketch::new(13);
@@ -230,5 +251,8 @@ fn what_cannot_be_explained_is_a_sentence() {
     s.node("Floor", &["seen"], "steps", &[]);
     s.node("Flatten", &["steps"], "steering", &[]);
     let flat = error(open::<Gradient>(&save(&s), json!({})).map(drop));
-    assert!(flat.contains("`steering` does not change with `image`: its gradient is zero everywhere"), "{flat}");
+    assert!(
+        flat.contains("`steering` does not change with `image`: its gradient is zero everywhere"),
+        "{flat}"
+    );
 }

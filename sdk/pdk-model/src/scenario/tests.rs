@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use serde_json::{Map, Number, json};
 
 use super::*;
+use crate::failure::Comparison;
 use crate::level::Level;
 
 fn lane() -> Scenario {
@@ -22,6 +23,7 @@ fn the_canonical_text_leaves_out_what_is_not_set() {
         road: json!({"segment": 25.0, "angles": [0, -0.0, 10.5], "heights": null}),
         perturbations: vec![AppliedPerturbation::parse("fog@2,size=3").unwrap()],
         duration: 4.5,
+        failure: FailureCriteria { lane_departure: Some(4.0), ..FailureCriteria::default() },
         mode: Mode::Realtime,
         seed: u64::MAX,
         repeat: 2,
@@ -29,7 +31,7 @@ fn the_canonical_text_leaves_out_what_is_not_set() {
     };
     assert_eq!(
         full.canonical(),
-        r#"{"driver":{"name":"lane_keeper"},"duration":4.5,"mode":"realtime","perturbations":[{"level":2,"name":"fog","parameters":{"size":3}}],"repeat":2,"road":{"angles":[0,0,10.5],"segment":25},"seed":18446744073709551615,"simulator":{"name":"lane"}}"#
+        r#"{"driver":{"name":"lane_keeper"},"duration":4.5,"failure":{"lane_departure":4},"mode":"realtime","perturbations":[{"level":2,"name":"fog","parameters":{"size":3}}],"repeat":2,"road":{"angles":[0,0,10.5],"segment":25},"seed":18446744073709551615,"simulator":{"name":"lane"}}"#
     );
 }
 
@@ -48,6 +50,11 @@ fn an_id_changes_with_every_field() {
         perturbations: texts.iter().map(|text| AppliedPerturbation::parse(text).unwrap()).collect(),
         ..lane()
     };
+    let fails = |set: fn(&mut FailureCriteria)| {
+        let mut scenario = lane();
+        set(&mut scenario.failure);
+        scenario
+    };
     let scenarios = [
         lane(),
         Scenario { simulator: ComponentSpec::new("other"), ..lane() },
@@ -56,6 +63,12 @@ fn an_id_changes_with_every_field() {
         Scenario { driver: component(json!({"name": "lane_keeper", "gain": 2})), ..lane() },
         Scenario { driver: component(json!({"name": "lane_keeper", "gain": 2.5})), ..lane() },
         Scenario { duration: 31.0, ..lane() },
+        fails(|criteria| criteria.lane_departure = Some(2.0)),
+        fails(|criteria| criteria.lane_departure = Some(4.0)),
+        fails(|criteria| criteria.comparison = Comparison::MoreThan),
+        fails(|criteria| criteria.standstill_speed = 0.2),
+        fails(|criteria| criteria.standstill_seconds = 4.0),
+        fails(|criteria| criteria.over_line = 1.0),
         Scenario { mode: Mode::Realtime, ..lane() },
         Scenario { seed: 1, ..lane() },
         // Two seeds that are the same number of floating point.

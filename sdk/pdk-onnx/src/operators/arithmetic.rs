@@ -1,6 +1,6 @@
 //! `Add`, `Sub`, `Mul`, `Div` and `Pow`, with shapes that are broadcast, and `Sum` of any number of values.
 
-use pdk_model::error::Result;
+use pdk_sdk::error::Result;
 
 use super::{Operator, Parts, Rule, given};
 use crate::builder::Builder;

@@ -1,6 +1,6 @@
 //! `AveragePool` and `GlobalAveragePool`: their gradient is spread evenly under the window.
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use super::max_pool::{pooled, window};
 use super::{Operator, Parts, Rule, given};

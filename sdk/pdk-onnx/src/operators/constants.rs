@@ -1,6 +1,6 @@
 //! Values that do not depend on what goes in, or on its shape alone: `Constant`, `ConstantOfShape`, `Shape`, `Size` and `Range`.
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use super::{Operator, Rule, given};
 use crate::graph::Fact;

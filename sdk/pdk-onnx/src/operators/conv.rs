@@ -1,6 +1,6 @@
 //! `Conv`: its gradient is a transposed convolution with the same weights.
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use super::{Operator, Parts, Rule, given};
 use crate::builder::Builder;

@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use pdk_model::error::Result;
+use pdk_sdk::error::Result;
 
 use super::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
-use pdk_model::error::Result;
+use pdk_sdk::error::Result;
 
 use super::functions::{each, times};
 use super::{Operator, Parts, Rule, same};

@@ -1,7 +1,7 @@
 //! Operators that leave the elements as they are: `Identity`, `Dropout`, `Cast`, `Reshape`, `Flatten`, `Squeeze`, `Unsqueeze`
 //! and `Transpose`.
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use super::{Operator, Parts, Rule, given, reshape_back, reshaped, same};
 use crate::builder::Builder;

@@ -4,7 +4,7 @@
 //! spreads the elements under the window out, side by side; the first that equals the maximum takes the gradient; and the
 //! reversed convolution puts it back where it belongs.
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use super::{Operator, Parts, Rule, given};
 use crate::builder::Builder;

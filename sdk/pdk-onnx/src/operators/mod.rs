@@ -24,7 +24,7 @@ pub(crate) mod slice;
 mod softmax;
 mod steps;
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use crate::builder::Builder;
 use crate::graph::Fact;

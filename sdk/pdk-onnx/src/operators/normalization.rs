@@ -1,6 +1,6 @@
 //! `BatchNormalization`, `LayerNormalization` and `InstanceNormalization`.
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use super::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;

@@ -1,6 +1,6 @@
 //! `ReduceMean` and `ReduceSum`.
 
-use pdk_model::error::Result;
+use pdk_sdk::error::Result;
 
 use super::{Operator, Parts, Rule, given};
 use crate::builder::Builder;

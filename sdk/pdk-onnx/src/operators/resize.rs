@@ -1,6 +1,6 @@
 //! `Resize` and its predecessor `Upsample`: along each axis a matrix, whose transpose takes the gradient back.
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use super::{Operator, Parts, Rule, given};
 use crate::builder::Builder;

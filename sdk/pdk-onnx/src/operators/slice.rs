@@ -1,6 +1,6 @@
 //! `Slice`, forwards and backwards, with steps.
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 use super::{Operator, Parts, Rule, given};
 use crate::builder::Builder;

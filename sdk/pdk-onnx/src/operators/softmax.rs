@@ -1,6 +1,6 @@
 //! `Softmax` and `LogSoftmax`.
 
-use pdk_model::error::Result;
+use pdk_sdk::error::Result;
 
 use super::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;

@@ -1,6 +1,6 @@
 //! Operators whose value is constant in steps, so that their gradient is zero: comparisons, logic and rounding.
 
-use pdk_model::error::Result;
+use pdk_sdk::error::Result;
 
 use super::functions::each;
 use super::{Operator, Rule, arithmetic, same};

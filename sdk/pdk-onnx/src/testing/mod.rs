@@ -8,7 +8,7 @@ mod random;
 mod refusals;
 mod sketch;
 
-use pdk_model::error::{Error, Result};
+use pdk_sdk::error::{Error, Result};
 
 pub use cases::{CASES, Case};
 pub use random::random;

@@ -1,0 +1,44 @@
+//! The Debian package, which cargo-deb makes of the tree. What it says of itself stands in the manifest of the executable's
+//! package.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use pdk_model::error::Result;
+
+use crate::project::{EXECUTABLE, Project, succeed};
+
+/// The version of cargo-deb.
+const VERSION: &str = "3.8.0";
+
+/// Makes the package, and returns it. Installs cargo-deb below `target/pdk-dist` where it is not there yet.
+///
+/// # Errors
+/// Where cargo-deb cannot be installed or fails.
+pub fn pack(project: &Project) -> Result<PathBuf> {
+    let tools = project.out().join("tools");
+    let tool = tools.join("bin/cargo-deb");
+    if !tool.is_file() {
+        let mut install = Command::new("cargo");
+        install.args(["install", "cargo-deb", "--locked", "--version", VERSION, "--root"]).arg(&tools);
+        succeed(&mut install)?;
+    }
+    let package = project.out().join(format!("pdk_{}_amd64.deb", project.executable()?.version));
+    let mut pack = Command::new(tool);
+    pack.current_dir(project.root()).args(["--no-build", "--no-strip", "--package", EXECUTABLE, "--output"]);
+    succeed(pack.arg(&package))?;
+    Ok(package)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compile::GLIBC;
+
+    #[test]
+    fn the_package_asks_for_the_glibc_that_is_compiled_for() {
+        let project = Project::here().unwrap();
+        let metadata = &project.executable().unwrap().metadata["deb"];
+        assert_eq!(metadata["depends"], format!("libc6 (>= {GLIBC})"));
+    }
+}

@@ -1,0 +1,80 @@
+//! The tree of files as it lies below `/usr`, or wherever an archive is unpacked.
+//!
+//! ```text
+//! bin/pdk
+//! lib/pdk/                             the libraries with the built-in components
+//! share/pdk/sdk/                       the SDK's source, and the Lua types in sdk/lua
+//! share/doc/pdk/                       licences, changes, the worker protocol, the recipe of the networks
+//! share/man/man1/
+//! share/bash-completion/completions/   and those of zsh and fish
+//! ```
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use pdk_model::error::{Place, Result};
+
+use crate::compile::Compiled;
+use crate::project::{Project, output, succeed};
+use crate::{Profile, licences, sdk};
+
+/// The executable in the tree.
+pub const EXECUTABLE: &str = "bin/pdk";
+/// The folder of the libraries.
+pub const LIBRARIES: &str = "lib/pdk";
+
+/// Completions by shell, and where each looks for them.
+const COMPLETIONS: [(&str, &str); 3] = [
+    ("bash", "share/bash-completion/completions/pdk"),
+    ("zsh", "share/zsh/site-functions/_pdk"),
+    ("fish", "share/fish/vendor_completions.d/pdk.fish"),
+];
+
+/// Documents by their places in the workspace and below `share/doc/pdk`.
+const DOCUMENTS: [(&str, &str); 6] = [
+    ("LICENSE", "LICENSE"),
+    ("CHANGELOG.md", "CHANGELOG.md"),
+    ("docs/worker-protocol.md", "worker-protocol.md"),
+    ("scripts/training/collect.lua", "training/collect.lua"),
+    ("scripts/training/train.py", "training/train.py"),
+    ("scripts/training/requirements.txt", "training/requirements.txt"),
+];
+
+/// Lays out the tree anew, and returns its folder.
+///
+/// # Errors
+/// Where a file is missing or cannot be written.
+pub fn lay_out(project: &Project, compiled: &Compiled, profile: Profile) -> Result<PathBuf> {
+    let tree = project.out().join("tree");
+    if tree.exists() {
+        fs::remove_dir_all(&tree).place(tree.display())?;
+    }
+    let executable = tree.join(EXECUTABLE);
+    put(&compiled.executable, &executable, 0o755)?;
+    for library in &compiled.libraries {
+        put(library, &tree.join(LIBRARIES).join(library.file_name().unwrap_or_default()), 0o644)?;
+    }
+    sdk::copy(project.root(), &tree.join("share/pdk/sdk"))?;
+    let documents = tree.join("share/doc/pdk");
+    for (from, to) in DOCUMENTS {
+        put(&project.root().join(from), &documents.join(to), 0o644)?;
+    }
+    write(&documents.join("THIRD-PARTY-LICENSES.txt"), licences::page(project, profile)?.as_bytes())?;
+    for (shell, place) in COMPLETIONS {
+        write(&tree.join(place), &output(Command::new(&executable).args(["completions", shell]))?)?;
+    }
+    succeed(Command::new(&executable).arg("man").arg(tree.join("share/man/man1")))?;
+    Ok(tree)
+}
+
+fn put(from: &Path, to: &Path, mode: u32) -> Result<()> {
+    write(to, &fs::read(from).place(from.display())?)?;
+    fs::set_permissions(to, fs::Permissions::from_mode(mode)).place(to.display())
+}
+
+fn write(file: &Path, content: &[u8]) -> Result<()> {
+    file.parent().map_or(Ok(()), fs::create_dir_all).place(file.display())?;
+    fs::write(file, content).place(file.display())
+}

@@ -1,0 +1,135 @@
+//! `pdk shrink`: the simplest scenario that still fails like a recorded one.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use pdk_core::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits as ProcessLimits};
+use pdk_core::{eprintln, output, println};
+use pdk_replay::replay::Replay;
+use pdk_replay::shrink::{Limits, Shrunk, script, share};
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_session::connection::Pool;
+use serde_json::json;
+
+use super::{Global, print_json};
+
+/// Arguments of `pdk shrink`
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The folder of the record
+    #[arg(value_name = "RUN")]
+    record: PathBuf,
+    /// The scenario, by its number, its id or the beginning of that
+    #[arg(long, value_name = "N|ID")]
+    scenario: String,
+    /// Where the pipeline with what is left goes; the name ends in .lua
+    #[arg(short, long = "out", alias = "output", value_name = "FILE.lua", default_value = "failure.lua")]
+    output: PathBuf,
+    /// Write a video of what is left: original and perturbed frames and what the driver did
+    #[arg(long, value_name = "FILE.mp4")]
+    clip: Option<PathBuf>,
+    /// How near an intensity comes to the lowest that fails
+    #[arg(long, value_name = "LEVELS", default_value_t = 0.1)]
+    precision: f64,
+    /// Under how many fresh seeds what is left is driven
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    draws: usize,
+    /// How many scenarios are driven at the same time [default: all processors]
+    #[arg(long, value_name = "N")]
+    workers: Option<NonZeroUsize>,
+    /// How long one call of a component may take, in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_PATIENCE.as_secs_f64())]
+    patience: f64,
+}
+
+/// Shrinks, and writes what is left as a pipeline.
+pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    let Arguments { record, scenario, output, clip, precision, draws, .. } = arguments;
+    if precision.is_nan() || *precision <= 0.0 {
+        return Err(Error::new(format!("--precision is {precision}, but has to be more than 0")));
+    }
+    if output.extension().is_none_or(|ending| ending != "lua") {
+        return Err(Error::new(format!(
+            "the name of the pipeline, {}, has to end in .lua",
+            output.display()
+        )));
+    }
+    if let Some(clip) = clip
+        && !clip.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4"))
+    {
+        return Err(Error::new(format!("the name of the clip, {}, has to end in .mp4", clip.display())));
+    }
+    let patience = Duration::try_from_secs_f64(arguments.patience).ok().filter(|limit| !limit.is_zero());
+    let patience = patience.ok_or_else(|| {
+        Error::new(format!("--patience: {} is no positive number of seconds", arguments.patience))
+    })?;
+    let replay = Replay::open(record, std::slice::from_ref(scenario))?;
+    let workers = arguments.workers.or_else(|| std::thread::available_parallelism().ok());
+    let pool = Pool::Here(workers.map_or(1, NonZeroUsize::get));
+    let limits = ProcessLimits { patience, memory: DEFAULT_MEMORY };
+    let start = |search| global.session("shrink", pool.clone(), limits, search);
+    let mut search = global.search_path();
+    let mut session = start(search.clone())?;
+    if let Some(further) = replay.further_places(session.catalog()) {
+        drop(session);
+        search.plugins.extend(further.plugins);
+        search.drop_ins.extend(further.drop_ins);
+        session = start(search)?;
+    }
+    for change in replay.changes(&mut session)? {
+        eprintln!("pdk: warning: since the run was recorded, {change}, so it may not fail any more");
+    }
+    let progress = output::progress(global.json, "{msg} {elapsed}");
+    let shrunk = replay.shrink(
+        session,
+        Limits { precision: *precision, draws: *draws },
+        clip.as_deref(),
+        &progress,
+    )?;
+    progress.finish_and_clear();
+    let name = output.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+    std::fs::write(output, script(&shrunk, &name)).place(output.display())?;
+    match global.json {
+        true => print_json(&json!({
+            "scenario": shrunk.scenario,
+            "outcome": shrunk.outcome,
+            "steps": shrunk.steps,
+            "attempts": shrunk.attempts,
+            "failed": shrunk.failed.0,
+            "draws": shrunk.failed.1,
+            "pipeline": output,
+            "clip": clip,
+        })),
+        false => {
+            print(&shrunk, arguments);
+            Ok(())
+        }
+    }
+}
+
+fn print(shrunk: &Shrunk, arguments: &Arguments) {
+    let Shrunk { scenario, outcome, steps, attempts, failed: (failed, all) } = shrunk;
+    for step in steps {
+        println!("{step}");
+    }
+    if steps.is_empty() {
+        println!("Nothing of it can be left out.");
+    }
+    println!(
+        "{}: {} after {:.2} s, in {attempts} attempts",
+        scenario.default_name(),
+        outcome.cause.text(),
+        outcome.time
+    );
+    if *all > 0 {
+        let (_, low, high) = share(*failed, *all);
+        println!(
+            "Under new luck it fails in {failed} of {all} drives: a probability of {low:.2} to {high:.2}"
+        );
+    }
+    println!("Pipeline: {}", arguments.output.display());
+    if let Some(clip) = &arguments.clip {
+        println!("Clip: {}", clip.display());
+    }
+}

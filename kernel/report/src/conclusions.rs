@@ -1,0 +1,232 @@
+//! What can be concluded, and how sure it is: perturbations in groups, the levels at which they make the driver fail, and differences
+//! to a clear view and to another driver. Roads are the unit throughout.
+
+use std::collections::BTreeSet;
+
+use pdk_statistics::groups::groups;
+use pdk_statistics::level::{FailingLevel, Trial, failing_level};
+use pdk_statistics::paired::{Paired, compare};
+use pdk_statistics::{CONFIDENCE, Estimate};
+use serde::Serialize;
+
+use crate::tally::{Tally, by_severity};
+use crate::text::{number, percent};
+use crate::view::{Drive, Scenario, Verdict};
+
+/// What a share can be.
+const SHARE: (f64, f64) = (0.0, 1.0);
+
+/// What can be concluded about a drive.
+#[derive(Debug, Serialize)]
+pub struct Conclusions {
+    /// A row for each perturbation, the worst first.
+    pub rows: Vec<Row>,
+    /// The highest level that was driven.
+    pub highest: String,
+    /// How many roads there are.
+    pub roads: usize,
+    /// What differs from another driver.
+    pub others: Vec<Other>,
+}
+
+/// A perturbation.
+#[derive(Debug, Serialize)]
+pub struct Row {
+    group: usize,
+    perturbation: String,
+    failed: String,
+    share: String,
+    interval: String,
+    stopped: usize,
+    fails_at: String,
+    level_interval: String,
+    /// Less the share that failed without perturbation on the same roads.
+    difference: Difference,
+}
+
+/// A difference as a table has it.
+#[derive(Debug, Default, Serialize)]
+struct Difference {
+    value: String,
+    interval: String,
+    effect_size: String,
+    p: String,
+}
+
+/// Another driver under the same conditions.
+#[derive(Debug, Serialize)]
+pub struct Other {
+    /// The driver that is compared with.
+    driver: String,
+    /// For each perturbation that both drove, the share that failed less that of the other.
+    rows: Vec<(String, Difference)>,
+}
+
+/// What can be concluded about a drive; `all` are those of the run.
+pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
+    let order = by_severity(&drive.scenarios);
+    let roads: Vec<String> =
+        BTreeSet::from_iter(drive.scenarios.iter().map(|s| s.road_id.clone())).into_iter().collect();
+    let nominal = Tally::of(drive.scenarios.iter().filter(|s| s.perturbation.is_none()));
+    let shares: Vec<Vec<Option<f64>>> = order.iter().map(|(_, tally)| tally.shares(&roads)).collect();
+    let groups = groups(&shares, SHARE, CONFIDENCE);
+    let highest = drive.scenarios.iter().filter_map(|s| s.level).fold(0.0, f64::max);
+    let rows = order
+        .iter()
+        .zip(&shares)
+        .zip(groups)
+        .filter(|(((_, tally), _), _)| tally.judged > 0)
+        .map(|(((name, tally), shares), group)| {
+            let found = failing_level(&trials(drive, name, &roads), CONFIDENCE);
+            let (fails_at, level_interval) =
+                found.map_or_else(Default::default, |found| told(&found, highest));
+            Row {
+                group,
+                perturbation: name.clone(),
+                failed: format!("{} of {}", tally.failed, tally.judged),
+                share: percent(tally.share()),
+                interval: tally.estimate().map_or_else(String::new, |share| interval(&share, percent)),
+                stopped: tally.stopped,
+                fails_at,
+                level_interval,
+                difference: difference(compare(shares, &nominal.shares(&roads), SHARE, CONFIDENCE)),
+            }
+        })
+        .collect();
+    let others = all
+        .iter()
+        .filter(|other| {
+            other.driver != drive.driver && other.simulator == drive.simulator && other.mode == drive.mode
+        })
+        .map(|other| Other { driver: other.driver.clone(), rows: against(drive, other, &order) })
+        .filter(|other| !other.rows.is_empty())
+        .collect();
+    Conclusions { rows, highest: crate::text::short(highest), roads: roads.len(), others }
+}
+
+/// The drives of a perturbation on each road, as far as they have one level.
+fn trials(drive: &Drive, perturbation: &str, roads: &[String]) -> Vec<Vec<Trial>> {
+    let of = |road: &String| {
+        let here = drive.scenarios.iter().filter(|s| {
+            s.road_id == *road
+                && s.perturbation.as_deref() == Some(perturbation)
+                && s.verdict != Verdict::Void
+        });
+        here.filter_map(|s| Some(Trial { level: s.level?, failed: s.verdict.failed() })).collect()
+    };
+    roads.iter().map(of).collect()
+}
+
+/// What two drivers differ by, over the conditions that both drove.
+fn against(drive: &Drive, other: &Drive, order: &[(String, Tally)]) -> Vec<(String, Difference)> {
+    let mut rows = Vec::new();
+    for (name, _) in order {
+        let judged = |drive: &'_ Drive| {
+            let of = drive
+                .scenarios
+                .iter()
+                .filter(|s| s.perturbation.as_ref() == Some(name) && s.verdict != Verdict::Void);
+            of.cloned().collect::<Vec<Scenario>>()
+        };
+        let (ours, theirs) = (judged(drive), judged(other));
+        let same =
+            |a: &Scenario, b: &Scenario| a.road_id == b.road_id && a.level == b.level && a.repeat == b.repeat;
+        let both = |of: &[Scenario], among: &[Scenario]| {
+            Tally::of(of.iter().filter(|a| among.iter().any(|b| same(a, b))))
+        };
+        let (ours, theirs) = (both(&ours, &theirs), both(&theirs, &ours));
+        let roads: Vec<String> =
+            BTreeSet::from_iter(drive.scenarios.iter().map(|s| s.road_id.clone())).into_iter().collect();
+        if let Some(paired) = compare(&ours.shares(&roads), &theirs.shares(&roads), SHARE, CONFIDENCE) {
+            rows.push((name.clone(), difference(Some(paired))));
+        }
+    }
+    rows
+}
+
+fn interval(estimate: &Estimate, written: fn(f64) -> String) -> String {
+    format!("{} to {}", written(estimate.low), written(estimate.high))
+}
+
+/// A failing level and its interval.
+fn told(found: &FailingLevel, highest: f64) -> (String, String) {
+    let of = |level: Option<f64>| match level {
+        Some(level) => number(level),
+        None => format!("above {}", crate::text::short(highest)),
+    };
+    let level = found.level.map_or("never".to_owned(), number);
+    (level, format!("{} to {}", of(found.low), of(found.high)))
+}
+
+fn difference(paired: Option<Paired>) -> Difference {
+    let Some(Paired { difference, effect_size, p, .. }) = paired else { return Difference::default() };
+    let signed =
+        |share: f64| format!("{:+.0} %", share * 100.0).replace("-0 %", "0 %").replace("+0 %", "0 %");
+    Difference {
+        value: signed(difference.value),
+        interval: interval(&difference, |share| format!("{:.0} %", share * 100.0)),
+        effect_size: format!("{effect_size:.2}"),
+        p: if p < 0.001 { "< 0.001".to_owned() } else { format!("{p:.3}") },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten roads, five levels: the perturbation `name` fails from a level on.
+    fn drive(driver: &str, fails: &[(&str, f64)]) -> Drive {
+        let mut scenarios = Vec::new();
+        for road in 0..10 {
+            let at = |name: Option<&str>, level: f64, failed: bool| Scenario {
+                perturbation: name.map(str::to_owned),
+                level: name.map(|_| level),
+                road_id: road.to_string(),
+                verdict: if failed { Verdict::Unsafe } else { Verdict::Passed },
+                time: 5.0,
+                ..Scenario::default()
+            };
+            scenarios.push(at(None, 0.0, false));
+            for (name, from) in fails {
+                scenarios.extend((0..5).map(f64::from).map(|level| at(Some(name), level, level >= *from)));
+            }
+        }
+        Drive { simulator: "lane".into(), driver: driver.into(), scenarios, ..Drive::default() }
+    }
+
+    #[test]
+    fn those_that_never_fail_share_a_group_and_say_how_often_they_may() {
+        let drive = drive("a", &[("fog", 2.0), ("rain", 9.0), ("snow", 9.0)]);
+        let found = conclusions(&drive, std::slice::from_ref(&drive));
+        let told: Vec<_> = found
+            .rows
+            .iter()
+            .map(|row| (row.group, row.perturbation.as_str(), row.fails_at.as_str(), row.interval.as_str()))
+            .collect();
+        assert_eq!(told[0].0, 1);
+        assert_eq!((told[0].1, told[0].2), ("fog", "1.50"));
+        assert_eq!(told[1], (2, "rain", "never", "0 % to 28 %"));
+        assert_eq!((told[2].0, told[2].1), (2, "snow"));
+        assert_eq!(found.rows[1].level_interval, "above 4 to above 4");
+        assert_eq!(
+            (found.rows[0].difference.value.as_str(), found.rows[0].difference.effect_size.as_str()),
+            ("+60 %", "1.00")
+        );
+        assert_eq!(found.rows[1].difference.value, "0 %");
+        assert_eq!((found.roads, found.highest.as_str(), found.others.len()), (10, "4", 0));
+    }
+
+    #[test]
+    fn drivers_are_compared_where_both_drove() {
+        let (a, b) = (drive("a", &[("fog", 2.0), ("rain", 9.0)]), drive("b", &[("fog", 3.0)]));
+        let all = [a, b];
+        let found = conclusions(&all[0], &all);
+        assert_eq!(found.others.len(), 1);
+        assert_eq!((found.others[0].driver.as_str(), found.others[0].rows.len()), ("b", 1));
+        let (name, difference) = &found.others[0].rows[0];
+        assert_eq!(
+            (name.as_str(), difference.value.as_str(), difference.p.as_str()),
+            ("fog", "+20 %", "0.002")
+        );
+    }
+}

@@ -1,0 +1,33 @@
+//! A value with its interval.
+
+use pdk_ops::random::normal_quantile;
+use serde::{Deserialize, Serialize};
+
+/// How often an interval covers the truth, where nobody says.
+pub const CONFIDENCE: f64 = 0.95;
+
+/// A value with its interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// The value.
+    pub value: f64,
+    /// The lower end of its interval.
+    pub low: f64,
+    /// The upper end.
+    pub high: f64,
+}
+
+/// How many standard deviations a normal variable lies from its mean at most, with this probability.
+pub(crate) fn normal_limit(confidence: f64) -> f64 {
+    normal_quantile(0.5 + 0.5 * confidence)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_limit_of_95_percent_is_the_known_one() {
+        assert!((normal_limit(CONFIDENCE) - 1.959_963_984_540_054).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,206 @@
+//! The level at which the probability of failing reaches one half, and how to find it with few drives.
+
+use serde::{Deserialize, Serialize};
+
+use crate::bootstrap;
+use crate::share::largest_unseen;
+
+/// A drive at a level.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Trial {
+    /// The level.
+    pub level: f64,
+    /// Whether it failed.
+    pub failed: bool,
+}
+
+/// The level at which the probability of failing reaches one half.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FailingLevel {
+    /// The level; the lowest that was driven where it is reached there already, none where it is not reached up to the highest.
+    pub level: Option<f64>,
+    /// The lower end of its interval, in the same terms.
+    pub low: Option<f64>,
+    /// The upper end; none where it may lie above the highest level.
+    pub high: Option<f64>,
+    /// How many drives it was found with.
+    pub drives: usize,
+}
+
+/// Finds the level from the drives on each road; none where there are no drives. Roads without drives do not count.
+///
+/// At each level that was driven anywhere, the share that failed is averaged over roads. On a road that was not driven there, it is
+/// interpolated between the levels that were; beyond them it stays. The means are made to rise (isotonic regression), and the level
+/// is where they cross one half, linear between two levels. The interval comes from resampled roads. Where there are so few that half
+/// of all roads could be of a kind that was not met (up to three), it reaches over all levels.
+pub fn failing_level(roads: &[Vec<Trial>], confidence: f64) -> Option<FailingLevel> {
+    let mut levels: Vec<f64> = roads.iter().flatten().map(|trial| trial.level).collect();
+    let drives = levels.len();
+    levels.sort_by(f64::total_cmp);
+    levels.dedup();
+    let (lowest, highest) = (*levels.first()?, *levels.last()?);
+    let shares: Vec<Vec<f64>> =
+        roads.iter().filter(|trials| !trials.is_empty()).map(|trials| shares(trials, &levels)).collect();
+    let all: Vec<usize> = (0..shares.len()).collect();
+    let crossing = |chosen: &[usize]| crossing(&levels, &shares, chosen);
+    let (low, high) = match largest_unseen(shares.len() as u64, confidence) >= 0.5 {
+        true => (lowest, f64::INFINITY),
+        false => bootstrap::interval(&bootstrap::resampled(shares.len(), crossing), shares.len(), confidence),
+    };
+    let reached = |level: f64| (level <= highest).then_some(level);
+    let level = reached(crossing(&all));
+    Some(FailingLevel { level, low: reached(low), high: reached(high), drives })
+}
+
+/// The share of a road's drives that failed, at each of the levels.
+fn shares(trials: &[Trial], levels: &[f64]) -> Vec<f64> {
+    let driven: Vec<(f64, f64)> = levels
+        .iter()
+        .filter_map(|level| {
+            let here = || trials.iter().filter(|trial| trial.level == *level);
+            let (failed, of) = (here().filter(|trial| trial.failed).count(), here().count());
+            (of > 0).then(|| (*level, failed as f64 / of as f64))
+        })
+        .collect();
+    let at = |level: &f64| {
+        let above = driven.partition_point(|(other, _)| other < level);
+        match (above.checked_sub(1).map(|below| driven[below]), driven.get(above).copied()) {
+            (_, Some((other, share))) if other == *level => share,
+            (Some((low, from)), Some((high, to))) => from + (to - from) * (level - low) / (high - low),
+            (Some((_, share)), None) | (None, Some((_, share))) => share,
+            (None, None) => 0.0,
+        }
+    };
+    levels.iter().map(at).collect()
+}
+
+/// Where the mean over the chosen roads crosses one half; infinite where it does not.
+fn crossing(levels: &[f64], shares: &[Vec<f64>], chosen: &[usize]) -> f64 {
+    let mean =
+        |place: usize| chosen.iter().map(|road| shares[*road][place]).sum::<f64>() / chosen.len() as f64;
+    let rising = rising((0..levels.len()).map(mean));
+    // Sums of shares are not exact.
+    match rising.iter().position(|share| *share >= 0.5 - 1e-9) {
+        None => f64::INFINITY,
+        Some(0) => levels[0],
+        Some(place) => {
+            let (below, above) = (rising[place - 1], rising[place]);
+            let share = ((0.5 - below) / (above - below)).min(1.0);
+            levels[place - 1] + (levels[place] - levels[place - 1]) * share
+        }
+    }
+}
+
+/// The rising numbers that are nearest to these: neighbours that fall are replaced by their mean.
+fn rising(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut blocks: Vec<(f64, usize)> = Vec::new();
+    for value in values {
+        blocks.push((value, 1));
+        while let [.., (before, many), (last, more)] = blocks[..] {
+            if before <= last {
+                break;
+            }
+            blocks.truncate(blocks.len() - 2);
+            let count = many + more;
+            blocks.push(((before * many as f64 + last * more as f64) / count as f64, count));
+        }
+    }
+    blocks.into_iter().flat_map(|(mean, count)| std::iter::repeat_n(mean, count)).collect()
+}
+
+/// Levels in which the failing level is looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bisection {
+    /// The lowest level.
+    pub lowest: f64,
+    /// The highest level.
+    pub highest: f64,
+    /// How close the levels that were survived and failed come in the end.
+    pub resolution: f64,
+}
+
+impl Bisection {
+    /// The next level to drive on a road with these drives so far; none where enough is known.
+    ///
+    /// First the highest level: most perturbations never make a driver fail, and cost one drive then. Then the middle between
+    /// the highest level that was survived and the lowest that was failed above it; the lowest level of all where everything above
+    /// it failed.
+    pub fn next(&self, trials: &[Trial]) -> Option<f64> {
+        let survived = trials.iter().filter(|trial| !trial.failed).map(|trial| trial.level).reduce(f64::max);
+        let failed = trials
+            .iter()
+            .filter(|trial| trial.failed && survived.is_none_or(|level| trial.level > level))
+            .map(|trial| trial.level)
+            .reduce(f64::min);
+        match (survived, failed) {
+            (None, None) => Some(self.highest),
+            (Some(survived), None) => (survived < self.highest).then_some(self.highest),
+            (None, Some(failed)) if failed <= self.lowest => None,
+            (None, Some(failed)) if failed - self.lowest <= self.resolution => Some(self.lowest),
+            (survived, Some(failed)) => {
+                let survived = survived.unwrap_or(self.lowest);
+                (failed - survived > self.resolution * (1.0 + 1e-9)).then_some(0.5 * (survived + failed))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn trials(threshold: f64, levels: &[f64]) -> Vec<Trial> {
+        levels.iter().map(|&level| Trial { level, failed: level >= threshold }).collect()
+    }
+
+    const LEVELS: [f64; 5] = [0.0, 1.0, 2.0, 3.0, 4.0];
+
+    #[test]
+    fn the_level_is_where_half_of_the_roads_fail() {
+        let roads: Vec<_> =
+            [0.5, 1.5, 1.6, 2.5, 2.6, 3.5].map(|threshold| trials(threshold, &LEVELS)).to_vec();
+        let found = failing_level(&roads, 0.95).unwrap();
+        assert_eq!((found.level, found.drives), (Some(2.0), 30));
+        assert!(found.low.unwrap() < 2.0 && found.high.is_none_or(|high| high > 2.0), "{found:?}");
+        let never = failing_level(&vec![trials(9.0, &LEVELS); 10], 0.95).unwrap();
+        assert_eq!((never.level, never.low, never.high), (None, None, None));
+        let always = failing_level(&vec![trials(0.0, &LEVELS); 10], 0.95).unwrap();
+        assert_eq!((always.level, always.low, always.high), (Some(0.0), Some(0.0), Some(0.0)));
+        assert_eq!(failing_level(&[vec![]], 0.95), None);
+        let one = failing_level(&[trials(2.5, &LEVELS)], 0.95).unwrap();
+        assert_eq!((one.level, one.low, one.high), (Some(2.5), Some(0.0), None));
+    }
+
+    #[test]
+    fn shares_that_fall_are_evened_out() {
+        assert_eq!(
+            rising([0.0, 0.5, 0.25, 0.25, 1.0].into_iter()),
+            [0.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, 1.0]
+        );
+        assert_eq!(rising([1.0, 0.0].into_iter()), [0.5, 0.5]);
+    }
+
+    #[test]
+    fn levels_that_a_road_was_not_driven_at_lie_between_those_that_it_was() {
+        let road = [Trial { level: 1.0, failed: false }, Trial { level: 3.0, failed: true }];
+        assert_eq!(shares(&road, &LEVELS), [0.0, 0.0, 0.5, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn a_bisection_comes_as_near_as_it_says_with_few_drives() {
+        let bisection = Bisection { lowest: 0.0, highest: 4.0, resolution: 0.25 };
+        for (threshold, expected) in [(9.0, 1), (2.3, 5), (0.1, 6), (0.0, 6), (3.9, 5)] {
+            let mut road: Vec<Trial> = Vec::new();
+            while let Some(level) = bisection.next(&road) {
+                road.push(Trial { level, failed: level >= threshold });
+                assert!(road.len() < 20);
+            }
+            assert_eq!(road.len(), expected, "{threshold}: {road:?}");
+            let found = failing_level(&[road], 0.95).unwrap().level;
+            match (0.0..=4.0).contains(&threshold) {
+                true => assert!((found.unwrap() - threshold).abs() <= 0.25, "{threshold}: {found:?}"),
+                false => assert_eq!(found, None),
+            }
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! Differences between two conditions that were driven on the same roads: a perturbation and a clear view, or two drivers.
+
+use pdk_ops::random::Key;
+use serde::Serialize;
+
+use crate::bootstrap;
+use crate::estimate::Estimate;
+
+/// With so many roads at most, all signs are tried: 65,536.
+const MOST_EXACT: usize = 16;
+/// With more, so many are drawn.
+const DRAWN: u32 = 20_000;
+const KEY: Key = Key(*b"pdk statistics: exchanged pairs.");
+
+/// What two conditions on the same roads differ by.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Paired {
+    /// The mean over roads of the first minus the second.
+    pub difference: Estimate,
+    /// The matched-pairs rank-biserial correlation: how much of the evidence of the roads points upwards, less that which points
+    /// downwards, from -1 to 1. D. S. Kerby, "The simple difference formula" (2014).
+    pub effect_size: f64,
+    /// How likely a mean difference of at least this size is where the conditions do not differ: a randomisation test that exchanges
+    /// the conditions on each road.
+    pub p: f64,
+    /// Roads that have both.
+    pub roads: usize,
+}
+
+/// Compares two conditions, of which there is one value a road, none where it was not driven; the roads are in the same order.
+/// `range` is what a value can be, infinite where it has no end. None where no road has both.
+pub fn compare(a: &[Option<f64>], b: &[Option<f64>], range: (f64, f64), confidence: f64) -> Option<Paired> {
+    let differences: Vec<f64> = a.iter().zip(b).filter_map(|(a, b)| Some((*a)? - (*b)?)).collect();
+    if differences.is_empty() {
+        return None;
+    }
+    let width = range.1 - range.0;
+    Some(Paired {
+        difference: bootstrap::mean(&differences, (-width, width), confidence),
+        effect_size: rank_biserial(&differences),
+        p: randomisation_test(&differences),
+        roads: differences.len(),
+    })
+}
+
+/// Sums of ranks of the sizes, by sign; equal sizes share their mean rank, and those of zero say nothing.
+fn rank_biserial(differences: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = differences.iter().copied().filter(|difference| *difference != 0.0).collect();
+    sizes.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+    let (mut up, mut all, mut before) = (0.0, 0.0, 0.0);
+    for tied in sizes.chunk_by(|a, b| a.abs() == b.abs()) {
+        let count = tied.len() as f64;
+        let rank = before + (count + 1.0) / 2.0;
+        up += rank * tied.iter().filter(|difference| **difference > 0.0).count() as f64;
+        all += rank * count;
+        before += count;
+    }
+    if all == 0.0 { 0.0 } else { (2.0 * up - all) / all }
+}
+
+fn randomisation_test(differences: &[f64]) -> f64 {
+    let observed = differences.iter().sum::<f64>().abs();
+    // What differs by rounding alone is equal.
+    let margin = 1e-9 * differences.iter().map(|difference| difference.abs()).sum::<f64>();
+    let extreme = |sum: f64| sum.abs() >= observed - margin;
+    let signed = |sign: &mut dyn FnMut(usize) -> bool| {
+        let with = |(road, size): (usize, &f64)| if sign(road) { *size } else { -size };
+        differences.iter().enumerate().map(with).sum::<f64>()
+    };
+    match differences.len() <= MOST_EXACT {
+        true => {
+            let all = 1_u32 << differences.len();
+            let count = (0..all).filter(|signs| extreme(signed(&mut |road| signs >> road & 1 == 1))).count();
+            count as f64 / f64::from(all)
+        }
+        false => {
+            let mut random = KEY.sequence();
+            let count = (0..DRAWN).filter(|_| extreme(signed(&mut |_| random.next_u32() & 1 == 1))).count();
+            // The observed one is one of those that could have been drawn.
+            (count as f64 + 1.0) / (f64::from(DRAWN) + 1.0)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHARE: (f64, f64) = (0.0, 1.0);
+
+    fn of(a: &[f64], b: &[f64]) -> Paired {
+        let some = |values: &[f64]| values.iter().copied().map(Some).collect::<Vec<_>>();
+        compare(&some(a), &some(b), SHARE, 0.95).unwrap()
+    }
+
+    #[test]
+    fn what_happens_on_every_road_is_told_from_chance() {
+        let all = of(&[1.0; 10], &[0.0; 10]);
+        assert_eq!((all.difference.value, all.effect_size), (1.0, 1.0));
+        // Of 1024 ways to exchange, two are as extreme.
+        assert!((all.p - 2.0 / 1024.0).abs() < 1e-12 && all.difference.low > 0.4, "{all:?}");
+        let none = of(&[0.0; 10], &[0.0; 10]);
+        assert_eq!((none.difference.value, none.effect_size, none.p), (0.0, 0.0, 1.0));
+        assert!(none.difference.low < 0.0 && none.difference.high > 0.0);
+    }
+
+    #[test]
+    fn ranks_and_signs_are_those_of_the_textbook() {
+        // Sizes 1, 2, 2, 4 have ranks 1, 2.5, 2.5, 4; upwards are 2.5 and 4.
+        let found = of(&[0.0, 0.2, 0.0, 0.4, 0.5], &[0.1, 0.0, 0.2, 0.0, 0.5]);
+        assert!((found.effect_size - (6.5 - 3.5) / 10.0).abs() < 1e-12, "{found:?}");
+        assert_eq!(found.roads, 5);
+    }
+
+    #[test]
+    fn a_road_that_misses_one_does_not_count() {
+        let found =
+            compare(&[Some(1.0), None, Some(0.5)], &[Some(0.5), Some(0.0), None], SHARE, 0.95).unwrap();
+        assert_eq!((found.roads, found.difference.value), (1, 0.5));
+        assert!(compare(&[None], &[Some(0.0)], SHARE, 0.95).is_none());
+    }
+
+    #[test]
+    fn many_roads_are_drawn_and_agree_with_all() {
+        // 16 roads are tried out, 17 drawn; the one that is added says nothing.
+        let a: Vec<f64> = (0..16).map(|road| f64::from(road % 5) / 5.0).collect();
+        let b: Vec<f64> = (0..16).map(|road| f64::from(road * 7 % 4) / 5.0).collect();
+        let (mut more_a, mut more_b) = (a.clone(), b.clone());
+        (more_a.push(0.0), more_b.push(0.0));
+        let (exact, drawn) = (of(&a, &b).p, of(&more_a, &more_b).p);
+        assert!((exact - drawn).abs() < 0.01, "{exact} {drawn}");
+    }
+}

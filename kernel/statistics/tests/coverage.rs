@@ -1,0 +1,221 @@
+//! Whether intervals cover the truth as often as they promise, on made-up failures with known probabilities.
+//!
+//! `cargo test --release -p pdk-statistics -- --ignored --nocapture` prints the figures of more conditions, with more studies each.
+
+use pdk_ops::random::{Key, Random};
+use pdk_statistics::CONFIDENCE;
+use pdk_statistics::level::{Bisection, Trial, failing_level};
+use pdk_statistics::mean::over_roads;
+use pdk_statistics::paired::compare;
+use pdk_statistics::share::{Drives, share, share_over_roads};
+
+/// Roads from easy to hard.
+#[derive(Clone, Copy)]
+struct World {
+    /// How much roads differ: the standard deviation of the level at which they fail.
+    spread: f64,
+    /// How much a drive on the same road depends on luck: the scale of a logistic curve over the level.
+    luck: f64,
+    /// The level at which a road fails every other time, on average over roads.
+    middle: f64,
+}
+
+impl World {
+    fn road(&self, random: &mut Random) -> f64 {
+        self.middle + self.spread * random.normal()
+    }
+
+    fn fails(&self, road: f64, level: f64) -> f64 {
+        1.0 / (1.0 + libm::exp((road - level) / self.luck))
+    }
+
+    /// The probability of failing over all roads.
+    fn probability(&self, level: f64) -> f64 {
+        let many = 2001;
+        let road = |i: i32| {
+            let share = (f64::from(i) + 0.5) / f64::from(many);
+            self.middle + self.spread * pdk_ops::random::normal_quantile(share)
+        };
+        (0..many).map(|i| self.fails(road(i), level)).sum::<f64>() / f64::from(many)
+    }
+}
+
+const WORLDS: [World; 4] = [
+    World { spread: 0.8, luck: 0.05, middle: 2.0 },
+    World { spread: 0.5, luck: 0.4, middle: 1.4 },
+    World { spread: 1.5, luck: 0.2, middle: 2.6 },
+    World { spread: 0.3, luck: 0.6, middle: 2.1 },
+];
+const LEVELS: [f64; 5] = [0.0, 1.0, 2.0, 3.0, 4.0];
+
+/// How often the interval of a made-up study covers the truth.
+fn coverage(studies: u32, name: &str, mut covers: impl FnMut(&mut Random) -> bool) -> f64 {
+    let mut key = [0; 32];
+    key.iter_mut().zip(name.bytes()).for_each(|(to, byte)| *to = byte);
+    let mut random = Key(key).sequence();
+    let share = (0..studies).filter(|_| covers(&mut random)).count() as f64 / f64::from(studies);
+    println!("{:5.1} %  {name}", 100.0 * share);
+    share
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// One drive a road, any probability: the mean over probabilities, because that of a single one jumps from count to count.
+fn shares(studies: u32, roads: u64) -> f64 {
+    let steps = 99;
+    let each = studies.div_ceil(steps).max(1);
+    let of = |step: u32| {
+        let probability = f64::from(step + 1) / f64::from(steps + 1);
+        coverage_quietly(each, u64::from(step) + 1000 * roads, |random| {
+            let failed = (0..roads).filter(|_| random.unit() < probability).count();
+            let found = share(failed as u64, roads, CONFIDENCE).unwrap();
+            found.low <= probability && probability <= found.high
+        })
+    };
+    let found = mean(&(0..steps).map(of).collect::<Vec<_>>());
+    println!("{:5.1} %  a share, one drive on each of {roads} roads, over all probabilities", 100.0 * found);
+    found
+}
+
+fn coverage_quietly(studies: u32, seed: u64, mut covers: impl FnMut(&mut Random) -> bool) -> f64 {
+    let mut random = Key([7; 32]).frame(seed);
+    (0..studies).filter(|_| covers(&mut random)).count() as f64 / f64::from(studies)
+}
+
+/// One level, several repeats a road.
+fn repeated(studies: u32, world: World, level: f64, roads: usize, repeats: u32) -> f64 {
+    let truth = world.probability(level);
+    let name = format!("{roads:2} roads x {repeats} repeats, one level, probability {truth:.2}");
+    coverage(studies, &name, |random| {
+        let drives: Vec<Drives> = (0..roads)
+            .map(|_| {
+                let probability = world.fails(world.road(random), level);
+                let mut drives = Drives::default();
+                (0..repeats).for_each(|_| drives.add(random.unit() < probability));
+                drives
+            })
+            .collect();
+        let found = share_over_roads(&drives, CONFIDENCE).unwrap();
+        found.low <= truth && truth <= found.high
+    })
+}
+
+/// The share that fails of the levels of a road: what a perturbation is ranked by.
+fn failed_share(random: &mut Random, world: World, road: f64, repeats: u32) -> f64 {
+    let drive = |level: &f64| {
+        let failed = (0..repeats).filter(|_| random.unit() < world.fails(road, *level)).count();
+        failed as f64 / f64::from(repeats)
+    };
+    mean(&LEVELS.iter().map(drive).collect::<Vec<_>>())
+}
+
+fn over_levels(studies: u32, world: World, roads: usize, repeats: u32) -> f64 {
+    let truth = mean(&LEVELS.map(|level| world.probability(level)));
+    let name = format!("{roads:2} roads x 5 levels x {repeats} repeats, mean probability {truth:.2}");
+    coverage(studies, &name, |random| {
+        let values: Vec<f64> = (0..roads)
+            .map(|_| {
+                let road = world.road(random);
+                failed_share(random, world, road, repeats)
+            })
+            .collect();
+        let found = over_roads(&values, (0.0, 1.0), CONFIDENCE).unwrap();
+        found.low <= truth && truth <= found.high
+    })
+}
+
+/// Two drivers on the same roads, of which the second holds out longer.
+fn differences(studies: u32, world: World, better: f64, roads: usize) -> f64 {
+    let second = World { middle: world.middle + better, ..world };
+    let truth = mean(&LEVELS.map(|level| world.probability(level) - second.probability(level)));
+    let name = format!("{roads:2} roads x 5 levels, two drivers, difference {truth:.2}");
+    coverage(studies, &name, |random| {
+        let (mut a, mut b) = (Vec::new(), Vec::new());
+        for _ in 0..roads {
+            let road = world.road(random);
+            a.push(Some(failed_share(random, world, road, 1)));
+            b.push(Some(failed_share(random, second, road + better, 1)));
+        }
+        let found = compare(&a, &b, (0.0, 1.0), CONFIDENCE).unwrap().difference;
+        found.low <= truth && truth <= found.high
+    })
+}
+
+/// The failing level, from all levels or from a bisection on each road. The truth is where the share over all roads crosses one
+/// half, which is the middle: roads and luck are symmetric about it.
+fn levels(studies: u32, world: World, roads: usize, bisection: Option<Bisection>) -> f64 {
+    let how = if bisection.is_some() { "bisection" } else { "5 levels" };
+    let name =
+        format!("{roads:2} roads, failing level by {how}, spread {}, luck {}", world.spread, world.luck);
+    let (mut drives, mut width) = (0, 0.0);
+    let found = coverage(studies, &name, |random| {
+        let trials: Vec<Vec<Trial>> = (0..roads)
+            .map(|_| {
+                let road = world.road(random);
+                let mut drive =
+                    |level: f64| Trial { level, failed: random.unit() < world.fails(road, level) };
+                let Some(bisection) = bisection else { return LEVELS.into_iter().map(drive).collect() };
+                let mut trials = Vec::new();
+                while let Some(level) = bisection.next(&trials) {
+                    trials.push(drive(level));
+                }
+                trials
+            })
+            .collect();
+        let found = failing_level(&trials, CONFIDENCE).unwrap();
+        drives += found.drives;
+        let (low, high) = (found.low.unwrap_or(4.0), found.high.unwrap_or(4.0));
+        width += high - low;
+        found.low.is_some_and(|low| low <= world.middle) && found.high.is_none_or(|high| high >= world.middle)
+    });
+    let each = f64::from(studies);
+    println!("         with {:.1} drives, the interval {:.2} wide", drives as f64 / each, width / each);
+    found
+}
+
+const FINE: Bisection = Bisection { lowest: 0.0, highest: 4.0, resolution: 0.25 };
+
+/// 95 % within sampling error of so many studies: two points, and four standard errors.
+fn promised(coverage: f64) -> bool {
+    (0.93..=0.97).contains(&coverage)
+}
+
+#[test]
+fn intervals_cover_as_often_as_they_promise() {
+    let mut found = Vec::new();
+    for roads in [10, 20] {
+        found.push(shares(40_000, roads));
+    }
+    found.push(repeated(1500, WORLDS[1], 1.0, 20, 3));
+    found.push(over_levels(1500, WORLDS[0], 10, 1));
+    found.push(over_levels(1500, WORLDS[1], 10, 3));
+    found.push(differences(1500, WORLDS[1], 0.7, 10));
+    found.push(levels(600, WORLDS[0], 20, None));
+    found.push(levels(600, WORLDS[0], 20, Some(FINE)));
+    assert!(found.iter().all(|coverage| promised(*coverage)), "{found:?}");
+}
+
+#[test]
+#[ignore = "takes minutes; prints the figures of many conditions"]
+fn figures() {
+    let studies = 4000;
+    for roads in [5, 10, 20, 40] {
+        shares(200_000, roads);
+    }
+    for roads in [5, 10, 20] {
+        for world in WORLDS {
+            for repeats in [2, 3, 5] {
+                repeated(studies, world, 1.0, roads, repeats);
+            }
+            for repeats in [1, 3] {
+                over_levels(studies, world, roads, repeats);
+            }
+            differences(studies, world, 0.7, roads);
+            differences(studies, world, 0.0, roads);
+            levels(studies / 4, world, roads, None);
+            levels(studies / 4, world, roads, Some(FINE));
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Random search: every candidate is drawn evenly from the space.
+
+use pdk_analysis::point::Point;
+use pdk_sdk::ops::Random;
+use pdk_sdk::prelude::*;
+
+use crate::domain::Domain;
+use crate::strategy::{Next, Rule};
+
+/// See the [module](self).
+pub struct RandomSearch;
+
+impl Rule for RandomSearch {
+    fn description() -> Description {
+        Description::search("random", "Draws every candidate evenly from the space")
+    }
+
+    fn new(_config: &Config) -> Result<Self> {
+        Ok(Self)
+    }
+
+    fn start(&mut self, _problem: &Problem, _domain: &Domain) -> Result<()> {
+        Ok(())
+    }
+
+    fn next(&mut self, domain: &Domain, random: &mut Random, _proposed: usize, _told: &[Point]) -> Next {
+        Next::Propose(domain.draw(domain.bounds(), random))
+    }
+}

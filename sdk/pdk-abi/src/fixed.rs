@@ -1,0 +1,76 @@
+//! What stays as it is for as long as the version is the same, because it is passed by value.
+
+use crate::declare::fixed;
+
+fixed! {
+    /// Bytes of the side that passes them, for the time of the call: text is UTF-8.
+    pub struct Text {
+        /// The first byte.
+        pub data: *const u8,
+        /// The number of bytes.
+        pub length: usize,
+    }
+
+    /// How a call went. Where it failed, the sentence is in the sink for errors.
+    pub struct Status {
+        /// One of the numbers of [`status`]; another one says no more than that it failed.
+        pub code: u64,
+    }
+}
+
+impl Text {
+    /// The bytes of a slice, which has to live as long as they are used.
+    pub fn new(bytes: &[u8]) -> Self {
+        Self { data: bytes.as_ptr(), length: bytes.len() }
+    }
+
+    /// The bytes; none where the pointer is null.
+    ///
+    /// # Safety
+    /// They have to be readable and unchanged for `'a`.
+    pub unsafe fn bytes<'a>(self) -> &'a [u8] {
+        match self.data.is_null() {
+            true => &[],
+            // SAFETY: the caller's promise.
+            false => unsafe { core::slice::from_raw_parts(self.data, self.length) },
+        }
+    }
+}
+
+/// How a call can go.
+pub mod status {
+    crate::declare::numbers! {
+        /// It worked.
+        pub const DONE = 0;
+        /// It did not work, for a reason that only the sentence tells.
+        pub const FAILED = 1;
+        /// It did not answer in time.
+        pub const LATE = 2;
+        /// The connection or the process behind it is gone.
+        pub const LOST = 3;
+        /// It answered with something that cannot be.
+        pub const NONSENSE = 4;
+        /// The user has to change something before it can work.
+        pub const CONFIGURATION = 5;
+        /// It panicked: the instance is of no more use.
+        pub const PANIC = 6;
+    }
+}
+
+/// The kinds of components. A host says of a kind that it does not know that it leaves it out.
+pub mod kind {
+    crate::declare::numbers! {
+        /// Changes a frame: [`PerturbationFunctions`](crate::PerturbationFunctions).
+        pub const PERTURBATION = 1;
+        /// Renders frames and moves the vehicle: [`SimulatorFunctions`](crate::SimulatorFunctions).
+        pub const SIMULATOR = 2;
+        /// Looks at a frame and steers: [`DriverFunctions`](crate::DriverFunctions).
+        pub const DRIVER = 3;
+        /// Says which pixels matter to a driver: [`SaliencyFunctions`](crate::SaliencyFunctions).
+        pub const SALIENCY = 4;
+        /// Proposes scenarios and learns from outcomes: [`SearchFunctions`](crate::SearchFunctions).
+        pub const SEARCH = 5;
+        /// Reads recorded frames: [`DatasetFunctions`](crate::DatasetFunctions).
+        pub const DATASET = 6;
+    }
+}

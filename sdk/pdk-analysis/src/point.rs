@@ -1,0 +1,14 @@
+//! An evaluated candidate as numbers.
+
+/// An evaluated candidate. A position is a number for each variable: see [`Range`](pdk_model::search::Range).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Point {
+    /// Its positions.
+    pub x: Vec<f64>,
+    /// Its objectives, smaller is better; empty where it has none.
+    pub f: Vec<f64>,
+    /// How far it is from keeping the constraints: 0 where it does, infinite where it could not be evaluated.
+    pub violation: f64,
+    /// Whether it shows what is searched for.
+    pub critical: bool,
+}

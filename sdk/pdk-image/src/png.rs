@@ -1,0 +1,98 @@
+//! Decodes PNG, with all of its checksums.
+
+use std::borrow::Cow;
+use std::io::Cursor;
+
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageBuffer};
+use pdk_sdk::error::Place;
+use pdk_sdk::prelude::*;
+use png::{BitDepth, ColorType, DecodeOptions, Decoder, Limits, Transformations};
+
+use crate::size::check_size;
+
+const DAMAGED: &str = "it is damaged";
+/// What a file begins with.
+const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+/// The parts of a file that make the picture, or the pictures of an animation.
+const OF_PICTURES: [&[u8; 4]; 8] = [b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND", b"acTL", b"fcTL", b"fdAT"];
+
+pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
+    let mut options = DecodeOptions::default();
+    options.set_ignore_checksums(false);
+    // Of no use here, and they may be compressed a thousand times.
+    options.set_ignore_text_chunk(true);
+    options.set_ignore_iccp_chunk(true);
+    let mut decoder = Decoder::new_with_options(Cursor::new(bytes), options);
+    let info = decoder.read_header_info().place(DAMAGED)?;
+    check_size(info.width, info.height)?;
+    let bytes = info.raw_bytes().saturating_mul(4).max(1 << 24);
+    decoder.set_limits(Limits { bytes });
+    decoder.set_transformations(Transformations::EXPAND);
+    let mut reader = decoder.read_info().place(DAMAGED)?;
+    let (color, depth) = reader.output_color_type();
+    let length = reader.output_buffer_size().ok_or_else(|| Error::new("it is damaged: it has no size"))?;
+    let mut pixels = vec![0; length];
+    let frame = reader.next_frame(&mut pixels).place(DAMAGED)?;
+    // The checksum of the pixels stands behind them.
+    reader.finish().place(DAMAGED)?;
+    pixels.truncate(frame.buffer_size());
+    let (width, height) = (frame.width, frame.height);
+    let orientation = reader
+        .info()
+        .exif_metadata
+        .as_ref()
+        .and_then(|exif: &Cow<'_, [u8]>| Orientation::from_exif_chunk(exif));
+    let words =
+        || pixels.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect::<Vec<u16>>();
+    let image: Option<DynamicImage> = match (color, depth) {
+        (ColorType::Grayscale, BitDepth::Sixteen) => {
+            ImageBuffer::from_raw(width, height, words()).map(DynamicImage::ImageLuma16)
+        }
+        (ColorType::GrayscaleAlpha, BitDepth::Sixteen) => {
+            ImageBuffer::from_raw(width, height, words()).map(DynamicImage::ImageLumaA16)
+        }
+        (ColorType::Rgb, BitDepth::Sixteen) => {
+            ImageBuffer::from_raw(width, height, words()).map(DynamicImage::ImageRgb16)
+        }
+        (ColorType::Rgba, BitDepth::Sixteen) => {
+            ImageBuffer::from_raw(width, height, words()).map(DynamicImage::ImageRgba16)
+        }
+        (ColorType::Grayscale, _) => {
+            ImageBuffer::from_raw(width, height, pixels).map(DynamicImage::ImageLuma8)
+        }
+        (ColorType::GrayscaleAlpha, _) => {
+            ImageBuffer::from_raw(width, height, pixels).map(DynamicImage::ImageLumaA8)
+        }
+        (ColorType::Rgb, _) => ImageBuffer::from_raw(width, height, pixels).map(DynamicImage::ImageRgb8),
+        (ColorType::Rgba, _) => ImageBuffer::from_raw(width, height, pixels).map(DynamicImage::ImageRgba8),
+        // Palettes were expanded.
+        (ColorType::Indexed, _) => None,
+    };
+    let image = image.ok_or_else(|| Error::new("it is damaged: it has fewer pixels than its size says"))?;
+    Ok((image, orientation.unwrap_or(Orientation::NoTransforms)))
+}
+
+/// A PNG file without all that is no part of its pictures: texts and color profiles, which a decoder would expand to any size.
+///
+/// # Errors
+/// Where it is cut off.
+pub fn without_texts(bytes: &[u8]) -> Result<Vec<u8>> {
+    let cut_off = || Error::new("it is cut off: the end of the PNG is missing");
+    let mut rest = bytes.strip_prefix(SIGNATURE).ok_or_else(cut_off)?;
+    let mut kept = SIGNATURE.to_vec();
+    loop {
+        let (head, _) = rest.split_first_chunk::<8>().ok_or_else(cut_off)?;
+        let [a, b, c, d, name @ ..] = head;
+        // Length, name and checksum.
+        let length = (u32::from_be_bytes([*a, *b, *c, *d]) as usize).saturating_add(12);
+        let (chunk, behind) = rest.split_at_checked(length).ok_or_else(cut_off)?;
+        if OF_PICTURES.contains(&name) {
+            kept.extend_from_slice(chunk);
+        }
+        if name == b"IEND" {
+            return Ok(kept);
+        }
+        rest = behind;
+    }
+}

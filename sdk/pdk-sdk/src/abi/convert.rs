@@ -1,0 +1,249 @@
+//! Values of the SDK as they cross the boundary, and back.
+
+use pdk_abi::{Prefix, Sink, State as RawState, Status, Text, empty, load, state_flag, status};
+use pdk_ops::{Frame, FrameMut};
+
+use crate::driver::{Control, DriveContext};
+use crate::error::{Error, ErrorKind, Result};
+use crate::simulator::{Camera, State};
+
+/// What a call returns for each kind of error.
+const STATUSES: [(ErrorKind, u64); ErrorKind::ALL.len()] = [
+    (ErrorKind::Failed, status::FAILED),
+    (ErrorKind::Late, status::LATE),
+    (ErrorKind::Lost, status::LOST),
+    (ErrorKind::Nonsense, status::NONSENSE),
+    (ErrorKind::Configuration, status::CONFIGURATION),
+    (ErrorKind::Panic, status::PANIC),
+];
+
+/// What a call returns that failed with this kind of error.
+pub(super) fn status_of(kind: ErrorKind) -> Status {
+    let found = STATUSES.iter().find(|(known, _)| *known == kind);
+    Status { code: found.map_or(status::FAILED, |(_, code)| *code) }
+}
+
+/// The kind of error of a call that returned this: one that is not known here says no more than that it failed.
+pub(super) fn kind_of(status: Status) -> ErrorKind {
+    STATUSES.iter().find(|(_, code)| *code == status.code).map_or(ErrorKind::Failed, |(kind, _)| *kind)
+}
+
+/// A text of the other side.
+///
+/// # Safety
+/// Its bytes have to be readable and unchanged for `'a`.
+pub(super) unsafe fn text<'a>(text: Text) -> Result<&'a str> {
+    // SAFETY: the caller's promise.
+    std::str::from_utf8(unsafe { text.bytes() })
+        .map_err(|_| Error::of(ErrorKind::Nonsense, "a text is not UTF-8"))
+}
+
+/// A sink that adds to a vector, which nothing else may use while the sink is in use.
+pub(super) fn sink(bytes: &mut Vec<u8>) -> Sink {
+    unsafe extern "C" fn append(context: *mut std::ffi::c_void, bytes: Text) {
+        // SAFETY: `context` is the vector below, and the bytes live through the call.
+        unsafe { (*context.cast::<Vec<u8>>()).extend_from_slice(bytes.bytes()) };
+    }
+    Sink { context: std::ptr::from_mut(bytes).cast(), write: Some(append), ..empty() }
+}
+
+/// A slice of the other side, empty where the pointer is null.
+///
+/// # Safety
+/// A pointer that is not null has to be readable for `length` elements for `'a`.
+pub(super) unsafe fn slice<'a, V>(data: *const V, length: usize) -> &'a [V] {
+    // SAFETY: the caller's promise.
+    if data.is_null() { &[] } else { unsafe { std::slice::from_raw_parts(data, length) } }
+}
+
+/// A frame for the other side to read.
+pub(super) fn frame(frame: Frame<'_>) -> pdk_abi::Frame {
+    let data = frame.data();
+    pdk_abi::Frame {
+        data: data.as_ptr(),
+        length: data.len(),
+        width: frame.width(),
+        height: frame.height(),
+        stride: frame.stride(),
+        ..empty()
+    }
+}
+
+/// A frame for the other side to write.
+pub(super) fn frame_mut(frame: &mut FrameMut<'_>) -> pdk_abi::FrameMut {
+    let (width, height, stride) = (frame.width(), frame.height(), frame.stride());
+    let data = frame.data_mut();
+    pdk_abi::FrameMut { data: data.as_mut_ptr(), length: data.len(), width, height, stride, ..empty() }
+}
+
+/// A frame of the other side.
+///
+/// # Safety
+/// The memory has to be readable and unchanged for `'a`.
+pub(super) unsafe fn source<'a>(from: *const pdk_abi::Frame) -> Result<Frame<'a>> {
+    // SAFETY: the caller's promise.
+    let raw = unsafe { load(from, empty()) };
+    // SAFETY: as above.
+    let data = unsafe { slice(raw.data, raw.length) };
+    Ok(Frame::with_stride(data, raw.width, raw.height, raw.stride)?)
+}
+
+/// A frame of the other side to write.
+///
+/// # Safety
+/// The memory has to be writable and not otherwise used for `'a`.
+pub(super) unsafe fn target<'a>(from: *const pdk_abi::FrameMut) -> Result<FrameMut<'a>> {
+    // SAFETY: the caller's promise.
+    let raw = unsafe { load(from, empty()) };
+    // SAFETY: as above.
+    let data = unsafe { slice_mut(raw.data, raw.length) };
+    Ok(FrameMut::with_stride(data, raw.width, raw.height, raw.stride)?)
+}
+
+/// A writable slice of the other side, empty where the pointer is null.
+///
+/// # Safety
+/// A pointer that is not null has to be writable for `length` elements for `'a`, and not otherwise used.
+pub(super) unsafe fn slice_mut<'a, V>(data: *mut V, length: usize) -> &'a mut [V] {
+    // SAFETY: the caller's promise.
+    if data.is_null() { &mut [] } else { unsafe { std::slice::from_raw_parts_mut(data, length) } }
+}
+
+/// A value that both sides know in a form of their own.
+pub(super) trait Crosses: Sized {
+    /// As it crosses.
+    type Raw: Prefix;
+
+    /// As it crosses.
+    fn raw(self) -> Self::Raw;
+
+    /// What crossed.
+    fn from_raw(raw: Self::Raw) -> Self;
+
+    /// What the other side wrote; what it does not know is as it is without it.
+    ///
+    /// # Safety
+    /// `from` points to a structure of this kind, which is as large as it says.
+    unsafe fn read(from: *const Self::Raw) -> Self
+    where
+        Self: Default,
+    {
+        // SAFETY: the caller's promise.
+        Self::from_raw(unsafe { load(from, Self::default().raw()) })
+    }
+}
+
+impl Crosses for State {
+    type Raw = RawState;
+
+    fn raw(self) -> RawState {
+        let Self { time, position, heading, speed, cross_track_error, progress, vehicle_ahead, .. } = self;
+        let flag = |set: bool, flag: u64| if set { flag } else { 0 };
+        RawState {
+            time,
+            position,
+            heading,
+            speed,
+            cross_track_error,
+            progress,
+            vehicle_ahead,
+            flags: flag(self.lane_departure, state_flag::LANE_DEPARTURE)
+                | flag(self.collision, state_flag::COLLISION)
+                | flag(self.finished, state_flag::FINISHED),
+            ..empty()
+        }
+    }
+
+    fn from_raw(raw: RawState) -> Self {
+        let RawState { time, position, heading, speed, cross_track_error, progress, vehicle_ahead, .. } = raw;
+        Self {
+            time,
+            position,
+            heading,
+            speed,
+            cross_track_error,
+            progress,
+            vehicle_ahead,
+            lane_departure: raw.flags & state_flag::LANE_DEPARTURE != 0,
+            collision: raw.flags & state_flag::COLLISION != 0,
+            finished: raw.flags & state_flag::FINISHED != 0,
+        }
+    }
+}
+
+impl Crosses for Control {
+    type Raw = pdk_abi::Control;
+
+    fn raw(self) -> Self::Raw {
+        pdk_abi::Control { steering: self.steering, throttle: self.throttle, ..empty() }
+    }
+
+    fn from_raw(raw: Self::Raw) -> Self {
+        Self { steering: raw.steering, throttle: raw.throttle }
+    }
+}
+
+impl Crosses for DriveContext {
+    type Raw = pdk_abi::DriveContext;
+
+    fn raw(self) -> Self::Raw {
+        let Self { frame_index, time, speed } = self;
+        pdk_abi::DriveContext { frame_index, time, speed, ..empty() }
+    }
+
+    fn from_raw(raw: Self::Raw) -> Self {
+        Self { frame_index: raw.frame_index, time: raw.time, speed: raw.speed }
+    }
+}
+
+impl Crosses for Camera {
+    type Raw = pdk_abi::Camera;
+
+    fn raw(self) -> Self::Raw {
+        let Self { width, height, rate } = self;
+        pdk_abi::Camera { width, height, rate, ..empty() }
+    }
+
+    fn from_raw(raw: Self::Raw) -> Self {
+        Self { width: raw.width, height: raw.height, rate: raw.rate }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_of_error_crosses_and_an_unknown_one_says_failed() {
+        for kind in ErrorKind::ALL {
+            assert_eq!(kind_of(status_of(kind)), kind);
+            assert_ne!(status_of(kind).code, status::DONE);
+        }
+        assert_eq!(kind_of(Status { code: 77 }), ErrorKind::Failed);
+    }
+
+    #[test]
+    fn values_cross_as_they_are() {
+        for flag in 0..3 {
+            let flags = std::array::from_fn(|other| other == flag);
+            let state = State::from_parts(std::array::from_fn(|i| i as f64 + 0.5), flags);
+            assert_eq!(State::from_raw(state.raw()), state);
+        }
+        let control = Control { steering: 0.25, throttle: -0.5 };
+        assert_eq!(Control::from_raw(control.raw()), control);
+        let cx = DriveContext { frame_index: 3, time: 0.5, speed: 8.0 };
+        assert_eq!(DriveContext::from_raw(cx.raw()), cx);
+        let camera = Camera { width: 32, height: 24, rate: 20.0 };
+        assert_eq!(Camera::from_raw(camera.raw()), camera);
+    }
+
+    #[test]
+    fn what_the_other_side_does_not_know_is_as_without_it() {
+        // A state that ends before the road ahead.
+        let mut short = State { speed: 3.0, vehicle_ahead: 4.0, collision: true, ..State::default() }.raw();
+        short.size = std::mem::offset_of!(RawState, vehicle_ahead);
+        // SAFETY: it is larger than it says.
+        let state = unsafe { State::read(&short) };
+        assert_eq!(state, State { speed: 3.0, ..State::default() });
+    }
+}

@@ -1,0 +1,124 @@
+//! The error of a component: one sentence that names the thing, the place and the remedy.
+
+use std::any::Any;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// What went wrong: one sentence for the person who runs pdk, and a kind for the program that has to decide what follows.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Error {
+    kind: ErrorKind,
+    message: String,
+}
+
+/// What follows from an error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ErrorKind {
+    /// It did not work, for a reason that only the sentence tells.
+    #[default]
+    Failed,
+    /// It did not answer in time; it may still be at work.
+    Late,
+    /// The connection or the process is gone: a new one may work.
+    Lost,
+    /// It answered with something that cannot be, such as a number that is not finite or a frame of the wrong size.
+    Nonsense,
+    /// The user has to change something before it can work: a path, a parameter, an installation.
+    Configuration,
+    /// A component panicked: the instance is of no more use.
+    Panic,
+}
+
+impl ErrorKind {
+    /// All kinds.
+    pub const ALL: [Self; 6] =
+        [Self::Failed, Self::Late, Self::Lost, Self::Nonsense, Self::Configuration, Self::Panic];
+}
+
+/// The result of everything a component does.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+impl Error {
+    /// An error that says `message`, of which nothing else follows.
+    pub fn new(message: impl Into<String>) -> Self {
+        Self::of(ErrorKind::Failed, message)
+    }
+
+    /// An error of a kind.
+    pub fn of(kind: ErrorKind, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into() }
+    }
+
+    /// Puts the place before the message: `"{place}: {message}"`. The kind stays.
+    pub fn at(self, place: impl fmt::Display) -> Self {
+        Self { kind: self.kind, message: format!("{place}: {}", self.message) }
+    }
+
+    /// What follows from it.
+    pub fn kind(&self) -> ErrorKind {
+        self.kind
+    }
+
+    /// The sentence.
+    pub fn message(&self) -> &str {
+        &self.message
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Error {}
+
+impl From<String> for Error {
+    fn from(message: String) -> Self {
+        Self::new(message)
+    }
+}
+
+impl From<&str> for Error {
+    fn from(message: &str) -> Self {
+        Self::new(message)
+    }
+}
+
+impl From<std::io::Error> for Error {
+    fn from(error: std::io::Error) -> Self {
+        Self::new(error.to_string())
+    }
+}
+
+impl From<serde_json::Error> for Error {
+    fn from(error: serde_json::Error) -> Self {
+        Self::new(error.to_string())
+    }
+}
+
+impl From<pdk_ops::FrameError> for Error {
+    fn from(error: pdk_ops::FrameError) -> Self {
+        Self::new(error.to_string())
+    }
+}
+
+/// Names the place of an error where it is passed on.
+pub trait Place<T> {
+    /// Turns the error into `"{place}: {error}"`. An [`Error`] keeps its kind.
+    ///
+    /// # Errors
+    /// The error of `self`, with its place.
+    fn place(self, place: impl fmt::Display) -> Result<T>;
+}
+
+impl<T, E: fmt::Display + 'static> Place<T> for std::result::Result<T, E> {
+    fn place(self, place: impl fmt::Display) -> Result<T> {
+        self.map_err(|error| {
+            let kind = (&error as &dyn Any).downcast_ref::<Error>().map_or(ErrorKind::Failed, Error::kind);
+            Error::of(kind, format!("{place}: {error}"))
+        })
+    }
+}

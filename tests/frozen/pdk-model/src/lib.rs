@@ -1,0 +1,20 @@
+//! The values that everything in pdk speaks of, each defined once; no input or output happens here.
+//!
+//! What is driven is a [`Scenario`](scenario::Scenario): everything that decides an outcome, and nothing else. What comes of
+//! it is an [`Outcome`](outcome::Outcome). On the way there, a [`State`](state::State) and a [`Control`](control::Control)
+//! belong to each frame, and what goes wrong is an [`Error`](error::Error) of a [kind](error::ErrorKind).
+
+#![forbid(unsafe_code)]
+
+pub mod camera;
+mod canonical;
+pub mod component;
+pub mod control;
+pub mod error;
+pub mod level;
+pub mod outcome;
+pub mod perturbation;
+pub mod region;
+pub mod scenario;
+pub mod state;
+pub mod text;

@@ -1,0 +1,216 @@
+//! Perturbations as the user names them.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::component::{check_values, without_value};
+use crate::error::{Error, Result};
+use crate::level::{DEFAULT_LEVEL, Level};
+use crate::region::Region;
+use crate::text::{parse_value, split_outside_brackets};
+
+/// A perturbation as the user names it: at an intensity, with parameters, and with what limits it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AppliedPerturbation {
+    /// The component's name.
+    pub name: String,
+    /// The intensity.
+    pub level: Level,
+    /// The chance that a frame is perturbed, drawn for each frame; every frame is where it is not set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probability: Option<f64>,
+    /// The part of the frame that is perturbed; all of it where it is not set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<Region>,
+    /// What is drawn when; as the perturbation says where it is not set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub draws: Option<Draws>,
+    /// Parameters that the user sets.
+    #[serde(default, skip_serializing_if = "Map::is_empty")]
+    pub parameters: Map<String, Value>,
+}
+
+/// When random numbers are drawn, against what the perturbation itself would do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Draws {
+    /// Everything anew for every frame.
+    PerFrame,
+    /// Everything once: all frames have the same noise.
+    PerSequence,
+}
+
+impl AppliedPerturbation {
+    /// A perturbation at a level.
+    pub fn new(name: &str, level: f64) -> Self {
+        let level = Level::Constant(level);
+        Self {
+            name: name.to_owned(),
+            level,
+            probability: None,
+            region: None,
+            draws: None,
+            parameters: Map::new(),
+        }
+    }
+
+    /// The same perturbation at another level.
+    pub fn at_level(self, level: f64) -> Self {
+        Self { level: Level::Constant(level), ..self }
+    }
+
+    /// Reads `NAME` or `NAME@LEVEL`, with parameters behind it: `NAME@LEVEL,key=value,...`. Without a level it is
+    /// [`DEFAULT_LEVEL`].
+    ///
+    /// # Errors
+    /// Where the level is not a number from 0 to 4, or a parameter has no value.
+    pub fn parse(text: &str) -> Result<Self> {
+        Self::from_table(&read_text(text)?)
+    }
+
+    /// Reads a perturbation from a script: a text as for [`AppliedPerturbation::parse`], or a table with `name`, `level`,
+    /// `probability`, `region`, `draws` and parameters.
+    ///
+    /// # Errors
+    /// Where it is neither, or one of them is out of range or null.
+    pub fn from_json(value: &Value) -> Result<Self> {
+        Self::from_table(&read(value)?)
+    }
+
+    /// Reads a perturbation to which somebody else gives the levels, by [`AppliedPerturbation::at_level`].
+    ///
+    /// # Errors
+    /// As [`AppliedPerturbation::from_json`], and where it has a level of its own.
+    pub fn from_json_without_level(value: &Value) -> Result<Self> {
+        let table = read(value)?;
+        if table.contains_key("level") {
+            return Err(Error::new(format!(
+                "the perturbation {value} has a level of its own; leave it out, because each is evaluated at all `levels`"
+            )));
+        }
+        Self::from_table(&table)
+    }
+
+    fn from_table(table: &Map<String, Value>) -> Result<Self> {
+        let mut parameters = table.clone();
+        let name = match parameters.shift_remove("name") {
+            Some(Value::String(name)) if !name.is_empty() => name,
+            _ => {
+                let table = Value::Object(table.clone());
+                return Err(Error::new(format!("the perturbation {table} has no `name`")));
+            }
+        };
+        let mut take = |key: &str| match parameters.shift_remove(key) {
+            Some(Value::Null) => Err(without_value(&name, key)),
+            value => Ok(value),
+        };
+        let level = match take("level")? {
+            None => Level::Constant(DEFAULT_LEVEL),
+            Some(level) => Level::from_json(&name, &level)?,
+        };
+        let probability = match take("probability")? {
+            None => None,
+            Some(value) => match value.as_f64() {
+                Some(chance) if (0.0..=1.0).contains(&chance) => Some(chance),
+                _ => {
+                    return Err(Error::new(format!(
+                        "the probability of `{name}` is {value}, but has to be a number from 0 to 1"
+                    )));
+                }
+            },
+        };
+        let region = take("region")?
+            .map(|region| Region::from_json(&region))
+            .transpose()
+            .map_err(|error| error.at(format_args!("perturbation `{name}`")))?;
+        let draws = take("draws")?
+            .map(|value| {
+                serde_json::from_value(value.clone()).map_err(|_| {
+                    Error::new(format!(
+                        "`draws` of `{name}` is {value}, but has to be \"per_frame\" or \"per_sequence\""
+                    ))
+                })
+            })
+            .transpose()?;
+        check_values(&name, &parameters)?;
+        Ok(Self { name, level, probability, region, draws, parameters })
+    }
+
+    /// What it is without its level, as it is written on the command line: `NAME,key=value,...`. It tells two of the same
+    /// name with other parameters apart.
+    pub fn label(&self) -> String {
+        format!("{}{}", self.name, self.conditions())
+    }
+
+    /// What it is in the name of a scenario, for which a course of intensities has too many numbers.
+    pub fn short_name(&self) -> String {
+        match self.level.constant() {
+            Some(_) => self.to_string(),
+            None => format!("{} over time", self.label()),
+        }
+    }
+
+    /// What stands behind the name and the level, each part with a comma before it.
+    fn conditions(&self) -> String {
+        let probability = self.probability.map(|probability| format!(",probability={probability}"));
+        let region = self.region.as_ref().map(|region| format!(",region={}", json(region)));
+        let draws = self.draws.as_ref().map(|draws| format!(",draws={}", json(draws)));
+        let parameters = self.parameters.iter().map(|(key, value)| format!(",{key}={value}"));
+        [probability, region, draws].into_iter().flatten().chain(parameters).collect()
+    }
+}
+
+impl fmt::Display for AppliedPerturbation {
+    /// As it is written on the command line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.level.constant() {
+            Some(level) => write!(f, "{}@{level}", self.name)?,
+            None => write!(f, "{},level={}", self.name, json(&self.level))?,
+        }
+        f.write_str(&self.conditions())
+    }
+}
+
+/// The table that a text or a table stands for.
+fn read(value: &Value) -> Result<Map<String, Value>> {
+    match value {
+        Value::String(text) => read_text(text),
+        Value::Object(table) => Ok(table.clone()),
+        other => Err(Error::new(format!(
+            "{other} is not a perturbation; write \"name@level\" or {{ name = ..., level = ... }}"
+        ))),
+    }
+}
+
+/// The table that a text stands for.
+fn read_text(text: &str) -> Result<Map<String, Value>> {
+    let mut parts = split_outside_brackets(text).into_iter();
+    let head = parts.next().unwrap_or_default();
+    let (name, level) = head.split_once('@').map_or((head, None), |(name, level)| (name, Some(level)));
+    if name.is_empty() {
+        return Err(Error::new(format!(
+            "`{text}` names no perturbation; write NAME, NAME@LEVEL or NAME@LEVEL,PARAMETER=VALUE"
+        )));
+    }
+    let mut table = Map::from_iter([("name".to_owned(), Value::from(name))]);
+    if let Some(level) = level {
+        let level = Level::from_json(head, &parse_value(level))?;
+        table.insert("level".to_owned(), serde_json::to_value(level)?);
+    }
+    for part in parts {
+        let (key, value) = part.split_once('=').ok_or_else(|| {
+            Error::new(format!("`{part}` in `{text}` sets nothing; write parameters as name=value"))
+        })?;
+        if table.insert(key.to_owned(), parse_value(value)).is_some() {
+            return Err(Error::new(format!("`{text}` sets `{key}` twice; leave one out")));
+        }
+    }
+    Ok(table)
+}
+
+/// A value as it is written in JSON; what cannot be written is empty.
+fn json(value: &impl Serialize) -> String {
+    serde_json::to_string(value).unwrap_or_default()
+}

@@ -1,0 +1,194 @@
+//! Everything that decides an outcome.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::Value;
+
+use crate::canonical::canonical;
+use crate::component::ComponentSpec;
+use crate::error::{Error, Result};
+use crate::perturbation::AppliedPerturbation;
+
+/// The time limit of a scenario in seconds of simulation time, where nobody sets one.
+pub const DEFAULT_DURATION: f64 = 30.0;
+
+/// What happens while perturbations and driver are at work on a frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// The simulator waits, so that the outcome does not depend on how fast the machine is.
+    #[default]
+    Lockstep,
+    /// The simulator goes on by the clock under the control before; when the driver is done, it gets the newest frame, and
+    /// those in between are skipped.
+    Realtime,
+}
+
+impl Mode {
+    /// All modes.
+    pub const ALL: [Self; 2] = [Self::Lockstep, Self::Realtime];
+
+    /// The name as users write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lockstep => "lockstep",
+            Self::Realtime => "realtime",
+        }
+    }
+
+    /// Whether it is lockstep, which records leave unsaid.
+    pub fn is_lockstep(&self) -> bool {
+        *self == Self::Lockstep
+    }
+}
+
+impl fmt::Display for Mode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Mode {
+    type Err = Error;
+
+    fn from_str(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|mode| mode.name() == name).ok_or_else(|| {
+            Error::new(format!("`mode` is `{name}`, but has to be {} or {}", Self::Lockstep, Self::Realtime))
+        })
+    }
+}
+
+/// Everything that decides an outcome: the same scenario, driven in lockstep, comes out the same on every machine and beside
+/// whatever other scenarios.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Scenario {
+    /// The simulator.
+    pub simulator: ComponentSpec,
+    /// The driver under test.
+    pub driver: ComponentSpec,
+    /// The road, in the simulator's own terms; null for its default road.
+    #[serde(default, skip_serializing_if = "Value::is_null")]
+    pub road: Value,
+    /// The perturbations, in the order in which a frame goes through them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub perturbations: Vec<AppliedPerturbation>,
+    /// The time limit in seconds of simulation time.
+    pub duration: f64,
+    /// What happens while the driver is at work.
+    #[serde(default, skip_serializing_if = "Mode::is_lockstep")]
+    pub mode: Mode,
+    /// The seed for everything that is drawn: by the simulator, and by the perturbations.
+    pub seed: u64,
+    /// Tells drives of the same that are wanted several times apart.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub repeat: u64,
+}
+
+fn is_zero(count: &u64) -> bool {
+    *count == 0
+}
+
+impl Scenario {
+    /// The default road, unperturbed, in lockstep, for [`DEFAULT_DURATION`], with seed 0.
+    pub fn new(simulator: ComponentSpec, driver: ComponentSpec) -> Self {
+        Self {
+            simulator,
+            driver,
+            road: Value::Null,
+            perturbations: Vec::new(),
+            duration: DEFAULT_DURATION,
+            mode: Mode::default(),
+            seed: 0,
+            repeat: 0,
+        }
+    }
+
+    /// The one text that says this scenario: JSON with keys sorted, without spaces, without what is null or the default, and
+    /// with one spelling for each number.
+    pub fn canonical(&self) -> String {
+        match serde_json::to_value(self) {
+            Ok(value) => canonical(&value),
+            Err(error) => unreachable!("every key of a scenario is a text, so it is JSON: {error}"),
+        }
+    }
+
+    /// What tells it from every other scenario: a hash of its [canonical text](Scenario::canonical).
+    pub fn id(&self) -> ScenarioId {
+        let hash = blake3::derive_key("pdk scenario, version 1", self.canonical().as_bytes());
+        let mut id = [0; 16];
+        id.copy_from_slice(&hash[..16]);
+        ScenarioId(id)
+    }
+
+    /// The name of each perturbation, for tables.
+    pub fn perturbation_names(&self) -> Vec<String> {
+        self.perturbations.iter().map(AppliedPerturbation::short_name).collect()
+    }
+
+    /// What it is called in tables where nobody names it: after its perturbations.
+    pub fn default_name(&self) -> String {
+        match self.perturbations.is_empty() {
+            true => "nominal".to_owned(),
+            false => self.perturbation_names().join(" + "),
+        }
+    }
+}
+
+/// The seed of a scenario that names none: it follows from the run's seed, the road and the repeat alone, so that drives with
+/// and without perturbations meet the same world. It has at most 53 bits, which Lua and JSON numbers keep.
+pub fn seed_of(run_seed: u64, road: &Value, repeat: u64) -> u64 {
+    let road = canonical(road);
+    let mut hasher = blake3::Hasher::new_derive_key("pdk scenario seed, version 1");
+    hasher.update(&run_seed.to_le_bytes());
+    hasher.update(&(road.len() as u64).to_le_bytes());
+    hasher.update(road.as_bytes());
+    hasher.update(&repeat.to_le_bytes());
+    let mut first = [0; 8];
+    first.copy_from_slice(&hasher.finalize().as_bytes()[..8]);
+    u64::from_le_bytes(first) >> (64 - 53)
+}
+
+/// What tells a scenario from every other: 32 hexadecimal digits.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ScenarioId([u8; 16]);
+
+impl fmt::Display for ScenarioId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+impl fmt::Debug for ScenarioId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+impl FromStr for ScenarioId {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        // One spelling only, so that equal ids are equal texts.
+        let digits = text.len() == 32 && text.bytes().all(|c| matches!(c, b'0'..=b'9' | b'a'..=b'f'));
+        match u128::from_str_radix(text, 16) {
+            Ok(number) if digits => Ok(Self(number.to_be_bytes())),
+            _ => Err(Error::new(format!(
+                "`{text}` is not a scenario id; it has to be 32 hexadecimal digits with small letters"
+            ))),
+        }
+    }
+}
+
+impl Serialize for ScenarioId {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for ScenarioId {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
+    }
+}

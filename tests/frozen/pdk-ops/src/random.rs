@@ -1,0 +1,190 @@
+//! Random numbers that depend on a key alone.
+//!
+//! A [`Key`] names one component instance in one scenario of one run. From it come any number of ChaCha streams:
+//! one for what is drawn once per sequence and one for every frame. Streams never overlap, and drawing from one
+//! has no effect on another, so a frame's random numbers are the same whether it is computed alone, in order, or
+//! on another thread.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// The stream that belongs to the sequence as a whole; frames use their own index.
+const SEQUENCE_STREAM: u64 = u64::MAX;
+
+/// The origin of all random numbers of one component instance in one scenario.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(transparent)]
+pub struct Key(pub [u8; 32]);
+
+impl Key {
+    /// The stream for what is drawn once per sequence: where drops sit, which way a blur points.
+    pub fn sequence(&self) -> Random {
+        self.stream(SEQUENCE_STREAM)
+    }
+
+    /// The stream for what is drawn anew for every frame, such as sensor noise.
+    pub fn frame(&self, index: u64) -> Random {
+        self.stream(index)
+    }
+
+    fn stream(&self, stream: u64) -> Random {
+        let mut generator = ChaCha8Rng::from_seed(self.0);
+        generator.set_stream(stream);
+        Random { generator }
+    }
+}
+
+/// One stream of random numbers.
+#[derive(Debug, Clone)]
+pub struct Random {
+    generator: ChaCha8Rng,
+}
+
+impl Random {
+    /// 32 random bits.
+    pub fn next_u32(&mut self) -> u32 {
+        self.generator.next_u32()
+    }
+
+    /// 64 random bits.
+    pub fn next_u64(&mut self) -> u64 {
+        self.generator.next_u64()
+    }
+
+    /// Fills a slice with random bytes.
+    pub fn fill(&mut self, bytes: &mut [u8]) {
+        self.generator.fill_bytes(bytes);
+    }
+
+    /// A number in `0.0..1.0`, in steps of 2^-53.
+    pub fn unit(&mut self) -> f64 {
+        (self.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
+    }
+
+    /// A number in `low..high`.
+    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// An integer in `0..bound`, every one equally likely; 0 where `bound` is 0.
+    pub fn below(&mut self, bound: u32) -> u32 {
+        // Lemire, "Fast random integer generation in an interval" (2019).
+        let mut product = u64::from(self.next_u32()) * u64::from(bound);
+        if (product as u32) < bound {
+            let threshold = bound.wrapping_neg() % bound;
+            while (product as u32) < threshold {
+                product = u64::from(self.next_u32()) * u64::from(bound);
+            }
+        }
+        (product >> 32) as u32
+    }
+
+    /// An integer in `low..=high`; `low` where the range is empty.
+    pub fn between(&mut self, low: i32, high: i32) -> i32 {
+        let span = (i64::from(high) - i64::from(low) + 1).clamp(1, i64::from(u32::MAX)) as u32;
+        (i64::from(low) + i64::from(self.below(span))) as i32
+    }
+
+    /// A number from the standard normal distribution.
+    pub fn normal(&mut self) -> f64 {
+        // The half step keeps the argument inside the open interval.
+        normal_quantile(
+            (self.next_u64() >> 12) as f64 * (1.0 / (1u64 << 52) as f64) + 0.5 / (1u64 << 52) as f64,
+        )
+    }
+
+    /// Puts a slice into random order.
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
+        for last in (1..items.len()).rev() {
+            items.swap(last, self.below(last as u32 + 1) as usize);
+        }
+    }
+}
+
+/// The quantile function of the standard normal distribution for `0 < p < 1`: the value that a standard normal
+/// variable stays below with probability `p`. Relative error below 1e-15.
+///
+/// Wichura, "Algorithm AS 241: The percentage points of the normal distribution" (1988).
+pub fn normal_quantile(p: f64) -> f64 {
+    fn ratio(x: f64, numerator: [f64; 8], denominator: [f64; 7]) -> f64 {
+        let top = numerator.iter().rev().fold(0.0, |sum, c| sum * x + c);
+        let bottom = denominator.iter().rev().fold(0.0, |sum, c| sum * x + c) * x + 1.0;
+        top / bottom
+    }
+    let q = p - 0.5;
+    if q.abs() <= 0.425 {
+        let x = 0.180625 - q * q;
+        return q * ratio(
+            x,
+            [
+                3.387_132_872_796_366_5,
+                1.331_416_678_917_843_8e2,
+                1.971_590_950_306_551_3e3,
+                1.373_169_376_550_946e4,
+                4.592_195_393_154_987e4,
+                6.726_577_092_700_87e4,
+                3.343_057_558_358_813e4,
+                2.509_080_928_730_122_7e3,
+            ],
+            [
+                4.231_333_070_160_091e1,
+                6.871_870_074_920_579e2,
+                5.394_196_021_424_751e3,
+                2.121_379_430_158_659_7e4,
+                3.930_789_580_009_271e4,
+                2.872_908_573_572_194_3e4,
+                5.226_495_278_852_854e3,
+            ],
+        );
+    }
+    let tail = if q < 0.0 { p } else { 1.0 - p };
+    let r = libm::sqrt(-libm::log(tail));
+    let magnitude = if r <= 5.0 {
+        ratio(
+            r - 1.6,
+            [
+                1.423_437_110_749_683_5,
+                4.630_337_846_156_546,
+                5.769_497_221_460_691,
+                3.647_848_324_763_204_5,
+                1.270_458_252_452_368_4,
+                2.417_807_251_774_506e-1,
+                2.272_384_498_926_918_4e-2,
+                7.745_450_142_783_414e-4,
+            ],
+            [
+                2.053_191_626_637_759,
+                1.676_384_830_183_803_8,
+                6.897_673_349_851e-1,
+                1.481_039_764_274_800_8e-1,
+                1.519_866_656_361_645_7e-2,
+                5.475_938_084_995_345e-4,
+                1.050_750_071_644_416_9e-9,
+            ],
+        )
+    } else {
+        ratio(
+            r - 5.0,
+            [
+                6.657_904_643_501_103,
+                5.463_784_911_164_114,
+                1.784_826_539_917_291_3,
+                2.965_605_718_285_049e-1,
+                2.653_218_952_657_612_4e-2,
+                1.242_660_947_388_078_4e-3,
+                2.711_555_568_743_487_6e-5,
+                2.010_334_399_292_288_1e-7,
+            ],
+            [
+                5.998_322_065_558_88e-1,
+                1.369_298_809_227_358e-1,
+                1.487_536_129_085_061_5e-2,
+                7.868_691_311_456_133e-4,
+                1.846_318_317_510_054_7e-5,
+                1.421_511_758_316_446e-7,
+                2.044_263_103_389_939_8e-15,
+            ],
+        )
+    };
+    if q < 0.0 { -magnitude } else { magnitude }
+}

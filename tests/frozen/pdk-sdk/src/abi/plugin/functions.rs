@@ -1,0 +1,220 @@
+//! The functions of each kind of component, as the host calls them.
+
+use std::ffi::c_void;
+
+use pdk_abi::{
+    DatasetFunctions, DriverFunctions, Instance, PerturbationFunctions, SaliencyFunctions, SearchFunctions,
+    SimulatorFunctions, Sink, Status, Text, empty, kind, load, store,
+};
+use pdk_ops::Key;
+
+use super::guard::Guarded;
+use super::{Registration, finish, put};
+use crate::abi::convert::{self, Crosses};
+use crate::component::Component;
+use crate::config::Config;
+use crate::dataset::Dataset;
+use crate::driver::{Control, DriveContext, Driver};
+use crate::error::{Error, ErrorKind, Result};
+use crate::perturbation::{Context, Perturbation};
+use crate::saliency::{HeatmapMut, MapContext, Saliency};
+use crate::search::Search;
+use crate::simulator::Simulator;
+
+/// Makes the table line of a component; one function for each kind. Its functions take the host's pointers, which live through
+/// the call, and the instance that was made here, which the host lends to one call at a time.
+macro_rules! registrations {
+    ($($registration:ident: $bound:ident, $kind:ident, $table:ident { $($function:ident),* };)*) => {
+        $(
+            /// The table line of a component of this kind.
+            pub const fn $registration<T: Component + $bound + 'static>() -> Registration {
+                fn create<T: Component + $bound + 'static>(
+                    config: &Config,
+                    names: Vec<String>,
+                ) -> Result<Instance> {
+                    let object = Box::into_raw(Box::new(Guarded::new(T::new(config)?, names))).cast();
+                    let functions: &'static $table = const {
+                        &$table {
+                            size: size_of::<$table>(),
+                            drop: Some(end::<T>),
+                            $($function: Some($registration::$function::<T>),)*
+                        }
+                    };
+                    let functions = std::ptr::from_ref(functions).cast();
+                    Ok(Instance { kind: kind::$kind, object, functions, ..empty() })
+                }
+                Registration { describe: T::description, create: create::<T> }
+            }
+        )*
+    };
+}
+
+registrations! {
+    perturbations: Perturbation, PERTURBATION, PerturbationFunctions { apply };
+    simulators: Simulator, SIMULATOR, SimulatorFunctions { camera, reset, frame, act, waypoints };
+    drivers: Driver, DRIVER, DriverFunctions { reset, drive, info };
+    saliencies: Saliency, SALIENCY, SaliencyFunctions { map_size, map };
+    searches: Search, SEARCH, SearchFunctions { start, ask, tell };
+    datasets: Dataset, DATASET, DatasetFunctions { length, name, read };
+}
+
+/// Ends an instance.
+unsafe extern "C" fn end<T>(object: *mut c_void) {
+    // SAFETY: the host has it from here, and does not use it after this.
+    drop(unsafe { Box::from_raw(object.cast::<Guarded<T>>()) });
+}
+
+/// Calls the component in an instance.
+///
+/// # Safety
+/// The instance was made here for this type, no other call of it is in progress, and the sink is that of this call.
+#[inline]
+unsafe fn call<T>(
+    object: *mut c_void,
+    error: *const Sink,
+    work: impl FnOnce(&mut T, &[String]) -> Result<()>,
+) -> Status {
+    // SAFETY: the caller's promise.
+    unsafe { finish((*object.cast::<Guarded<T>>()).call(work), error) }
+}
+
+/// Declares functions of a table. What they do with the host's pointers is within the promises that `call` asks for.
+macro_rules! functions {
+    ($module:ident: $bound:ident;
+     $(fn $function:ident($component:ident, $names:pat $(, $argument:ident: $type:ty)*) $work:block)*) => {
+        mod $module {
+            use super::*;
+            $(
+                pub unsafe extern "C" fn $function<T: $bound>(
+                    object: *mut c_void,
+                    $($argument: $type,)*
+                    error: *const Sink,
+                ) -> Status {
+                    // SAFETY: the host lends the instance, the memory behind all pointers and the sink for this call, what is to be
+                    // written to nobody else.
+                    unsafe { call::<T>(object, error, |$component, $names| $work) }
+                }
+            )*
+        }
+    };
+}
+
+functions! { perturbations: Perturbation;
+    fn apply(
+        component,
+        names,
+        source: *const pdk_abi::Frame,
+        target: *const pdk_abi::FrameMut,
+        context: *const pdk_abi::PerturbationContext
+    ) {
+        let (source, target) = (convert::source(source)?, convert::target(target)?);
+        let raw = load(context, empty());
+        let key = Key(raw.key);
+        let mut cx = Context::new(raw.intensity, raw.frame_index, raw.time, &key)
+            .with_stream(raw.stream)
+            .with_values(names, convert::slice(raw.values, raw.values_length));
+        let saliency = convert::slice(raw.saliency, raw.saliency_length);
+        cx.saliency = (!saliency.is_empty()).then_some(saliency);
+        component.apply(source, target, &cx)
+    }
+}
+
+functions! { simulators: Simulator;
+    fn camera(component, _, into: *mut pdk_abi::Camera) {
+        store(component.camera().raw(), into);
+        Ok(())
+    }
+    fn reset(component, _, scenario: Text, slot: u32, into: *mut pdk_abi::State) {
+        let scenario = serde_json::from_str(convert::text(scenario)?)?;
+        store(component.reset(&scenario, slot)?.raw(), into);
+        Ok(())
+    }
+    fn frame(component, _, target: *const pdk_abi::FrameMut, into: *mut pdk_abi::State) {
+        store(component.frame(convert::target(target)?)?.raw(), into);
+        Ok(())
+    }
+    fn act(component, _, control: *const pdk_abi::Control, into: *mut pdk_abi::State) {
+        store(component.act(Control::read(control))?.raw(), into);
+        Ok(())
+    }
+    fn waypoints(component, _, waypoints: *const Sink) {
+        put(waypoints, &serde_json::to_string(&component.waypoints())?);
+        Ok(())
+    }
+}
+
+functions! { drivers: Driver;
+    fn reset(component, _) {
+        component.reset()
+    }
+    fn drive(
+        component,
+        _,
+        frame: *const pdk_abi::Frame,
+        context: *const pdk_abi::DriveContext,
+        into: *mut pdk_abi::Control
+    ) {
+        store(component.drive(convert::source(frame)?, &DriveContext::read(context))?.raw(), into);
+        Ok(())
+    }
+    fn info(component, _, info: *const Sink) {
+        put(info, &serde_json::to_string(&component.info())?);
+        Ok(())
+    }
+}
+
+functions! { saliencies: Saliency;
+    fn map_size(component, _, width: usize, height: usize, into: *mut pdk_abi::MapSize) {
+        let [width, height] = component.map_size(width, height)?;
+        store(pdk_abi::MapSize { width, height, ..empty() }, into);
+        Ok(())
+    }
+    fn map(
+        component,
+        _,
+        frame: *const pdk_abi::Frame,
+        context: *const pdk_abi::MapContext,
+        map: *const pdk_abi::Heatmap
+    ) {
+        let pdk_abi::MapContext { frame_index, time, key, .. } = load(context, empty());
+        let pdk_abi::Heatmap { values, width, height, .. } = load(map, empty());
+        let values = convert::slice_mut(values, width.saturating_mul(height));
+        let cx = MapContext { frame_index, time, key: &Key(key) };
+        component.map(convert::source(frame)?, &cx, HeatmapMut::new(values, width, height)?)
+    }
+}
+
+functions! { searches: Search;
+    fn start(component, _, problem: Text, key: Text) {
+        let problem = serde_json::from_str(convert::text(problem)?)?;
+        let key = <[u8; 32]>::try_from(key.bytes())
+            .map_err(|_| Error::of(ErrorKind::Nonsense, "a key has to have 32 bytes"))?;
+        component.start(&problem, &Key(key))
+    }
+    fn ask(component, _, count: usize, candidates: *const Sink) {
+        put(candidates, &serde_json::to_string(&component.ask(count)?)?);
+        Ok(())
+    }
+    fn tell(component, _, results: Text) {
+        component.tell(&serde_json::from_str::<Vec<_>>(convert::text(results)?)?)
+    }
+}
+
+functions! { datasets: Dataset;
+    fn length(component, _, into: *mut u64) {
+        into.write(component.len() as u64);
+        Ok(())
+    }
+    fn name(component, _, index: u64, name: *const Sink) {
+        put(name, &component.name(index as usize));
+        Ok(())
+    }
+    fn read(component, _, index: u64, into: *mut pdk_abi::Entry, pixels: *const Sink) {
+        let entry = component.read(index as usize)?;
+        let (width, height) = (entry.frame.width(), entry.frame.height());
+        load(pixels, empty()).put(entry.frame.data());
+        let crate::dataset::Entry { steering, throttle, time, .. } = entry;
+        store(pdk_abi::Entry { width, height, steering, throttle, time, ..empty() }, into);
+        Ok(())
+    }
+}

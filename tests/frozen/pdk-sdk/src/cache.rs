@@ -1,0 +1,68 @@
+//! The folder in which components keep what took long to prepare. It belongs to the user alone; what lies there can be removed
+//! at any time.
+
+use std::ffi::OsString;
+use std::fs::{self, DirBuilder};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{Access, access};
+use rustix::process::geteuid;
+
+use crate::error::{Error, Place, Result};
+
+/// Names the folder, where it is set.
+pub const VARIABLE: &str = "PDK_CACHE";
+
+/// The folder, and why it is this one.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cache {
+    /// The folder; it may have to be made.
+    pub folder: PathBuf,
+    /// Whether it lies in the system's folder for temporary files, because the user has no home folder that can be written to.
+    pub temporary: bool,
+}
+
+/// The folder that `PDK_CACHE` names, else `pdk` in the user's cache folder (`$XDG_CACHE_HOME`, else `~/.cache`). Where that cannot
+/// be written to, as for users without a home, it is `pdk-NUMBER` in the system's folder for temporary files, with the user's
+/// number, and nobody else can enter it.
+///
+/// # Errors
+/// Where the last one is needed and cannot be made, or somebody else has made it.
+pub fn cache() -> Result<Cache> {
+    let variable = |name| std::env::var_os(name);
+    choose(variable(VARIABLE), [variable("XDG_CACHE_HOME"), variable("HOME")], &std::env::temp_dir())
+}
+
+fn choose(named: Option<OsString>, [cache, home]: [Option<OsString>; 2], temporary: &Path) -> Result<Cache> {
+    if let Some(named) = named.filter(|path| !path.is_empty()) {
+        return Ok(Cache { folder: named.into(), temporary: false });
+    }
+    let absolute = |path: OsString| Some(PathBuf::from(path)).filter(|path| path.is_absolute());
+    let user = cache.and_then(absolute).or_else(|| Some(home.and_then(absolute)?.join(".cache")));
+    if let Some(folder) = user.map(|cache| cache.join("pdk"))
+        && fs::create_dir_all(&folder).is_ok()
+        && access(&folder, Access::WRITE_OK | Access::EXEC_OK).is_ok()
+    {
+        return Ok(Cache { folder, temporary: false });
+    }
+    Ok(Cache { folder: private(temporary)?, temporary: true })
+}
+
+/// The user's own folder in one that everybody can write to.
+fn private(temporary: &Path) -> Result<PathBuf> {
+    let user = geteuid().as_raw();
+    let folder = temporary.join(format!("pdk-{user}"));
+    let shown = folder.display();
+    let remedy = format!("name another one with {VARIABLE}");
+    let made = DirBuilder::new().recursive(true).mode(0o700).create(&folder);
+    made.map_err(|error| Error::new(format!("the cache folder {shown} cannot be made ({error}); {remedy}")))?;
+    // Whoever made it could have put anything into it. A link is not followed.
+    let found = fs::symlink_metadata(&folder).place(&shown)?;
+    if !found.is_dir() || found.uid() != user || found.mode() & 0o077 != 0 {
+        return Err(Error::new(format!(
+            "the cache folder {shown} is not one that only this user can enter; remove it, or {remedy}"
+        )));
+    }
+    Ok(folder)
+}

@@ -1,0 +1,196 @@
+//! The values of a component's parameters, checked against its description.
+
+use serde_json::{Map, Value};
+
+use crate::describe::{Description, LEVELS, Parameter, ParameterType, between_levels};
+use crate::error::{Error, ErrorKind, Result};
+
+/// Checked values of a component's parameters.
+#[derive(Debug, Clone, Default)]
+pub struct Config {
+    values: Map<String, Value>,
+}
+
+impl Config {
+    /// Checks what the user set against the description and fills in the defaults.
+    ///
+    /// A parameter that has no effect with the choices made, see [`Parameter::only_for`], gets no value.
+    ///
+    /// # Errors
+    /// Names the parameter that is unknown, missing, of the wrong type, out of range or without effect, and what is allowed.
+    pub fn check(description: &Description, given: &Map<String, Value>) -> Result<Self> {
+        for name in given.keys() {
+            if !description.parameters.iter().any(|p| &p.name == name) {
+                return Err(unknown_parameter(description, name));
+            }
+        }
+        let mut values = Map::new();
+        for parameter in &description.parameters {
+            let effective = has_effect(description, parameter, given);
+            match given.get(&parameter.name) {
+                Some(_) if !effective => return Err(without_effect(description, parameter)),
+                Some(value) => {
+                    check_value(parameter, value)
+                        .map_err(|e| e.at(format!("{} `{}`", description.kind, description.name)))?;
+                    values.insert(parameter.name.clone(), value.clone());
+                }
+                None if parameter.levels.is_some() || !effective => {}
+                None if parameter.default.is_null() && !matches!(parameter.kind, ParameterType::Json) => {
+                    return Err(mistake(format!(
+                        "{} `{}` needs the parameter `{}` ({})",
+                        description.kind, description.name, parameter.name, parameter.doc
+                    )));
+                }
+                None => {
+                    values.insert(parameter.name.clone(), parameter.default.clone());
+                }
+            }
+        }
+        Ok(Self { values })
+    }
+
+    /// The value as it was given, or its default; null for a parameter that follows the intensity.
+    pub fn value(&self, name: &str) -> &Value {
+        self.values.get(name).unwrap_or(&Value::Null)
+    }
+
+    /// A number or integer; what is not in the description is 0.
+    pub fn number(&self, name: &str) -> f64 {
+        self.value(name).as_f64().unwrap_or_default()
+    }
+
+    /// A whole number; what is not in the description is 0.
+    pub fn integer(&self, name: &str) -> i64 {
+        let value = self.value(name);
+        value.as_i64().unwrap_or_else(|| value.as_f64().unwrap_or_default() as i64)
+    }
+
+    /// True or false; what is not in the description is false.
+    pub fn boolean(&self, name: &str) -> bool {
+        self.value(name).as_bool().unwrap_or_default()
+    }
+
+    /// A text, path or choice; what is not in the description is empty.
+    pub fn text(&self, name: &str) -> &str {
+        self.value(name).as_str().unwrap_or_default()
+    }
+
+    /// Everything, as a JSON object.
+    pub fn values(&self) -> &Map<String, Value> {
+        &self.values
+    }
+}
+
+/// The values that a perturbation sees for one frame: what the user set, what follows the intensity, the defaults.
+/// One number for each parameter in the order of the description; what is not a number is 0 (a choice: its place).
+pub fn frame_values(description: &Description, config: &Config, intensity: f64, into: &mut Vec<f64>) {
+    into.clear();
+    into.extend(description.parameters.iter().map(|parameter| match config.values.get(&parameter.name) {
+        Some(Value::Number(number)) => number.as_f64().unwrap_or_default(),
+        Some(Value::Bool(set)) => f64::from(u8::from(*set)),
+        Some(Value::Array(levels)) => {
+            let mut values = [0.0; LEVELS];
+            for (value, level) in values.iter_mut().zip(levels) {
+                *value = level.as_f64().unwrap_or_default();
+            }
+            between_levels(&values, intensity)
+        }
+        Some(Value::String(text)) => match &parameter.kind {
+            ParameterType::Choice { options } => options.iter().position(|o| o == text).unwrap_or(0) as f64,
+            _ => 0.0,
+        },
+        _ => parameter.at_intensity(intensity).unwrap_or_default(),
+    }));
+}
+
+/// Whether a parameter has an effect with the choices that are given, or made by default.
+fn has_effect(description: &Description, parameter: &Parameter, given: &Map<String, Value>) -> bool {
+    parameter.only_for.as_ref().is_none_or(|condition| {
+        let default =
+            || description.parameters.iter().find(|p| p.name == condition.parameter).map(|p| &p.default);
+        let chosen = given.get(&condition.parameter).or_else(default).and_then(Value::as_str);
+        chosen == Some(&condition.option)
+    })
+}
+
+fn without_effect(description: &Description, parameter: &Parameter) -> Error {
+    let condition = parameter.only_for.as_ref().map(ToString::to_string).unwrap_or_default();
+    mistake(format!(
+        "{} `{}`: parameter `{}` has an effect only with {condition}; set that too, or leave it out",
+        description.kind, description.name, parameter.name
+    ))
+}
+
+fn unknown_parameter(description: &Description, name: &str) -> Error {
+    let known: Vec<_> = description.parameters.iter().map(|p| p.name.as_str()).collect();
+    mistake(if known.is_empty() {
+        format!("{} `{}` has no parameters, so `{name}` cannot be set", description.kind, description.name)
+    } else {
+        format!(
+            "{} `{}` has no parameter `{name}`; it has {}",
+            description.kind,
+            description.name,
+            known.join(", ")
+        )
+    })
+}
+
+fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
+    // What follows the intensity may be given a course of its own.
+    if let (Some(_), Value::Array(levels)) = (&parameter.levels, value) {
+        if levels.len() != LEVELS {
+            return Err(mistake(format!(
+                "parameter `{}` has a list of {} values, but has to have one for each of the {LEVELS} levels",
+                parameter.name,
+                levels.len()
+            )));
+        }
+        return levels.iter().try_for_each(|level| match level {
+            Value::Array(_) => Err(mistake(format!(
+                "parameter `{}` has lists in its list, but has to have a number for each level",
+                parameter.name
+            ))),
+            level => check_value(parameter, level),
+        });
+    }
+    let wrong = |expected: String| {
+        Err(mistake(format!("parameter `{}` is {value}, but has to be {expected}", parameter.name)))
+    };
+    match &parameter.kind {
+        ParameterType::Number { min, max } => match value.as_f64() {
+            Some(v) if v.is_finite() && v >= *min && v <= *max => Ok(()),
+            _ => wrong(format!("a number{}", range_text(*min, *max, f64::MIN, f64::MAX))),
+        },
+        ParameterType::Integer { min, max } => match value.as_f64() {
+            Some(v) if v.fract() == 0.0 && v >= *min as f64 && v <= *max as f64 => Ok(()),
+            _ => wrong(format!(
+                "a whole number{}",
+                range_text(*min as f64, *max as f64, i64::MIN as f64, i64::MAX as f64)
+            )),
+        },
+        ParameterType::Boolean if value.is_boolean() => Ok(()),
+        ParameterType::Boolean => wrong("true or false".into()),
+        ParameterType::Choice { options } => match value.as_str() {
+            Some(v) if options.iter().any(|o| o == v) => Ok(()),
+            _ => wrong(format!("one of {}", options.join(", "))),
+        },
+        ParameterType::Text | ParameterType::Path if value.is_string() => Ok(()),
+        ParameterType::Text => wrong("a text".into()),
+        ParameterType::Path => wrong("a path".into()),
+        ParameterType::Json => Ok(()),
+    }
+}
+
+/// Something that only the user can correct.
+fn mistake(sentence: String) -> Error {
+    Error::of(ErrorKind::Configuration, sentence)
+}
+
+fn range_text(min: f64, max: f64, lowest: f64, highest: f64) -> String {
+    match (min > lowest, max < highest) {
+        (true, true) => format!(" from {min} to {max}"),
+        (true, false) => format!(" of at least {min}"),
+        (false, true) => format!(" of at most {max}"),
+        (false, false) => String::new(),
+    }
+}

@@ -1,0 +1,433 @@
+//! How a component describes itself. Lists, help, error messages, Lua types and reference pages all derive from it.
+
+pub use pdk_model::level::LEVELS;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+/// The kinds of component.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Changes a frame.
+    Perturbation,
+    /// Renders frames and moves the vehicle.
+    Simulator,
+    /// Looks at a frame and steers.
+    Driver,
+    /// Says which pixels matter to a driver.
+    Saliency,
+    /// Proposes scenarios and learns from outcomes.
+    Search,
+    /// Reads recorded frames with their ground truth.
+    Dataset,
+}
+
+impl Kind {
+    /// All kinds, in the order in which they are listed.
+    pub const ALL: [Kind; 6] =
+        [Kind::Perturbation, Kind::Simulator, Kind::Driver, Kind::Saliency, Kind::Search, Kind::Dataset];
+
+    /// The name as it is written in lists and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Perturbation => "perturbation",
+            Kind::Simulator => "simulator",
+            Kind::Driver => "driver",
+            Kind::Saliency => "saliency",
+            Kind::Search => "search",
+            Kind::Dataset => "dataset",
+        }
+    }
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Whether a perturbation looks at one frame only or moves over time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Temporal {
+    /// The same effect on every frame, up to per-frame random draws.
+    Static,
+    /// The effect moves with simulation time.
+    Dynamic,
+}
+
+/// A component as it describes itself.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Description {
+    /// The kind of component.
+    pub kind: Kind,
+    /// The name by which users refer to it; unique within its kind. Lower-case letters, digits and underscores.
+    pub name: String,
+    /// One line that says what it does, without a full stop.
+    pub doc: String,
+    /// The family under which it is listed, such as `noise`; empty where there is none.
+    #[serde(default)]
+    pub family: String,
+    /// Version of the algorithm. Raised by every change that changes an output.
+    pub version: u32,
+    /// Whether it moves over time.
+    pub temporal: Temporal,
+    /// Whether it belongs to the default set: the perturbations that keep a scene valid.
+    pub default: bool,
+    /// Where the algorithm comes from: a paper or a standard; empty where there is none.
+    #[serde(default)]
+    pub source: String,
+    /// What it computes in one line of mathematics, for the reference; empty where it is not said.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub mathematics: String,
+    /// Where it differs from the published tool, a sentence each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub divergences: Vec<String>,
+    /// What it draws once per sequence, such as where drops sit; empty where it draws nothing of the kind.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub drawn_per_sequence: String,
+    /// What it draws anew for every frame, such as noise; empty where it draws nothing of the kind.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub drawn_per_frame: String,
+    /// The parameters, in the order in which they are listed.
+    pub parameters: Vec<Parameter>,
+    /// Parameter values with which its strength grows with the intensity, for those whose published levels are out of
+    /// order; empty for all others.
+    #[serde(default, skip_serializing_if = "Map::is_empty")]
+    pub grows_with: Map<String, Value>,
+    /// Files that become components of their own; none for most components.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drop_in: Option<DropIn>,
+    /// Parameter values with which `pdk check` runs it, instead of the defaults.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub examples: Vec<Map<String, Value>>,
+}
+
+impl Description {
+    fn of(kind: Kind, name: &str, doc: &str) -> Self {
+        Self {
+            kind,
+            name: name.to_owned(),
+            doc: doc.to_owned(),
+            family: String::new(),
+            version: 1,
+            temporal: Temporal::Static,
+            default: true,
+            source: String::new(),
+            mathematics: String::new(),
+            divergences: Vec::new(),
+            drawn_per_sequence: String::new(),
+            drawn_per_frame: String::new(),
+            parameters: Vec::new(),
+            grows_with: Map::new(),
+            drop_in: None,
+            examples: Vec::new(),
+        }
+    }
+
+    /// Describes a perturbation.
+    pub fn perturbation(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Perturbation, name, doc)
+    }
+
+    /// Describes a simulator.
+    pub fn simulator(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Simulator, name, doc)
+    }
+
+    /// Describes a driver.
+    pub fn driver(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Driver, name, doc)
+    }
+
+    /// Describes a saliency method.
+    pub fn saliency(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Saliency, name, doc)
+    }
+
+    /// Describes a search strategy.
+    pub fn search(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Search, name, doc)
+    }
+
+    /// Describes a dataset reader.
+    pub fn dataset(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Dataset, name, doc)
+    }
+
+    /// Sets the family under which it is listed.
+    pub fn family(mut self, family: &str) -> Self {
+        self.family = family.to_owned();
+        self
+    }
+
+    /// Sets the version of the algorithm; 1 where it is not set.
+    pub fn version(mut self, version: u32) -> Self {
+        self.version = version;
+        self
+    }
+
+    /// Says that the effect moves over time.
+    pub fn dynamic(mut self) -> Self {
+        self.temporal = Temporal::Dynamic;
+        self
+    }
+
+    /// Takes it out of the default set: it is there by name only.
+    pub fn not_default(mut self) -> Self {
+        self.default = false;
+        self
+    }
+
+    /// Names the source of the algorithm.
+    pub fn source(mut self, source: &str) -> Self {
+        self.source = source.to_owned();
+        self
+    }
+
+    /// Makes every file with one of these endings, in a folder of this name, a component of its own: named after the file,
+    /// with `parameter` set to its path.
+    pub fn drop_in(mut self, folder: &str, endings: &[&str], parameter: &str) -> Self {
+        self.drop_in = Some(DropIn {
+            folder: folder.to_owned(),
+            endings: endings.iter().map(|&ending| ending.to_owned()).collect(),
+            parameter: parameter.to_owned(),
+        });
+        self
+    }
+
+    /// Adds parameter values with which `pdk check` runs it: an object. Without examples it runs with its defaults.
+    pub fn example(mut self, values: Value) -> Self {
+        if let Value::Object(values) = values {
+            self.examples.push(values);
+        }
+        self
+    }
+
+    /// Says what it computes in one line of mathematics.
+    pub fn mathematics(mut self, line: &str) -> Self {
+        self.mathematics = line.to_owned();
+        self
+    }
+
+    /// Says where it differs from the published tool.
+    pub fn divergence(mut self, sentence: &str) -> Self {
+        self.divergences.push(sentence.to_owned());
+        self
+    }
+
+    /// Gives parameter values with which its strength grows with the intensity, where the published levels are out of order:
+    /// an object.
+    pub fn grows_with(mut self, values: Value) -> Self {
+        if let Value::Object(values) = values {
+            self.grows_with = values;
+        }
+        self
+    }
+
+    /// Says what it draws once per sequence, with [`Context::sequence_random`](crate::perturbation::Context::sequence_random).
+    pub fn drawn_per_sequence(mut self, what: &str) -> Self {
+        self.drawn_per_sequence = what.to_owned();
+        self
+    }
+
+    /// Says what it draws anew for every frame, with [`Context::frame_random`](crate::perturbation::Context::frame_random).
+    pub fn drawn_per_frame(mut self, what: &str) -> Self {
+        self.drawn_per_frame = what.to_owned();
+        self
+    }
+
+    /// Adds a parameter.
+    pub fn parameter(mut self, parameter: Parameter) -> Self {
+        self.parameters.push(parameter);
+        self
+    }
+}
+
+/// Files that become components of their own when they lie in a certain folder.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DropIn {
+    /// The name of the folder, such as `overlays`; every place where plugins lie may have one.
+    pub folder: String,
+    /// The endings of the files, without dot, in lower case.
+    pub endings: Vec<String>,
+    /// The parameter that is set to the file's path.
+    pub parameter: String,
+}
+
+/// The type of a parameter and what it allows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum ParameterType {
+    /// A real number within `min..=max`.
+    Number {
+        /// Smallest value allowed.
+        min: f64,
+        /// Largest value allowed.
+        max: f64,
+    },
+    /// A whole number within `min..=max`.
+    Integer {
+        /// Smallest value allowed.
+        min: i64,
+        /// Largest value allowed.
+        max: i64,
+    },
+    /// True or false.
+    Boolean,
+    /// One of a few names.
+    Choice {
+        /// The names.
+        options: Vec<String>,
+    },
+    /// Any text.
+    Text,
+    /// A file or folder. Relative paths count from the working directory.
+    Path,
+    /// Any JSON value; the component checks it.
+    Json,
+}
+
+/// One parameter of a component.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// The name by which users set it.
+    pub name: String,
+    /// One line that says what it is.
+    pub doc: String,
+    /// The unit; empty where there is none.
+    #[serde(default)]
+    pub unit: String,
+    /// Type and allowed values.
+    #[serde(flatten)]
+    pub kind: ParameterType,
+    /// The value where neither the user nor the intensity sets one; null where the user has to.
+    #[serde(default)]
+    pub default: Value,
+    /// The published value for each intensity level; values in between are interpolated. With it the parameter follows
+    /// the intensity unless the user sets it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub levels: Option<[f64; LEVELS]>,
+    /// The choice with which it has an effect; none where it always has one. With any other choice it may not be set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub only_for: Option<Condition>,
+}
+
+/// A choice that has to be made for something to have an effect, such as `variant=corrected`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Condition {
+    /// The parameter with the choice.
+    pub parameter: String,
+    /// The option that has to be chosen.
+    pub option: String,
+}
+
+impl std::fmt::Display for Condition {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}={}", self.parameter, self.option)
+    }
+}
+
+impl Parameter {
+    fn of(name: &str, doc: &str, kind: ParameterType, default: Value) -> Self {
+        let (name, doc, unit) = (name.to_owned(), doc.to_owned(), String::new());
+        Self { name, doc, unit, kind, default, levels: None, only_for: None }
+    }
+
+    /// A real number that follows the intensity, with its value at each of the five levels.
+    pub fn by_level(name: &str, levels: [f64; LEVELS], doc: &str) -> Self {
+        let kind = ParameterType::Number { min: f64::MIN, max: f64::MAX };
+        Self { levels: Some(levels), ..Self::of(name, doc, kind, Value::Null) }
+    }
+
+    /// A real number.
+    pub fn number(name: &str, default: f64, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Number { min: f64::MIN, max: f64::MAX }, default.into())
+    }
+
+    /// A whole number.
+    pub fn integer(name: &str, default: i64, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Integer { min: i64::MIN, max: i64::MAX }, default.into())
+    }
+
+    /// True or false.
+    pub fn boolean(name: &str, default: bool, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Boolean, default.into())
+    }
+
+    /// One of `options`, the first of which is the default.
+    pub fn choice(name: &str, options: &[&str], doc: &str) -> Self {
+        let kind = ParameterType::Choice { options: options.iter().map(|&o| o.to_owned()).collect() };
+        Self::of(name, doc, kind, options.first().copied().unwrap_or_default().into())
+    }
+
+    /// Any text; empty where it is not set.
+    pub fn text(name: &str, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Text, "".into())
+    }
+
+    /// A file or folder that the user has to name.
+    pub fn path(name: &str, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Path, Value::Null)
+    }
+
+    /// Any JSON value, with a default.
+    pub fn json(name: &str, default: Value, doc: &str) -> Self {
+        Self::of(name, doc, ParameterType::Json, default)
+    }
+
+    /// Sets the unit.
+    pub fn unit(mut self, unit: &str) -> Self {
+        self.unit = unit.to_owned();
+        self
+    }
+
+    /// Sets the smallest and the largest value allowed, of a number or an integer.
+    pub fn range(mut self, low: f64, high: f64) -> Self {
+        match &mut self.kind {
+            ParameterType::Number { min, max } => (*min, *max) = (low, high),
+            ParameterType::Integer { min, max } => (*min, *max) = (low as i64, high as i64),
+            _ => {}
+        }
+        self
+    }
+
+    /// Makes it a parameter that has an effect only where the choice `parameter` is `option`. With another option the user
+    /// may not set it, and it has no value. Its documentation says so too.
+    pub fn only_for(mut self, parameter: &str, option: &str) -> Self {
+        let condition = Condition { parameter: parameter.to_owned(), option: option.to_owned() };
+        self.doc = format!("{}; only with `{condition}`", self.doc);
+        self.only_for = Some(condition);
+        self
+    }
+
+    /// Makes it a parameter that may be left out, whatever its type.
+    pub fn optional(mut self) -> Self {
+        if self.default.is_null() {
+            self.default = Value::String(String::new());
+        }
+        self
+    }
+
+    /// The value at an intensity, for a parameter that follows the intensity: linear between the levels, and the
+    /// nearest level's value outside them.
+    pub fn at_intensity(&self, intensity: f64) -> Option<f64> {
+        self.levels.as_ref().map(|levels| between_levels(levels, intensity))
+    }
+}
+
+/// The value at an intensity of what has these values at the levels: linear between them, and the nearest level's value
+/// outside them.
+pub fn between_levels(levels: &[f64; LEVELS], intensity: f64) -> f64 {
+    let position = intensity.clamp(0.0, (LEVELS - 1) as f64);
+    let lower = (position as usize).min(LEVELS - 2);
+    let fraction = position - lower as f64;
+    // Exact at the levels themselves, so that published values come out as published.
+    if fraction == 0.0 {
+        levels[lower]
+    } else if fraction == 1.0 {
+        levels[lower + 1]
+    } else {
+        levels[lower] + (levels[lower + 1] - levels[lower]) * fraction
+    }
+}

@@ -1,0 +1,75 @@
+//! What a pdk plugin is written against.
+//!
+//! A plugin is a dynamic library that carries components: perturbations, simulators, drivers, saliency methods,
+//! search strategies and dataset readers. An author writes a plain Rust type for each, implements the trait of
+//! its kind, and lists the types in one [`export!`]:
+//!
+//! ```
+//! use pdk_sdk::prelude::*;
+//!
+//! /// Mirrors the frame left to right.
+//! struct Mirror;
+//!
+//! impl Component for Mirror {
+//!     fn description() -> Description {
+//!         Description::perturbation("mirror", "Mirrors the frame left to right").family("example")
+//!     }
+//!     fn new(_config: &Config) -> Result<Self> {
+//!         Ok(Mirror)
+//!     }
+//! }
+//!
+//! impl Perturbation for Mirror {
+//!     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, _cx: &Context<'_>) -> Result<()> {
+//!         for y in 0..src.height() {
+//!             for x in 0..src.width() {
+//!                 dst.set_pixel(x, y, src.pixel(src.width() - 1 - x, y));
+//!             }
+//!         }
+//!         Ok(())
+//!     }
+//! }
+//!
+//! pdk_sdk::export! { perturbations: [Mirror] }
+//! ```
+//!
+//! The SDK takes care of the rest: the interface that crosses the library boundary and its version check, panics
+//! (they become errors inside the plugin and never reach the host), parameter checks, and the [`testing`] kit. The values
+//! that components take and return, such as scenarios, states and controls, are those of [`model`].
+
+pub mod abi;
+pub mod cache;
+pub mod component;
+pub mod config;
+pub mod dataset;
+pub mod describe;
+pub mod driver;
+mod export;
+pub mod perturbation;
+pub mod saliency;
+pub mod search;
+pub mod seed;
+pub mod simulator;
+
+pub use pdk_model as model;
+pub use pdk_model::error;
+pub use pdk_ops as ops;
+pub use serde_json;
+
+/// The version of the SDK, which a plugin tells. What decides whether a plugin can be used is [`abi::pdk_abi::VERSION`].
+pub const SDK_VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// Everything a component usually needs.
+pub mod prelude {
+    pub use crate::component::Component;
+    pub use crate::config::Config;
+    pub use crate::dataset::{Dataset, Entry};
+    pub use crate::describe::{Description, Kind, Parameter, Temporal};
+    pub use crate::driver::{Control, DriveContext, Driver};
+    pub use crate::error::{Error, ErrorKind, Result};
+    pub use crate::perturbation::{Context, Perturbation};
+    pub use crate::saliency::{HeatmapMut, MapContext, Saliency};
+    pub use crate::search::{Candidate, Evaluated, Problem, Search};
+    pub use crate::simulator::{Camera, Scenario, Simulator, State};
+    pub use pdk_ops::{Frame, FrameBuf, FrameMut, Key, Random};
+}

@@ -1,0 +1,46 @@
+//! Simulators: components that render frames and move the vehicle.
+
+pub use pdk_model::camera::Camera;
+pub use pdk_model::scenario::Scenario;
+pub use pdk_model::state::State;
+use pdk_ops::FrameMut;
+
+use crate::driver::Control;
+use crate::error::Result;
+
+/// Renders what the ego vehicle's camera sees and moves the vehicle.
+///
+/// The loop calls [`reset`](Simulator::reset) once a scenario, then [`frame`](Simulator::frame) and
+/// [`act`](Simulator::act) in turn, once a step. In real time it calls `act` several times in a row where the driver was
+/// still at work while frames went by.
+pub trait Simulator: Send {
+    /// Size and rate of the camera. It does not change while the instance lives.
+    fn camera(&self) -> Camera;
+
+    /// Puts the vehicle at the start of a scenario. `slot` is the number of the worker that drives it, from 0: two that
+    /// drive at the same time have different ones, so that each can take a network port of its own. Nothing else may
+    /// depend on it. What reaches a plugin has no perturbations: a simulator shows the same world whatever is done to its
+    /// pictures.
+    ///
+    /// # Errors
+    /// Where the scenario cannot be built or the simulator does not answer.
+    fn reset(&mut self, scenario: &Scenario, slot: u32) -> Result<State>;
+
+    /// Writes what the camera sees now, and returns the state that belongs to it.
+    ///
+    /// # Errors
+    /// Where the simulator does not deliver a frame.
+    fn frame(&mut self, into: FrameMut<'_>) -> Result<State>;
+
+    /// Applies a control, moves the simulation on by one frame, and returns the state after that: the one that the next
+    /// [`frame`](Simulator::frame) returns as well. So every state is judged, also that of a frame that nobody looks at.
+    ///
+    /// # Errors
+    /// Where the simulator does not take the control.
+    fn act(&mut self, control: Control) -> Result<State>;
+
+    /// The centre line of the driven lane as `[x, height, z]` in metres, for the record; empty where it is not known.
+    fn waypoints(&self) -> Vec<[f64; 3]> {
+        Vec::new()
+    }
+}

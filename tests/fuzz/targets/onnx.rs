@@ -1,0 +1,20 @@
+//! Networks as ONNX files: what they declare, and a run of those that can be run.
+
+#![no_main]
+
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use libfuzzer_sys::fuzz_target;
+
+static MODEL: LazyLock<PathBuf> = LazyLock::new(|| {
+    // The library that runs networks panics on some that contradict themselves, which is caught: so a panic is no finding by
+    // itself, but one that comes through is.
+    std::panic::set_hook(Box::new(|_| {}));
+    pdk_fuzz::folder("onnx").join("model.onnx")
+});
+
+fuzz_target!(|data: &[u8]| {
+    std::fs::write(&*MODEL, data).expect("a file");
+    let _ = pdk_models::try_model(&MODEL);
+});

@@ -1,0 +1,164 @@
+//! A plugin as a later SDK of the same version of the interface would make it: its structures and tables are longer than those
+//! that pdk knows, it has a component of another kind, and its description says more. It is written against the interface alone.
+//!
+//! Its driver steers by what it was given. Where pdk had not left alone what it does not know, the numbers would be others.
+
+use std::ffi::c_void;
+
+use pdk_abi::{
+    Frame, Header, Instance, Plugin, Prefix, Sink, Status, Text, VERSION, empty, kind, load, status, store,
+};
+
+/// The kind `mask`, which pdk does not know.
+const MASK: u64 = 7;
+
+/// Describes the component of the unknown kind first, so that places count.
+const DESCRIPTION: &str = r#"{
+    "name": "later", "version": "2.0.0", "sdk": "9.1.0", "licence": "MIT",
+    "components": [
+        { "kind": "mask", "name": "later", "doc": "Says where", "version": 1, "temporal": "static", "default": true,
+          "parameters": [] },
+        { "kind": "driver", "name": "later", "doc": "Steers by what it is given", "version": 1, "temporal": "static",
+          "default": true, "since": 2030, "parameters": [
+            { "name": "gain", "doc": "factor", "type": "number", "min": 0.0, "max": 9.0, "default": 1.0, "step": 0.5 },
+            { "name": "tint", "doc": "a colour", "type": "colour", "default": "red" }
+        ] }
+    ]
+}"#;
+
+/// What a driver decides, with a field more.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct LaterControl {
+    size: usize,
+    steering: f64,
+    throttle: f64,
+    horn: f64,
+}
+
+/// What a driver knows, with a field more.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct LaterContext {
+    size: usize,
+    frame_index: u64,
+    time: f64,
+    speed: f64,
+    daylight: f64,
+}
+
+/// The functions of a plugin, with one more.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct LaterPlugin {
+    known: Plugin,
+    forget: unsafe extern "C" fn(),
+}
+
+/// The functions of a driver, with one more.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct LaterFunctions {
+    known: pdk_abi::DriverFunctions,
+    explain: unsafe extern "C" fn(),
+}
+
+// SAFETY: `repr(C)` with the size first, no padding, and every value is a number.
+unsafe impl Prefix for LaterControl {}
+// SAFETY: as above.
+unsafe impl Prefix for LaterContext {}
+
+const DONE: Status = Status { code: status::DONE };
+
+/// Never called by a pdk that does not know it.
+unsafe extern "C" fn unknown() {
+    std::process::abort();
+}
+
+unsafe extern "C" fn describe(description: *const Sink, _error: *const Sink) -> Status {
+    // SAFETY: the host lends the sink for this call.
+    unsafe { load(description, empty()).put(DESCRIPTION.as_bytes()) };
+    DONE
+}
+
+unsafe extern "C" fn create(
+    index: usize,
+    parameters: Text,
+    into: *mut Instance,
+    error: *const Sink,
+) -> Status {
+    static FUNCTIONS: LaterFunctions = LaterFunctions {
+        known: pdk_abi::DriverFunctions {
+            size: size_of::<LaterFunctions>(),
+            drop: Some(end),
+            reset: Some(reset),
+            drive: Some(drive),
+            info: Some(info),
+        },
+        explain: unknown,
+    };
+    // SAFETY: the host lends the parameters for this call.
+    let parameters = String::from_utf8_lossy(unsafe { parameters.bytes() });
+    if index != 1 || !parameters.contains(r#""tint":"red""#) {
+        let sentence = format!("it was asked for number {index} with {parameters}");
+        // SAFETY: the host lends the sink for this call.
+        unsafe { load(error, empty()).put(sentence.as_bytes()) };
+        // A way to fail that pdk does not know.
+        return Status { code: 99 };
+    }
+    let kind = if index == 0 { MASK } else { kind::DRIVER };
+    let object = Box::into_raw(Box::new(0_u64)).cast();
+    let functions = (&raw const FUNCTIONS).cast();
+    // SAFETY: the host lends it for this call.
+    unsafe { store(Instance { kind, object, functions, ..empty() }, into) };
+    DONE
+}
+
+unsafe extern "C" fn end(object: *mut c_void) {
+    // SAFETY: the host has it from `create`, and does not use it after this.
+    drop(unsafe { Box::from_raw(object.cast::<u64>()) });
+}
+
+unsafe extern "C" fn reset(object: *mut c_void, _error: *const Sink) -> Status {
+    // SAFETY: the object is that of `create`.
+    unsafe { object.cast::<u64>().write(0) };
+    DONE
+}
+
+unsafe extern "C" fn drive(
+    object: *mut c_void,
+    frame: *const Frame,
+    context: *const pdk_abi::DriveContext,
+    into: *mut pdk_abi::Control,
+    _error: *const Sink,
+) -> Status {
+    // What pdk does not say is as without it.
+    let unsaid = LaterContext { size: 0, frame_index: 0, time: 0.0, speed: 0.0, daylight: 1.0 };
+    // SAFETY: the host lends all of it for this call, and the object is that of `create`.
+    unsafe {
+        let context = load(context.cast::<LaterContext>(), unsaid);
+        let frame = load(frame, empty());
+        let frames = object.cast::<u64>();
+        frames.write(frames.read() + 1);
+        let steering = if context.daylight == 1.0 { f64::from(*frame.data) / 1000.0 } else { f64::NAN };
+        let throttle = context.time / 10.0 + frames.read() as f64 / 1000.0;
+        store(LaterControl { size: 0, steering, throttle, horn: 1.0 }, into.cast::<LaterControl>());
+    }
+    DONE
+}
+
+unsafe extern "C" fn info(_object: *mut c_void, info: *const Sink, _error: *const Sink) -> Status {
+    // SAFETY: the host lends the sink for this call.
+    unsafe { load(info, empty()).put(b"[]") };
+    DONE
+}
+
+static PLUGIN: LaterPlugin = LaterPlugin {
+    known: Plugin { size: size_of::<LaterPlugin>(), describe: Some(describe), create: Some(create) },
+    forget: unknown,
+};
+
+// SAFETY: the name is part of the interface and no other crate in a plugin uses it.
+#[unsafe(no_mangle)]
+#[allow(non_upper_case_globals)]
+static pdk_plugin: Header = Header { version: VERSION, plugin: (&raw const PLUGIN).cast() };
