@@ -20,7 +20,7 @@ use serde_json::json;
 use super::{Global, print_json};
 use frames::Frames;
 
-/// The method that is used where none is named: the most faithful one on frames of a real drive, see the reference.
+/// The method that is used where none is named.
 const DEFAULT_METHOD: &str = "hirescam";
 
 /// Arguments of `pdk saliency`
