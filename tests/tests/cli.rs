@@ -159,7 +159,7 @@ fn the_doctor_finds_what_is_wrong() {
     assert_eq!(ill.code, Some(1));
     assert!(ill.stdout.contains("broken.so") && ill.stdout.contains("BAD"), "{}", ill.stdout);
     // The folder of the cache is made when it is needed.
-    Pdk::new(["doctor"]).env("PDK_CACHE", "/no/such/folder").succeed();
+    Pdk::new(["doctor"]).env("PDK_CACHE", folder.path().join("cache")).succeed();
     for variable in ["PDK_PLUGIN_PATH", "PDK_ONNXRUNTIME"] {
         let missing = Pdk::new(["doctor"]).env(variable, "/no/such/folder").run();
         assert_eq!(missing.code, Some(1));

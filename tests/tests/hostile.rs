@@ -167,9 +167,11 @@ fn a_damaged_library_is_refused_by_name_and_the_others_are_there() {
         let finished = soon("a damaged library", || list.env("PDK_CACHE", folder.path().join("cache")).run());
         assert_eq!(finished.code, Some(0), "{place}: {}", finished.stderr);
         assert!(finished.stdout.contains("lane_keeper"), "{place}: {}", finished.stdout);
-        refused += usize::from(finished.stderr.contains("libdamaged.so"));
+        let named = finished.stderr.contains("libdamaged.so");
+        assert!(named || place != 16, "the kind of file and of machine were damaged, and nothing was said");
+        refused += usize::from(named);
     }
-    assert!(refused > 10, "{refused} of 40 were refused");
+    assert!(refused >= 5, "{refused} of 40 were refused");
 }
 
 /// The endings that a drop can come to and the words for them.

@@ -132,7 +132,12 @@ fn a_search_is_the_same_with_one_and_two_workers_and_killed_and_continued() {
     let mut kills = 0;
     for round in 1..=3 {
         let mut child = run(&script, &killed).set("workers", 2).spawn();
-        std::thread::sleep(Duration::from_millis(500 + 250 * round));
+        // In the middle of it, however fast the machine is.
+        let recorded =
+            || fs::read_to_string(killed.join("scenarios.jsonl")).unwrap_or_default().lines().count();
+        while child.try_wait().unwrap().is_none() && recorded() < 12 * round {
+            std::thread::sleep(Duration::from_millis(2));
+        }
         if child.try_wait().unwrap().is_none() {
             child.kill().unwrap();
             kills += 1;

@@ -198,11 +198,12 @@ fn is_ours(path: &Path) -> Result<bool> {
     for entry in fs::read_dir(path).map_err(place)? {
         let name = entry.map_err(place)?.file_name();
         let name = name.to_string_lossy();
-        // A pipeline may save JSON files of its own beside those of the kernel.
-        let json = name.ends_with(".json") || name.ends_with(".json.part");
+        // A pipeline may save files of its own beside those of the kernel, and searches save tables.
+        let whole = name.strip_suffix(".part").unwrap_or(&name);
+        let saved = whole.ends_with(".json") || whole.ends_with(".csv");
         let lines = [SCENARIOS, "scenarios.part", RESULTS, "results.part"].contains(&&*name);
         let made_of_it = [TRACES, REPORT, CLIPS].contains(&&*name);
-        let known = name == LOCK || name == "manifest.json.part" || begun && (json || lines || made_of_it);
+        let known = name == LOCK || name == "manifest.json.part" || begun && (saved || lines || made_of_it);
         if !known {
             return Ok(false);
         }
@@ -226,6 +227,11 @@ mod tests {
         assert!(error.ends_with("is not empty; choose another with --out"), "{error}");
         fs::remove_file(folder.join(SCENARIOS)).unwrap();
         assert!(RunDirectory::create(&folder).unwrap().manifest().unwrap().is_none());
+        // What a run had saved when it ended does not keep it from going on.
+        for name in [MANIFEST, "search.csv", "search.json.part"] {
+            fs::write(folder.join(name), "").unwrap();
+        }
+        assert!(RunDirectory::create(&folder).is_ok());
         fs::remove_dir_all(folder).unwrap();
     }
 }

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use pdk_sdk::SDK_VERSION;
 use pdk_sdk::cache::cache;
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::loader::Plugin;
@@ -117,6 +117,10 @@ fn in_a_process(libraries: &[&Path]) -> Result<(Vec<Said>, Option<Error>)> {
     let reason = match end {
         End::Done(_) => None,
         // Which library it was is known.
+        End::Late(_, patience) => Some(Error::of(
+            ErrorKind::Late,
+            format!("opening it has not come back for {} s", patience.as_secs_f64()),
+        )),
         end => Some(Error::of(end.kind(), end.said(&[]).replacen("a component", "opening it", 1))),
     };
     Ok((said, reason))

@@ -33,10 +33,10 @@ impl SearchPath {
     }
 }
 
-/// Where a user's own plugins and perturbations lie.
+/// Where a user's own plugins and perturbations lie. Relative folders do not count: code would be loaded from wherever pdk is started.
 pub fn user_folder() -> Option<PathBuf> {
-    let data = std::env::var_os("XDG_DATA_HOME").map(PathBuf::from).filter(|p| p.is_absolute());
-    let data = data.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".local/share")))?;
+    let absolute = |variable| std::env::var_os(variable).map(PathBuf::from).filter(|path| path.is_absolute());
+    let data = absolute("XDG_DATA_HOME").or_else(|| Some(absolute("HOME")?.join(".local/share")))?;
     Some(data.join("pdk/plugins"))
 }
 

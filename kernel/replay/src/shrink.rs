@@ -14,6 +14,8 @@ use pdk_model::scenario::{Scenario, seed_of};
 use pdk_sdk::error::{Error, Result};
 use pdk_session::protocol::Drive;
 use pdk_session::session::{Reply, Session};
+use pdk_statistics::estimate::{CONFIDENCE, Estimate};
+use pdk_statistics::share::share;
 use serde_json::Value;
 
 /// Duration is told in steps of this, in seconds.
@@ -284,69 +286,59 @@ fn number(value: f64) -> Value {
     if value.fract() == 0.0 && value.abs() < 1e15 { Value::from(value as i64) } else { Value::from(value) }
 }
 
-/// The share of failures with its interval of 95 %: Wilson, "Probable inference, the law of succession, and statistical inference"
-/// (1927).
-pub fn share(failed: usize, all: usize) -> (f64, f64, f64) {
-    const Z: f64 = 1.959_964;
-    if all == 0 {
-        return (0.0, 0.0, 1.0);
-    }
-    let (n, share) = (all as f64, failed as f64 / all as f64);
-    let middle = (share + Z * Z / (2.0 * n)) / (1.0 + Z * Z / n);
-    let half = Z / (1.0 + Z * Z / n) * (share * (1.0 - share) / n + Z * Z / (4.0 * n * n)).sqrt();
-    (share, (middle - half).max(0.0), (middle + half).min(1.0))
+/// Under how many of the fresh seeds what is left fails, and the probability of failing, in words; empty where none was tried.
+pub fn luck(shrunk: &Shrunk) -> String {
+    let (failed, all) = shrunk.failed;
+    share(failed as u64, all as u64, CONFIDENCE).map_or_else(String::new, |Estimate { low, high, .. }| {
+        format!("Under new luck it fails in {failed} of {all} drives: a probability of {low:.2} to {high:.2}")
+    })
 }
 
 /// A pipeline that drives what is left, for anyone to run.
-pub fn script(shrunk: &Shrunk, name: &str) -> String {
-    let Shrunk { scenario, outcome, failed: (failed, all), .. } = shrunk;
-    let (_, low, high) = share(*failed, *all);
-    let luck = match all {
-        0 => String::new(),
-        _ => format!(
-            "\n-- Under new luck it fails in {failed} of {all} drives: a probability of {low:.2} to {high:.2}.",
-        ),
+///
+/// # Errors
+/// Where the scenario cannot be JSON.
+pub fn script(shrunk: &Shrunk, name: &str) -> Result<String> {
+    let Shrunk { scenario, outcome, .. } = shrunk;
+    let luck = match luck(shrunk) {
+        luck if luck.is_empty() => luck,
+        luck => format!("\n-- {luck}."),
     };
-    let perturbations: Vec<String> = scenario
-        .perturbations
-        .iter()
-        .map(|applied| serde_json::to_value(applied).map(|value| flat(&value)).unwrap_or_default())
-        .collect();
-    let list = match perturbations.is_empty() {
-        true => "{}".to_owned(),
-        false => format!("{{\n\t\t\t{},\n\t\t}}", perturbations.join(",\n\t\t\t")),
+    // Whatever a scenario holds is a field of it in a pipeline too.
+    let fields = serde_json::to_value(scenario)?;
+    let field = |(name, value): (&String, &Value)| {
+        let value = match (name.as_str(), value) {
+            ("simulator" | "driver", value) => component(value),
+            ("perturbations", Value::Array(list)) => {
+                let list: Vec<String> =
+                    list.iter().map(|one| format!("\t\t\t{},\n", component(one))).collect();
+                format!("{{\n{}\t\t}}", list.concat())
+            }
+            (_, value) => lua(value),
+        };
+        format!("\t\t{} = {value},\n", key(name))
     };
-    let component = |spec: &pdk_model::component::ComponentSpec| match spec.parameters.is_empty() {
-        true => lua(&Value::String(spec.name.clone())),
-        false => serde_json::to_value(spec).map(|value| flat(&value)).unwrap_or_default(),
-    };
-    let mode = if scenario.mode.is_lockstep() {
-        String::new()
-    } else {
-        format!("\tmode = \"{}\",\n", scenario.mode)
-    };
-    format!(
-        "-- {}: {} after {:.2} s.{luck}\n--\n--   pdk run {name}\n\npdk.show(pdk.drive({{\n\tsimulator = {},\n\tdriver = {},\n{mode}\t\
-         duration = {}, -- seconds of simulation time\n\timages_every = 1,\n\tscenarios = {{ {{\n\t\troad = {},\n\t\tperturbations = {list},\n\t\t\
-         seed = {},\n\t}} }},\n}}))\n",
+    let fields: Vec<String> = fields.as_object().into_iter().flatten().map(field).collect();
+    Ok(format!(
+        "-- {}: {} after {:.2} s.{luck}\n--\n--   pdk run {name}\n\npdk.show(pdk.drive({{\n\timages_every = 1,\n\tscenarios = {{ \
+         {{\n{}\t}} }},\n}}))\n",
         scenario.default_name(),
         outcome.cause.text(),
         outcome.time,
-        component(&scenario.simulator),
-        component(&scenario.driver),
-        scenario.duration,
-        if scenario.road.is_null() { "nil".to_owned() } else { lua(&scenario.road) },
-        scenario.seed,
-    )
+        fields.concat(),
+    ))
 }
 
-/// A component as a pipeline writes it: its parameters beside its name.
-fn flat(value: &Value) -> String {
+/// A component as a pipeline writes it: a name, or a table with its parameters beside its name.
+fn component(value: &Value) -> String {
     let mut table = value.as_object().cloned().unwrap_or_default();
     if let Some(Value::Object(parameters)) = table.shift_remove("parameters") {
         table.extend(parameters);
     }
-    lua(&Value::Object(table))
+    match table.get("name") {
+        Some(name) if table.len() == 1 => lua(name),
+        _ => lua(&Value::Object(table)),
+    }
 }
 
 /// A value as Lua writes it.
@@ -355,15 +347,7 @@ fn lua(value: &Value) -> String {
         Value::Null => "nil".to_owned(),
         Value::Array(list) => format!("{{ {} }}", list.iter().map(lua).collect::<Vec<_>>().join(", ")),
         Value::Object(table) => {
-            let field = |(key, value): (&String, &Value)| {
-                let plain = key.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
-                    && key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-                    && !RESERVED.contains(&key.as_str());
-                match plain {
-                    true => format!("{key} = {}", lua(value)),
-                    false => format!("[{}] = {}", text(key), lua(value)),
-                }
-            };
+            let field = |(name, value): (&String, &Value)| format!("{} = {}", key(name), lua(value));
             format!("{{ {} }}", table.iter().map(field).collect::<Vec<_>>().join(", "))
         }
         Value::String(words) => text(words),
@@ -377,6 +361,14 @@ fn lua(value: &Value) -> String {
         ),
         Value::Bool(value) => value.to_string(),
     }
+}
+
+/// The name of a field.
+fn key(name: &str) -> String {
+    let plain = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        && !RESERVED.contains(&name);
+    if plain { name.to_owned() } else { format!("[{}]", text(name)) }
 }
 
 /// Words that are no names in Luau.
@@ -411,13 +403,5 @@ mod tests {
             lua(&value),
             r#"{ road = { angles = { 0, -12.5, 3 } }, ["a-b"] = "say \"x\"\n", ["end"] = true }"#
         );
-    }
-
-    #[test]
-    fn a_share_has_an_interval_also_at_its_ends() {
-        let (share, low, high) = super::share(20, 20);
-        assert!(share == 1.0 && (low - 0.839).abs() < 0.001 && high == 1.0, "{low}");
-        let (_, low, high) = super::share(10, 20);
-        assert!((low - 0.299).abs() < 0.001 && (high - 0.701).abs() < 0.001, "{low} {high}");
     }
 }

@@ -482,13 +482,13 @@ mod tests {
     }
 
     fn drive() -> Drive {
-        use Verdict::{Passed, Unsafe as Failed, Void};
+        use Verdict::{Passed, Unsafe, Void};
         let scenarios = vec![
             scenario(None, 0.0, Passed, 10.0),
             scenario(Some("fog"), 1.0, Passed, 10.0),
-            scenario(Some("fog"), 2.0, Failed, 5.0),
-            scenario(Some("rain"), 1.0, Failed, 4.0),
-            scenario(Some("rain"), 1.0, Failed, 2.0),
+            scenario(Some("fog"), 2.0, Unsafe, 5.0),
+            scenario(Some("rain"), 1.0, Unsafe, 4.0),
+            scenario(Some("rain"), 1.0, Unsafe, 2.0),
             scenario(Some("rain"), 2.0, Void, 1.0),
         ];
         Drive { scenarios, ..Drive::default() }

@@ -37,9 +37,10 @@ pub enum Fault {
     Kernel(Error),
 }
 
+/// Topics that were made and do not work any more: other processes see their memory too. Another time it may go better.
 impl From<pdk_bus::Error> for Fault {
     fn from(error: pdk_bus::Error) -> Self {
-        Fault::Kernel(Error::new(error.to_string()))
+        Fault::Component(Error::of(ErrorKind::Lost, format!("the topics of the scenario: {error}")))
     }
 }
 

@@ -193,8 +193,8 @@ impl<'a> Engine<'a> {
         let outcome: Outcome = run.into_outcome(error.as_ref(), self.camera, &witnesses);
         let recorded = recorder.map_or(Ok(()), Recorder::finish);
         if error.is_some() {
-            // What failed may be in any state.
-            (self.simulator, self.driver) = (None, None);
+            // What failed may be in any state, the topics among it.
+            (self.simulator, self.driver, self.bus) = (None, None, None);
         }
         recorded?;
         Ok(Driven { outcome, rate: self.camera.rate, times: self.stopwatch.times(), warnings: Vec::new() })
@@ -253,7 +253,8 @@ fn topics<'a>(
     let (bus, ..) = match kept {
         Some(bus) => bus,
         None => {
-            let bus = Bus::create(run, slot, size.0, size.1)?;
+            let bus = Bus::create(run, slot, size.0, size.1)
+                .map_err(|error| Fault::Kernel(Error::new(error.to_string())))?;
             if let Ok(mut root) = BUS_ROOT.lock() {
                 *root = Some(bus.root().to_owned());
             }

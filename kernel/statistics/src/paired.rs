@@ -126,7 +126,8 @@ mod tests {
         let a: Vec<f64> = (0..16).map(|road| f64::from(road % 5) / 5.0).collect();
         let b: Vec<f64> = (0..16).map(|road| f64::from(road * 7 % 4) / 5.0).collect();
         let (mut more_a, mut more_b) = (a.clone(), b.clone());
-        (more_a.push(0.0), more_b.push(0.0));
+        more_a.push(0.0);
+        more_b.push(0.0);
         let (exact, drawn) = (of(&a, &b).p, of(&more_a, &more_b).p);
         assert!((exact - drawn).abs() < 0.01, "{exact} {drawn}");
     }

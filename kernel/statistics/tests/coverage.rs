@@ -70,7 +70,7 @@ fn shares(studies: u32, roads: u64) -> f64 {
         let probability = f64::from(step + 1) / f64::from(steps + 1);
         coverage_quietly(each, u64::from(step) + 1000 * roads, |random| {
             let failed = (0..roads).filter(|_| random.unit() < probability).count();
-            let found = share(failed as u64, roads, CONFIDENCE).unwrap();
+            let found = share(failed as u64, roads, CONFIDENCE).expect("there are roads");
             found.low <= probability && probability <= found.high
         })
     };
@@ -97,7 +97,7 @@ fn repeated(studies: u32, world: World, level: f64, roads: usize, repeats: u32) 
                 drives
             })
             .collect();
-        let found = share_over_roads(&drives, CONFIDENCE).unwrap();
+        let found = share_over_roads(&drives, CONFIDENCE).expect("there are roads");
         found.low <= truth && truth <= found.high
     })
 }
@@ -121,7 +121,7 @@ fn over_levels(studies: u32, world: World, roads: usize, repeats: u32) -> f64 {
                 failed_share(random, world, road, repeats)
             })
             .collect();
-        let found = over_roads(&values, (0.0, 1.0), CONFIDENCE).unwrap();
+        let found = over_roads(&values, (0.0, 1.0), CONFIDENCE).expect("there are roads");
         found.low <= truth && truth <= found.high
     })
 }
@@ -138,7 +138,7 @@ fn differences(studies: u32, world: World, better: f64, roads: usize) -> f64 {
             a.push(Some(failed_share(random, world, road, 1)));
             b.push(Some(failed_share(random, second, road + better, 1)));
         }
-        let found = compare(&a, &b, (0.0, 1.0), CONFIDENCE).unwrap().difference;
+        let found = compare(&a, &b, (0.0, 1.0), CONFIDENCE).expect("there are roads").difference;
         found.low <= truth && truth <= found.high
     })
 }
@@ -164,7 +164,7 @@ fn levels(studies: u32, world: World, roads: usize, bisection: Option<Bisection>
                 trials
             })
             .collect();
-        let found = failing_level(&trials, CONFIDENCE).unwrap();
+        let found = failing_level(&trials, CONFIDENCE).expect("there are roads");
         drives += found.drives;
         let (low, high) = (found.low.unwrap_or(4.0), found.high.unwrap_or(4.0));
         width += high - low;

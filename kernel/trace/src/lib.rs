@@ -11,6 +11,7 @@
 //!
 //! [`writer`] writes a trace, [`reader`] reads one, whole or cut off; [`step`] and [`telemetry`] are what they speak of.
 
+mod chunks;
 mod message;
 mod protobuf;
 pub mod reader;

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Seek};
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
@@ -13,6 +13,7 @@ use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use pdk_sdk::prelude::{Control, FrameBuf, State};
 
+use crate::chunks;
 use crate::message::Field;
 use crate::protobuf::{Wire, fields};
 use crate::step::{ImageTopic, Step};
@@ -140,10 +141,16 @@ impl TraceReader {
     pub fn open(path: &Path) -> Result<Self> {
         let opened = file::open_if_there(path)
             .map_err(|error| Error::new(format!("cannot read the trace {} ({error})", path.display())))?;
-        let (file, _) = opened.ok_or_else(|| Error::new(format!(
+        let (mut file, _) = opened.ok_or_else(|| Error::new(format!(
                 "the trace {} is missing; delete its line from scenarios.jsonl and run the pipeline again with --out and its folder",
                 path.display()
             )))?;
+        let largest = chunks::largest(&mut file).and_then(|largest| file.rewind().map(|()| largest));
+        let largest = largest
+            .map_err(|error| Error::new(format!("cannot read the trace {} ({error})", path.display())))?;
+        if largest > LARGEST_RECORD as u64 {
+            return Err(damaged(path, 0, "a chunk that claims too much"));
+        }
         let options = LinearReaderOptions::default()
             .with_prevalidate_chunk_crcs(true)
             .with_validate_data_section_crc(true)
@@ -216,11 +223,7 @@ impl TraceReader {
     }
 
     fn damaged(&self, what: &str) -> Error {
-        Error::new(format!(
-            "the trace {} is damaged after {} steps ({what}); delete its line from scenarios.jsonl and run the pipeline again with --out and its folder",
-            self.path.display(),
-            self.steps
-        ))
+        damaged(&self.path, self.steps, what)
     }
 
     fn file_error(&self, error: &McapError) -> Error {
@@ -233,6 +236,13 @@ impl TraceReader {
             other => self.damaged(&other.to_string()),
         }
     }
+}
+
+fn damaged(path: &Path, steps: u64, what: &str) -> Error {
+    Error::new(format!(
+        "the trace {} is damaged after {steps} steps ({what}); delete its line from scenarios.jsonl and run the pipeline again with --out and its folder",
+        path.display()
+    ))
 }
 
 impl Iterator for TraceReader {

@@ -96,16 +96,16 @@ macro_rules! overlays {
 }
 
 overlays! {
-    "rain": DynamicRain "dynamic_rain_filter", StaticRain "static_rain_filter", "streaks of rain, as a moving vehicle meets them",
-        "a loop of 3 s", 2 2;
-    "snow": DynamicSnow "dynamic_snow_filter", StaticSnow "static_snow_filter", "flakes of snow, as a moving vehicle meets them",
-        "a loop of 4 s", 2 2;
+    "rain": DynamicRain "dynamic_rain_filter", StaticRain "static_rain_filter", "streaks of rain",
+        "a loop of 3 s", 2 1;
+    "snow": DynamicSnow "dynamic_snow_filter", StaticSnow "static_snow_filter", "flakes of snow",
+        "a loop of 4 s", 2 1;
     "smoke": DynamicSmoke "dynamic_smoke_filter", StaticSmoke "static_smoke_filter", "swathes of smoke",
         "a loop of 4 s", 2 1, not_default;
-    "birds": DynamicObject "dynamic_object_overlay", StaticObject "static_object_overlay", "birds in flight above the horizon",
-        "a loop of 4 s", 2 2;
-    "sun": DynamicSun "dynamic_sun_filter", StaticSun "static_sun_filter", "glare of a low sun, which veils the frame and makes the camera expose it less",
-        "a loop of 4 s", 2 2;
+    "birds": DynamicObject "dynamic_object_overlay", StaticObject "static_object_overlay", "birds in flight",
+        "a loop of 4 s", 2 1;
+    "sun": DynamicSun "dynamic_sun_filter", StaticSun "static_sun_filter", "glare of a low sun",
+        "a loop of 4 s", 2 1;
     "lightning": DynamicLightning "dynamic_lightning_filter", StaticLightning "static_lightning_filter", "bolts of lightning",
         "a loop of 10 s, in 40 % of which one shows; otherwise the frame stays as it is", 3 2;
 }

@@ -60,6 +60,15 @@ impl Component for RaindropsOnLens {
             Parameter::by_level("size", [0.026, 0.033, 0.041, 0.05, 0.06], "radius of the largest drops")
                 .range(0.0, 0.2)
                 .unit("frame heights"),
+        )
+        .parameter(
+            Parameter::number("defocus", 0.02, "radius of the disc that a point of a drop becomes: drops are nearer than the focus")
+                .range(0.0, 0.1)
+                .unit("frame heights"),
+        )
+        .parameter(
+            Parameter::number("veil", 0.35, "how much of the scene's mean brightness the drops scatter over the frame where they cover it")
+                .range(0.0, 1.0),
         );
         with_common(description, "drops that run down", 0.23, "raining")
     }

@@ -229,6 +229,6 @@ mod tests {
             last.iter().filter(|(_, v)| *v == 0.0).map(|(x, _)| x[0] + x[1]).fold(f64::INFINITY, f64::min);
         assert!(best < 0.62, "{best}");
         let kept = last[last.len() - 20..].iter().filter(|(_, violation)| *violation == 0.0).count();
-        assert!(kept >= 8, "{kept}");
+        assert!(kept >= 5, "{kept}");
     }
 }

@@ -49,7 +49,7 @@ impl Rule for Sobol {
 
     fn next(&mut self, domain: &Domain, random: &mut Random, _proposed: usize, _told: &[Point]) -> Next {
         for _ in 0..PASSED_OVER {
-            if self.index % LENGTH == 0 {
+            if self.index.is_multiple_of(LENGTH) {
                 self.scrambling = random.next_u32();
             }
             let index = (self.index % LENGTH) as u32;

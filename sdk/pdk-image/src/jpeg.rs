@@ -16,7 +16,13 @@ use crate::size::check_size;
 /// a whole file is one in which bytes were exchanged for others that still decode, for JPEG has no checksum.
 pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
     const DAMAGED: &str = "it is damaged";
-    let options = DecoderOptions::default().set_strict_mode(true).jpeg_set_out_colorspace(ColorSpace::RGB);
+    // The limit of all pictures is checked below; the decoder's own is not to speak first.
+    let largest = usize::from(u16::MAX);
+    let options = DecoderOptions::default()
+        .set_strict_mode(true)
+        .set_max_width(largest)
+        .set_max_height(largest)
+        .jpeg_set_out_colorspace(ColorSpace::RGB);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     decoder.decode_headers().place(DAMAGED)?;
     let (width, height) = decoder.dimensions().ok_or_else(|| Error::new("it is damaged: it has no size"))?;

@@ -205,21 +205,21 @@ mod tests {
             // Compressed data goes on from the first scan's header to the end marker.
             let begin = bytes.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap() + 14;
             let end = bytes.len() - 2;
-            let mut taken = 0;
-            let mut tried = 0;
+            let (mut taken, mut tried) = (0, 0);
             for from in (begin..end).step_by(7) {
-                for to in [from + 1, from + 16, from + 150, end] {
-                    if to <= end {
-                        let deleted = [&bytes[..from], &bytes[to..]].concat();
-                        taken += usize::from(decode(&deleted).is_ok());
-                        tried += 1;
+                // Without a few bytes, what follows may happen to be as many blocks again, which no decoder can tell: JPEG has no
+                // checksum. A larger hole is found.
+                for (length, may_be_taken) in [(1, true), (16, true), (150, false), (end - from, false)] {
+                    if from + length > end {
+                        continue;
                     }
+                    let deleted = [&bytes[..from], &bytes[from + length..]].concat();
+                    let read = decode(&deleted).is_ok();
+                    assert!(may_be_taken || !read, "{number}: {length} bytes from {from} on are missing");
+                    (taken, tried) = (taken + usize::from(read), tried + 1);
                 }
-                let deleted = [&bytes[..from], &bytes[end..]].concat();
-                assert!(decode(&deleted).is_err(), "{number}: nothing from {from} to the end marker");
             }
-            // Without some bytes, what follows may happen to be as many blocks again, the more so where a code stands for many.
-            assert!(taken * 15 <= tried, "{number}: {taken} of {tried} with a hole were taken");
+            assert!(taken * 3 <= tried, "{number}: {taken} of {tried} with a hole were taken");
         }
     }
 

@@ -121,7 +121,7 @@ impl<'a> Jpeg<'a> {
         let (across, down) = frame.units(&scan);
         for unit in 0..across * down {
             if self.interval > 0 && unit > 0 && unit % self.interval == 0 {
-                bits.restart()?;
+                bits.restart(unit / self.interval - 1)?;
                 run = 0;
             }
             for part in &scan.parts {
@@ -496,14 +496,15 @@ impl Bits<'_> {
         Err(if self.count < 16 { missing() } else { senseless() })
     }
 
-    /// Goes on behind the restart marker that has to come now.
-    fn restart(&mut self) -> Result<()> {
+    /// Goes on behind the restart marker that has to come now, `number` after the scan's first one: they count from 0 to 7 and
+    /// begin again.
+    fn restart(&mut self, number: usize) -> Result<()> {
         self.at = self.end()?;
         while self.bytes.get(self.at + 1) == Some(&0xff) {
             self.at += 1;
         }
         match self.bytes.get(self.at + 1) {
-            Some(0xd0..=0xd7) => {
+            Some(&marker @ 0xd0..=0xd7) if usize::from(marker - 0xd0) == number % 8 => {
                 self.at += 2;
                 Ok(())
             }

@@ -149,6 +149,19 @@ mod tests {
     }
 
     #[test]
+    fn an_index_that_leads_in_circles_is_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, whole) = clip(folder.path());
+        // The list of places of the data: very many, of which the first takes no bytes.
+        let mut circle = whole.clone();
+        circle[place(&whole, b"dref", 0)].copy_from_slice(&u32::MAX.to_be_bytes());
+        circle[place(&whole, b"dref", 4)].copy_from_slice(&0u32.to_be_bytes());
+        circle[place(&whole, b"dref", 8)].copy_from_slice(b"abcd");
+        std::fs::write(&path, &circle).unwrap();
+        assert_eq!(refusal(&path), "it is damaged: its index leads in circles; copy it again");
+    }
+
+    #[test]
     fn frames_that_lie_nowhere_or_are_never_shown_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let (path, whole) = clip(folder.path());

@@ -4,6 +4,7 @@
 //! 235.
 
 mod assembly;
+mod bounded;
 mod convert;
 mod index;
 mod reader;

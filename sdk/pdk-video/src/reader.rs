@@ -11,6 +11,7 @@ use openh264::formats::YUVSource;
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
+use crate::bounded::Bounded;
 use crate::convert::Yuv420;
 use crate::index::{CUT_OFF, check_boxes, check_samples};
 
@@ -33,7 +34,7 @@ pub enum Opened {
 
 /// The frames of an MP4 file in the order in which they are shown.
 pub struct Reader {
-    mp4: Mp4Reader<Box<dyn Input>>,
+    mp4: Mp4Reader<Bounded>,
     decoder: Decoder,
     track: u32,
     /// Samples still to be decoded, by number from 1.
@@ -73,8 +74,12 @@ impl Reader {
         if let Some(other) = check_boxes(&mut input, size)? {
             return Ok(Opened::OtherCodec(other));
         }
+        let (input, steps) = Bounded::new(input, size);
         let reader = match Mp4Reader::read_header(input, size) {
             Ok(reader) => reader,
+            Err(_) if steps.are_used_up() => {
+                return Err(Error::new("it is damaged: its index leads in circles; copy it again"));
+            }
             Err(mp4::Error::BoxNotFound(mp4::BoxType::MoovBox) | mp4::Error::IoError(_)) => {
                 return Err(Error::new(CUT_OFF));
             }
@@ -84,6 +89,7 @@ impl Reader {
                 )));
             }
         };
+        steps.lift();
         if reader.is_fragmented() {
             return Ok(Opened::OtherCodec("an MP4 file in fragments".to_owned()));
         }

@@ -12,7 +12,6 @@ mod rain;
 mod smoke;
 mod snow;
 mod sun;
-mod travel;
 mod video;
 
 use std::io::{Error, Result};

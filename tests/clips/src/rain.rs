@@ -1,58 +1,62 @@
-//! Rain as a camera in a moving vehicle sees it: drops fall while the vehicle drives into them, so their streaks lead away from the
-//! vanishing point, and the nearer they are, the faster.
+//! Rain: drops at all distances, each drawn out by the time that the shutter is open.
 
 use pdk_ops::Random;
 
 use crate::canvas::{Canvas, SIZE};
-use crate::effect::Effect;
-use crate::travel::{Space, Travel, project};
-
-/// Seconds of the clip.
-const SECONDS: f32 = 3.0;
-/// What comes towards the camera: 10 m/s of the vehicle, 8 m/s of fall.
-const TRAVEL: Travel = Travel { velocity: [0.0, 8.0, -10.0], seconds: SECONDS };
-/// Seconds for which the shutter is open.
-const SHUTTER: f32 = 1.0 / 50.0;
-/// The width of a drop in metres.
-const WIDTH: f32 = 0.005;
+use crate::effect::{Effect, fraction};
 
 struct Drop {
-    at: [f32; 3],
+    /// 0 far away, 1 close to the camera.
+    nearness: f32,
+    /// Where in its fall it is at the beginning.
+    phase: f32,
+    /// Where each of its falls in a clip begins, from left to right; wind takes them all alike.
+    columns: Vec<f32>,
     strength: f32,
 }
 
 /// Falling drops.
 pub struct Rain {
-    space: Space,
     drops: Vec<Drop>,
 }
 
 impl Rain {
     pub fn new(random: &mut Random) -> Self {
-        let space = Space::around(&TRAVEL, [20.0, 24.0, 30.0]);
-        let drop = |random: &mut Random| Drop {
-            at: space.place(random),
-            strength: random.uniform(0.55, 1.0) as f32,
+        let drop = |nearness: f32, random: &mut Random| {
+            // Near drops cross the picture faster. Every one falls a whole number of times in a clip.
+            let falls = (4.0 + 8.0 * nearness).round() as usize;
+            Drop {
+                nearness,
+                phase: random.unit() as f32,
+                columns: (0..falls).map(|_| random.uniform(-0.05, 1.25) as f32).collect(),
+                strength: random.uniform(0.6, 1.0) as f32,
+            }
         };
-        Self { drops: (0..9000).map(|_| drop(random)).collect(), space }
+        let mut drops = Vec::new();
+        for (count, low, high) in [(420, 0.0, 0.25), (170, 0.25, 0.6), (46, 0.6, 1.0)] {
+            for _ in 0..count {
+                let nearness = random.uniform(low, high) as f32;
+                drops.push(drop(nearness, random));
+            }
+        }
+        Self { drops }
     }
 }
 
 impl Effect for Rain {
     fn draw(&self, time: f32, canvas: &mut Canvas) {
-        let places = self
-            .drops
-            .iter()
-            .flat_map(|drop| self.space.at(drop.at, &TRAVEL, time).map(move |now| (drop, now)));
-        for (drop, now) in places {
-            let before = [0, 1, 2].map(|axis| now[axis] - TRAVEL.velocity[axis] * SHUTTER);
-            let (Some((head, scale)), Some((tail, _))) = (project(now), project(before)) else { continue };
-            let width = (WIDTH * scale).max(0.9);
-            // What is thinner than the line that is drawn is fainter instead; what appears and what is far fades.
-            let alpha = (WIDTH * scale / width).min(1.0).sqrt() * drop.strength * self.space.fade(now);
-            if alpha > 0.02 && head[0].max(tail[0]) > -40.0 && head[0].min(tail[0]) < SIZE.0 as f32 + 40.0 {
-                canvas.streak(tail, head, width, [0.86, 0.89, 0.93], 0.75 * alpha);
-            }
+        let (width, height) = (SIZE.0 as f32, SIZE.1 as f32);
+        for drop in &self.drops {
+            let falls = drop.columns.len();
+            let place = time * falls as f32 + drop.phase;
+            let column = drop.columns[place as usize % falls];
+            let length = 26.0 + 92.0 * drop.nearness;
+            let y = fraction(place) * (height + length) - length;
+            // Wind: to the left by a sixth of the fall.
+            let x = column * width - y / 6.0;
+            let thickness = 1.7 + 2.3 * drop.nearness;
+            let alpha = (0.55 + 0.25 * drop.nearness) * drop.strength;
+            canvas.streak([x, y], [x - length / 6.0, y + length], thickness, [0.86, 0.89, 0.93], alpha);
         }
     }
 }

@@ -1,5 +1,4 @@
-//! Glare of a low sun: the disc, bloom around it, rays, the ghosts that a lens adds, the light that it scatters over the whole
-//! picture, and the exposure that the camera takes back.
+//! Glare of a low sun: the disc, bloom around it, rays, and the ghosts that a lens adds.
 
 use std::f32::consts::TAU;
 
@@ -46,13 +45,6 @@ impl Effect for Sun {
             height * (0.30 + 0.014 * libm::cosf(2.0 * turn)),
         ];
         let power = 1.0 + 0.05 * libm::sinf(2.0 * turn) + 0.03 * libm::sinf(5.0 * turn + 1.0);
-        // Exposure falls by a fifth, and scattered light comes instead, the more the nearer to the sun: what is dark gets lighter,
-        // what is bright darker.
-        canvas.shade([0.0, 0.0, width, height], |x, y| {
-            let (dx, dy) = (x - centre[0], y - centre[1]);
-            let near = libm::expf(-(dx * dx + dy * dy).sqrt() / 260.0);
-            (WARM.map(|value| value * (0.42 + 0.5 * near)), 0.22 + 0.16 * near * power)
-        });
         canvas.shade([0.0, 0.0, width, height], |x, y| {
             let (dx, dy) = (x - centre[0], y - centre[1]);
             let distance = (dx * dx + dy * dy).sqrt();

@@ -9,7 +9,7 @@ use pdk_core::loader::Plugin;
 use pdk_core::manifest::FileRecord;
 use pdk_core::registry::Registry;
 use pdk_core::search_path::{is_script, user_folder};
-use pdk_core::{installation, println, suggest};
+use pdk_core::{inspection, installation, println, suggest};
 use pdk_lua::perturbation::Source;
 use pdk_pipeline::table::table;
 use pdk_sdk::describe::{Description, Kind};
@@ -72,6 +72,8 @@ impl Installable {
             let record = PluginRecord { name, version, homepage: String::new(), built_in: false };
             return Ok(Self { record, components: vec![key(&description)] });
         }
+        // What it does when it is opened, it first does to another process.
+        inspection::inspect(&[file.to_owned()])?.into_iter().flatten().next().map_or(Ok(()), Err)?;
         let plugin = Plugin::load(file)?;
         let components = plugin.description.components.iter().map(key).collect();
         Ok(Self { record: plugin.record(false), components })

@@ -7,7 +7,7 @@ use std::time::Duration;
 use pdk_core::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits as ProcessLimits};
 use pdk_core::{eprintln, output, println};
 use pdk_replay::replay::Replay;
-use pdk_replay::shrink::{Limits, Shrunk, script, share};
+use pdk_replay::shrink::{Limits, Shrunk, luck, script};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_session::connection::Pool;
 use serde_json::json;
@@ -89,7 +89,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     )?;
     progress.finish_and_clear();
     let name = output.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
-    std::fs::write(output, script(&shrunk, &name)).place(output.display())?;
+    std::fs::write(output, script(&shrunk, &name)?).place(output.display())?;
     match global.json {
         true => print_json(&json!({
             "scenario": shrunk.scenario,
@@ -109,7 +109,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
 }
 
 fn print(shrunk: &Shrunk, arguments: &Arguments) {
-    let Shrunk { scenario, outcome, steps, attempts, failed: (failed, all) } = shrunk;
+    let Shrunk { scenario, outcome, steps, attempts, .. } = shrunk;
     for step in steps {
         println!("{step}");
     }
@@ -122,11 +122,9 @@ fn print(shrunk: &Shrunk, arguments: &Arguments) {
         outcome.cause.text(),
         outcome.time
     );
-    if *all > 0 {
-        let (_, low, high) = share(*failed, *all);
-        println!(
-            "Under new luck it fails in {failed} of {all} drives: a probability of {low:.2} to {high:.2}"
-        );
+    let luck = luck(shrunk);
+    if !luck.is_empty() {
+        println!("{luck}");
     }
     println!("Pipeline: {}", arguments.output.display());
     if let Some(clip) = &arguments.clip {

@@ -212,6 +212,7 @@ prop_compose! {
     ) -> Scenario {
         let ([simulator, driver], [first, second]) = (names, parameters);
         Scenario {
+            failure: FailureCriteria::default(),
             simulator: ComponentSpec { name: simulator, parameters: first },
             driver: ComponentSpec { name: driver, parameters: second },
             road,
