@@ -253,6 +253,7 @@ mod tests {
             method: None,
             key,
             period: None,
+            seen: FrameBuf::default(),
             size: (0, 0),
             weights: Vec::new(),
         }
