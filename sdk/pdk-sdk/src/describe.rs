@@ -61,7 +61,8 @@ pub enum Temporal {
 pub struct Description {
     /// The kind of component.
     pub kind: Kind,
-    /// The name by which users refer to it; unique within its kind. Lower-case letters, digits and underscores.
+    /// The name by which users refer to it; unique within its kind. Lower-case letters, digits and underscores; for a saliency
+    /// method also hyphens and pluses.
     pub name: String,
     /// One line that says what it does, without a full stop.
     pub doc: String,

@@ -2,6 +2,7 @@
 
 use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::json;
 
 use crate::backend;
 use crate::model_file::{Layout, ModelFile, Source};
@@ -31,6 +32,7 @@ pub struct Viewer {
 /// What every method takes.
 pub fn parameters(description: Description) -> Description {
     description
+        .example(json!({"model": "dave2"}))
         .parameter(Parameter::path("model", "the ONNX file whose view is shown, which the driver `onnx` takes; or the name of a network that is part of pdk"))
         .parameter(Parameter::choice("backend", &backend::NAMES, "who runs the network, as for the driver `onnx`"))
         .parameter(Parameter::choice(
