@@ -86,7 +86,7 @@ impl Selector {
     /// Whether each pixel is chosen. Among equal ones it is drawn.
     fn choose(&self, map: &[f32], period: u64) -> Vec<bool> {
         let share = match self.selection.choice() {
-            Choice::Above(least) => return map.iter().map(|&value| f64::from(value) > least).collect(),
+            Choice::Above(least) => return map.iter().map(|&value| value > least as f32).collect(),
             Choice::Top(share) | Choice::Bottom(share) | Choice::Random(share) => share,
         };
         let bottom = matches!(self.selection.choice(), Choice::Bottom(_));
