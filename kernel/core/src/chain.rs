@@ -6,12 +6,14 @@ use pdk_model::level::Level;
 use pdk_model::perturbation::{AppliedPerturbation, Draws};
 use pdk_sdk::config::{self, Config};
 use pdk_sdk::describe::{Description, Kind};
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Context, Frame, FrameBuf, FrameMut, Key, Perturbation};
 use pdk_sdk::seed;
 
 use crate::calls::{self, Function};
+use crate::maps::Attended;
 use crate::mask::{self, Mask};
+use crate::moment::Moment;
 use crate::registry::Registry;
 use crate::selection::Selector;
 
@@ -39,6 +41,7 @@ struct Link {
     draws: Option<Draws>,
     mask: Option<Mask>,
     selector: Option<Selector>,
+    attended: Option<Attended>,
     /// How much of each pixel is changed where both limit it.
     weights: Vec<u8>,
 }
@@ -55,6 +58,13 @@ impl Chain {
         for applied in perturbations {
             let (instance, config) = registry.perturbation(&applied.name, &applied.parameters)?;
             let description = registry.catalog().get(Kind::Perturbation, &applied.name)?.description.clone();
+            if applied.attention.is_some() && description.follows_attention.is_empty() {
+                return Err(Error::of(
+                    ErrorKind::Configuration,
+                    "it does not follow saliency maps, so leave `attention` out; `where` limits any perturbation to what a map marks",
+                )
+                .at(format_args!("perturbation `{}`", applied.name)));
+            }
             let number = seen.entry(applied.name.as_str()).or_insert(0u64);
             let key = |what: &str| seed::key(seed, &format!("{what}/{}", applied.name), *number);
             links.push(Link {
@@ -74,6 +84,10 @@ impl Chain {
                     Some(selection) => Some(Selector::new(registry, selection, key("where"))?),
                     None => None,
                 },
+                attended: match &applied.attention {
+                    Some(attention) => Some(Attended::new(registry, attention, key("attention"))?),
+                    None => None,
+                },
                 weights: Vec::new(),
             });
             *number += 1;
@@ -85,13 +99,7 @@ impl Chain {
     ///
     /// # Errors
     /// Where a perturbation fails, with its name.
-    pub fn apply(
-        &mut self,
-        src: Frame<'_>,
-        mut dst: FrameMut<'_>,
-        frame_index: u64,
-        time: f64,
-    ) -> Result<()> {
+    pub fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, moment: &Moment) -> Result<()> {
         let Some((last, earlier)) = self.links.split_last_mut() else {
             dst.copy_from(src);
             return Ok(());
@@ -102,11 +110,11 @@ impl Chain {
         let [from, to] = &mut self.between;
         for (position, link) in earlier.iter_mut().enumerate() {
             let input = if position == 0 { src } else { from.as_ref() };
-            link.apply(src, input, to.as_mut(), frame_index, time)?;
+            link.apply(src, input, to.as_mut(), moment)?;
             std::mem::swap(from, to);
         }
         let input = if earlier.is_empty() { src } else { from.as_ref() };
-        last.apply(src, input, dst, frame_index, time)
+        last.apply(src, input, dst, moment)
     }
 }
 
@@ -117,14 +125,16 @@ impl Link {
         raw: Frame<'_>,
         src: Frame<'_>,
         mut dst: FrameMut<'_>,
-        frame_index: u64,
-        time: f64,
+        moment: &Moment,
     ) -> Result<()> {
+        let Moment { frame_index, time, .. } = *moment;
+        // Also for frames that are spared, so that a map comes from the frame whose turn it is.
         let chosen = match &mut self.selector {
-            // Also for frames that are spared, so that a map comes from the frame whose turn it is.
-            Some(selector) => {
-                Some(selector.weights(raw, frame_index, time).map_err(|error| error.at(&self.label))?)
-            }
+            Some(selector) => Some(selector.weights(raw, moment).map_err(|error| error.at(&self.label))?),
+            None => None,
+        };
+        let attended = match &mut self.attended {
+            Some(attended) => Some(attended.look(raw, moment).map_err(|error| error.at(&self.label))?),
             None => None,
         };
         let spared =
@@ -145,6 +155,10 @@ impl Link {
         let cx = match self.draws {
             Some(Draws::PerSequence) => cx.with_stream(0),
             _ => cx,
+        };
+        let cx = match attended {
+            Some((now, earlier)) => cx.with_saliency(now, earlier),
+            None => cx,
         };
         // A plugin that leaves pixels out must not show what happened to lie there: that depends on what was computed before.
         dst.rows_mut().for_each(|row| row.fill(0));

@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn keys_of_a_pipeline_are_no_parameters() {
         let value = json!({
-            "name": "fog", "level": 1, "probability": 0.5, "region": [0, 0, 1, 1], "where": {"top": 1}, "draws": "per_frame",
+            "name": "fog", "level": 1, "probability": 0.5, "region": [0, 0, 1, 1], "where": {"top": 1}, "attention": 3, "draws": "per_frame",
             "s": 1
         });
         for (key, value) in value.as_object().unwrap() {

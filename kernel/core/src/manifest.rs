@@ -336,10 +336,11 @@ impl InUse {
             if let Some(Region::Mask(path)) = &perturbation.region {
                 self.add_file(Path::new(path))?;
             }
-            if let Some(by) = perturbation.selection.as_ref().and_then(|selection| selection.by.as_ref()) {
+            let AppliedPerturbation { name, parameters, selection, attention, .. } = perturbation;
+            let chosen_by = selection.as_ref().and_then(|selection| selection.by.as_ref());
+            for by in chosen_by.into_iter().chain(attention.as_ref().map(|attention| &attention.by)) {
                 self.add(catalog, Kind::Saliency, &by.name, &by.parameters, Vec::new())?;
             }
-            let AppliedPerturbation { name, parameters, .. } = perturbation;
             self.add(catalog, Kind::Perturbation, name, parameters, Vec::new())?;
         }
         Ok(())

@@ -1,24 +1,22 @@
 //! Masks from saliency maps: which pixels of a frame are chosen, and how the edges of what is chosen are treated.
 
 use pdk_model::selection::{Choice, Selection};
-use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{Frame, FrameBuf, HeatmapMut, Key, MapContext, Saliency};
+use pdk_sdk::error::Result;
+use pdk_sdk::prelude::{Frame, Key};
 
-use crate::calls::{self, Function};
+use crate::maps::{Maps, Turns};
+use crate::moment::Moment;
 use crate::registry::Registry;
 
 /// Chooses pixels frame by frame.
 pub struct Selector {
     selection: Selection,
-    /// The method with what messages call it.
-    method: Option<(Box<dyn Saliency>, String)>,
-    /// What maps and the choice among equal pixels are drawn from.
+    turns: Turns,
+    /// None where pixels are chosen at random.
+    maps: Option<Maps>,
+    /// What the choice among equal pixels is drawn from.
     key: Key,
-    /// Which map is in use: the number of its frame where it stays until a change, else that divided by how long it stays.
-    period: Option<u64>,
-    /// The frame whose map is in use, where it stays until a change.
-    seen: FrameBuf,
-    size: (usize, usize),
+    /// How much of each pixel is changed, for the map and place of the image that they were made for.
     weights: Vec<u8>,
 }
 
@@ -28,119 +26,54 @@ impl Selector {
     /// # Errors
     /// Where there is no such method, or it refuses its parameters.
     pub fn new(registry: &Registry, selection: &Selection, key: Key) -> Result<Self> {
-        let method = match &selection.by {
-            Some(by) => {
-                let (instance, _) = registry.saliency(&by.name, &by.parameters)?;
-                Some((instance, format!("saliency `{}`", by.name)))
-            }
-            None => None,
-        };
-        let (seen, size, weights) = (FrameBuf::default(), (0, 0), Vec::new());
-        Ok(Self { selection: selection.clone(), method, key, period: None, seen, size, weights })
+        let by = selection.by.as_ref().filter(|_| selection.random.is_none());
+        let maps = by.map(|by| Maps::new(registry, by, key)).transpose()?;
+        let turns = Turns::new(selection.pace());
+        Ok(Self { selection: selection.clone(), turns, maps, key, weights: Vec::new() })
     }
 
     /// How much of each pixel is changed, 0 to 255, row by row; `raw` is the frame as the camera saw it.
     ///
     /// # Errors
     /// Where the method fails.
-    pub fn weights(&mut self, raw: Frame<'_>, frame_index: u64, time: f64) -> Result<&[u8]> {
-        let size = (raw.width(), raw.height());
-        let period = match (self.selection.change, self.period) {
-            (None, _) => frame_index / self.selection.every,
-            (Some(change), Some(period))
-                if self.size == size && difference(self.seen.as_ref(), raw) <= change =>
-            {
-                period
-            }
-            (Some(_), _) => {
-                self.seen.resize(raw.width(), raw.height());
-                self.seen.as_mut().copy_from(raw);
-                frame_index
-            }
-        };
-        if self.period != Some(period) || self.size != size {
-            let map = self.map(raw, frame_index, time)?;
-            let chosen = self.choose(&map, period);
-            self.weights = finish(chosen, size, &self.selection);
-            (self.period, self.size) = (Some(period), size);
+    pub fn weights(&mut self, raw: Frame<'_>, moment: &Moment) -> Result<&[u8]> {
+        let turn = self.turns.of(raw, moment);
+        // What follows the image is chosen again, so that it is as many pixels as before.
+        if turn.new || turn.moved != [0, 0] {
+            let (width, height) = (raw.width(), raw.height());
+            let chosen = match &mut self.maps {
+                Some(maps) => choose(&self.selection, maps.of(raw, moment, turn)?, &self.key, turn.period),
+                None => choose(&self.selection, &vec![0.0; width * height], &self.key, turn.period),
+            };
+            self.weights = finish(chosen, (width, height), &self.selection);
         }
         Ok(&self.weights)
     }
-
-    /// The map of a frame; nothing in it where no map is needed.
-    fn map(&mut self, raw: Frame<'_>, frame_index: u64, time: f64) -> Result<Vec<f32>> {
-        let (width, height) = (raw.width(), raw.height());
-        let mut values = vec![0.0; width * height];
-        if let (Some((method, label)), false) = (&mut self.method, self.selection.random.is_some()) {
-            let cx = MapContext { frame_index, time, key: &self.key };
-            values = map(&mut **method, label, raw, &cx)?;
-            if !values.iter().all(|value| value.is_finite()) {
-                return Err(Error::new(format!(
-                    "{label}: its map of frame {frame_index} holds numbers that are not finite"
-                )));
-            }
-        }
-        Ok(values)
-    }
-
-    /// Whether each pixel is chosen. Among equal ones it is drawn.
-    fn choose(&self, map: &[f32], period: u64) -> Vec<bool> {
-        let share = match self.selection.choice() {
-            Choice::Above(least) => return map.iter().map(|&value| value > least as f32).collect(),
-            Choice::Top(share) | Choice::Bottom(share) | Choice::Random(share) => share,
-        };
-        let bottom = matches!(self.selection.choice(), Choice::Bottom(_));
-        let count = (share * map.len() as f64).round() as usize;
-        let mut random = self.key.frame(period);
-        let mut order: Vec<(f32, u64, usize)> = map
-            .iter()
-            .enumerate()
-            .map(|(at, &value)| (if bottom { value } else { -value }, random.next_u64(), at))
-            .collect();
-        let mut chosen = vec![false; map.len()];
-        if count > 0 && count < map.len() {
-            order.select_nth_unstable_by(count - 1, |a, b| {
-                a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2))
-            });
-        }
-        order[..count].iter().for_each(|(_, _, at)| chosen[*at] = true);
-        chosen
-    }
 }
 
-/// The map of a frame by a method, brought to the size of the frame. `label` is what messages call the method.
-///
-/// # Errors
-/// Where the method fails.
-pub fn map(
-    method: &mut dyn Saliency,
-    label: &str,
-    frame: Frame<'_>,
-    cx: &MapContext<'_>,
-) -> Result<Vec<f32>> {
-    let size = [frame.width(), frame.height()];
-    let work = || {
-        let [width, height] = method.map_size(size[0], size[1])?;
-        let mut values = vec![0.0; width * height];
-        method.map(frame, cx, HeatmapMut::new(&mut values, width, height)?)?;
-        Ok((values, [width, height]))
+/// Whether each pixel is chosen. Among equal ones it is drawn.
+fn choose(selection: &Selection, map: &[f32], key: &Key, period: u64) -> Vec<bool> {
+    let share = match selection.choice() {
+        Choice::Above(least) => return map.iter().map(|&value| value > least as f32).collect(),
+        Choice::Top(share) | Choice::Bottom(share) | Choice::Random(share) => share,
     };
-    let (values, made) =
-        calls::call_at(label, Function::Map, cx.frame_index, work).map_err(|error: Error| error.at(label))?;
-    Ok(if made == size { values } else { stretch(&values, made, size) })
-}
-
-/// A map in another size, each part as large as all others.
-fn stretch(values: &[f32], [width, height]: [usize; 2], to: [usize; 2]) -> Vec<f32> {
-    let rows = (0..to[1]).map(|y| y * height / to[1]);
-    rows.flat_map(|row| (0..to[0]).map(move |x| values[row * width + x * width / to[0]])).collect()
-}
-
-/// The mean difference of all values of two frames of the same size.
-fn difference(a: Frame<'_>, b: Frame<'_>) -> f64 {
-    let rows = a.rows().zip(b.rows());
-    let sum: u64 = rows.flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
-    sum as f64 / (a.width() * a.height() * 3) as f64
+    let count = (share * map.len() as f64).round() as usize;
+    if count == 0 || count >= map.len() {
+        return vec![count > 0; map.len()];
+    }
+    let bottom = matches!(selection.choice(), Choice::Bottom(_));
+    let order: Vec<f32> = map.iter().map(|value| if bottom { *value } else { -value }).collect();
+    let mut sorted = order.clone();
+    let (_, last, _) = sorted.select_nth_unstable_by(count - 1, f32::total_cmp);
+    let mut chosen: Vec<bool> = order.iter().map(|value| value < last).collect();
+    let mut equal: Vec<usize> = (0..order.len()).filter(|&at| order[at] == *last).collect();
+    let missing = count - chosen.iter().filter(|chosen| **chosen).count();
+    let mut random = key.frame(period);
+    for place in 0..missing {
+        equal.swap(place, place + random.below((equal.len() - place) as u32) as usize);
+        chosen[equal[place]] = true;
+    }
+    chosen
 }
 
 /// Closes gaps, leaves out small spots, and softens the edges, in this order.
@@ -240,27 +173,15 @@ fn soften(weights: Vec<u8>, width: usize, height: usize, soft: usize) -> Vec<u8>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pdk_sdk::prelude::FrameBuf;
     use serde_json::{Value, json};
 
     fn selection(value: Value) -> Selection {
         Selection::from_json(&value).unwrap()
     }
 
-    fn selector(value: Value) -> Selector {
-        let key = Key([5; 32]);
-        Selector {
-            selection: selection(value),
-            method: None,
-            key,
-            period: None,
-            seen: FrameBuf::default(),
-            size: (0, 0),
-            weights: Vec::new(),
-        }
-    }
-
     fn chosen(value: Value, map: &[f32]) -> Vec<usize> {
-        let chosen = selector(value).choose(map, 0);
+        let chosen = choose(&selection(value), map, &Key([5; 32]), 0);
         chosen.iter().enumerate().filter(|(_, chosen)| **chosen).map(|(at, _)| at).collect()
     }
 
@@ -273,17 +194,21 @@ mod tests {
         assert_eq!(chosen(json!({"top": 0, "by": "x"}), &map), [0; 0]);
         assert_eq!(chosen(json!({"top": 100, "by": "x"}), &map).len(), 10);
         assert_eq!(chosen(json!({"random": 30}), &map).len(), 3);
+        // Only what is equal at the edge of the share is drawn, and zeros are equal whatever their sign.
+        let map = [0.0, -0.0, 0.9, 0.0, 0.5, -0.0, 0.0, 0.0, 0.0, 0.0];
+        let top = chosen(json!({"top": 50, "by": "x"}), &map);
+        assert!(top.len() == 5 && top.contains(&2) && top.contains(&4), "{top:?}");
     }
 
     #[test]
     fn equal_pixels_are_drawn_by_the_seed_and_the_period() {
         let map = [0.5; 1000];
-        for choice in [json!({"top": 20, "by": "x"}), json!({"bottom": 20, "by": "x"}), json!({"random": 20})]
-        {
-            let draw = |period| selector(choice.clone()).choose(&map, period);
+        for value in [json!({"top": 20, "by": "x"}), json!({"bottom": 20, "by": "x"}), json!({"random": 20})] {
+            let draw = |period| choose(&selection(value.clone()), &map, &Key([5; 32]), period);
             assert_eq!(draw(0).iter().filter(|chosen| **chosen).count(), 200);
             assert_eq!(draw(0), draw(0));
             assert_ne!(draw(0), draw(1));
+            assert_ne!(draw(0), choose(&selection(value.clone()), &map, &Key([6; 32]), 0));
             // Drawn over the whole frame, not from its beginning.
             assert!((70..130).contains(&draw(0)[500..].iter().filter(|chosen| **chosen).count()));
         }
@@ -292,31 +217,17 @@ mod tests {
     #[test]
     fn a_choice_stays_for_its_period() {
         let frame = FrameBuf::new(20, 20);
-        let mut selector = selector(json!({"random": 50, "every": 3}));
-        let mut at = |index| selector.weights(frame.as_ref(), index, 0.0).unwrap().to_vec();
-        let (first, second, third, fourth) = (at(0), at(1), at(2), at(3));
-        assert!(first == second && second == third && third != fourth);
-        // A later period is the same whatever came before it.
-        let mut other = self::selector(json!({"random": 50, "every": 3}));
-        assert_eq!(other.weights(frame.as_ref(), 4, 0.0).unwrap(), fourth);
-    }
-
-    #[test]
-    fn a_choice_stays_until_the_frame_changes() {
-        let shade = |value: u8| FrameBuf::from_vec(vec![value; 20 * 20 * 3], 20, 20).unwrap();
-        let run = |shades: &[u8]| {
-            let mut selector = selector(json!({"random": 50, "change": 10}));
-            let frames = shades.iter().enumerate();
-            let weights = frames.map(|(at, &value)| {
-                selector.weights(shade(value).as_ref(), at as u64, 0.0).unwrap().to_vec()
-            });
-            weights.collect::<Vec<_>>()
+        let selector = || {
+            let selection = selection(json!({"random": 50, "every": 3}));
+            let turns = Turns::new(selection.pace());
+            Selector { selection, turns, maps: None, key: Key([5; 32]), weights: Vec::new() }
         };
-        let weights = run(&[100, 106, 110, 111, 105]);
-        assert!(weights[0] == weights[1] && weights[1] == weights[2]);
-        assert!(weights[2] != weights[3] && weights[3] == weights[4]);
-        // Slow changes add up: what counts is the distance from the map's own frame.
-        assert_ne!(run(&[100, 105, 111])[2], run(&[100, 105, 110])[2]);
+        let mut first = selector();
+        let mut at = |index| first.weights(frame.as_ref(), &Moment::new(index, 0.0)).unwrap().to_vec();
+        let weights: Vec<_> = (0..5).map(&mut at).collect();
+        assert!(weights[0] == weights[1] && weights[1] == weights[2] && weights[2] != weights[3]);
+        // A later period is the same whatever came before it.
+        assert_eq!(selector().weights(frame.as_ref(), &Moment::new(4, 0.0)).unwrap(), weights[4]);
     }
 
     fn treat(rows: &[&str], value: Value) -> Vec<String> {
@@ -339,11 +250,6 @@ mod tests {
         assert_eq!(cleaned, ["##.##...", "##.##...", "##.##...", "........", "........"]);
         assert_eq!(treat(&rows, json!({"random": 1, "smallest": 6})), cleaned);
         assert!(treat(&rows, json!({"random": 1, "smallest": 7})).iter().all(|row| !row.contains('#')));
-    }
-
-    #[test]
-    fn a_map_by_cells_is_stretched() {
-        assert_eq!(stretch(&[1.0, 2.0], [2, 1], [5, 2]), [1.0, 1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 1.0, 2.0, 2.0]);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::attention::Attention;
 use crate::component::{check_values, without_value};
 use crate::error::{Error, Result};
 use crate::level::{DEFAULT_LEVEL, Level};
@@ -28,6 +29,9 @@ pub struct AppliedPerturbation {
     /// The pixels that are perturbed, by a saliency map; all of them where it is not set.
     #[serde(default, rename = "where", skip_serializing_if = "Option::is_none")]
     pub selection: Option<Selection>,
+    /// The saliency maps that the perturbation itself follows; none where it is not set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attention: Option<Attention>,
     /// What is drawn when; as the perturbation says where it is not set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub draws: Option<Draws>,
@@ -56,6 +60,7 @@ impl AppliedPerturbation {
             probability: None,
             region: None,
             selection: None,
+            attention: None,
             draws: None,
             parameters: Map::new(),
         }
@@ -76,7 +81,7 @@ impl AppliedPerturbation {
     }
 
     /// Reads a perturbation from a script: a text as for [`AppliedPerturbation::parse`], or a table with `name`, `level`,
-    /// `probability`, `region`, `where`, `draws` and parameters.
+    /// `probability`, `region`, `where`, `attention`, `draws` and parameters.
     ///
     /// # Errors
     /// Where it is neither, or one of them is out of range or null.
@@ -134,6 +139,10 @@ impl AppliedPerturbation {
             .map(|selection| Selection::from_json(&selection))
             .transpose()
             .map_err(|error| error.at(format_args!("perturbation `{name}`")))?;
+        let attention = take("attention")?
+            .map(|attention| Attention::from_json(&attention))
+            .transpose()
+            .map_err(|error| error.at(format_args!("perturbation `{name}`")))?;
         let draws = take("draws")?
             .map(|value| {
                 serde_json::from_value(value.clone()).map_err(|_| {
@@ -144,7 +153,7 @@ impl AppliedPerturbation {
             })
             .transpose()?;
         check_values(&name, &parameters)?;
-        Ok(Self { name, level, probability, region, selection, draws, parameters })
+        Ok(Self { name, level, probability, region, selection, attention, draws, parameters })
     }
 
     /// What it is without its level, as it is written on the command line: `NAME,key=value,...`. It tells two of the same
@@ -166,9 +175,10 @@ impl AppliedPerturbation {
         let probability = self.probability.map(|probability| format!(",probability={probability}"));
         let region = self.region.as_ref().map(|region| format!(",region={}", json(region)));
         let selection = self.selection.as_ref().map(|selection| format!(",where={}", json(selection)));
+        let attention = self.attention.as_ref().map(|attention| format!(",attention={}", json(attention)));
         let draws = self.draws.as_ref().map(|draws| format!(",draws={}", json(draws)));
         let parameters = self.parameters.iter().map(|(key, value)| format!(",{key}={value}"));
-        [probability, region, selection, draws].into_iter().flatten().chain(parameters).collect()
+        [probability, region, selection, attention, draws].into_iter().flatten().chain(parameters).collect()
     }
 }
 

@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use crate::component::ComponentSpec;
 use crate::error::{Error, Result};
+use crate::pace::Pace;
 
 /// Pixels that are chosen by a saliency map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -25,13 +26,15 @@ pub struct Selection {
     /// The saliency method that makes the map; `random` needs none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by: Option<ComponentSpec>,
-    /// A map is made of every so many frames, and stays until the next: that of frame `i` is the one of frame
-    /// `floor(i / every) * every`, or of the first one behind that where frames are left out.
+    /// As [`Pace::every`].
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub every: u64,
-    /// A map stays until a frame differs from the map's own by more than this: the mean difference of all values from 0 to 255.
+    /// As [`Pace::change`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub change: Option<f64>,
+    /// As [`Pace::follow`].
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub follow: bool,
     /// Gaps and notches up to twice so many pixels across are closed.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub close: u32,
@@ -43,11 +46,11 @@ pub struct Selection {
     pub soft: u32,
 }
 
-fn one() -> u64 {
+pub(crate) fn one() -> u64 {
     1
 }
 
-fn is_one(value: &u64) -> bool {
+pub(crate) fn is_one(value: &u64) -> bool {
     *value == 1
 }
 
@@ -80,16 +83,7 @@ impl Selection {
         let wrong = |why: &str| Error::new(format!("`where` is {value}, but {why}"));
         let mut table = value.as_object().ok_or_else(|| wrong(FORM))?.clone();
         if let Some(by) = table.get_mut("by") {
-            let spec = match &*by {
-                Value::String(text) => ComponentSpec::parse("saliency method", text)?,
-                table => match (table.get("name"), table.get("parameters")) {
-                    (Some(_), Some(Value::Object(_))) => {
-                        serde_json::from_value(table.clone()).map_err(|_| wrong(FORM))?
-                    }
-                    _ => ComponentSpec::from_json("by", table)?,
-                },
-            };
-            *by = serde_json::to_value(spec)?;
+            *by = serde_json::to_value(method(by)?)?;
         }
         let selection: Self = serde_json::from_value(Value::Object(table)).map_err(|_| wrong(FORM))?;
         let choices = [selection.top, selection.bottom, selection.random, selection.above];
@@ -102,18 +96,19 @@ impl Selection {
             "what it is above has to be from 0 to 1"
         } else if selection.by.is_none() && selection.random.is_none() {
             "it has to say by which saliency method, such as by=\"hirescam,model=FILE.onnx\""
-        } else if selection.every == 0 {
-            "a map of every 0 frames cannot be made"
-        } else if selection.change.is_some() && selection.every != 1 {
-            "a map stays either for `every` so many frames or until a `change`"
-        } else if selection.change.is_some_and(|change| !(0.0..=255.0).contains(&change)) {
-            "a change has to be from 0 to 255"
+        } else if let Some(mistake) = selection.pace().mistake() {
+            mistake
         } else if selection.close > LARGEST || selection.soft > LARGEST {
             "close and soft are at most 1000 pixels"
         } else {
             return Ok(selection);
         };
         Err(wrong(mistake))
+    }
+
+    /// How long a map is used.
+    pub fn pace(&self) -> Pace {
+        Pace { every: self.every, change: self.change, follow: self.follow }
     }
 
     /// Which pixels are chosen.
@@ -127,9 +122,23 @@ impl Selection {
     }
 }
 
+/// Reads a saliency method: a text as for a component on the command line, or a table.
+///
+/// # Errors
+/// Where it is none.
+pub(crate) fn method(value: &Value) -> Result<ComponentSpec> {
+    match value {
+        Value::String(text) => ComponentSpec::parse("saliency method", text),
+        table if table.get("name").is_some() && table.get("parameters").is_some_and(Value::is_object) => {
+            Ok(serde_json::from_value(table.clone())?)
+        }
+        table => ComponentSpec::from_json("by", table),
+    }
+}
+
 /// How a selection is written.
 const FORM: &str = "has to be { top = 20, by = \"METHOD,model=FILE.onnx\" }, with bottom, random or above in place of top, and \
-                    every or change, close, smallest and soft where they are wanted";
+                    every or change, follow, close, smallest and soft where they are wanted";
 
 #[cfg(test)]
 mod tests {
@@ -167,6 +176,7 @@ mod tests {
         assert!(error(json!({"top": 10})).contains("by which saliency method"));
         assert!(error(json!({"random": 10, "every": 0})).contains("every 0 frames"));
         assert!(error(json!({"random": 10, "every": 2, "change": 3})).contains("either for `every`"));
+        assert!(error(json!({"random": 10, "follow": true})).contains("nothing to follow"));
         assert!(error(json!({"random": 10, "change": 300})).contains("from 0 to 255"));
         assert!(error(json!({"random": 10, "soft": 2000})).contains("at most 1000"));
     }

@@ -67,6 +67,7 @@ fn print(description: &Description) {
         ("computes ", &description.mathematics),
         ("once     ", &description.drawn_per_sequence),
         ("per frame", &description.drawn_per_frame),
+        ("attention", &description.follows_attention),
     ] {
         if !text.is_empty() {
             println!("{label} {text}");

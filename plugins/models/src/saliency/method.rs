@@ -4,6 +4,7 @@ use pdk_onnx::layers::Layer;
 use pdk_sdk::prelude::*;
 
 use super::grid::{Grid, Sign};
+use super::kept::Kept;
 use super::viewer::Viewer;
 
 /// How a frame becomes a grid.
@@ -38,6 +39,7 @@ pub struct Map<M> {
     method: M,
     sign: Sign,
     by_cell: bool,
+    kept: Option<Kept>,
 }
 
 impl<M: Method> Component for Map<M> {
@@ -49,7 +51,8 @@ impl<M: Method> Component for Map<M> {
         let open = || {
             let viewer = Viewer::open(config)?;
             let method = M::new(&viewer, config)?;
-            Ok(Self { method, viewer, sign: M::sign(config), by_cell: config.text("size") == "layer" })
+            let kept = Kept::new(&M::description(), config, &viewer);
+            Ok(Self { method, viewer, sign: M::sign(config), by_cell: config.text("size") == "layer", kept })
         };
         open().map_err(|error: Error| error.at(format!("model `{}`", config.text("model"))))
     }
@@ -61,21 +64,23 @@ impl<M: Method> Saliency for Map<M> {
             return Ok([width, height]);
         }
         let [rows, columns] = self.method.cells(&self.viewer);
-        if columns > width || rows > height {
-            return Err(Error::new(format!(
-                "the layer has {columns}x{rows} cells, more than the frame of {width}x{height}; set size=frame"
-            ))
-            .at(&self.viewer.place));
-        }
-        Ok([columns, rows])
+        // A frame that is smaller than the model's image may have fewer pixels than a layer has cells.
+        Ok(if columns > width || rows > height { [width, height] } else { [columns, rows] })
     }
 
     fn map(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, out: HeatmapMut<'_>) -> Result<()> {
-        let frame = self.viewer.fit(frame);
-        let grid = self.method.grid(&mut self.viewer, frame.as_ref(), cx);
+        let Self { viewer, method, kept, .. } = self;
+        let frame = viewer.fit(frame);
+        viewer.move_at(cx.speed);
+        let speed = viewer.speed()[0];
+        let make = || method.grid(viewer, frame.as_ref(), cx);
+        let grid = match kept.as_ref().filter(|_| cx.recorded) {
+            Some(kept) => kept.find_or_make(frame.as_ref(), speed, cx, make),
+            None => make(),
+        };
         let grid =
             grid.and_then(|grid| grid.normalize(self.sign)).map_err(|error| error.at(&self.viewer.place))?;
-        match self.by_cell {
+        match self.by_cell && (out.width(), out.height()) == (grid.columns, grid.rows) {
             true => grid.copy_to(out),
             false => grid.lay_over(self.viewer.size(), out),
         }

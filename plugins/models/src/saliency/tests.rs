@@ -54,7 +54,7 @@ fn map<M: Saliency>(method: &mut M, frame: &FrameBuf) -> Vec<f32> {
     let [width, height] = method.map_size(frame.width(), frame.height()).unwrap();
     let mut values = vec![f32::NAN; width * height];
     let key = Key([7; 32]);
-    let cx = MapContext { frame_index: 3, time: 0.1, key: &key };
+    let cx = MapContext::new(3, 0.1, &key);
     method.map(frame.as_ref(), &cx, HeatmapMut::new(&mut values, width, height).unwrap()).unwrap();
     values
 }

@@ -23,7 +23,9 @@ pub struct Viewer {
     output: (usize, String),
     /// Which of its numbers.
     number: usize,
+    /// The speed that the network is told, and the one that it is told where nobody knows it.
     speed: f32,
+    assumed_speed: f32,
     values: Vec<f32>,
     outputs: Vec<Vec<f32>>,
     resized: FrameBuf,
@@ -53,12 +55,13 @@ pub fn parameters(description: Description) -> Description {
                 .range(0.0, 1e6),
         )
         .parameter(
-            Parameter::number("speed", 8.0, "the speed that a network which takes one is told").unit("m/s").range(0.0, 100.0),
+            Parameter::number("speed", 8.0, "the speed that a network which takes one is told where it is not known, as for recorded frames").unit("m/s").range(0.0, 100.0),
         )
         .parameter(Parameter::choice(
             "size",
             &["frame", "layer"],
-            "how large the map is: as the frame, over which its cells are laid by where they look, or one value for each cell",
+            "how large the map is: as the frame, over which its cells are laid by where they look, or one value for each cell, unless the frame has fewer pixels than \
+             the layer has cells",
         ))
 }
 
@@ -107,10 +110,21 @@ impl Viewer {
             session,
             number,
             speed,
+            assumed_speed: speed,
             values,
             outputs,
             model,
         })
+    }
+
+    /// Who runs the network, with the version.
+    pub fn runs_on(&self) -> String {
+        self.session.backend()
+    }
+
+    /// Tells the network this speed from now on, or the assumed one where it is not known.
+    pub fn move_at(&mut self, speed: Option<f64>) {
+        self.speed = speed.map_or(self.assumed_speed, |speed| speed as f32);
     }
 
     /// The output that is explained, by name, and which of its numbers.

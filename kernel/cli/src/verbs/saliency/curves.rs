@@ -15,14 +15,14 @@ use pdk_pipeline::table::table;
 use pdk_sdk::error::Result;
 use pdk_sdk::prelude::{DriveContext, Driver, Frame, FrameBuf, Random};
 use pdk_sdk::seed;
+use pdk_statistics::estimate::Estimate;
+use pdk_statistics::{CONFIDENCE, mean};
 use serde_json::{Value, json};
 
 /// Shares of the frame that are taken away or put back, from one step to the whole.
 const STEPS: usize = 20;
 /// How often each map is moved to another place.
 const MOVES: usize = 3;
-/// Samples of the bootstrap.
-const SAMPLES: usize = 5000;
 
 /// What was measured on one frame.
 #[derive(Debug, Clone, Copy)]
@@ -114,47 +114,85 @@ impl Curves {
         Ok(Areas { deletion: areas.deletion / STEPS as f64, insertion: areas.insertion / STEPS as f64 })
     }
 
-    /// The areas of each method, and how much better they are than those of the moved maps, with intervals of 95 %.
-    fn results(&self, method: usize) -> [(f64, [f64; 3]); 2] {
+    /// What was found about a method.
+    fn found(&self, method: usize) -> Found {
         let frames = &self.measured[method];
-        let mean = |values: &dyn Fn(&(Areas, Areas)) -> f64| {
-            frames.iter().map(values).sum::<f64>() / frames.len() as f64
+        let over = |value: &dyn Fn(usize, &(Areas, Areas)) -> f64| {
+            let values: Vec<f64> = frames.iter().enumerate().map(|(at, both)| value(at, both)).collect();
+            // One value a frame; without frames there is nothing to say.
+            let estimate = mean::over_roads(&values, (f64::NEG_INFINITY, f64::INFINITY), CONFIDENCE);
+            estimate.unwrap_or(Estimate { value: f64::NAN, low: f64::NAN, high: f64::NAN })
         };
-        let deletion: Vec<_> = frames.iter().map(|(own, moved)| own.deletion - moved.deletion).collect();
-        let insertion: Vec<_> = frames.iter().map(|(own, moved)| moved.insertion - own.insertion).collect();
-        let mut random = seed::key(self.seed, "bootstrap", 0).sequence();
-        [
-            (mean(&|(own, _)| own.deletion), interval(&deletion, &mut random)),
-            (mean(&|(own, _)| own.insertion), interval(&insertion, &mut random)),
-        ]
+        let first = &self.measured[0];
+        Found {
+            deletion: over(&|_, (own, _)| own.deletion).value,
+            insertion: over(&|_, (own, _)| own.insertion).value,
+            deletion_gain: over(&|_, (own, moved)| own.deletion - moved.deletion),
+            insertion_gain: over(&|_, (own, moved)| moved.insertion - own.insertion),
+            against_first: over(&|at, (own, _)| own.faithfulness() - first[at].0.faithfulness()),
+        }
     }
 
     /// The results as JSON.
     pub fn to_json(&self, labels: &[&str]) -> Value {
         let methods = labels.iter().enumerate().map(|(method, label)| {
-            let [deletion, insertion] = self.results(method).map(|(area, [gain, low, high])| {
-                json!({ "area": area, "better_by": gain, "interval": [low, high] })
-            });
-            json!({ "method": label, "frames": self.measured[method].len(), "deletion": deletion, "insertion": insertion })
+            let found = self.found(method);
+            json!({
+                "method": label,
+                "frames": self.measured[method].len(),
+                "deletion": { "area": found.deletion, "better_than_moved": found.deletion_gain },
+                "insertion": { "area": found.insertion, "better_than_moved": found.insertion_gain },
+                "deletion_less_insertion_against_first": found.against_first,
+            })
         });
         methods.collect()
     }
 
     /// The results as a table.
     pub fn table(&self, labels: &[&str]) -> String {
-        let mut rows =
-            table(["method", "deletion", "better than moved by", "insertion", "better than moved by"]);
+        let against = format!("against {}", labels.first().copied().unwrap_or_default());
+        let mut rows = table([
+            "method",
+            "deletion",
+            "better than moved by",
+            "insertion",
+            "better than moved by",
+            against.as_str(),
+        ]);
+        let shown = |Estimate { value, low, high }| format!("{value:+.4} [{low:+.4}, {high:+.4}]");
         for (method, label) in labels.iter().enumerate() {
-            let [deletion, insertion] = self.results(method).map(|(area, [gain, low, high])| {
-                (format!("{area:.4}"), format!("{gain:+.4} [{low:+.4}, {high:+.4}]"))
-            });
-            rows.add_row([(*label).to_owned(), deletion.0, deletion.1, insertion.0, insertion.1]);
+            let found = self.found(method);
+            rows.add_row([
+                (*label).to_owned(),
+                format!("{:.4}", found.deletion),
+                shown(found.deletion_gain),
+                format!("{:.4}", found.insertion),
+                shown(found.insertion_gain),
+                if method == 0 { String::new() } else { shown(found.against_first) },
+            ]);
         }
         let frames = self.measured.first().map_or(0, Vec::len);
         format!(
             "{rows}\nmean change of the steering over {frames} frames: when what matters most is taken away first, more is \
-             better; when it comes back first, less is better; in brackets 95 % intervals, paired by frame"
+             better; when it comes back first, less is better; the last column has the difference of both, less that of the \
+             first method; in brackets 95 % intervals, paired by frame"
         )
+    }
+}
+
+/// What was found about a method: mean areas, and differences with their intervals.
+struct Found {
+    deletion: f64,
+    insertion: f64,
+    deletion_gain: Estimate,
+    insertion_gain: Estimate,
+    against_first: Estimate,
+}
+
+impl Areas {
+    /// One number for both: more is better.
+    fn faithfulness(&self) -> f64 {
+        self.deletion - self.insertion
     }
 }
 
@@ -182,16 +220,6 @@ fn relocate(map: &[f32], width: usize, random: &mut Random) -> Vec<f32> {
             map[place(at / width, down, height, flipped) * width + place(at % width, right, width, mirrored)]
         })
         .collect()
-}
-
-/// The mean, and the ends of its interval of 95 % by the bootstrap.
-fn interval(values: &[f64], random: &mut Random) -> [f64; 3] {
-    let mean = |sum: f64| sum / values.len() as f64;
-    let mut means: Vec<f64> = (0..SAMPLES)
-        .map(|_| mean((0..values.len()).map(|_| values[random.below(values.len() as u32) as usize]).sum()))
-        .collect();
-    means.sort_by(f64::total_cmp);
-    [mean(values.iter().sum()), means[SAMPLES * 25 / 1000], means[SAMPLES * 975 / 1000]]
 }
 
 #[cfg(test)]
@@ -231,12 +259,16 @@ mod tests {
             curves.add(0, frame.as_ref(), &map, u64::from(index)).unwrap();
             curves.add(1, frame.as_ref(), &opposite, u64::from(index)).unwrap();
         }
-        for (area, [gain, low, high]) in curves.results(0) {
-            assert!(area > 0.0 && low > 0.0 && low <= gain && gain <= high, "{area} {gain} {low} {high}");
+        let right = curves.found(0);
+        assert!(right.deletion > 0.0 && right.insertion > 0.0);
+        for gain in [right.deletion_gain, right.insertion_gain] {
+            assert!(gain.low > 0.0 && gain.low <= gain.value && gain.value <= gain.high, "{gain:?}");
         }
-        for (_, [gain, _, high]) in curves.results(1) {
-            assert!(gain < 0.0 && high < 0.0, "{gain} {high}");
+        let wrong = curves.found(1);
+        for gain in [wrong.deletion_gain, wrong.insertion_gain, wrong.against_first] {
+            assert!(gain.value < 0.0 && gain.high < 0.0, "{gain:?}");
         }
+        assert_eq!(right.against_first.value, 0.0);
         assert_eq!(curves.to_json(&["right", "wrong"])[0]["frames"], 12);
     }
 

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use indicatif::ProgressBar;
 use pdk_core::calls::{self, Function};
 use pdk_core::registry::Registry;
-use pdk_core::{eprintln, output, println, selection};
+use pdk_core::{eprintln, maps, output, println};
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
@@ -194,14 +194,14 @@ fn method(
 impl Method {
     /// The map of a frame, as large as the frame.
     fn map(&mut self, frame: Frame<'_>, index: u64) -> Result<Vec<f32>> {
-        let cx = MapContext { frame_index: index, time: 0.0, key: &self.key };
-        selection::map(&mut *self.frame, &self.place, frame, &cx)
+        let cx = MapContext { recorded: true, ..MapContext::new(index, 0.0, &self.key) };
+        maps::map(&mut *self.frame, &self.place, frame, &cx)
     }
 
     /// The map of a frame, a number for each cell, with its width.
     fn map_by_cell(&mut self, frame: Frame<'_>, index: u64) -> Result<(Vec<f32>, usize)> {
+        let cx = MapContext { recorded: true, ..MapContext::new(index, 0.0, &self.key) };
         let method = self.cells.as_mut().unwrap_or(&mut self.frame);
-        let cx = MapContext { frame_index: index, time: 0.0, key: &self.key };
         let work = || {
             let [width, height] = method.map_size(frame.width(), frame.height())?;
             let mut values = vec![0.0; width * height];
