@@ -65,7 +65,7 @@ impl Judge {
         };
         if state.collision {
             Some(Cause::Collision)
-        } else if self.departed(state) {
+        } else if self.criteria.departed(state) {
             Some(Cause::LaneDeparture)
         } else if state.finished {
             Some(Cause::Finished)
@@ -75,13 +75,6 @@ impl Judge {
             Some(Cause::TimeOut)
         } else {
             None
-        }
-    }
-
-    fn departed(&self, state: &State) -> bool {
-        match self.criteria.lane_departure {
-            Some(limit) => self.criteria.comparison.exceeds(state.cross_track_error.abs(), limit),
-            None => state.lane_departure,
         }
     }
 

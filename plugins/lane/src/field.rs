@@ -4,7 +4,7 @@
 //! between, which is off by less than a centimetre where the road bends with a radius of 8 m. Only tiles that the road touches
 //! are stored.
 
-use crate::path::{Path, Point, distance};
+use pdk_road::{Path, Point, distance};
 
 /// Distance from the driven lane up to which the field is known, in metres.
 const REACH: f64 = 13.0;

@@ -13,7 +13,6 @@ mod field;
 mod ground;
 mod light;
 mod lines;
-mod path;
 mod places;
 mod profile;
 mod render;

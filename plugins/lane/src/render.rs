@@ -12,7 +12,6 @@ use pdk_sdk::prelude::{Frame, FrameMut, Random};
 use crate::artwork;
 use crate::camera::Projection;
 use crate::ground::{Ground, GroundRow, Room};
-use crate::path::Path;
 use crate::profile::Profile;
 use crate::scene::{Object, ObjectKind, Scene};
 use crate::section::{Markings, Section};
@@ -22,6 +21,7 @@ use crate::terrain::Terrain;
 use crate::texture::Texture;
 use crate::traffic::{self, Seen};
 use crate::view::View;
+use pdk_road::Path;
 
 /// Objects farther away than this are not drawn, in metres.
 const FARTHEST_OBJECT: f64 = 260.0;

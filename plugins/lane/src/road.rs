@@ -1,21 +1,17 @@
 //! The road: from what a scenario says to the centre line of the driven lane.
 //!
-//! A road is `{"angles": [0, 10, -20], "segment": 25}`, in which `segment` may also be a list with a length for each angle,
-//! `{"waypoints": [[x, height, z], ...]}`, or null for random angles. All of them describe the centre line of the driven
-//! lane, the right one of two; the vehicle starts on it. Angles are laid out by `pdk_road`, as everywhere in pdk.
+//! It is written as [`pdk_road::read`] says; null stands for random angles. The vehicle starts on the centre line of the driven lane,
+//! the right one of two.
 
-use pdk_road::POINTS_PER_SEGMENT;
 use pdk_sdk::prelude::*;
-use pdk_sdk::serde_json::{Map, Value};
+use pdk_sdk::serde_json::Value;
 
-use crate::path::{Path, Point, distance};
 use crate::profile::Profile;
 use crate::section;
+use pdk_road::{Path, Point, distance};
 
 /// Largest angle of a random road in degrees: that of the published study.
 const RANDOM_ANGLE: i32 = 35;
-/// Most waypoints of a road.
-const MOST_WAYPOINTS: usize = 10_000;
 /// Shortest and longest road in metres.
 const LENGTHS: (f64, f64) = (10.0, 5_000.0);
 /// The path is divided into pieces of this length in metres; it departs from the true spline by less than a millimetre.
@@ -40,45 +36,12 @@ impl Road {
     /// Makes the road of a scenario.
     ///
     /// # Errors
-    /// Where the road is not one of the forms above, or nothing that can be driven on: it bends too sharply, crosses
+    /// Where the road is not written as it has to be, or nothing that can be driven on: it bends too sharply, crosses
     /// itself, is not flat, too short or too long.
     pub fn new(road: &Value, seed: u64) -> Result<Self> {
-        let fields = match road {
-            Value::Null => return Self::random(seed),
-            Value::Object(fields) => fields,
-            other => {
-                return Err(Error::new(format!(
-                    "the road is {}, but has to be null or an object with `angles` or `waypoints`",
-                    shortened(other)
-                )));
-            }
-        };
-        if let Some(name) =
-            fields.keys().find(|k| !["angles", "segment", "heights", "waypoints"].contains(&k.as_str()))
-        {
-            return Err(Error::new(format!(
-                "the road has an unknown key `{name}`; it takes `angles`, `segment` and `heights`, or `waypoints`"
-            )));
-        }
-        match (fields.get("angles"), fields.get("waypoints")) {
-            (Some(angles), None) => {
-                let angles = read_angles(angles)?;
-                let heights = read_heights(fields, angles.len())?;
-                Self::from_angles(&angles, &read_lengths(fields, angles.len())?, &heights)
-            }
-            (None, Some(_)) if fields.contains_key("segment") => Err(Error::new(
-                "the road has `segment` beside `waypoints`; it belongs to `angles`: remove it",
-            )),
-            (None, Some(_)) if fields.contains_key("heights") => Err(Error::new(
-                "the road has `heights` beside `waypoints`; the second number of each waypoint is its height: remove `heights`",
-            )),
-            (None, Some(waypoints)) => Self::from_waypoints(read_waypoints(waypoints)?),
-            (Some(_), Some(_)) => {
-                Err(Error::new("the road has both `angles` and `waypoints`; give one of them"))
-            }
-            (None, None) => {
-                Err(Error::new("the road has neither `angles` nor `waypoints`; give one of them"))
-            }
+        match pdk_road::read(road).map_err(Error::new)? {
+            None => Self::random(seed),
+            Some(waypoints) => Self::from_waypoints(waypoints),
         }
     }
 
@@ -102,20 +65,7 @@ impl Road {
     /// # Errors
     /// As [`Road::new`].
     pub fn from_angles(angles: &[f64], lengths: &[f64], heights: &[f64]) -> Result<Self> {
-        let road =
-            pdk_road::Road::from_angles(angles, lengths).map_err(|error| Error::new(error).at("the road"))?;
-        let height = |i: usize| {
-            let node = i / (POINTS_PER_SEGMENT - 1);
-            let share = (i % (POINTS_PER_SEGMENT - 1)) as f64 / (POINTS_PER_SEGMENT - 1) as f64;
-            let of = |node: usize| match node {
-                0 => 0.0,
-                _ => heights.get(node - 1).copied().unwrap_or_default(),
-            };
-            of(node) + (of(node + 1) - of(node)) * share
-        };
-        Self::from_waypoints(
-            road.waypoints.into_iter().enumerate().map(|(i, [x, z])| [x, height(i), z]).collect(),
-        )
+        Self::from_waypoints(pdk_road::with_heights(angles, lengths, heights).map_err(Error::new)?)
     }
 
     fn from_waypoints(waypoints: Vec<[f64; 3]>) -> Result<Self> {
@@ -210,82 +160,6 @@ fn check_crossings(path: &Path) -> Result<()> {
         }
     }
     Ok(())
-}
-
-fn read_angles(value: &Value) -> Result<Vec<f64>> {
-    read_numbers(value).ok_or_else(|| {
-        Error::new(format!(
-            "`angles` of the road is {}, but has to be a list of degrees, as in [0, 10, -20]",
-            shortened(value)
-        ))
-    })
-}
-
-fn read_lengths(fields: &Map<String, Value>, angles: usize) -> Result<Vec<f64>> {
-    let Some(value) = fields.get("segment") else { return Ok(vec![pdk_road::SEGMENT; angles]) };
-    let lengths = match value.as_f64() {
-        Some(length) => Some(vec![length; angles]),
-        None => read_numbers(value),
-    };
-    lengths.ok_or_else(|| {
-        Error::new(format!(
-            "`segment` of the road is {}, but has to be a length in metres, or a list with one for each angle",
-            shortened(value)
-        ))
-    })
-}
-
-fn read_numbers(value: &Value) -> Option<Vec<f64>> {
-    value.as_array()?.iter().map(Value::as_f64).collect()
-}
-
-fn read_heights(fields: &Map<String, Value>, nodes: usize) -> Result<Vec<f64>> {
-    let Some(value) = fields.get("heights") else { return Ok(Vec::new()) };
-    match read_numbers(value) {
-        Some(heights) if heights.len() == nodes && heights.iter().all(|h| h.abs() <= 1000.0) => Ok(heights),
-        _ => Err(Error::new(format!(
-            "`heights` of the road is {}, but has to be a list of {nodes} heights in metres from -1000 to 1000, one for each angle",
-            shortened(value)
-        ))),
-    }
-}
-
-fn read_waypoints(value: &Value) -> Result<Vec<[f64; 3]>> {
-    let expected = "`waypoints` of the road has to be a list of points [x, height, z] in metres";
-    let Value::Array(items) = value else {
-        return Err(Error::new(format!("{expected}, and is {}", shortened(value))));
-    };
-    if items.len() > MOST_WAYPOINTS {
-        return Err(Error::new(format!(
-            "the road has {} waypoints, but may have at most {MOST_WAYPOINTS}",
-            items.len()
-        )));
-    }
-    items
-        .iter()
-        .enumerate()
-        .map(|(i, item)| {
-            match read_numbers(item).as_deref() {
-                // Beyond 100 km positions lose the precision that the renderer needs.
-                Some(&[x, height, z]) if [x, height, z].iter().all(|v| v.abs() <= 100_000.0) => {
-                    Ok([x, height, z])
-                }
-                Some(&[_, _, _]) => {
-                    Err(Error::new(format!("waypoint {i} of the road is more than 100 km from the origin")))
-                }
-                _ => Err(Error::new(format!("{expected}, and waypoint {i} is {}", shortened(item)))),
-            }
-        })
-        .collect()
-}
-
-/// A value as it is quoted in an error.
-fn shortened(value: &Value) -> String {
-    let text = value.to_string();
-    match text.char_indices().nth(40) {
-        Some((end, _)) => format!("{}...", &text[..end]),
-        None => text,
-    }
 }
 
 #[cfg(test)]

@@ -6,8 +6,8 @@ use pdk_sdk::prelude::Random;
 
 use crate::field::Field;
 use crate::light::{Light, Sun};
-use crate::path::{Path, distance};
 use crate::section;
+use pdk_road::{Path, distance};
 
 /// Distance between posts along the road in metres.
 const POST_SPACING: f64 = 15.0;

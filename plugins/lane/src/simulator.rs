@@ -4,13 +4,13 @@ use pdk_sdk::prelude::*;
 
 use crate::camera::{AHEAD_OF_CENTRE, Mounting, Projection};
 use crate::light::{self, Light};
-use crate::path::{Located, Point};
 use crate::render::{Pose, Renderer, World};
 use crate::road::Road;
 use crate::scene::Scene;
 use crate::section::{self, Markings};
 use crate::traffic::{self, Traffic, Wanted};
 use crate::vehicle::Vehicle;
+use pdk_road::{Located, Point};
 
 /// How far from its last place along the road the vehicle is looked for, in metres, where it does not move faster: so a
 /// road that comes close to itself is never mistaken for another part of it.

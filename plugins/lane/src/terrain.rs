@@ -4,8 +4,8 @@
 //! ground at one distance, on hills as on the flat; where the ground ahead dips behind a crest, rows pass over it.
 
 use crate::camera::Projection;
-use crate::path::{Path, Point};
 use crate::profile::Profile;
+use pdk_road::{Path, Point};
 
 /// Beyond this distance the ground goes on as high as it is there, in metres.
 const FARTHEST: f64 = 300.0;

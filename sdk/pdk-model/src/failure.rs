@@ -6,6 +6,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::state::State;
 
 /// What counts as a failure, besides a collision and the time limit, which always do.
 ///
@@ -100,6 +101,14 @@ impl FailureCriteria {
     /// Whether nothing is set, which scenarios leave unsaid.
     pub fn is_default(&self) -> bool {
         *self == DEFAULT
+    }
+
+    /// Whether the vehicle has left its lane.
+    pub fn departed(&self, state: &State) -> bool {
+        match self.lane_departure {
+            Some(limit) => self.comparison.exceeds(state.cross_track_error.abs(), limit),
+            None => state.lane_departure,
+        }
     }
 
     /// Whether drives can be judged by it.

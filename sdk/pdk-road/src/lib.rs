@@ -10,12 +10,16 @@
 
 mod curve;
 mod generate;
+mod given;
+mod path;
 mod picture;
 mod text;
 mod valid;
 
 pub use curve::mean_curvature;
 pub use generate::{Informed, STRAIGHTEST_TURN, informed_angles, random_angles};
+pub use given::{read, with_heights};
+pub use path::{Located, Path, catmull_rom};
 pub use picture::svg;
 pub use text::{parse, print};
 pub use valid::{MapBox, check, check_bends};
@@ -100,7 +104,8 @@ fn lay_out(angles: &[f64], lengths: &[f64]) -> Vec<Point> {
     nodes
 }
 
-fn distance(a: Point, b: Point) -> f64 {
+/// Distance between two points in metres.
+pub fn distance(a: Point, b: Point) -> f64 {
     let (dx, dz) = (b[0] - a[0], b[1] - a[1]);
     (dx * dx + dz * dz).sqrt()
 }

@@ -56,6 +56,25 @@ pub enum Temporal {
     Dynamic,
 }
 
+/// Whose clock a simulator goes by.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Clock {
+    /// It moves on by one frame for each control and waits for the next one, so that it can be driven in lockstep.
+    #[default]
+    Stepped,
+    /// It goes on by itself while the driver is at work, so that it can be driven in real time only, and no drive comes out
+    /// exactly like another.
+    Own,
+}
+
+impl Clock {
+    /// Whether it waits for controls, which descriptions leave unsaid.
+    pub fn is_stepped(&self) -> bool {
+        *self == Self::Stepped
+    }
+}
+
 /// A component as it describes itself.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Description {
@@ -102,6 +121,12 @@ pub struct Description {
     /// Files that become components of their own; none for most components.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_in: Option<DropIn>,
+    /// Whose clock a simulator goes by.
+    #[serde(default, skip_serializing_if = "Clock::is_stepped")]
+    pub clock: Clock,
+    /// Whether it needs a program besides pdk that runs, such as a simulator to connect to.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub external: bool,
     /// Parameter values with which `pdk check` runs it, instead of the defaults.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub examples: Vec<Map<String, Value>>,
@@ -126,6 +151,8 @@ impl Description {
             parameters: Vec::new(),
             grows_with: Map::new(),
             drop_in: None,
+            clock: Clock::Stepped,
+            external: false,
             examples: Vec::new(),
         }
     }
@@ -206,6 +233,18 @@ impl Description {
         if let Value::Object(values) = values {
             self.examples.push(values);
         }
+        self
+    }
+
+    /// Says that it is the adapter to a program besides pdk that has to run, such as a simulator to connect to.
+    pub fn external(mut self) -> Self {
+        self.external = true;
+        self
+    }
+
+    /// Says that the simulator goes on by itself while the driver is at work: see [`Clock::Own`].
+    pub fn own_clock(mut self) -> Self {
+        self.clock = Clock::Own;
         self
     }
 

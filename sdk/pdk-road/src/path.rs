@@ -1,13 +1,6 @@
 //! Curves on the ground: splines through points, and positions relative to them.
 
-/// A point or direction on the ground: x, z.
-pub type Point = [f64; 2];
-
-/// Distance between two points in metres.
-pub fn distance(a: Point, b: Point) -> f64 {
-    let (dx, dz) = (b[0] - a[0], b[1] - a[1]);
-    (dx * dx + dz * dz).sqrt()
-}
+use crate::{Point, distance};
 
 /// The point at `share` (0 to 1) of the way from `p[1]` to `p[2]` on a centripetal Catmull-Rom spline (alpha 0.5).
 ///

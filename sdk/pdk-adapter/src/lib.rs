@@ -1,0 +1,47 @@
+//! What adapters to simulators share. A simulator is a program of its own, which may be slow to start, hang, end, or not be there
+//! at all; an adapter is the component that speaks its protocol.
+//!
+//! | module | for |
+//! |---|---|
+//! | [`settings`] | the parameters that every adapter has: where the simulator is, how it is started, how long to wait |
+//! | [`station`] | the simulator of one worker: its port, its process, and the connection to it |
+//! | [`process`] | a simulator that pdk starts, and that ends with pdk whatever happens |
+//! | [`deadline`] | no wait without an end, and an error that says what was waited for |
+//! | [`connection`] | messages over TCP: limits on time and size, and what is wrong in a sentence |
+//! | [`track`] | cross-track error, progress and heading from the road and the position, where the simulator does not tell them |
+//!
+//! An adapter is a [`Simulator`](pdk_sdk::prelude::Simulator) whose `new` reads [`Settings`] and connects to nothing: pdk makes
+//! simulators only to ask for their camera, too. In `reset` it makes a [`Station`] for the slot, connects, and waits
+//! until the vehicle stands at the start of the road. Between scenarios it keeps the station, and connects again where the connection
+//! was closed meanwhile.
+//!
+//! In the middle of a scenario it returns the error that it is given: [`Lost`](pdk_sdk::prelude::ErrorKind::Lost) where the connection or
+//! the process is gone, [`Late`](pdk_sdk::prelude::ErrorKind::Late) where nothing comes in time,
+//! [`Nonsense`](pdk_sdk::prelude::ErrorKind::Nonsense) where something else comes than the protocol says. The instance is dropped then. After
+//! the first two the scenario is driven again from its beginning, with a new instance, which starts the simulator again or waits until it is
+//! back.
+
+#![forbid(unsafe_code)]
+
+pub mod connection;
+pub mod deadline;
+pub mod port;
+pub mod process;
+pub mod settings;
+pub mod station;
+pub mod track;
+
+pub use connection::Connection;
+pub use deadline::Deadline;
+pub use settings::Settings;
+pub use station::Station;
+pub use track::{Place, Track};
+
+use pdk_sdk::model::failure::FailureCriteria;
+use pdk_sdk::prelude::State;
+
+/// Whether a scenario with these criteria ends with this state. A simulator with its own clock goes on while the driver is at work;
+/// among the states that came meanwhile the adapter gives the first one that ends the scenario, else the newest.
+pub fn ends(state: &State, criteria: &FailureCriteria) -> bool {
+    state.collision || state.finished || criteria.departed(state)
+}

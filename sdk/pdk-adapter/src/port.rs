@@ -1,0 +1,87 @@
+//! Who talks to the simulator at a port: one process of pdk at a time, since two that steer the same vehicle would both be wrong.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{Read, Seek, Write};
+use std::time::{Duration, Instant};
+
+use pdk_sdk::cache::cache;
+use pdk_sdk::prelude::{Error, ErrorKind, Result};
+use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
+
+/// A process that was ended a moment ago may still be on its way out.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// The right to talk to the simulator at a port, for as long as it lives. The system takes it back at any end of the process.
+#[derive(Debug)]
+pub struct Claim {
+    _lock: File,
+}
+
+impl Claim {
+    /// Takes it.
+    ///
+    /// # Errors
+    /// Where another process has it, or its file cannot be made.
+    pub fn new(host: &str, port: u16) -> Result<Self> {
+        let folder = cache()?.folder.join("ports");
+        let name: String =
+            host.chars().map(|c| if c.is_ascii_alphanumeric() || c == '.' { c } else { '-' }).collect();
+        let path = folder.join(format!("{name}-{port}"));
+        let cannot = |error: std::io::Error| Error::new(format!("cannot write {}: {error}", path.display()));
+        fs::create_dir_all(&folder).map_err(cannot)?;
+        let mut lock = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&path)
+            .map_err(cannot)?;
+        let began = Instant::now();
+        loop {
+            match flock(&lock, FlockOperation::NonBlockingLockExclusive) {
+                Ok(()) => break,
+                Err(Errno::WOULDBLOCK) if began.elapsed() < PATIENCE => {
+                    std::thread::sleep(Duration::from_millis(20))
+                }
+                Err(Errno::WOULDBLOCK) => {
+                    let mut owner = String::new();
+                    // Who it is only helps to find them.
+                    let _ = lock.read_to_string(&mut owner);
+                    return Err(Error::of(
+                        ErrorKind::Configuration,
+                        format!(
+                            "another process of pdk ({}) talks to the simulator at port {port} of {host}; wait for it, or set `port` to \
+                             that of another simulator",
+                            owner.trim()
+                        ),
+                    ));
+                }
+                Err(error) => return Err(cannot(error.into())),
+            }
+        }
+        let written = lock
+            .set_len(0)
+            .and_then(|()| lock.rewind())
+            .and_then(|()| write!(lock, "{}", std::process::id()));
+        written.map_err(cannot)?;
+        Ok(Self { _lock: lock })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_has_one_owner_at_a_time() {
+        // Port 9 is nobody's.
+        let first = Claim::new("nowhere.invalid", 9).unwrap();
+        assert!(Claim::new("nowhere.invalid", 10).is_ok());
+        let error = Claim::new("nowhere.invalid", 9).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Configuration);
+        assert!(error.message().contains(&format!("pdk ({})", std::process::id())), "{error}");
+        drop(first);
+        assert!(Claim::new("nowhere.invalid", 9).is_ok());
+    }
+}

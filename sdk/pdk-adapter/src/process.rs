@@ -1,0 +1,224 @@
+//! A simulator that pdk starts, and that ends with pdk whatever happens.
+
+use std::io::{PipeWriter, Read};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use pdk_sdk::prelude::{Error, ErrorKind, Result};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+
+/// How long a simulator may take to end by itself when it is asked to.
+const LEAVE: Duration = Duration::from_secs(2);
+/// How much of what it wrote last is kept, in bytes.
+const KEPT: usize = 2000;
+/// How much of that is quoted in an error, in characters.
+const QUOTED: usize = 300;
+
+/// Runs the program in its own process group, with a guard beside it that waits for the end of this process: when the pipe that is its
+/// standard input is closed, which the system does at any end of this process, the guard kills the group.
+const GUARDED: &str = r#"exec 3<&0 </dev/null
+(read -r _ <&3; kill -KILL 0) >/dev/null 2>&1 &
+exec 3<&-
+exec "$@""#;
+
+/// A simulator that was started here. It ends, with all that it started itself, when this is dropped and at any end of this process.
+#[derive(Debug)]
+pub struct Launched {
+    program: String,
+    child: Child,
+    /// While it is open, the guard waits.
+    _leash: PipeWriter,
+    /// What it wrote last.
+    said: Arc<Mutex<Vec<u8>>>,
+}
+
+impl Launched {
+    /// Starts a program with its arguments.
+    ///
+    /// # Errors
+    /// Where there is no such program, or the system cannot start it.
+    pub fn start(words: &[String]) -> Result<Self> {
+        let [program, arguments @ ..] = words else {
+            return Err(Error::of(ErrorKind::Configuration, "`launch` names no program"));
+        };
+        if !is_there(program) {
+            return Err(Error::of(
+                ErrorKind::Configuration,
+                format!("cannot start the simulator: there is no program `{program}`; correct `launch`"),
+            ));
+        }
+        let cannot = |error: std::io::Error| Error::new(format!("cannot start `{program}`: {error}"));
+        let (wait, leash) = std::io::pipe().map_err(cannot)?;
+        let (output, input) = std::io::pipe().map_err(cannot)?;
+        let mut command = Command::new("/bin/sh");
+        command.args(["-c", GUARDED, "pdk-simulator", program]).args(arguments);
+        command.stdin(wait).stdout(input.try_clone().map_err(cannot)?).stderr(input).process_group(0);
+        let child = command.spawn().map_err(cannot)?;
+        // The other ends of the pipes are the simulator's alone.
+        drop(command);
+        let said = Arc::new(Mutex::new(Vec::new()));
+        let kept = Arc::clone(&said);
+        std::thread::Builder::new()
+            .name("simulator-output".into())
+            .spawn(move || keep_last(output, &kept))
+            .map_err(cannot)?;
+        Ok(Self { program: program.clone(), child, _leash: leash, said })
+    }
+
+    /// Says that it has ended, where it has.
+    ///
+    /// # Errors
+    /// How it ended, and what it wrote last.
+    pub fn check(&mut self) -> Result<()> {
+        match self.child.try_wait() {
+            Ok(None) => Ok(()),
+            Ok(Some(status)) => {
+                // Its last words may still be on their way.
+                std::thread::sleep(Duration::from_millis(50));
+                Err(Error::of(
+                    ErrorKind::Lost,
+                    format!("the simulator `{}` ended ({}){}", self.program, how(status), self.last_words()),
+                ))
+            }
+            Err(error) => {
+                Err(Error::new(format!("cannot look after the simulator `{}`: {error}", self.program)))
+            }
+        }
+    }
+
+    /// The number of its process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    fn last_words(&self) -> String {
+        let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = String::from_utf8_lossy(&said);
+        let text =
+            text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" / ");
+        let skipped = text.chars().count().saturating_sub(QUOTED);
+        match text.is_empty() {
+            true => ", and wrote nothing".to_owned(),
+            false => format!(", and wrote last: {}", text.chars().skip(skipped).collect::<String>()),
+        }
+    }
+}
+
+impl Drop for Launched {
+    fn drop(&mut self) {
+        let group = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw);
+        if let Some(leader) = group
+            && matches!(self.child.try_wait(), Ok(None))
+            && kill_process(leader, Signal::TERM).is_ok()
+        {
+            let asked = Instant::now();
+            while asked.elapsed() < LEAVE && matches!(self.child.try_wait(), Ok(None)) {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+        // What it started itself, and the guard. There may be none left.
+        if let Some(group) = group {
+            let _ = kill_process_group(group, Signal::KILL);
+        }
+        let _ = self.child.wait();
+    }
+}
+
+/// Whether a program can be started: a file where it is a path, else one in a folder of `PATH`.
+fn is_there(program: &str) -> bool {
+    if program.contains('/') {
+        return Path::new(program).is_file();
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
+}
+
+fn how(status: ExitStatus) -> String {
+    status.to_string()
+}
+
+/// Reads until the end, and keeps the last bytes.
+fn keep_last(mut output: impl Read, kept: &Mutex<Vec<u8>>) {
+    let mut part = [0; 4096];
+    while let Ok(length @ 1..) = output.read(&mut part) {
+        let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.extend_from_slice(&part[..length]);
+        let excess = kept.len().saturating_sub(KEPT);
+        kept.drain(..excess);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shell(script: &str) -> Launched {
+        Launched::start(&["sh", "-c", script].map(str::to_owned)).unwrap()
+    }
+
+    /// The members of a process group that are not only waiting for their parent.
+    fn members(group: u32) -> usize {
+        let ids = std::fs::read_dir("/proc")
+            .unwrap()
+            .filter_map(|entry| entry.unwrap().file_name().into_string().ok());
+        ids.filter_map(|id| std::fs::read_to_string(format!("/proc/{id}/stat")).ok())
+            .filter(|stat| {
+                let fields: Vec<_> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
+                fields[2] == group.to_string() && fields[0] != "Z"
+            })
+            .count()
+    }
+
+    fn comes_true(mut done: impl FnMut() -> bool) -> bool {
+        let began = Instant::now();
+        while !done() {
+            if began.elapsed() > Duration::from_secs(5) {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        true
+    }
+
+    #[test]
+    fn what_cannot_be_started_is_named() {
+        let error = Launched::start(&["/no/such/program".to_owned()]).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Configuration);
+        assert!(error.message().contains("`/no/such/program`"));
+        assert!(Launched::start(&["no-such-program".to_owned()]).is_err());
+    }
+
+    #[test]
+    fn an_early_end_is_told_with_its_last_words() {
+        let mut ended = shell("echo cannot open display >&2; exit 3");
+        assert!(comes_true(|| ended.check().is_err()));
+        let error = ended.check().unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Lost);
+        assert!(error.message().contains("exit status: 3"), "{error}");
+        assert!(error.message().ends_with("wrote last: cannot open display"), "{error}");
+    }
+
+    #[test]
+    fn what_it_started_ends_with_it_even_where_it_does_not_listen() {
+        let simulator = shell("trap '' TERM; sleep 1000 & sleep 1000 & wait; sleep 1000");
+        let group = simulator.id();
+        // Two that sleep, their shell and the guard.
+        assert!(comes_true(|| members(group) == 4), "{}", members(group));
+        drop(simulator);
+        assert!(comes_true(|| members(group) == 0));
+    }
+
+    /// The guard sees the end of the pipe, whoever closes it.
+    #[test]
+    fn it_ends_when_whoever_started_it_is_gone() {
+        let mut simulator = shell("sleep 1000 & exec sleep 1000");
+        let group = simulator.id();
+        assert!(comes_true(|| members(group) == 3));
+        let (_, other) = std::io::pipe().unwrap();
+        drop(std::mem::replace(&mut simulator._leash, other));
+        assert!(comes_true(|| members(group) == 0));
+    }
+}
