@@ -70,7 +70,8 @@ fn choose(selection: &Selection, map: &[f32], key: &Key, period: u64) -> Vec<boo
     let missing = count - chosen.iter().filter(|chosen| **chosen).count();
     let mut random = key.frame(period);
     for place in 0..missing {
-        equal.swap(place, place + random.below((equal.len() - place) as u32) as usize);
+        let other = place + random.below((equal.len() - place) as u32) as usize;
+        equal.swap(place, other);
         chosen[equal[place]] = true;
     }
     chosen
