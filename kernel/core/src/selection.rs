@@ -204,7 +204,8 @@ mod tests {
     #[test]
     fn equal_pixels_are_drawn_by_the_seed_and_the_period() {
         let map = [0.5; 1000];
-        for value in [json!({"top": 20, "by": "x"}), json!({"bottom": 20, "by": "x"}), json!({"random": 20})] {
+        for value in [json!({"top": 20, "by": "x"}), json!({"bottom": 20, "by": "x"}), json!({"random": 20})]
+        {
             let draw = |period| choose(&selection(value.clone()), &map, &Key([5; 32]), period);
             assert_eq!(draw(0).iter().filter(|chosen| **chosen).count(), 200);
             assert_eq!(draw(0), draw(0));

@@ -179,7 +179,9 @@ impl<'a> Run<'a> {
         let mut loan = bus.loan_frame(Topic::Perturbed, stamp)?;
         let target = FrameMut::new(&mut loan, width, height).map_err(wrong_size)?;
         stopwatch
-            .measure(Stage::Perturbation, || chain.apply(raw_frame, target, &Moment::new(sequence, state.time).at_speed(state.speed)))
+            .measure(Stage::Perturbation, || {
+                chain.apply(raw_frame, target, &Moment::new(sequence, state.time).at_speed(state.speed))
+            })
             .map_err(Fault::Component)?;
         let perturbed = loan.publish()?;
         let perturbed_frame = Frame::new(&perturbed, width, height).map_err(wrong_size)?;
