@@ -41,7 +41,7 @@ fn what_comes_along_may_lie_beside_a_pipeline_and_a_changed_copy_is_told() {
     }
     std::fs::write(
         path("pipeline.lua"),
-        "pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 0.2 })",
+        "pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 0.2, scenarios = { {} } })",
     )
     .unwrap();
     let run = || Pdk::new(["run", "pipeline.lua"]).folder(folder.path()).succeed().stderr;
