@@ -47,14 +47,6 @@ local function called(driver): string
 	return if type(driver) == "string" then driver else driver.model or driver.name
 end
 
-local function mean(values: { number }): number?
-	local sum = 0
-	for _, value in values do
-		sum += value
-	end
-	return if #values > 0 then sum / #values else nil
-end
-
 -- Drives all conditions with a driver: by perturbation and condition, for each road, whether its drives failed and the mean |XTE|
 -- of those that did not.
 local function measured(driver, driven)
@@ -101,31 +93,18 @@ local function measured(driver, driven)
 	return found
 end
 
--- The share of failed drives on each road; false where nothing says it.
-local function shares(entry): { number | false }
-	local by_road = {}
-	for place, failed in entry.failed do
-		local ones = {}
-		for _, one in failed do
-			table.insert(ones, if one then 1 else 0)
-		end
-		by_road[place] = mean(ones) or false
-	end
-	return by_road
-end
-
 -- How much more often the first condition fails than the second, and how much larger its |XTE| is on roads where both come to the
 -- end.
 local function compared(first, second)
 	local differences = {}
 	for place in first.errors do
-		local a, b = mean(first.errors[place]), mean(second.errors[place])
+		local a, b = study.mean(first.errors[place]), study.mean(second.errors[place])
 		if a and b then
 			table.insert(differences, a - b)
 		end
 	end
 	return {
-		failed = pdk.compare(shares(first), shares(second), settings.confidence),
+		failed = pdk.compare(study.shares(first.failed), study.shares(second.failed), settings.confidence),
 		mean_cross_track_error = pdk.mean(differences, settings.confidence),
 		roads_with_both = #differences,
 	}
@@ -178,7 +157,7 @@ for _, driver in settings.drivers do
 			local share = pdk.failed_share(one.failed, settings.confidence)
 			local means, failures, drives = {}, 0, 0
 			for place, errors in one.errors do
-				table.insert(means, mean(errors))
+				table.insert(means, study.mean(errors))
 				drives += #one.failed[place]
 				failures += #one.failed[place] - #errors
 			end

@@ -106,27 +106,6 @@ local function measured(driver)
 	return by_name
 end
 
-local function mean(values: { number }): number
-	local sum = 0
-	for _, value in values do
-		sum += value
-	end
-	return sum / #values
-end
-
--- The share that failed on each road; false where nothing says it.
-local function shares(entry): { number | false }
-	local found = {}
-	for i, failed in entry.failed do
-		local ones = {}
-		for _, one in failed do
-			table.insert(ones, if one then 1 else 0)
-		end
-		found[i] = if #ones > 0 then mean(ones) else false
-	end
-	return found
-end
-
 local by_name = measured(settings.driver)
 local entries, not_driven = {}, {}
 for _, name in names do
@@ -139,7 +118,7 @@ for _, name in names do
 	local increases = {}
 	for _, on_road in found.increases do
 		if #on_road > 0 then
-			table.insert(increases, mean(on_road))
+			table.insert(increases, study.mean(on_road))
 		end
 	end
 	local increase = pdk.mean(increases, settings.confidence)
@@ -200,7 +179,7 @@ table.sort(entries, function(a, b)
 end)
 local in_order = {}
 for _, entry in entries do
-	table.insert(in_order, shares(by_name[entry.perturbation]))
+	table.insert(in_order, study.shares(by_name[entry.perturbation].failed))
 end
 local groups = pdk.groups(in_order, settings.confidence)
 
@@ -263,7 +242,7 @@ if settings.against ~= "" then
 	local shown = {}
 	comparison = {}
 	for _, entry in entries do
-		local paired = pdk.compare(shares(by_name[entry.perturbation]), shares(other[entry.perturbation]), settings.confidence)
+		local paired = pdk.compare(study.shares(by_name[entry.perturbation].failed), study.shares(other[entry.perturbation].failed), settings.confidence)
 		if paired then
 			table.insert(comparison, { perturbation = entry.perturbation, paired = paired })
 			local difference = paired.difference

@@ -101,6 +101,28 @@ function study.roads(settings, repeats: number, drivers)
 	return driven, left_out
 end
 
+-- The mean of some numbers; nothing where there are none.
+function study.mean(values: { number }): number?
+	local sum = 0
+	for _, value in values do
+		sum += value
+	end
+	return if #values > 0 then sum / #values else nil
+end
+
+-- The share of drives that failed on each road, of lists that say of each drive whether it failed; false where nothing says it.
+function study.shares(failed): { number | false }
+	local by_road = {}
+	for place, drives in failed do
+		local ones = {}
+		for _, one in drives do
+			table.insert(ones, if one then 1 else 0)
+		end
+		by_road[place] = study.mean(ones) or false
+	end
+	return by_road
+end
+
 -- The one in the middle of some numbers, the mean of two where they are even; nothing where there are none.
 function study.median(values: { number }): number?
 	local sorted = table.clone(values)

@@ -148,6 +148,7 @@ pub fn serve(libraries: &[PathBuf]) -> Result<()> {
 
 /// Opens a library that does not reach into the memory of others.
 fn look(library: &Path) -> Result<()> {
+    // What cannot be read is refused by the loader, which says why.
     if elf::strays(library).unwrap_or(false) {
         return Err(Error::new(format!(
             "plugin {}: is damaged: it changes memory outside of itself when it is loaded; build or copy it again",

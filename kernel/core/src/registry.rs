@@ -104,15 +104,9 @@ impl Registry {
         let given = search.plugins.iter().map(|folder| ("plugins", folder));
         let drop_ins = search.drop_ins.iter().map(|(name, folder)| (name.as_str(), folder));
         for (name, place) in given.chain(drop_ins) {
-            let shown = place.display();
-            if !place.exists() {
-                return Err(Error::new(format!(
-                    "the folder {shown} does not exist; create it or correct --{name}"
-                )));
-            }
-            // A plugin may be named itself; a pipe or a device is nothing to look into.
-            if !(place.is_dir() || name == "plugins" && place.is_file()) {
-                return Err(Error::new(format!("{shown} is not a folder; correct --{name}")));
+            // A plugin may be named itself.
+            if let Some(mistake) = mistake(place, name == "plugins") {
+                return Err(Error::new(format!("{} {mistake} correct --{name}", place.display())));
             }
         }
         // What is recorded of a run has to be found from any working directory.
@@ -136,14 +130,12 @@ impl Registry {
             if place.as_os_str().is_empty() {
                 continue; // Nothing between two separators, or in a variable that is set to nothing.
             }
-            if place.is_dir() || place.is_file() {
-                registry.add_place(&place)?;
-            } else {
-                let what = if place.exists() { "is not a folder" } else { "does not exist" };
-                registry.refused.push(Error::new(format!(
-                    "{PATH_VARIABLE} names {}, which {what}; create it or correct the variable",
+            match mistake(&place, true) {
+                None => registry.add_place(&place)?,
+                Some(mistake) => registry.refused.push(Error::new(format!(
+                    "{PATH_VARIABLE} names {}, which {mistake} correct the variable",
                     place.display()
-                )));
+                ))),
             }
         }
         if let Some(place) = search_path::user_folder() {
@@ -396,18 +388,33 @@ impl Registry {
 
     fn add(&mut self, entry: Entry, source: Source) {
         let key = (entry.description.kind, entry.description.name.clone());
-        let (file, shown) = (entry.file.clone(), entry.file.display().to_string());
+        let file = entry.file.clone();
         match self.catalog.add(entry) {
             // The file that a component of pdk's own was made from, such as in a copy of pdk's scripts.
             Some(first) if first.is_made_of(&file) => {}
-            Some(first) => self.refused.push(Error::new(format!(
-                "{} `{}` of {shown} is left out, because {} has one of the same name and comes first; rename {shown}",
-                key.0,
-                key.1,
-                first.file.display(),
-            ))),
+            Some(first) => {
+                let shown = file.display();
+                self.refused.push(Error::new(format!(
+                    "{} `{}` of {shown} is left out, because {} has one of the same name and comes first; rename {shown}",
+                    key.0,
+                    key.1,
+                    first.file.display(),
+                )));
+            }
             None => self.sources.push((key, source)),
         }
+    }
+}
+
+/// What is wrong with a place that is to be looked into, and the beginning of the remedy; nothing where it is a folder, or a file
+/// where `files` may be named too. A pipe or a device is neither.
+fn mistake(place: &Path, files: bool) -> Option<&'static str> {
+    if place.is_dir() || files && place.is_file() {
+        None
+    } else if place.exists() {
+        Some("is not a folder;")
+    } else {
+        Some("does not exist; create it or")
     }
 }
 

@@ -58,8 +58,8 @@ pub fn backend() -> Parameter {
     )
 }
 
-/// Adds the parameters that say how a network reads frames and what its outputs mean.
-fn with_reading(description: Description) -> Description {
+/// Adds the parameters that say how a network reads frames.
+pub fn with_pixels(description: Description) -> Description {
     description
         .parameter(Parameter::choice(
             "layout",
@@ -76,6 +76,11 @@ fn with_reading(description: Description) -> Description {
             &["rgb", "bgr"],
             "the order of colours that the network was trained on",
         ))
+}
+
+/// Adds the parameters that say how a network reads frames and what its outputs mean.
+fn with_reading(description: Description) -> Description {
+    with_pixels(description)
         .parameter(Parameter::text(
             "steering_output",
             "the output that steers; left out, the first: alone, or together with the throttle",

@@ -73,6 +73,19 @@ pub enum Source {
     BuiltIn(&'static [u8]),
 }
 
+impl Source {
+    /// The content.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, or is too large.
+    pub fn content(&self) -> Result<Cow<'static, [u8]>> {
+        match self {
+            Self::File(path) => Ok(Cow::Owned(file::read(path, LARGEST)?)),
+            Self::BuiltIn(bytes) => Ok(Cow::Borrowed(bytes)),
+        }
+    }
+}
+
 /// An ONNX file that takes an image, and maybe the speed.
 pub struct ModelFile {
     /// Where it comes from.
@@ -122,10 +135,7 @@ impl ModelFile {
     /// Where the file cannot be read, is no ONNX model, or takes anything but one float image of a fixed size and
     /// maybe `speed`, one float.
     pub fn read(source: Source, layout: &str) -> Result<Self> {
-        let bytes = match &source {
-            Source::File(path) => Cow::Owned(file::read(path, LARGEST)?),
-            Source::BuiltIn(bytes) => Cow::Borrowed(*bytes),
-        };
+        let bytes = source.content()?;
         let proto = tract_onnx::onnx()
             .proto_model_for_read(&mut &*bytes)
             .map_err(|_| Error::new("the file is no ONNX model, or is damaged"))?;

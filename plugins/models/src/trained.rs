@@ -6,10 +6,10 @@ use pdk_sdk::prelude::*;
 use crate::driver::{Onnx, backend};
 use crate::model_file::Source;
 
-/// Defines the driver of a network; the literals are its name, which is also that of its file in `scripts/models`, and what it
-/// does.
+/// Defines the driver of a network; the literals are its name, which is also that of its file in `scripts/models`, BLAKE3 of that
+/// file, and what it does. The hash is written down, because every process that loads the plugin asks for it.
 macro_rules! networks {
-    ($($driver:ident: $name:literal, $doc:literal;)*) => {
+    ($($driver:ident: $name:literal, $hash:literal, $doc:literal;)*) => {
         $(
             #[doc = concat!($doc, ".")]
             pub struct $driver {
@@ -18,10 +18,6 @@ macro_rules! networks {
 
             impl $driver {
                 const CONTENT: &[u8] = include_bytes!(concat!("../../../scripts/models/", $name, ".onnx"));
-
-                fn hash() -> String {
-                    blake3::hash(Self::CONTENT).to_hex().to_string()
-                }
             }
 
             impl Component for $driver {
@@ -30,7 +26,7 @@ macro_rules! networks {
                         .family("network")
                         .source("DAVE-2: Bojarski et al., End to End Learning for Self-Driving Cars, 2016")
                         .parameter(backend())
-                        .blake3(Self::hash())
+                        .blake3($hash)
                 }
 
                 fn new(config: &Config) -> Result<Self> {
@@ -50,7 +46,7 @@ macro_rules! networks {
                 // The library's own hash changes with every build of it; that of the network says whether it is the same.
                 fn info(&self) -> Vec<(String, String)> {
                     let mut info = self.network.info();
-                    info.push(("network BLAKE3".to_owned(), Self::hash()));
+                    info.push(("network BLAKE3".to_owned(), $hash.to_owned()));
                     info
                 }
             }
@@ -67,8 +63,9 @@ macro_rules! networks {
 }
 
 networks! {
-    Dave2: "dave2", "Drives with a network that learned from images of `lane`";
-    Dave2Augmented: "dave2_augmented",
+    Dave2: "dave2", "68fd926429d26d6404eada26079dc1008c1f85818964a4439061eaece1116f3d",
+        "Drives with a network that learned from images of `lane`";
+    Dave2Augmented: "dave2_augmented", "8d948744ab1f665b96b7fdc237d1d28373221edc089433e83a4b8c0e9cb5aaa7",
         "Drives with a network that learned from images of `lane` with random noise, blur, brightness and contrast";
 }
 
@@ -93,5 +90,13 @@ mod tests {
         assert!(expected.steering != 0.0, "a test that tells: {expected:?}");
         let hash = blake3::hash(&std::fs::read(file).unwrap()).to_hex().to_string();
         assert!(own.info().contains(&("network BLAKE3".to_owned(), hash)));
+    }
+
+    #[test]
+    fn the_hashes_that_are_written_down_are_those_of_the_networks() {
+        for description in [Dave2::description(), Dave2Augmented::description()] {
+            let hash = blake3::hash(content(&description.name).unwrap()).to_hex().to_string();
+            assert_eq!(description.blake3, hash, "write the hash of `{}` down anew", description.name);
+        }
     }
 }

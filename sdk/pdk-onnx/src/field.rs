@@ -12,6 +12,7 @@ use crate::graph::Graph;
 use crate::operators::{conv, conv_transpose, layout, max_pool, pad, resize, slice};
 use crate::proto::NodeProto;
 use crate::site::{Site, axis};
+use crate::window::Window;
 
 /// An axis of the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,6 +79,17 @@ pub fn looks(graph: &Graph, image: &str, height: usize, width: usize) -> HashMap
     known
 }
 
+/// Changes each axis of the image by the windows along it; behind a window there is no look along the batch or the channels.
+fn along_windows(looks: &mut Looks, window: &Window, change: fn(Look, usize, usize, f64, usize) -> Look) {
+    for (axis, look) in looks.iter_mut().enumerate() {
+        *look = look.filter(|_| axis >= 2).map(|look| {
+            let axis = axis - 2;
+            let (kernel, dilation) = (window.kernel[axis], window.dilations[axis]);
+            change(look, kernel, dilation, window.strides[axis] as f64, window.before[axis])
+        });
+    }
+}
+
 /// Where what a node computes looks; nothing where the order of the cells is lost.
 fn follow(site: &Site<'_>, known: &HashMap<String, Looks>) -> Result<Option<Looks>> {
     let node = site.node;
@@ -88,32 +100,9 @@ fn follow(site: &Site<'_>, known: &HashMap<String, Looks>) -> Result<Option<Look
     match node.op_type.as_str() {
         "Conv" | "MaxPool" | "AveragePool" => {
             let window = if node.op_type == "Conv" { conv::window(site)?.0 } else { max_pool::window(site)? };
-            for (axis, look) in looks.iter_mut().enumerate() {
-                *look = look.filter(|_| axis >= 2).map(|look| {
-                    let axis = axis - 2;
-                    look.windows(
-                        window.kernel[axis],
-                        window.dilations[axis],
-                        window.strides[axis] as f64,
-                        window.before[axis],
-                    )
-                });
-            }
+            along_windows(&mut looks, &window, Look::windows);
         }
-        "ConvTranspose" => {
-            let (window, _) = conv_transpose::window(site)?;
-            for (axis, look) in looks.iter_mut().enumerate() {
-                *look = look.filter(|_| axis >= 2).map(|look| {
-                    let axis = axis - 2;
-                    look.spread(
-                        window.kernel[axis],
-                        window.dilations[axis],
-                        window.strides[axis] as f64,
-                        window.before[axis],
-                    )
-                });
-            }
-        }
+        "ConvTranspose" => along_windows(&mut looks, &conv_transpose::window(site)?.0, Look::spread),
         "Pad" => {
             for (look, (before, _)) in looks.iter_mut().flatten().zip(padded_axes(site, first)?) {
                 look.start -= look.step * before as f64;

@@ -13,7 +13,6 @@ use pdk_sdk::serde_json;
 
 use super::grid::Grid;
 use super::viewer::Viewer;
-use crate::model_file::Source;
 
 /// Changes with the format of the files.
 const FORMAT: &[u8] = b"pdk map 1";
@@ -38,12 +37,7 @@ impl Kept {
         if graph.initializer.iter().any(|tensor| !tensor.external_data.is_empty()) {
             return None;
         }
-        let mut hasher = blake3::Hasher::new();
-        match &viewer.model.source {
-            Source::BuiltIn(bytes) => hasher.update(bytes),
-            Source::File(path) => hasher.update(&fs::read(path).ok()?),
-        };
-        let network = hasher.finalize();
+        let network = blake3::hash(&viewer.model.source.content().ok()?);
         // The same grid, however large the map is that is made of it, and wherever the network lies.
         let mut parameters = config.values().clone();
         for name in ["size", "model", "backend", "speed"] {

@@ -5,6 +5,7 @@ use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
 use crate::backend;
+use crate::driver::with_pixels;
 use crate::model_file::{Layout, ModelFile, Source};
 use crate::pixels::Pixels;
 use crate::selection::Selection;
@@ -33,21 +34,11 @@ pub struct Viewer {
 
 /// What every method takes.
 pub fn parameters(description: Description) -> Description {
-    description
+    let description = description
         .example(json!({"model": "dave2"}))
         .parameter(Parameter::path("model", "the ONNX file whose view is shown, which the driver `onnx` takes; or the name of a network that is part of pdk"))
-        .parameter(Parameter::choice("backend", &backend::NAMES, "who runs the network, as for the driver `onnx`"))
-        .parameter(Parameter::choice(
-            "layout",
-            &["auto", "nchw", "nhwc"],
-            "where the input's channels are: before or after height and width; auto reads it from the shape",
-        ))
-        .parameter(Parameter::choice(
-            "scale",
-            &Pixels::SCALES,
-            "the range of pixel values that the network was trained on",
-        ))
-        .parameter(Parameter::choice("color", &["rgb", "bgr"], "the order of colours that the network was trained on"))
+        .parameter(Parameter::choice("backend", &backend::NAMES, "who runs the network, as for the driver `onnx`"));
+    with_pixels(description)
         .parameter(Parameter::text("output", "the output that is explained, by name; left out, the one that steers"))
         .parameter(
             Parameter::integer("number", 0, "which of the output's numbers is explained, from 0; of steering and throttle, 0 is the \

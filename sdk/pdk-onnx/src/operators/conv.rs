@@ -14,20 +14,23 @@ pub const OPERATORS: &[Operator] = &[Operator::new("Conv", infer, evaluate, Rule
 /// The window and the number of groups.
 pub fn window(site: &Site<'_>) -> Result<(Window, usize)> {
     let (image, weights) = (site.shape(0)?, site.shape(1)?);
-    let group = usize::try_from(site.int("group", 1)).unwrap_or(0);
-    let fits = image.len() >= 3
-        && image.len() == weights.len()
-        && group > 0
-        && weights[1] * group == image[1]
-        && weights[0] % group == 0;
-    if !fits {
-        return Err(Error::new(format!(
-            "its weights {} with group {group} do not fit its input {}",
-            shape_text(weights),
-            shape_text(image)
-        )));
-    }
+    let group =
+        group(site, |group| weights[1].checked_mul(group) == Some(image[1]) && weights[0] % group == 0)?;
     Ok((Window::over(site, &image[2..], &weights[2..])?, group))
+}
+
+/// The number of groups of a convolution or of its reverse; `fits` says whether the channels of its weights fit that number.
+pub fn group(site: &Site<'_>, fits: impl Fn(usize) -> bool) -> Result<usize> {
+    let (image, weights) = (site.shape(0)?, site.shape(1)?);
+    let group = usize::try_from(site.int("group", 1)).unwrap_or(0);
+    if image.len() >= 3 && image.len() == weights.len() && group > 0 && fits(group) {
+        return Ok(group);
+    }
+    Err(Error::new(format!(
+        "its weights {} with group {group} do not fit its input {}",
+        shape_text(weights),
+        shape_text(image)
+    )))
 }
 
 fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {

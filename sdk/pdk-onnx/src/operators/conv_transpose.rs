@@ -1,12 +1,12 @@
 //! `ConvTranspose`: its gradient is a convolution with the same weights.
 
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::Result;
 
-use super::{Operator, Parts, Rule, given};
+use super::{Operator, Parts, Rule, conv, given};
 use crate::builder::Builder;
 use crate::graph::Fact;
 use crate::site::Site;
-use crate::tensor::{Tensor, shape_text};
+use crate::tensor::Tensor;
 use crate::window::Window;
 
 pub const OPERATORS: &[Operator] = &[Operator::new("ConvTranspose", infer, evaluate, Rule::First(gradient))];
@@ -14,19 +14,7 @@ pub const OPERATORS: &[Operator] = &[Operator::new("ConvTranspose", infer, evalu
 /// The window of the convolution that this one reverses, and the number of groups.
 pub fn window(site: &Site<'_>) -> Result<(Window, usize)> {
     let (image, weights) = (site.shape(0)?, site.shape(1)?);
-    let group = usize::try_from(site.int("group", 1)).unwrap_or(0);
-    let fits = image.len() >= 3
-        && image.len() == weights.len()
-        && group > 0
-        && weights[0] == image[1]
-        && image[1] % group == 0;
-    if !fits {
-        return Err(Error::new(format!(
-            "its weights {} with group {group} do not fit its input {}",
-            shape_text(weights),
-            shape_text(image)
-        )));
-    }
+    let group = conv::group(site, |group| weights[0] == image[1] && image[1] % group == 0)?;
     Ok((Window::under(site, &image[2..], &weights[2..])?, group))
 }
 
