@@ -239,10 +239,13 @@ impl Link {
                 && away < AT_START
                 && telemetry.done != Some(true);
             standing = if stands { standing + 1 } else { 0 };
-            if standing >= STANDING_FRAMES && began.elapsed().as_secs_f64() >= options.settle {
+            let settled = standing >= STANDING_FRAMES && began.elapsed().as_secs_f64() >= options.settle;
+            // The camera takes on its size some frames after it was told to. Where it never does, the first frame says so.
+            let late = deadline.left().is_none();
+            if settled && (late || has_size(&picture, options.camera)) {
                 return Ok((telemetry, picture));
             }
-            if deadline.left().is_none() {
+            if late {
                 let done =
                     if telemetry.done == Some(true) { ", and the road is said to be over" } else { "" };
                 return Err(Error::of(
@@ -444,6 +447,12 @@ impl Lap {
         }
         self.farthest
     }
+}
+
+/// Whether a picture has the size that the camera was told to have.
+fn has_size(picture: &[u8], camera: Camera) -> bool {
+    pdk_image::decode(picture)
+        .is_ok_and(|picture| (picture.width(), picture.height()) == (camera.width, camera.height))
 }
 
 fn ground_distance(a: [f64; 3], b: [f64; 3]) -> f64 {
