@@ -23,6 +23,9 @@ from pathlib import Path
 import iceoryx2
 import numpy
 
+# What fails comes as an error. The rest is of no use to whoever reads the output.
+iceoryx2.set_log_level(iceoryx2.LogLevel.Fatal)
+
 # How long to wait for a frame before looking whether pdk is still there, in milliseconds.
 _LOOK = 100
 

@@ -104,8 +104,9 @@ fn a_greedy_test_through_the_wire_has_the_same_outcome() {
             .set("simulator", &simulator.to_string())
             .set("driver", "lane_keeper")
             .set("roads", "2")
-            // Those that draw nothing: a stand-in cannot know the seed of a repeat.
             .set("perturbations", "fog_filter,high_pass_filter")
+            // The stand-in knows one seed for a road, not that of each repeat.
+            .set("repeats", "1")
             .set("resolution", "1")
             .set("images_every", "0")
             .succeed();
@@ -164,7 +165,7 @@ fn both_builds_are_driven_by_the_clock_too() {
                 line["frames"].as_u64().unwrap() + line["skipped_frames"].as_u64().unwrap_or_default();
             assert_eq!(line["cause"], "time_out", "{line}");
             // By the simulator's own time, which goes on by a frame with each that it sends.
-            assert!((95..=101).contains(&frames), "{line}");
+            assert!((95..=104).contains(&frames), "{line}");
             assert!(line["max_cross_track_error"].as_f64().unwrap() < 1.0, "{line}");
         }
     }
@@ -250,7 +251,7 @@ fn one_that_hangs_ends_the_run_and_keeps_what_there_is() {
     simulator["port"] = json!(port);
     let _stand_in = StandIn::start("donkey", port, &["--build", "road_generating", "--fault", "hang"]);
     let run = self::run(&simulator, &[]);
-    run.says(1, &["simulator `donkey`", "within 3 s"]);
+    run.says(1, &["simulator `donkey`", "has not loaded its scene within"]);
     assert!(run.lines.is_empty() && run.took < Duration::from_secs(60), "{:?} {:?}", run.lines, run.took);
 }
 

@@ -131,7 +131,7 @@ fn the_stock_build_is_driven() {
 fn a_scenario_whose_simulator_is_lost_is_driven_again() {
     for (fault, least) in [("close", 0.0), ("close:5", 5.0), ("half", 0.0)] {
         let port = free_ports(1);
-        let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", fault]);
+        let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", fault, "--at", "3"]);
         let run = run(&simulator(port), &[]);
         run.says(0, &["has hung up", "simulator `udacity`", "driven again from its beginning, once"]);
         assert_eq!(run.causes(), ["time_out"; 2], "{fault}");
@@ -149,7 +149,7 @@ fn one_that_pdk_starts_is_started_again() {
         let folder = temp();
         let mark = folder.path().join("started");
         let script = format!(
-            "test -e {0} && exec {1} udacity $0 --rate 40; touch {0}; exec {1} udacity $0 --rate 40 --fault {fault}",
+            "test -e {0} && exec {1} udacity $0 --rate 40; touch {0}; exec {1} udacity $0 --rate 40 --fault {fault} --at 3",
             mark.display(),
             program().display()
         );
@@ -169,7 +169,7 @@ fn one_that_hangs_ends_the_run() {
     let mut simulator = simulator(port);
     simulator["answer_seconds"] = json!(3);
     simulator["start_seconds"] = json!(3);
-    let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", "hang"]);
+    let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", "hang", "--at", "3"]);
     let run = run(&simulator, &[]);
     run.says(1, &["simulator `udacity`", "has not connected within 3 s"]);
     assert!(run.lines.is_empty() && run.took < Duration::from_secs(40), "{:?} {:?}", run.lines, run.took);
@@ -182,7 +182,7 @@ fn nonsense_is_the_outcome_of_its_scenario() {
         ("flood", "a message of more than 67108864 bytes"),
     ] {
         let port = free_ports(1);
-        let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", fault]);
+        let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", fault, "--at", "3"]);
         let run = run(&simulator(port), &[("memory", "400")]);
         run.says(1, &["1 of 2 scenarios", says, "is another program connected to this port?"]);
         assert_eq!(run.causes(), ["error", "time_out"], "{fault}");

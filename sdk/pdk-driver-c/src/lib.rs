@@ -16,7 +16,10 @@ use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{FilePath, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend};
+use iceoryx2::prelude::{
+    FilePath, LogLevel, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend,
+    set_log_level_from_env_or,
+};
 use iceoryx2::sample::Sample;
 use iceoryx2::service::ipc_threadsafe::Service;
 use pdk_bus::FrameHeader;
@@ -93,6 +96,8 @@ impl pdk_driver {
         let failed = |error: &dyn std::fmt::Display| {
             format!("the exchange in {} cannot be opened: {error}", folder.display())
         };
+        // What fails is returned.
+        set_log_level_from_env_or(LogLevel::Fatal);
         let file = folder.join("iceoryx2.toml");
         let path = FilePath::new(file.as_os_str().as_bytes()).map_err(|error| failed(&error))?;
         let config = Config::from_file(&path).map_err(|error| failed(&error))?;
