@@ -104,7 +104,7 @@ fn a_greedy_test_through_the_wire_has_the_same_outcome() {
             .set("simulator", &simulator.to_string())
             .set("driver", "lane_keeper")
             .set("roads", "2")
-            .set("perturbations", "fog_filter,high_pass_filter")
+            .set("perturbations", "defocus_blur,rotate_image")
             // The stand-in knows one seed for a road, not that of each repeat.
             .set("repeats", "1")
             .set("resolution", "1")
@@ -432,12 +432,17 @@ fn the_parsers_of_the_real_builds_understand_it() {
         let out = folder.path().join("out");
         let command =
             Pdk::new(["run", "--workers", "1", "--out"]).arg(&out).arg(pipeline(folder.path(), &source));
-        let finished = command.set("simulator", &simulator.to_string()).run();
+        let finished = command
+            .set("simulator", &simulator.to_string())
+            // It never comes back to where it started.
+            .set("scenarios", 1)
+            .set("duration", 0.5)
+            .run();
         child.kill().unwrap();
         child.wait().unwrap();
         let said = std::fs::read_to_string(&log).unwrap();
         assert_eq!(finished.code, Some(0), "{}{said}", finished.stderr);
-        assert_eq!(lines_of(&out).len(), 2);
+        assert_eq!(lines_of(&out).len(), 1);
         assert!(!said.contains("DROPPED") && !said.contains("JSON ERROR"), "{said}");
         for part in ["cam_config", "car_config", "control", "reset_car"] {
             assert!(said.contains(part), "{part}: {said}");
