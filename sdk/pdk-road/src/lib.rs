@@ -11,6 +11,7 @@
 mod curve;
 mod generate;
 mod given;
+pub mod opendrive;
 mod path;
 mod picture;
 mod text;
