@@ -11,6 +11,7 @@ pub mod onnx;
 pub mod pictures;
 pub mod process;
 pub mod processes;
+pub mod random;
 pub mod records;
 
 use std::path::{Path, PathBuf};

@@ -1,5 +1,6 @@
 //! Processes of a run, found by the environment that they were started in, and what they leave in shared memory.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, ExitStatus};
@@ -48,6 +49,37 @@ impl BusFolder {
         found
     }
 
+    /// The folders of the buses in it, `BASE/RUN/SLOT-NAME`, and their names, as they stand in the names of files in shared memory.
+    fn roots(&self) -> Vec<(PathBuf, String)> {
+        let folders = |path: &Path| {
+            let entries = fs::read_dir(path).into_iter().flatten().flatten();
+            entries.map(|entry| entry.path()).collect::<Vec<_>>()
+        };
+        let named = |root: PathBuf| {
+            let name = root.file_name()?.to_str()?.split_once('-')?.1.to_owned();
+            Some((root, name))
+        };
+        folders(self.path()).iter().flat_map(|run| folders(run)).filter_map(named).collect()
+    }
+
+    /// The names of the buses in it.
+    pub fn buses(&self) -> BTreeSet<String> {
+        self.roots().into_iter().map(|(_, name)| name).collect()
+    }
+
+    /// The files through which the processes on its buses share memory: frames, and what the bus itself keeps.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let mut files = shared_memory(&self.buses());
+        let mut folders: Vec<PathBuf> = self.roots().into_iter().map(|(root, _)| root).collect();
+        while let Some(folder) = folders.pop() {
+            for path in fs::read_dir(&folder).into_iter().flatten().flatten().map(|entry| entry.path()) {
+                if path.is_dir() { folders.push(path) } else { files.push(path) }
+            }
+        }
+        files.sort();
+        files
+    }
+
     /// What the buses in it have in memory: their folders, and the files that belong to them.
     ///
     /// # Panics
@@ -57,11 +89,13 @@ impl BusFolder {
     }
 }
 
-/// The files of buses in shared memory, of whichever run.
-pub fn shared_memory() -> Vec<PathBuf> {
+/// The files of these buses in shared memory.
+pub fn shared_memory(buses: &BTreeSet<String>) -> Vec<PathBuf> {
     let files = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten().map(|entry| entry.path());
-    let ours =
-        |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("pdk_"));
+    let ours = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        buses.iter().any(|bus| name.starts_with(&format!("pdk_{bus}_")))
+    };
     files.filter(ours).collect()
 }
 

@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 
 use pdk_tests::process::pipeline;
 use pdk_tests::processes::{self, BusFolder, Process, comes_true, ended_within, shared_memory};
+use pdk_tests::random::Random;
 use pdk_tests::records::{difference, files, lines, partial};
 use pdk_tests::{Pdk, temp};
 use rustix::process::Signal;
@@ -47,28 +48,6 @@ const SOURCE: &str = r#"
     drive(5, 8, frames % 5 / 2)
     pdk.save("frames.json", { frames = frames })
 "#;
-
-/// Random numbers that are the same for the same seed (SplitMix64).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut mixed = self.0;
-        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        mixed ^ (mixed >> 31)
-    }
-
-    fn below(&mut self, limit: usize) -> usize {
-        (self.next() % limit as u64) as usize
-    }
-
-    /// From 0 to 1.
-    fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-}
 
 /// One scenario, driven behind each round.
 const SHORT: &str = r#"
@@ -128,17 +107,9 @@ impl Met {
         *self.counts.entry(what.into()).or_default() += 1;
     }
 
-    /// Notes the buses of a run: `BASE/RUN/SLOT-NAME`.
+    /// Notes the buses of a run.
     fn look(&mut self, bus: &BusFolder) {
-        let folders = |path: &Path| {
-            let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
-            entries.map(|entry| entry.path()).collect::<Vec<_>>()
-        };
-        for root in folders(bus.path()).iter().flat_map(|run| folders(run)) {
-            if let Some((_, name)) = root.file_name().unwrap().to_string_lossy().split_once('-') {
-                self.buses.insert(name.to_owned());
-            }
-        }
+        self.buses.extend(bus.buses());
     }
 }
 
@@ -307,11 +278,7 @@ fn round(setting: &Setting, random: &mut Random, met: &mut Met) -> Result<(), St
             bus.left().iter().flat_map(std::fs::read_dir).flatten().flatten().map(|e| e.path()).collect();
         return fail(format!("left in the folder of the buses: {:?} {inside:?}", bus.left()));
     }
-    let ours = |path: &PathBuf| {
-        let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        met.buses.iter().any(|bus| name.starts_with(&format!("pdk_{bus}_")))
-    };
-    let left: Vec<PathBuf> = shared_memory().into_iter().filter(ours).collect();
+    let left = shared_memory(&met.buses);
     if !left.is_empty() {
         return fail(format!("left in shared memory: {left:?}"));
     }
@@ -357,7 +324,7 @@ fn runs_that_are_killed_at_any_moment_end_like_undisturbed_ones() {
     assert!(met.buses.len() >= 2, "the buses of a run are not seen: {:?}", met.buses);
     println!("an undisturbed run takes {} ms; {rounds} rounds with seed {seed}", setting.length.as_millis());
 
-    let mut random = Random(seed as u64);
+    let mut random = Random::new(seed as u64);
     let mut failures = Vec::new();
     let started = Instant::now();
     for number in 0..rounds {

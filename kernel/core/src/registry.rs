@@ -99,15 +99,21 @@ impl Registry {
     /// everywhere. What cannot be used is left out and listed by [`Registry::refused`].
     ///
     /// # Errors
-    /// Where a given folder does not exist, or a part of pdk itself is missing or cannot be used.
+    /// Where a given folder does not exist or is something else, or a part of pdk itself is missing or cannot be used.
     pub fn discover(search: &SearchPath, scripts: Box<dyn Scripts>) -> Result<Self> {
         let given = search.plugins.iter().map(|folder| ("plugins", folder));
         let drop_ins = search.drop_ins.iter().map(|(name, folder)| (name.as_str(), folder));
-        if let Some((name, missing)) = given.chain(drop_ins).find(|(_, folder)| !folder.exists()) {
-            return Err(Error::new(format!(
-                "the folder {} does not exist; create it or correct --{name}",
-                missing.display()
-            )));
+        for (name, place) in given.chain(drop_ins) {
+            let shown = place.display();
+            if !place.exists() {
+                return Err(Error::new(format!(
+                    "the folder {shown} does not exist; create it or correct --{name}"
+                )));
+            }
+            // A plugin may be named itself; a pipe or a device is nothing to look into.
+            if !place.is_dir() && !(name == "plugins" && place.is_file()) {
+                return Err(Error::new(format!("{shown} is not a folder; correct --{name}")));
+            }
         }
         // What is recorded of a run has to be found from any working directory.
         let search = &search.absolute();
@@ -130,11 +136,12 @@ impl Registry {
             if place.as_os_str().is_empty() {
                 continue; // Nothing between two separators, or in a variable that is set to nothing.
             }
-            if place.exists() {
+            if place.is_dir() || place.is_file() {
                 registry.add_place(&place)?;
             } else {
+                let what = if place.exists() { "is not a folder" } else { "does not exist" };
                 registry.refused.push(Error::new(format!(
-                    "{PATH_VARIABLE} names {}, which does not exist; create it or correct the variable",
+                    "{PATH_VARIABLE} names {}, which {what}; create it or correct the variable",
                     place.display()
                 )));
             }

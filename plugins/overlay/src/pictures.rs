@@ -45,7 +45,10 @@ impl Animation {
                 let pictures = Cursor::new(pdk_image::without_texts(&bytes)?);
                 let decoder = limited(PngDecoder::new(pictures).map_err(damaged)?)?;
                 match decoder.is_apng().map_err(damaged)? {
-                    true => decoder.apng().map_err(damaged)?.into_frames(),
+                    true => {
+                        pdk_image::check_animation(&bytes)?;
+                        decoder.apng().map_err(damaged)?.into_frames()
+                    }
                     false => once(pdk_image::decode(&bytes)?),
                 }
             }

@@ -16,7 +16,7 @@ use pdk_sdk::error::Place;
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
-pub use png::without_texts;
+pub use png::{check_animation, without_texts};
 pub use size::{LARGEST_FILE, LONGEST, check_size, most_pixels};
 
 /// The quality of a JPEG that is written, of 100: high, so that what a perturbation does is not mixed with what JPEG does.

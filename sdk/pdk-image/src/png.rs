@@ -7,7 +7,7 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageBuffer};
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
-use png::{BitDepth, ColorType, DecodeOptions, Decoder, Limits, Transformations};
+use png::{BitDepth, ColorType, DecodeOptions, Decoder, Limits, Reader, Transformations};
 
 use crate::size::check_size;
 
@@ -17,7 +17,8 @@ const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// The parts of a file that make the picture, or the pictures of an animation.
 const OF_PICTURES: [&[u8; 4]; 8] = [b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND", b"acTL", b"fcTL", b"fdAT"];
 
-pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
+/// A file of which the head was read, and room for its pixels.
+fn read(bytes: &[u8]) -> Result<(Reader<Cursor<&[u8]>>, Vec<u8>)> {
     let mut options = DecodeOptions::default();
     options.set_ignore_checksums(false);
     // Of no use here, and they may be compressed a thousand times.
@@ -29,10 +30,31 @@ pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
     let bytes = info.raw_bytes().saturating_mul(4).max(1 << 24);
     decoder.set_limits(Limits { bytes });
     decoder.set_transformations(Transformations::EXPAND);
-    let mut reader = decoder.read_info().place(DAMAGED)?;
-    let (color, depth) = reader.output_color_type();
+    let reader = decoder.read_info().place(DAMAGED)?;
     let length = reader.output_buffer_size().ok_or_else(|| Error::new("it is damaged: it has no size"))?;
-    let mut pixels = vec![0; length];
+    Ok((reader, vec![0; length]))
+}
+
+/// Reads all pictures of an animation and the checksums of their pixels, which its decoder does not look at.
+///
+/// # Errors
+/// Where it is damaged or too large.
+pub fn check_animation(bytes: &[u8]) -> Result<()> {
+    let (mut reader, mut pixels) = read(bytes)?;
+    let info = reader.info();
+    let pictures = info.animation_control.map_or(1, |animation| animation.num_frames);
+    // The picture for those that know nothing of animations may be one of its own.
+    let apart = info.animation_control.is_some() && info.frame_control.is_none();
+    for _ in 0..u64::from(pictures) + u64::from(apart) {
+        reader.next_frame(&mut pixels).place(DAMAGED)?;
+    }
+    reader.finish().place(DAMAGED)
+}
+
+/// Decodes a file, or the first picture of an animation; how it is to be turned is said beside it.
+pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
+    let (mut reader, mut pixels) = read(bytes)?;
+    let (color, depth) = reader.output_color_type();
     let frame = reader.next_frame(&mut pixels).place(DAMAGED)?;
     // The checksum of the pixels stands behind them.
     reader.finish().place(DAMAGED)?;
@@ -94,5 +116,52 @@ pub fn without_texts(bytes: &[u8]) -> Result<Vec<u8>> {
             return Ok(kept);
         }
         rest = behind;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The checksum of a chunk (ISO 3309), bit by bit.
+    fn crc(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0, |crc: u32, &byte| {
+            (0..8).fold(crc ^ u32::from(byte), |crc, _| {
+                (crc >> 1) ^ (0xedb8_8320 & (!(crc & 1)).wrapping_add(1))
+            })
+        })
+    }
+
+    /// An animation of two pictures, and where the chunk with the pixels of each begins.
+    fn animation() -> (Vec<u8>, [usize; 2]) {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 8, 6);
+        encoder.set_color(ColorType::Rgb);
+        encoder.set_animated(2, 0).unwrap();
+        let mut writer = encoder.write_header().unwrap();
+        for picture in 0..2 {
+            writer.write_image_data(&[picture * 90; 8 * 6 * 3]).unwrap();
+        }
+        writer.finish().unwrap();
+        let at = |name: &[u8]| bytes.windows(4).position(|four| four == name).unwrap() - 4;
+        let places = [at(b"IDAT"), at(b"fdAT")];
+        (bytes, places)
+    }
+
+    #[test]
+    fn the_checksums_of_all_pictures_of_an_animation_count() {
+        let (whole, places) = animation();
+        check_animation(&whole).unwrap();
+        for place in places {
+            let mut bytes = whole.clone();
+            let length = u32::from_be_bytes(bytes[place..place + 4].try_into().unwrap()) as usize;
+            // The last byte of the chunk is the last of the checksum of its pixels. That of the chunk is right.
+            bytes[place + 8 + length - 1] ^= 1;
+            let sum = crc(&bytes[place + 4..place + 8 + length]).to_be_bytes();
+            bytes[place + 8 + length..place + 12 + length].copy_from_slice(&sum);
+            let error = check_animation(&bytes).unwrap_err().to_string();
+            assert!(error.starts_with(DAMAGED), "{error}");
+        }
+        assert!(check_animation(&whole[..whole.len() - 30]).is_err());
     }
 }
