@@ -29,7 +29,8 @@ impl Blueprints {
         let attributes = elements(element(definition, 3)).iter().map(|attribute| {
             let name = text(element(attribute, 0));
             let other = attributes.iter().find(|(other, _)| *other == name);
-            let value = other.map_or_else(|| element(attribute, 2).clone(), |(_, value)| value.as_str().into());
+            let value =
+                other.map_or_else(|| element(attribute, 2).clone(), |(_, value)| value.as_str().into());
             // The numbers of types differ between versions, so the server gets back its own.
             array([name.into(), element(attribute, 1).clone(), value])
         });

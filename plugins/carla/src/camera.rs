@@ -23,7 +23,12 @@ impl Camera {
     ///
     /// # Errors
     /// Where the stream cannot be had.
-    pub fn subscribe(station: &mut Station, token: Token, [width, height]: [u32; 2], deadline: &Deadline) -> Result<Self> {
+    pub fn subscribe(
+        station: &mut Station,
+        token: Token,
+        [width, height]: [u32; 2],
+        deadline: &Deadline,
+    ) -> Result<Self> {
         let count = width as usize * height as usize;
         let size = HEADER + BEFORE + 4 * count;
         let stream = Stream::subscribe(station, token, "a camera frame", (size, size), deadline)?;

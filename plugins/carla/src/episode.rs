@@ -102,9 +102,14 @@ impl Episode {
     ///
     /// # Errors
     /// Where there is none, or the server does not do what it is asked for.
-    pub fn step(&mut self, step: impl FnOnce(&mut Stage, &mut Server, &mut Stream) -> Result<State>) -> Result<State> {
+    pub fn step(
+        &mut self,
+        step: impl FnOnce(&mut Stage, &mut Server, &mut Stream) -> Result<State>,
+    ) -> Result<State> {
         let Self { station, server, world, stage, .. } = self;
-        let (Some(server), Some(world), Some(stage)) = (server, world, stage) else { return Err(not_started()) };
+        let (Some(server), Some(world), Some(stage)) = (server, world, stage) else {
+            return Err(not_started());
+        };
         // The server closes streams over which it has sent nothing for a while, as when a driver is slow.
         let deadline = station.settings().answering();
         if !world.is_open() {
@@ -119,13 +124,18 @@ impl Episode {
         let ground = Ground::read(&scenario.road, scenario.seed)?;
         self.load(&ground, deadline)?;
         let Self { station, server, world, found, loaded, stage } = self;
-        let (Some(server), Some(world), Some(found)) = (server, world, found) else { return Err(not_started()) };
+        let (Some(server), Some(world), Some(found)) = (server, world, found) else {
+            return Err(not_started());
+        };
         let lane = match (&ground, loaded) {
             (Ground::Map { start, length, .. }, Some(Loaded::Map { name, starts, document })) => {
                 let Some(at) = starts.get(*start) else {
                     return Err(Error::of(
                         ErrorKind::Configuration,
-                        format!("the map {name} has {} places to start from, so there is no number {start}", starts.len()),
+                        format!(
+                            "the map {name} has {} places to start from, so there is no number {start}",
+                            starts.len()
+                        ),
                     ));
                 };
                 let [x, _, z] = axes::position(at.location);
@@ -154,7 +164,11 @@ impl Episode {
         match (ground, &*loaded) {
             (Ground::Own(waypoints), Some(Loaded::Own(there))) if waypoints == there => return Ok(()),
             (Ground::Map { name: None, .. }, Some(Loaded::Map { .. })) => return Ok(()),
-            (Ground::Map { name: Some(name), .. }, Some(Loaded::Map { name: there, .. })) if name == there => return Ok(()),
+            (Ground::Map { name: Some(name), .. }, Some(Loaded::Map { name: there, .. }))
+                if name == there =>
+            {
+                return Ok(());
+            }
             _ => {}
         }
         *loaded = None;
@@ -216,7 +230,10 @@ impl Episode {
         server.hurry(LEAVE);
         if let Some(mut stage) = self.stage.take() {
             // One that does not answer now will not answer the rest either.
-            if stage.clear(&mut server).is_err_and(|error| matches!(error.kind(), ErrorKind::Late | ErrorKind::Lost)) {
+            if stage
+                .clear(&mut server)
+                .is_err_and(|error| matches!(error.kind(), ErrorKind::Late | ErrorKind::Lost))
+            {
                 return;
             }
         }
@@ -277,4 +294,3 @@ fn abandoned(
 fn not_started() -> Error {
     Error::new("it has no scenario yet: call reset first")
 }
-

@@ -51,9 +51,13 @@ impl Ground {
 
     fn of_map(fields: &Map<String, Value>) -> Result<Self> {
         if let Some(name) = fields.keys().find(|name| !["map", "start", "length"].contains(&name.as_str())) {
-            return Err(mistake(format!("the road has an unknown key `{name}`; a road on a map takes `map`, `start` and `length`")));
+            return Err(mistake(format!(
+                "the road has an unknown key `{name}`; a road on a map takes `map`, `start` and `length`"
+            )));
         }
-        let wrong = |name: &str, expected: &str| mistake(format!("`{name}` of the road is {}, but has to be {expected}", fields[name]));
+        let wrong = |name: &str, expected: &str| {
+            mistake(format!("`{name}` of the road is {}, but has to be {expected}", fields[name]))
+        };
         let name = match fields.get("map") {
             None => None,
             Some(Value::String(name)) if !name.is_empty() => Some(name.clone()),
@@ -97,7 +101,9 @@ impl Lane {
     /// # Errors
     /// Where the map cannot be read, or has no lane there.
     pub fn of_map(document: &str, at: Point, heading: f64, length: f64) -> Result<Self> {
-        let lane = opendrive::Map::read(document).and_then(|map| map.follow(at, heading, length)).map_err(mistake)?;
+        let lane = opendrive::Map::read(document)
+            .and_then(|map| map.follow(at, heading, length))
+            .map_err(mistake)?;
         Ok(Self { waypoints: lane.points, half_width: lane.width / 2.0 })
     }
 
@@ -157,7 +163,9 @@ mod tests {
 
     #[test]
     fn a_road_is_one_of_its_own_or_a_lane_of_a_map() {
-        let Ground::Own(waypoints) = Ground::read(&json!({"angles": [0, 10, -20]}), 0).unwrap() else { panic!("not its own") };
+        let Ground::Own(waypoints) = Ground::read(&json!({"angles": [0, 10, -20]}), 0).unwrap() else {
+            panic!("not its own")
+        };
         assert_eq!(waypoints[0], [0.0; 3]);
         assert_eq!(Ground::read(&Value::Null, 5), Ground::read(&Value::Null, 5));
         assert_ne!(Ground::read(&Value::Null, 5), Ground::read(&Value::Null, 6));
@@ -184,7 +192,10 @@ mod tests {
             (json!({"waypoints": [[0, 0, 0], [0, 0, 5]]}), "the road is 5.0 m long"),
         ] {
             let error = Ground::read(&road, 0).unwrap_err();
-            assert!(error.message().contains(expected) && error.kind() == ErrorKind::Configuration, "{error}");
+            assert!(
+                error.message().contains(expected) && error.kind() == ErrorKind::Configuration,
+                "{error}"
+            );
         }
     }
 }

@@ -100,7 +100,8 @@ impl Rpc {
     /// The next message, which is an answer to something.
     fn message(&mut self, name: &str, deadline: &Deadline) -> Result<Value> {
         let what = format!("answered `{name}`");
-        let mut reader = Reader { connection: &mut self.connection, deadline, what: &what, left: LONGEST, failed: None };
+        let mut reader =
+            Reader { connection: &mut self.connection, deadline, what: &what, left: LONGEST, failed: None };
         // An answer is an array of four, the first of which is 1. Whatever else listens at this port begins differently.
         let begins = [reader.byte()?, reader.byte()?] == [0x94, 0x01];
         let mut rest = || rmpv::decode::read_value(&mut reader).ok();
@@ -109,7 +110,9 @@ impl Rpc {
             return Err(error);
         }
         match parts {
-            Some([Some(number), Some(refused), Some(result)]) => Ok(array([1.into(), number, refused, result])),
+            Some([Some(number), Some(refused), Some(result)]) if number.is_u64() => {
+                Ok(array([1.into(), number, refused, result]))
+            }
             _ => Err(self.nonsense(format!("answers `{name}` with what is no MessagePack-RPC"))),
         }
     }

@@ -3,8 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use pdk_adapter::{Connection, Settings, Station};
 use pdk_adapter::Deadline;
+use pdk_adapter::{Connection, Settings, Station};
 use pdk_sdk::prelude::{Control, Error, ErrorKind, Result};
 use rmpv::Value;
 
@@ -174,7 +174,10 @@ impl Server {
         let answer = self.call("get_map_info", Vec::new())?;
         let three = |value: &Value| [0, 1, 2].map(|i| number(element(value, i)).unwrap_or_default());
         let places = elements(element(&answer, 1)).iter();
-        let places = places.map(|place| Transform { location: three(element(place, 0)), rotation: three(element(place, 1)) });
+        let places = places.map(|place| Transform {
+            location: three(element(place, 0)),
+            rotation: three(element(place, 1)),
+        });
         Ok((last_part(text(element(&answer, 0))).to_owned(), places.collect()))
     }
 

@@ -16,7 +16,9 @@ fn versions_are_compared_by_their_numbers() {
     let version = |text: &str| text.parse::<Version>();
     assert_eq!(version("0.9.16"), Ok(Version::SPOKEN[1]));
     assert_eq!(version("0.9.15-169-g063cc9d90-dirty").map(|v| v.to_string()), Ok("0.9.15".to_owned()));
-    assert!(version("0.10.0").unwrap() > Version::SPOKEN[1] && version("0.9.12").unwrap() < Version::SPOKEN[0]);
+    assert!(
+        version("0.10.0").unwrap() > Version::SPOKEN[1] && version("0.9.12").unwrap() < Version::SPOKEN[0]
+    );
     for wrong in ["", "0.9", "carla", "0..1"] {
         assert_eq!(version(wrong), Err(()), "{wrong}");
     }

@@ -124,7 +124,9 @@ fn attributes(value: &Value) -> Result<Vec<(String, String)>> {
         other => {
             return Err(Error::of(
                 ErrorKind::Configuration,
-                format!("`camera_attributes` is {other}, but has to be an object, such as {{\"motion_blur_intensity\": 0}}"),
+                format!(
+                    "`camera_attributes` is {other}, but has to be an object, such as {{\"motion_blur_intensity\": 0}}"
+                ),
             ));
         }
     };

@@ -7,7 +7,8 @@ const BEFORE: usize = 36;
 /// The length of an actor.
 const ACTOR: usize = 119;
 /// The least and the most that a message may have in bytes: no actors, or a hundred thousand.
-pub const SIZES: (usize, usize) = (crate::stream::HEADER + BEFORE, crate::stream::HEADER + BEFORE + 100_000 * ACTOR);
+pub const SIZES: (usize, usize) =
+    (crate::stream::HEADER + BEFORE, crate::stream::HEADER + BEFORE + 100_000 * ACTOR);
 
 /// An actor as it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,7 +70,8 @@ mod tests {
         for id in [24u32, 25] {
             let mut record = vec![0; ACTOR];
             record[..4].copy_from_slice(&id.to_le_bytes());
-            let numbers = [10.0, -2.0, 0.5, 0.0, 90.0, 0.0, 3.0, 4.0, 0.0f32].map(|n| n + (f64::from(id) - 25.0) as f32);
+            let numbers = [10.0, -2.0, 0.5, 0.0, 90.0, 0.0, 3.0, 4.0, 0.0f32]
+                .map(|n| n + (f64::from(id) - 25.0) as f32);
             for (i, number) in numbers.into_iter().enumerate() {
                 record[5 + 4 * i..9 + 4 * i].copy_from_slice(&number.to_le_bytes());
             }

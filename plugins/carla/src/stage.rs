@@ -125,12 +125,16 @@ impl Stage {
             ("sensor_tick", "0.0".to_owned()),
             ("role_name", ROLE.to_owned()),
         ];
-        attributes.extend(options.camera_attributes.iter().map(|(name, value)| (name.as_str(), value.clone())));
+        attributes
+            .extend(options.camera_attributes.iter().map(|(name, value)| (name.as_str(), value.clone())));
         const CAMERA: &str = "sensor.camera.rgb";
         if let Some((name, _)) = options.camera_attributes.iter().find(|(name, _)| !kinds.has(CAMERA, name)) {
             return Err(Error::of(
                 ErrorKind::Configuration,
-                format!("`camera_attributes` says `{name}`, but the camera of CARLA {} has no such attribute", server.version()),
+                format!(
+                    "`camera_attributes` says `{name}`, but the camera of CARLA {} has no such attribute",
+                    server.version()
+                ),
             ));
         }
         let mounted = Transform {
@@ -155,7 +159,12 @@ impl Stage {
     ///
     /// # Errors
     /// Where they cannot be had.
-    pub fn subscribe_again(&mut self, station: &mut Station, server: &mut Server, deadline: &Deadline) -> Result<()> {
+    pub fn subscribe_again(
+        &mut self,
+        station: &mut Station,
+        server: &mut Server,
+        deadline: &Deadline,
+    ) -> Result<()> {
         let Some(sensors) = &mut self.sensors else { return Ok(()) };
         let size = [self.options.camera.width, self.options.camera.height];
         let token = server.token(sensors.camera.stream().token())?;
@@ -171,8 +180,16 @@ impl Stage {
     ///
     /// # Errors
     /// Where the server does not do what it is asked for.
-    pub fn act(&mut self, control: Control, server: &mut Server, world: &mut Stream, deadline: &Deadline) -> Result<State> {
-        let Some(sensors) = &mut self.sensors else { return Err(Error::new("it has no scenario yet: call reset first")) };
+    pub fn act(
+        &mut self,
+        control: Control,
+        server: &mut Server,
+        world: &mut Stream,
+        deadline: &Deadline,
+    ) -> Result<State> {
+        let Some(sensors) = &mut self.sensors else {
+            return Err(Error::new("it has no scenario yet: call reset first"));
+        };
         let expected = self.first + frames(self.state.time, self.options.camera.rate) + 1;
         server.control(sensors.vehicle, Pedals::of(control.checked()?))?;
         let request = server.tick()?;
@@ -216,7 +233,13 @@ impl Stage {
     }
 
     /// Lets the vehicle fall on the road and come to rest, and gives it its speed.
-    fn settle(&mut self, station: &Station, server: &mut Server, world: &mut Stream, deadline: &Deadline) -> Result<State> {
+    fn settle(
+        &mut self,
+        station: &Station,
+        server: &mut Server,
+        world: &mut Stream,
+        deadline: &Deadline,
+    ) -> Result<State> {
         let Some(sensors) = &mut self.sensors else { return Err(Error::new("nothing was spawned")) };
         let vehicle = sensors.vehicle;
         let rate = self.options.camera.rate;
@@ -234,7 +257,10 @@ impl Stage {
             tries += 1;
             match seen {
                 Ok(moves) => break (frame, moves),
-                Err(error) if error.kind() == ErrorKind::Late && tries < FIRST_FRAMES && deadline.left().is_some() => {}
+                Err(error)
+                    if error.kind() == ErrorKind::Late
+                        && tries < FIRST_FRAMES
+                        && deadline.left().is_some() => {}
                 Err(error) if error.kind() == ErrorKind::Late => {
                     return Err(deadline.late(station, "sent a first camera frame"));
                 }
@@ -284,7 +310,12 @@ fn frames(time: f64, rate: f64) -> u64 {
 }
 
 /// The next frame, and how the vehicle moves in it.
-fn next(server: &mut Server, world: &mut Stream, sensors: &mut Sensors, deadline: &Deadline) -> Result<(u64, Motion)> {
+fn next(
+    server: &mut Server,
+    world: &mut Stream,
+    sensors: &mut Sensors,
+    deadline: &Deadline,
+) -> Result<(u64, Motion)> {
     let request = server.tick()?;
     let frame = server.ticked(request)?;
     let moves = motion(world, sensors.vehicle, frame, deadline)?;

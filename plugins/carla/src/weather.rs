@@ -70,7 +70,10 @@ impl Weather {
                 }
                 None => {
                     let names: Vec<_> = PRESETS.iter().map(|(name, _)| *name).collect();
-                    Err(mistake(format!("`weather` is \"{name}\", but has to be one of {}", names.join(", "))))
+                    Err(mistake(format!(
+                        "`weather` is \"{name}\", but has to be one of {}",
+                        names.join(", ")
+                    )))
                 }
             },
             Value::Object(fields) => {
@@ -120,7 +123,10 @@ mod tests {
     fn weather_is_a_name_or_some_numbers() {
         let mut numbers = [9.0; 14];
         Weather::read(&json!("HardRainNoon")).unwrap().put_into(&mut numbers);
-        assert_eq!(numbers, [100.0, 100.0, 90.0, 100.0, -1.0, 45.0, 7.0, 0.75, 0.1, 0.0, 1.0, 0.03, 0.0331, 0.0]);
+        assert_eq!(
+            numbers,
+            [100.0, 100.0, 90.0, 100.0, -1.0, 45.0, 7.0, 0.75, 0.1, 0.0, 1.0, 0.03, 0.0331, 0.0]
+        );
         // CARLA 0.9.13 knows no dust.
         let mut older = [9.0; 13];
         Weather::read(&json!({"fog_density": 40, "dust_storm": 3})).unwrap().put_into(&mut older);
@@ -128,7 +134,10 @@ mod tests {
         assert!(Weather::read(&Value::Null).unwrap().is_unchanged());
         for wrong in [json!("Rain"), json!({"fog": 1}), json!({"fog_density": "much"}), json!(4)] {
             let error = Weather::read(&wrong).unwrap_err();
-            assert!(error.message().starts_with("`weather` ") && error.kind() == ErrorKind::Configuration, "{error}");
+            assert!(
+                error.message().starts_with("`weather` ") && error.kind() == ErrorKind::Configuration,
+                "{error}"
+            );
         }
     }
 }

@@ -167,7 +167,7 @@ fn off_arc(piece: &Piece, point: Point) -> f64 {
     match piece.shape {
         Shape::Arc(curvature) if curvature != 0.0 => {
             let (radius, up) = (1.0 / curvature, 1.0 / curvature - v);
-            let turned = libm::atan2(u * curvature.signum(), up * curvature.signum());
+            let turned = libm::atan2(u, up * curvature.signum());
             let within = (-1e-9..=piece.length * curvature.abs() + 1e-9).contains(&turned);
             if within { ((u * u + up * up).sqrt() - radius.abs()).abs() } else { f64::INFINITY }
         }
