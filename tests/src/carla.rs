@@ -740,7 +740,11 @@ fn trimmed(points: &[[f64; 3]]) -> &[[f64; 3]] {
     &points[..end]
 }
 
-fn lane_simulator(parameters: &serde_json::Value) -> Box<dyn Simulator> {
+/// The embedded simulator with these parameters.
+///
+/// # Panics
+/// Where it has not been built, or refuses them.
+pub fn lane_simulator(parameters: &serde_json::Value) -> Box<dyn Simulator> {
     let plugin = Plugin::load(&crate::library("pdk_lane")).unwrap();
     let index = plugin.description.components.iter().position(|component| component.name == "lane").unwrap();
     match plugin.create(index, parameters.as_object().unwrap()).unwrap() {

@@ -5,6 +5,7 @@
 // A helper of a test may fail like the test itself.
 #![allow(clippy::unwrap_used)]
 
+pub mod beamng;
 pub mod carla;
 pub mod datasets;
 pub mod installation;

@@ -22,13 +22,6 @@ const TICK: Duration = Duration::from_millis(50);
 /// How long taking leave may take for each answer.
 const LEAVE: Duration = Duration::from_secs(1);
 
-/// What was found at a server, to be put back.
-#[derive(Debug)]
-struct Found {
-    settings: EpisodeSettings,
-    weather: Vec<f64>,
-}
-
 /// What is loaded.
 #[derive(Debug, PartialEq)]
 enum Loaded {
@@ -45,7 +38,6 @@ pub struct Episode {
     /// None while and after it takes leave.
     server: Option<Server>,
     world: Option<Stream>,
-    found: Option<Found>,
     loaded: Option<Loaded>,
     stage: Option<Stage>,
 }
@@ -64,8 +56,8 @@ impl Episode {
             found = abandoned(&station, &mut server, &mut world, found)?;
         }
         let weather = server.weather()?;
-        let found = Some(Found { settings: found, weather });
-        Ok(Self { station, server: Some(server), world: Some(world), found, loaded: None, stage: None })
+        server.keep(found, weather)?;
+        Ok(Self { server: Some(server), station, world: Some(world), loaded: None, stage: None })
     }
 
     fn greet(station: &mut Station, deadline: &Deadline) -> Result<(Server, Stream)> {
@@ -120,11 +112,12 @@ impl Episode {
     }
 
     fn prepare(&mut self, scenario: &Scenario, options: &Options, deadline: &Deadline) -> Result<State> {
-        self.clear()?;
+        self.stage = None;
+        self.server.as_mut().map_or(Ok(()), Server::clear)?;
         let ground = Ground::read(&scenario.road, scenario.seed)?;
         self.load(&ground, deadline)?;
-        let Self { station, server, world, found, loaded, stage } = self;
-        let (Some(server), Some(world), Some(found)) = (server, world, found) else {
+        let Self { station, server, world, loaded, stage } = self;
+        let (Some(server), Some(world)) = (server, world) else {
             return Err(not_started());
         };
         let lane = match (&ground, loaded) {
@@ -148,7 +141,7 @@ impl Episode {
         let settings = server.episode_settings()?.stepped(options.camera.rate);
         server.set_episode_settings(&settings)?;
         if !options.weather.is_unchanged() {
-            let mut weather = found.weather.clone();
+            let mut weather = server.kept_weather().to_vec();
             options.weather.put_into(&mut weather);
             server.set_weather(&weather)?;
         }
@@ -204,6 +197,7 @@ impl Episode {
                     Ok(None)
                 }
             })?;
+            server.forget()?;
             *world = Some(subscribe(station, server, deadline)?);
         }
         *loaded = Some(match ground {
@@ -215,37 +209,13 @@ impl Episode {
         });
         Ok(())
     }
-
-    /// Takes away what the scenario before has put there.
-    fn clear(&mut self) -> Result<()> {
-        match (self.stage.take(), &mut self.server) {
-            (Some(mut stage), Some(server)) => stage.clear(server),
-            _ => Ok(()),
-        }
-    }
-
-    /// Puts everything back. What cannot be put back is not, since nobody can do anything about it.
-    fn leave(&mut self) {
-        let (Some(mut server), Some(found)) = (self.server.take(), self.found.take()) else { return };
-        server.hurry(LEAVE);
-        if let Some(mut stage) = self.stage.take() {
-            // One that does not answer now will not answer the rest either.
-            if stage
-                .clear(&mut server)
-                .is_err_and(|error| matches!(error.kind(), ErrorKind::Late | ErrorKind::Lost))
-            {
-                return;
-            }
-        }
-        let _ = server.set_weather(&found.weather);
-        let _ = server.set_episode_settings(&found.settings.restored());
-        server.close();
-    }
 }
 
 impl Drop for Episode {
     fn drop(&mut self) {
-        self.leave();
+        if let Some(server) = self.server.take() {
+            server.leave(LEAVE);
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The road of a scenario: one of its own, or a lane of a map that CARLA has.
 
-use pdk_road::{MapBox, NODES, Path, Point, Road, SEGMENT, opendrive};
+use pdk_road::{LANE_WIDTH, MapBox, NODES, Path, Point, Road, SEGMENT, opendrive};
 use pdk_sdk::prelude::{Error, ErrorKind, Result};
 use pdk_sdk::serde_json::{Map, Value};
 
@@ -88,12 +88,14 @@ pub struct Lane {
     pub waypoints: Vec<[f64; 3]>,
     /// From its centre line to its edge in metres.
     pub half_width: f64,
+    /// Whether a lane for the other direction lies to the left of it.
+    pub has_opposite: bool,
 }
 
 impl Lane {
     /// The driven lane of a road of its own.
     pub fn own(waypoints: &[[f64; 3]]) -> Self {
-        Self { waypoints: waypoints.to_vec(), half_width: opendrive::LANE_WIDTH / 2.0 }
+        Self { waypoints: waypoints.to_vec(), half_width: LANE_WIDTH / 2.0, has_opposite: true }
     }
 
     /// The lane of a map, given as OpenDRIVE, that leads on from a place.
@@ -104,7 +106,7 @@ impl Lane {
         let lane = opendrive::Map::read(document)
             .and_then(|map| map.follow(at, heading, length))
             .map_err(mistake)?;
-        Ok(Self { waypoints: lane.points, half_width: lane.width / 2.0 })
+        Ok(Self { waypoints: lane.points, half_width: lane.width / 2.0, has_opposite: false })
     }
 
     /// Heading of its beginning in radians.
@@ -122,7 +124,7 @@ fn random(seed: u64) -> Result<Vec<[f64; 3]>> {
     for _ in 0..1000 {
         let angles = pdk_road::random_angles(&mut random, NODES, RANDOM_ANGLE);
         let road = Road::from_angles(&angles, &[SEGMENT; NODES]).map_err(Error::new)?;
-        let valid = pdk_road::check(&road, 2.0 * opendrive::LANE_WIDTH, &MapBox::default())
+        let valid = pdk_road::check(&road, 2.0 * LANE_WIDTH, &MapBox::default())
             .and_then(|()| pdk_road::check_bends(&road, SMALLEST_RADIUS));
         if valid.is_ok() {
             return Ok(road.waypoints.into_iter().map(|[x, z]| [x, 0.0, z]).collect());

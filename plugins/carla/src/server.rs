@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::str::FromStr;
+use std::time::Duration;
 
 use pdk_adapter::Deadline;
 use pdk_adapter::{Connection, Settings, Station};
@@ -10,15 +11,20 @@ use rmpv::Value;
 
 use crate::axes::Transform;
 use crate::blueprint::{Actor, Blueprints};
-use crate::rpc::{LONGEST, Rpc};
+use crate::rpc::{LONGEST, Rpc, request};
 use crate::stream::Token;
 use crate::value::{array, bytes, element, elements, float, id, number, text, vector};
+use crate::will::Will;
 
 /// All layers of a map.
 const ALL_LAYERS: u32 = 65_535;
 /// How CARLA makes the ground of an OpenDRIVE map: a point every metre, pieces of 50 m, no walls at the edges of the road, which would
 /// turn a departure from the lane into a collision, 0.6 m of additional width, smooth, visible, with ways for pedestrians.
 const GROUND: [f64; 4] = [1.0, 50.0, 0.0, 0.6];
+
+const DESTROY: &str = "destroy_actor";
+const SET_SETTINGS: &str = "set_episode_settings";
+const SET_WEATHER: &str = "set_weather_parameters";
 
 /// The version of a server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -61,6 +67,11 @@ pub struct Server {
     rpc: Rpc,
     version: Version,
     settings: Settings,
+    /// What was spawned and not taken away yet, in that order.
+    actors: Vec<u32>,
+    /// What is put back in the end.
+    found: Option<(EpisodeSettings, Vec<f64>)>,
+    will: Will,
 }
 
 impl Server {
@@ -75,7 +86,10 @@ impl Server {
         let answer = rpc.call("version", Vec::new(), &settings.answering())?;
         let [first, last] = Version::SPOKEN;
         match text(&answer).parse() {
-            Ok(version) if (first..=last).contains(&version) => Ok(Self { rpc, version, settings }),
+            Ok(version) if (first..=last).contains(&version) => {
+                let will = Will::new(&station.connect(0, deadline)?)?;
+                Ok(Self { rpc, version, settings, actors: Vec::new(), found: None, will })
+            }
             _ => Err(Error::of(
                 ErrorKind::Configuration,
                 format!(
@@ -95,14 +109,76 @@ impl Server {
         self.rpc.is_open()
     }
 
-    /// Takes leave.
-    pub fn close(self) {
+    /// These settings and this weather are to be put back in the end, however that comes.
+    ///
+    /// # Errors
+    /// Where that cannot be arranged.
+    pub fn keep(&mut self, settings: EpisodeSettings, weather: Vec<f64>) -> Result<()> {
+        self.found = Some((settings, weather));
+        self.arrange()
+    }
+
+    /// The weather that is put back in the end.
+    pub fn kept_weather(&self) -> &[f64] {
+        self.found.as_ref().map_or(&[], |(_, weather)| weather)
+    }
+
+    /// Takes leave: takes away what was spawned and puts back what was found. No answer may take longer than `limit`. What cannot be put
+    /// back is not, since nobody can do anything about it.
+    pub fn leave(mut self, limit: Duration) {
+        self.settings.answer = self.settings.answer.min(limit);
+        // One that does not answer now will not answer the rest either.
+        if self.clear().is_ok()
+            && let Some((settings, weather)) = self.found.take()
+        {
+            let _ = self.set_weather(&weather);
+            let _ = self.set_episode_settings(&settings.restored());
+        }
         self.rpc.close();
     }
 
-    /// Answers may take no longer than so long from now on.
-    pub fn hurry(&mut self, limit: std::time::Duration) {
-        self.settings.answer = self.settings.answer.min(limit);
+    /// Takes away everything that was spawned; what is fixed to another one goes first.
+    ///
+    /// # Errors
+    /// Where the server is gone or late; an actor that it does not know any more is taken away already.
+    pub fn clear(&mut self) -> Result<()> {
+        while let Some(actor) = self.actors.last() {
+            match self.destroy(*actor) {
+                Err(error) if error.kind() != ErrorKind::Failed => return Err(error),
+                _ => self.actors.pop(),
+            };
+        }
+        self.arrange()
+    }
+
+    /// Nothing is there any more that was spawned: another map has been loaded.
+    ///
+    /// # Errors
+    /// Where what is put back cannot be arranged.
+    pub fn forget(&mut self) -> Result<()> {
+        self.actors.clear();
+        self.arrange()
+    }
+
+    /// Arranges what is said where this process is ended from outside.
+    fn arrange(&mut self) -> Result<()> {
+        let mut words = Vec::new();
+        for (number, actor) in (0..).zip(self.actors.iter().rev()) {
+            words.extend(request(number, DESTROY, false, vec![(*actor).into()]));
+        }
+        if let Some((settings, weather)) = &self.found {
+            words.extend(request(u32::MAX - 1, SET_WEATHER, false, vec![weather_value(weather)]));
+            words.extend(request(u32::MAX, SET_SETTINGS, false, vec![array(settings.restored().0)]));
+        }
+        self.will.write(&words)
+    }
+
+    /// Notes what was spawned.
+    fn spawned(&mut self, actor: Value) -> Result<Value> {
+        let id = self.id_of(&actor)?;
+        self.actors.push(id);
+        self.arrange()?;
+        Ok(actor)
     }
 
     fn call(&mut self, name: &str, arguments: Vec<Value>) -> Result<Value> {
@@ -148,7 +224,7 @@ impl Server {
 
     /// Sets them.
     pub fn set_episode_settings(&mut self, settings: &EpisodeSettings) -> Result<()> {
-        self.call("set_episode_settings", vec![array(settings.0.clone())]).map(drop)
+        self.call(SET_SETTINGS, vec![array(settings.0.clone())]).map(drop)
     }
 
     /// Asks for the next frame; its number comes with [`Server::ticked`].
@@ -207,7 +283,8 @@ impl Server {
 
     /// Spawns an actor, which comes back.
     pub fn spawn(&mut self, description: Value, at: Transform) -> Result<Value> {
-        self.call("spawn_actor", vec![description, at.value()])
+        let actor = self.call("spawn_actor", vec![description, at.value()])?;
+        self.spawned(actor)
     }
 
     /// Spawns an actor that is fixed to another one.
@@ -216,12 +293,13 @@ impl Server {
         if self.version >= Version::SOCKETS {
             arguments.push("".into());
         }
-        self.call("spawn_actor_with_parent", arguments)
+        let actor = self.call("spawn_actor_with_parent", arguments)?;
+        self.spawned(actor)
     }
 
     /// Takes an actor away.
     pub fn destroy(&mut self, actor: u32) -> Result<()> {
-        self.call("destroy_actor", vec![actor.into()]).map(drop)
+        self.call(DESTROY, vec![actor.into()]).map(drop)
     }
 
     /// Actors by their numbers.
@@ -270,8 +348,7 @@ impl Server {
 
     /// Sets them.
     pub fn set_weather(&mut self, numbers: &[f64]) -> Result<()> {
-        let numbers: Vec<Value> = numbers.iter().map(|&number| float(number)).collect();
-        self.call("set_weather_parameters", vec![array(numbers)]).map(drop)
+        self.call(SET_WEATHER, vec![weather_value(numbers)]).map(drop)
     }
 
     /// The number of an actor that was spawned.
@@ -313,6 +390,10 @@ fn control_arguments(vehicle: u32, pedals: Pedals) -> Vec<Value> {
     let numbers = [throttle, steer, brake].map(float);
     let rest = [hand_brake.into(), false.into(), false.into(), 0.into()];
     vec![vehicle.into(), Value::Array(numbers.into_iter().chain(rest).collect())]
+}
+
+fn weather_value(numbers: &[f64]) -> Value {
+    Value::Array(numbers.iter().map(|&number| float(number)).collect())
 }
 
 /// The settings of an episode, as many as the server has.

@@ -1,6 +1,7 @@
 //! The simulator `carla`.
 
 use pdk_adapter::Settings;
+use pdk_road::traffic::Wanted;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Map, Value};
 
@@ -41,6 +42,8 @@ pub struct Options {
     pub initial_speed: f64,
     /// The weather.
     pub weather: Weather,
+    /// The other vehicles.
+    pub traffic: Wanted,
 }
 
 impl Component for Carla {
@@ -81,6 +84,25 @@ impl Component for Carla {
                     .range(0.0, 50.0)
                     .unit("m/s"),
             )
+            .parameter(
+                Parameter::number("vehicle_ahead", 0.0, "free distance to a vehicle ahead in the same lane at the start; 0 for none")
+                    .range(0.0, 140.0)
+                    .unit("m"),
+            )
+            .parameter(
+                Parameter::number(
+                    "vehicle_ahead_speed",
+                    6.5,
+                    "mean speed of the vehicle ahead; it swings by 30 % around it every 14 s",
+                )
+                .range(0.5, 40.0)
+                .unit("m/s"),
+            )
+            .parameter(
+                Parameter::number("oncoming", 0.0, "oncoming vehicles a kilometre, on roads of the scenario's own")
+                    .range(0.0, 60.0)
+                    .unit("1/km"),
+            )
             .parameter(Parameter::json(
                 "weather",
                 Value::Null,
@@ -110,6 +132,11 @@ impl Component for Carla {
             vehicle: vehicle.to_owned(),
             initial_speed: config.number("initial_speed"),
             weather: Weather::read(config.value("weather"))?,
+            traffic: Wanted {
+                gap: config.number("vehicle_ahead"),
+                speed: config.number("vehicle_ahead_speed"),
+                oncoming: config.number("oncoming"),
+            },
         };
         Ok(Self { settings: Settings::read(TITLE, config)?, options, episode: None })
     }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use pdk_adapter::{Deadline, Place, Station, Track};
+use pdk_road::traffic;
 use pdk_sdk::prelude::{Control, Error, ErrorKind, FrameMut, Result, State};
 use rmpv::Value;
 
@@ -14,6 +15,7 @@ use crate::server::{Pedals, Server};
 use crate::simulator::Options;
 use crate::snapshot::{self, Motion};
 use crate::stream::{HEADER, Stream};
+use crate::traffic::Fleet;
 use crate::value::{element, text};
 
 /// So much higher than the road the vehicle is spawned, in metres: one that touches it is refused.
@@ -41,8 +43,9 @@ pub struct Stage {
     track: Track,
     half_width: f64,
     heading: f64,
-    /// What was spawned, in that order.
-    actors: Vec<u32>,
+    fleet: Fleet,
+    /// From the middle of the vehicle to its front in metres.
+    front: f64,
     sensors: Option<Sensors>,
     /// The server's number of the scenario's first frame.
     first: u64,
@@ -61,13 +64,15 @@ impl Stage {
     ///
     /// # Errors
     /// Where the lane is no road.
-    pub fn new(lane: Lane, options: Options, _seed: u64) -> Result<Self> {
+    pub fn new(lane: Lane, options: Options, seed: u64) -> Result<Self> {
+        let front = traffic::SIZE[2] / 2.0;
         Ok(Self {
+            fleet: Fleet::new(options.traffic, &lane, front, seed)?,
+            front,
             heading: lane.heading(),
             half_width: lane.half_width,
             track: Track::new(lane.waypoints)?,
             options,
-            actors: Vec::new(),
             sensors: None,
             first: 0,
             state: State::default(),
@@ -113,8 +118,9 @@ impl Stage {
         let vehicle = server.spawn(vehicle, at).map_err(|error| {
             error.at(format_args!("the vehicle cannot start at x {x:.1}, height {height:.1}, z {z:.1}"))
         })?;
+        self.front = Actor(&vehicle).extent().map_or(self.front, |[half_length, ..]| half_length);
         let vehicle = server.id_of(&vehicle)?;
-        self.actors.push(vehicle);
+        self.fleet.spawn(server, kinds, &self.options.vehicle)?;
 
         let options = &self.options;
         let mut attributes = vec![
@@ -141,10 +147,10 @@ impl Stage {
             location: [options.camera_ahead, 0.0, options.camera_height],
             rotation: [-options.camera_pitch, 0.0, 0.0],
         };
-        let camera = self.fix(server, kinds.describe(CAMERA, &attributes)?, mounted, vehicle)?;
+        let camera = server.spawn_on(kinds.describe(CAMERA, &attributes)?, mounted, vehicle)?;
         let role = [("role_name", ROLE.to_owned())];
         let described = kinds.describe("sensor.other.collision", &role)?;
-        let collisions = self.fix(server, described, Transform::default(), vehicle)?;
+        let collisions = server.spawn_on(described, Transform::default(), vehicle)?;
 
         let size = [self.options.camera.width, self.options.camera.height];
         let token = server.token(stream_of(&camera)?)?;
@@ -190,7 +196,9 @@ impl Stage {
         let Some(sensors) = &mut self.sensors else {
             return Err(Error::new("it has no scenario yet: call reset first"));
         };
-        let expected = self.first + frames(self.state.time, self.options.camera.rate) + 1;
+        let number = frames(self.state.time, self.options.camera.rate) + 1;
+        let expected = self.first + number;
+        self.fleet.place(server, number as f64 / self.options.camera.rate)?;
         server.control(sensors.vehicle, Pedals::of(control.checked()?))?;
         let request = server.tick()?;
         // What belongs to the frame may come before the answer.
@@ -210,28 +218,6 @@ impl Stage {
         Ok(self.arrive(motion, frame, collision))
     }
 
-    /// Takes everything away that was spawned.
-    ///
-    /// # Errors
-    /// Where the server is gone or late; an actor that it does not know any more is taken away already.
-    pub fn clear(&mut self, server: &mut Server) -> Result<()> {
-        self.sensors = None;
-        // What is fixed to another one goes first.
-        while let Some(actor) = self.actors.pop() {
-            match server.destroy(actor) {
-                Err(error) if error.kind() != ErrorKind::Failed => return Err(error),
-                _ => {}
-            }
-        }
-        Ok(())
-    }
-
-    fn fix(&mut self, server: &mut Server, description: Value, at: Transform, parent: u32) -> Result<Value> {
-        let actor = server.spawn_on(description, at, parent)?;
-        self.actors.push(server.id_of(&actor)?);
-        Ok(actor)
-    }
-
     /// Lets the vehicle fall on the road and come to rest, and gives it its speed.
     fn settle(
         &mut self,
@@ -244,6 +230,7 @@ impl Stage {
         let vehicle = sensors.vehicle;
         let rate = self.options.camera.rate;
         server.control(vehicle, Pedals::PARKED)?;
+        self.fleet.place(server, 0.0)?;
         // The server does not say when it has taken a subscription: frames are asked for until the first comes.
         let mut tries = 0;
         let (mut frame, mut moves) = loop {
@@ -286,16 +273,17 @@ impl Stage {
     }
 
     fn arrive(&mut self, motion: Motion, frame: u64, collision: bool) -> State {
-        let Place { cross_track_error, progress, finished, .. } = self.track.find(motion.position);
+        let Place { cross_track_error, along, progress, finished, .. } = self.track.find(motion.position);
+        // From the count, not from a sum: it never drifts.
+        let time = (frame - self.first) as f64 / self.options.camera.rate;
         self.state = State {
-            // From the count, not from a sum: it never drifts.
-            time: (frame - self.first) as f64 / self.options.camera.rate,
+            time,
             position: motion.position,
             heading: motion.heading,
             speed: motion.speed(),
             cross_track_error,
             progress,
-            vehicle_ahead: f64::INFINITY,
+            vehicle_ahead: self.fleet.free_distance(time, along + self.front),
             lane_departure: cross_track_error.abs() >= self.half_width,
             collision,
             finished,

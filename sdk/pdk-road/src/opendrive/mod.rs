@@ -9,7 +9,7 @@ mod read;
 mod write;
 
 pub use map::{Lane, Map};
-pub use write::{BEHIND, BEYOND, LANE_WIDTH, write};
+pub use write::{BEHIND, BEYOND, write};
 
 use crate::Point;
 

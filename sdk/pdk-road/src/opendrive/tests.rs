@@ -1,7 +1,7 @@
 use serde_json::{Value, json};
 
 use super::*;
-use crate::{Path, distance};
+use crate::{LANE_WIDTH, Path, distance};
 
 fn waypoints(road: &Value) -> Vec<[f64; 3]> {
     crate::read(road).unwrap().unwrap()

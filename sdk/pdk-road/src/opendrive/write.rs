@@ -4,10 +4,7 @@ use std::fmt::Write;
 
 use super::geometry::{Piece, Shape, arcs_along};
 use super::turned;
-use crate::{Path, Point, distance};
-
-/// Width of a lane in metres.
-pub const LANE_WIDTH: f64 = 4.0;
+use crate::{LANE_WIDTH, Path, Point};
 
 /// The road begins so many metres before the first waypoint, so that the whole vehicle stands on it at the start.
 pub const BEHIND: f64 = 15.0;
@@ -110,17 +107,7 @@ fn heights(waypoints: &[[f64; 3]], path: &Path, text: &mut String) {
     if waypoints.iter().all(|point| (point[1] - height(0)).abs() < FLAT) {
         return;
     }
-    // Each waypoint is a point of the path, so that it is found by going on from the one before.
-    let mut segment = 0;
-    let along: Vec<f64> = waypoints
-        .iter()
-        .map(|&[x, _, z]| {
-            while segment < path.segments() && distance(path.points()[segment], [x, z]) > 1e-9 {
-                segment += 1;
-            }
-            path.along(segment)
-        })
-        .collect();
+    let along = path.places(waypoints.iter().map(|&[x, _, z]| [x, z]));
     let slope = |i: usize| match i {
         0 => 0.0,
         i if i == last => 0.0,
