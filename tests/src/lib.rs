@@ -15,6 +15,7 @@ pub mod process;
 pub mod processes;
 pub mod random;
 pub mod records;
+pub mod stand_in;
 
 use std::path::{Path, PathBuf};
 

@@ -16,7 +16,7 @@ use pdk_pipeline::settings::Override;
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use pdk_sdk::testing;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -325,7 +325,19 @@ fn check(plugin: &Plugin, index: usize, description: &Description, config: &Conf
     }
     match description.kind {
         Kind::Perturbation => testing::check_perturbation(description, config, make!(Perturbation)),
-        Kind::Simulator => testing::check_simulator(config, make!(Simulator)),
+        Kind::Simulator => {
+            let checked = testing::check_simulator(description, config, make!(Simulator));
+            match checked {
+                Err(error) if description.external && error.kind() == ErrorKind::Lost => {
+                    let name = &description.name;
+                    report(&Report::Note(format!(
+                        "simulator `{name}` was made and not driven, because {error}"
+                    )));
+                    Ok(())
+                }
+                checked => checked,
+            }
+        }
         Kind::Driver => testing::check_driver(config, make!(Driver)),
         Kind::Saliency => testing::check_saliency(config, make!(Saliency)),
         Kind::Search => testing::check_search(config, make!(Search)),
