@@ -16,6 +16,8 @@ use pdk_sdk::prelude::{Control, FrameBuf, Scenario, Simulator, State};
 use rmpv::Value;
 use serde_json::json;
 
+use crate::stand_in::free_ports;
+
 /// What a game does at some step, counted from the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
@@ -95,16 +97,11 @@ impl BeamNgGame {
     /// Starts one.
     ///
     /// # Panics
-    /// Where there are no two free ports in a row.
+    /// Where its ports are taken.
     pub fn start(setup: Setup) -> Self {
-        let (engine, vehicle) = (0..100)
-            .find_map(|_| {
-                let engine = TcpListener::bind("127.0.0.1:0").unwrap();
-                let next = engine.local_addr().unwrap().port().checked_add(1)?;
-                Some((engine, TcpListener::bind(("127.0.0.1", next)).ok()?))
-            })
-            .expect("two free ports in a row");
-        let port = engine.local_addr().unwrap().port();
+        let port = free_ports(2);
+        let engine = TcpListener::bind(("127.0.0.1", port)).unwrap();
+        let vehicle = TcpListener::bind(("127.0.0.1", port + 1)).unwrap();
         let world = World {
             setup,
             port,

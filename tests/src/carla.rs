@@ -9,7 +9,7 @@ use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use pdk_core::loader::Plugin;
 use pdk_model::component::ComponentSpec;
@@ -18,6 +18,8 @@ use pdk_sdk::abi::host::Instance;
 use pdk_sdk::prelude::{Control, FrameBuf, Scenario, Simulator, State};
 use rmpv::Value;
 use serde_json::json;
+
+use crate::stand_in::free_ports;
 
 /// What a server does when it comes to a frame of the scenario, counted from the first tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,6 +107,8 @@ struct World {
     subscribers: Vec<(u32, TcpStream)>,
     connections: Vec<TcpStream>,
     hanging: bool,
+    /// What the latest frame took here.
+    own: Duration,
 }
 
 /// The map that a server has from the start: 200 m straight ahead.
@@ -144,18 +148,9 @@ impl CarlaServer {
     /// # Panics
     /// Where its ports are taken.
     pub fn start(setup: Setup) -> Self {
-        (0..100).find_map(|_| Self::try_start(setup)).expect("two free ports in a row")
-    }
-
-    /// Starts one; none where its ports are taken.
-    ///
-    /// # Panics
-    /// Where the system does not say which port it is.
-    pub fn try_start(setup: Setup) -> Option<Self> {
-        let rpc = TcpListener::bind(("127.0.0.1", setup.port)).ok()?;
-        let streams =
-            TcpListener::bind(("127.0.0.1", rpc.local_addr().unwrap().port().checked_add(1)?)).ok()?;
-        let port = rpc.local_addr().unwrap().port();
+        let port = if setup.port == 0 { free_ports(2) } else { setup.port };
+        let rpc = TcpListener::bind(("127.0.0.1", port)).unwrap();
+        let streams = TcpListener::bind(("127.0.0.1", port + 1)).unwrap();
         let world = Arc::new(Mutex::new(World::new(setup, port)));
         let stop = Arc::new(AtomicBool::new(false));
         let mut threads = vec![
@@ -172,7 +167,7 @@ impl CarlaServer {
                 }
             }
         }));
-        Some(Self { port, world, stop, threads })
+        Self { port, world, stop, threads }
     }
 
     /// The port of requests.
@@ -199,6 +194,11 @@ impl CarlaServer {
     /// The first number of its weather, the cloudiness.
     pub fn cloudiness(&self) -> f64 {
         lock(&self.world).weather[0].as_f64().unwrap()
+    }
+
+    /// How long it took itself for the latest frame that it was asked for.
+    pub fn own_time(&self) -> Duration {
+        lock(&self.world).own
     }
 
     /// The names of the requests that it got, in their order.
@@ -357,6 +357,7 @@ impl World {
             subscribers: Vec::new(),
             connections: Vec::new(),
             hanging: false,
+            own: Duration::ZERO,
         };
         world.populate();
         world
@@ -441,8 +442,10 @@ impl World {
                 done()
             }
             "tick_cue" => {
+                let began = Instant::now();
                 self.ticks += 1;
                 self.step();
+                self.own = began.elapsed();
                 if self.fault(name) == Some(Fault::Steps) {
                     self.step();
                 }

@@ -93,8 +93,10 @@ fn what_goes_wrong_is_said() {
         let folder = temp();
         let began = Instant::now();
         let ran = run(folder.path(), "record", &beamng(port)).run();
-        let outcome = outcomes(folder.path(), "record").remove(0);
-        let error = outcome["error"].as_str().unwrap_or_default();
+        // Where there is no simulator at all, the run ends without an outcome.
+        let outcome = outcomes(folder.path(), "record").into_iter().next().unwrap_or(Value::Null);
+        let error =
+            if outcome.is_null() { &ran.stderr } else { outcome["error"].as_str().unwrap_or_default() };
         println!("{what}: exit code {:?} after {:.1} s: {error}", ran.code, began.elapsed().as_secs_f64());
         assert!(began.elapsed() < Duration::from_secs(60));
         if error.is_empty() {
@@ -103,7 +105,8 @@ fn what_goes_wrong_is_said() {
             assert!(game.unwrap().is_untouched());
             continue;
         }
-        assert_eq!((ran.code, outcome["error_kind"].as_str()), (Some(1), Some(kind)), "{what}: {error}");
+        assert_eq!(ran.code, Some(1), "{what}: {error}");
+        assert!(outcome.is_null() || outcome["error_kind"] == kind, "{what}: {outcome}");
         assert!(error.contains(part), "{what}: {error}");
     }
 }

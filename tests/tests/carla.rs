@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use pdk_tests::carla::{CarlaServer, Fault, Setup};
 use pdk_tests::process::{json_file, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, ended_within, signal};
+use pdk_tests::stand_in::free_ports;
 use pdk_tests::{Finished, Pdk, repository, temp};
 use rustix::process::Signal;
 use serde_json::{Value, json};
@@ -110,18 +111,13 @@ fn a_greedy_test_over_the_wire_comes_out_as_one_without_it() {
 #[test]
 fn two_workers_have_a_server_each_and_find_what_one_finds() {
     let folder = temp();
-    let first = CarlaServer::start(Setup::default());
-    let (step, second) = (4..1000)
-        .find_map(|step| {
-            let port = first.port().checked_add(step)?;
-            Some((step, CarlaServer::try_start(Setup { port, ..Setup::default() })?))
-        })
-        .unwrap();
+    let port = free_ports(4);
+    let [first, second] = [port, port + 2].map(|port| CarlaServer::start(Setup { port, ..Setup::default() }));
     let mut records = Vec::new();
     for workers in [1, 2] {
         let record = folder.path().join(format!("{workers}"));
         std::fs::create_dir(&record).unwrap();
-        let simulator = simulator(first.port(), json!({"port_step": step}));
+        let simulator = simulator(first.port(), json!({"port_step": 2}));
         short(&record, &simulator).set("roads", 6).set("workers", workers).succeed();
         records.push(std::fs::read_to_string(record.join("record/scenarios.jsonl")).unwrap());
     }
@@ -289,7 +285,7 @@ fn one_that_is_no_server_of_these_versions_is_said() {
     let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let folder = temp();
     let nobody = wrong(folder.path(), &simulator(free, json!({"start_seconds": 1})), "not there");
-    assert_eq!((nobody.run.code, nobody.kind.as_str()), (Some(1), "lost"));
+    assert_eq!(nobody.run.code, Some(1));
     assert!(
         nobody.error.contains("the CARLA server is not at 127.0.0.1:") && nobody.error.contains("start it"),
         "{}",
@@ -317,7 +313,8 @@ fn one_that_is_no_server_of_these_versions_is_said() {
         });
         let folder = temp();
         let other = wrong(folder.path(), &simulator(port, json!({})), what);
-        assert_eq!((other.run.code, other.kind.as_str()), (Some(1), kind), "{}", other.error);
+        assert_eq!(other.run.code, Some(1));
+        assert!(other.error.contains(part), "{}", other.error);
         drop(serving);
     }
 

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use pdk_adapter::{Connection, Deadline, Place, Settings, Station, Track};
+use pdk_adapter::picture::Order;
+use pdk_adapter::{Connection, Deadline, Picture, Place, Settings, Station, Track};
 use pdk_sdk::prelude::{Control, Error, ErrorKind, FrameMut, Result, Scenario, State};
 use pdk_sdk::serde_json::{self, json};
 use rmpv::Value;
@@ -46,8 +47,7 @@ struct Drive {
     /// The damage at the start.
     worn: f64,
     state: State,
-    /// Red, green and blue of the latest frame.
-    pixels: Vec<u8>,
+    picture: Picture,
 }
 
 /// How the vehicle moves.
@@ -119,19 +119,8 @@ impl Session {
     ///
     /// # Errors
     /// Where there is none, or it is of another size.
-    pub fn write(&self, mut into: FrameMut<'_>) -> Result<()> {
-        let drive = self.drive.as_ref().ok_or_else(not_started)?;
-        let (width, height) = (into.width(), into.height());
-        if 3 * width * height != drive.pixels.len() || width != self.options.camera.width as usize {
-            return Err(Error::new(format!(
-                "it was given a {width}x{height} frame, but its camera delivers {}x{}",
-                self.options.camera.width, self.options.camera.height
-            )));
-        }
-        for (row, pixels) in into.rows_mut().zip(drive.pixels.chunks_exact(3 * width)) {
-            row.copy_from_slice(pixels);
-        }
-        Ok(())
+    pub fn write(&self, into: FrameMut<'_>) -> Result<()> {
+        self.drive.as_ref().ok_or_else(not_started)?.picture.write(into)
     }
 
     fn ask(&mut self, what: &str, fields: Vec<(&str, Value)>, expected: &str) -> Result<Value> {
@@ -161,8 +150,9 @@ impl Session {
         self.load(track.waypoints(), deadline)?;
         let motion = self.settle(track.waypoints())?;
         track.restart();
-        let pixels = self.look()?;
-        let mut drive = Drive { track, frames: 0, worn: motion.damage, state: State::default(), pixels };
+        let picture = Picture::new(self.options.camera.width, self.options.camera.height);
+        let picture = self.look(picture)?;
+        let mut drive = Drive { track, frames: 0, worn: motion.damage, state: State::default(), picture };
         let state = drive.arrive(motion, &self.options);
         self.drive = Some(drive);
         Ok(state)
@@ -201,10 +191,8 @@ impl Session {
         let connected =
             self.ask("StartVehicleConnection", vec![("vid", VEHICLE.into())], "StartVehicleConnection")?;
         let port = field(&connected, "result").as_u64().and_then(|port| u16::try_from(port).ok());
-        let Some(offset) = port.and_then(|port| port.checked_sub(self.station.port())) else {
-            return Err(self.engine.strange("StartVehicleConnection", &connected));
-        };
-        let socket = self.station.connect(offset, deadline)?;
+        let Some(port) = port else { return Err(self.engine.strange("StartVehicleConnection", &connected)) };
+        let socket = self.station.connect_to(port, deadline)?;
         let connection = Connection::new(socket, format!("the vehicle of {}", self.station), LONGEST)?;
         self.vehicle = Some(Messages::open(connection, &options.protocol, deadline)?);
         self.ask("OpenCamera", camera(&options), "OpenedCamera").map(drop)
@@ -278,11 +266,12 @@ impl Session {
         ];
         self.ask_vehicle("Control", pedals, "Controlled")?;
         let motion = self.advance()?;
-        let pixels = self.look()?;
-        let drive = self.drive.as_mut().ok_or_else(not_started)?;
+        let mut drive = self.drive.take().ok_or_else(not_started)?;
+        drive.picture = self.look(drive.picture)?;
         drive.frames += 1;
-        drive.pixels = pixels;
-        Ok(drive.arrive(motion, &self.options))
+        let state = drive.arrive(motion, &self.options);
+        self.drive = Some(drive);
+        Ok(state)
     }
 
     /// A frame further.
@@ -308,8 +297,8 @@ impl Session {
         Ok(Motion { position: [x, z - self.options.ground, y], direction, speed, damage })
     }
 
-    /// What the camera sees.
-    fn look(&mut self) -> Result<Vec<u8>> {
+    /// What the camera sees, in place of what it saw.
+    fn look(&mut self, mut picture: Picture) -> Result<Picture> {
         let fields = vec![("name", CAMERA.into()), ("isUsingSharedMemory", false.into())];
         let answer = self.ask("PollCamera", fields, "PollCamera")?;
         let (width, height) = (self.options.camera.width, self.options.camera.height);
@@ -318,7 +307,7 @@ impl Session {
             Value::String(text) => text.as_bytes(),
             _ => &[],
         };
-        if colours.len() != 4 * width as usize * height as usize {
+        if colours.len() != picture.sent() {
             return Err(Error::of(
                 ErrorKind::Nonsense,
                 format!(
@@ -326,11 +315,12 @@ impl Session {
                      settings?",
                     self.station,
                     colours.len(),
-                    4 * width * height
+                    picture.sent()
                 ),
             ));
         }
-        Ok(colours.chunks_exact(4).flat_map(|rgba| [rgba[0], rgba[1], rgba[2]]).collect())
+        picture.take(colours, Order::Rgba);
+        Ok(picture)
     }
 
     /// Ends the scenario before.

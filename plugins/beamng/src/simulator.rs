@@ -181,6 +181,13 @@ impl Simulator for BeamNg {
     fn waypoints(&self) -> Vec<[f64; 3]> {
         self.session.as_ref().map(Session::waypoints).unwrap_or_default()
     }
+
+    fn info(&self) -> Vec<(String, String)> {
+        match &self.session {
+            Some(_) => vec![("protocol".to_owned(), self.options.protocol.clone())],
+            None => Vec::new(),
+        }
+    }
 }
 
 fn not_started() -> Error {

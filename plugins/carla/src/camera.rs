@@ -1,6 +1,7 @@
 //! What a camera of CARLA sees.
 
-use pdk_adapter::{Deadline, Station};
+use pdk_adapter::picture::Order;
+use pdk_adapter::{Deadline, Picture, Station};
 use pdk_sdk::prelude::{Error, ErrorKind, FrameMut, Result};
 
 use crate::stream::{HEADER, Stream, Token};
@@ -12,10 +13,8 @@ const BEFORE: usize = 12;
 #[derive(Debug)]
 pub struct Camera {
     stream: Stream,
-    width: u32,
-    height: u32,
-    /// Red, green and blue of the latest frame.
-    pixels: Vec<u8>,
+    size: [u32; 2],
+    picture: Picture,
 }
 
 impl Camera {
@@ -29,10 +28,10 @@ impl Camera {
         [width, height]: [u32; 2],
         deadline: &Deadline,
     ) -> Result<Self> {
-        let count = width as usize * height as usize;
-        let size = HEADER + BEFORE + 4 * count;
+        let picture = Picture::new(width, height);
+        let size = HEADER + BEFORE + picture.sent();
         let stream = Stream::subscribe(station, token, "a camera frame", (size, size), deadline)?;
-        Ok(Self { stream, width, height, pixels: vec![0; 3 * count] })
+        Ok(Self { stream, size: [width, height], picture })
     }
 
     /// Its stream.
@@ -52,19 +51,17 @@ impl Camera {
             }
             let number = |at: usize| u32::from_le_bytes([body[at], body[at + 1], body[at + 2], body[at + 3]]);
             let size = [number(0), number(4)];
-            if header.frame > frame || size != [self.width, self.height] {
+            if header.frame > frame || size != self.size {
                 return Err(Error::of(
                     ErrorKind::Nonsense,
                     format!(
                         "the camera sends frame {} with {}x{} pixels, but frame {frame} with {}x{} was expected; does another client of CARLA \
                          step the same server?",
-                        header.frame, size[0], size[1], self.width, self.height
+                        header.frame, size[0], size[1], self.size[0], self.size[1]
                     ),
                 ));
             }
-            for (bgra, rgb) in body[BEFORE..].chunks_exact(4).zip(self.pixels.chunks_exact_mut(3)) {
-                rgb.copy_from_slice(&[bgra[2], bgra[1], bgra[0]]);
-            }
+            self.picture.take(&body[BEFORE..], Order::Bgra);
             return Ok(());
         }
     }
@@ -73,17 +70,7 @@ impl Camera {
     ///
     /// # Errors
     /// Where it is of another size.
-    pub fn write(&self, mut into: FrameMut<'_>) -> Result<()> {
-        let (width, height) = (into.width(), into.height());
-        if [width, height] != [self.width as usize, self.height as usize] {
-            return Err(Error::new(format!(
-                "it was given a {width}x{height} frame, but its camera delivers {}x{}",
-                self.width, self.height
-            )));
-        }
-        for (row, pixels) in into.rows_mut().zip(self.pixels.chunks_exact(3 * width)) {
-            row.copy_from_slice(pixels);
-        }
-        Ok(())
+    pub fn write(&self, into: FrameMut<'_>) -> Result<()> {
+        self.picture.write(into)
     }
 }

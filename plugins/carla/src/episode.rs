@@ -71,6 +71,16 @@ impl Episode {
         self.station.slot()
     }
 
+    /// What is known of the server.
+    pub fn info(&self) -> Vec<(String, String)> {
+        let version = self.server.as_ref().map(|server| ("version", server.version().to_string()));
+        let map = self.loaded.as_ref().map(|loaded| match loaded {
+            Loaded::Own(_) => ("map", "a road of the scenario's own".to_owned()),
+            Loaded::Map { name, .. } => ("map", name.clone()),
+        });
+        version.into_iter().chain(map).map(|(name, value)| (name.to_owned(), value)).collect()
+    }
+
     /// Whether the connection still stands.
     pub fn is_open(&mut self) -> bool {
         self.server.as_mut().is_some_and(Server::is_open)

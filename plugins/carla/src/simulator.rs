@@ -195,6 +195,10 @@ impl Simulator for Carla {
         let stage = self.episode.as_ref().and_then(Episode::stage);
         stage.map(|stage| stage.waypoints().to_vec()).unwrap_or_default()
     }
+
+    fn info(&self) -> Vec<(String, String)> {
+        self.episode.as_ref().map(Episode::info).unwrap_or_default()
+    }
 }
 
 fn not_started() -> Error {

@@ -58,16 +58,7 @@ impl Stream {
         sizes: (usize, usize),
         deadline: &Deadline,
     ) -> Result<Self> {
-        let Some(offset) = token.port.checked_sub(station.port()) else {
-            return Err(Error::of(
-                ErrorKind::Configuration,
-                format!(
-                    "{station} sends its streams at port {}, below that of its requests; start it with a -carla-streaming-port above",
-                    token.port
-                ),
-            ));
-        };
-        let socket = station.connect(offset, deadline)?;
+        let socket = station.connect_to(token.port, deadline)?;
         let mut connection = Connection::new(socket, format!("the stream of {station}"), sizes.1 + 4)?;
         connection.send(&token.stream.to_le_bytes(), deadline)?;
         Ok(Self { connection, token, what, sizes, size: None })
