@@ -38,6 +38,8 @@ pub enum Fault {
     Huge,
     /// Says that a camera's frame has 100 MB.
     HugeFrame,
+    /// Closes all streams, as CARLA does with those over which it has sent nothing for a while.
+    CloseStreams,
     /// Goes on by itself, as if another client had asked it to.
     Steps,
 }
@@ -109,6 +111,7 @@ struct World {
     hanging: bool,
     /// What the latest frame took here.
     own: Duration,
+    subscriptions: usize,
 }
 
 /// The map that a server has from the start: 200 m straight ahead.
@@ -201,6 +204,11 @@ impl CarlaServer {
         lock(&self.world).own
     }
 
+    /// How many subscriptions it got.
+    pub fn subscriptions(&self) -> usize {
+        lock(&self.world).subscriptions
+    }
+
     /// The names of the requests that it got, in their order.
     pub fn calls(&self) -> Vec<String> {
         lock(&self.world).calls.clone()
@@ -267,7 +275,9 @@ fn listen(
 fn subscribe(mut stream: TcpStream, world: &Mutex<World>) {
     let mut id = [0; 4];
     if stream.read_exact(&mut id).is_ok() {
-        lock(world).subscribers.push((u32::from_le_bytes(id), stream));
+        let mut world = lock(world);
+        world.subscriptions += 1;
+        world.subscribers.push((u32::from_le_bytes(id), stream));
     }
 }
 
@@ -307,6 +317,10 @@ fn answer_all(mut stream: TcpStream, world: &Mutex<World>) {
                 let _ = stream.write_all(&bytes[..bytes.len() / 2]);
                 lock(world).close_all();
                 return;
+            }
+            Some(Fault::CloseStreams) => {
+                lock(world).close_streams();
+                stream.write_all(&bytes)
             }
             Some(Fault::Garbage) => stream.write_all(&[0xc1; 200]),
             Some(Fault::Huge) => {
@@ -358,6 +372,7 @@ impl World {
             connections: Vec::new(),
             hanging: false,
             own: Duration::ZERO,
+            subscriptions: 0,
         };
         world.populate();
         world
@@ -381,6 +396,12 @@ impl World {
             let _ = stream.shutdown(Shutdown::Both);
         }
         self.subscribers.clear();
+    }
+
+    fn close_streams(&mut self) {
+        for (_, stream) in self.subscribers.drain(..) {
+            let _ = stream.shutdown(Shutdown::Both);
+        }
     }
 
     /// What goes wrong with this request.

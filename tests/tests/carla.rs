@@ -148,6 +148,36 @@ fn a_scenario_is_the_same_in_every_version() {
     assert!(digests.windows(2).all(|pair| pair[0] == pair[1]), "{digests:?}");
 }
 
+/// The server closes a stream over which it has sent nothing for 10 s.
+#[test]
+fn streams_that_were_closed_are_made_again_and_nothing_is_missed() {
+    let mut digests = Vec::new();
+    for fault in [None, Some((Fault::CloseStreams, 20))] {
+        let folder = temp();
+        let server = CarlaServer::start(Setup { fault, ..Setup::default() });
+        short(folder.path(), &simulator(server.port(), json!({}))).succeed();
+        let outcome = outcomes(folder.path()).remove(0);
+        assert_eq!((&outcome["cause"], &outcome["frames"]), (&json!("time_out"), &json!(21)), "{outcome}");
+        digests.push(outcome["digest"].clone());
+        assert_eq!(server.subscriptions(), if fault.is_some() { 7 } else { 4 });
+    }
+    assert_eq!(digests[0], digests[1]);
+}
+
+#[test]
+fn other_vehicles_are_put_where_they_belong_and_taken_away() {
+    let folder = temp();
+    let server = CarlaServer::start(Setup::default());
+    let traffic = json!({"vehicle_ahead": 30, "oncoming": 20});
+    short(folder.path(), &simulator(server.port(), traffic)).succeed();
+    let outcome = outcomes(folder.path()).remove(0);
+    assert_eq!(outcome["cause"], "time_out", "{outcome}");
+    let count = |name: &str| server.calls().iter().filter(|call| *call == name).count();
+    // Two frames before the first, for its vehicle and its speed.
+    assert!(count("set_actor_transform") > 21 && count("set_actor_simulate_physics") > 10);
+    assert_left_as_it_was(&server);
+}
+
 #[test]
 fn a_lane_of_a_map_is_followed_and_maps_are_known_by_name() {
     let folder = temp();

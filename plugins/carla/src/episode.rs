@@ -114,7 +114,7 @@ impl Episode {
         };
         // The server closes streams over which it has sent nothing for a while, as when a driver is slow.
         let deadline = station.settings().answering();
-        if !world.is_open() {
+        if !world.is_open() || !stage.keep(station, &deadline)? {
             *world = subscribe(station, server, &deadline)?;
             stage.subscribe_again(station, server, &deadline)?;
         }

@@ -11,6 +11,7 @@
 mod axes;
 mod blueprint;
 mod camera;
+mod collisions;
 mod episode;
 mod ground;
 mod rpc;

@@ -10,11 +10,12 @@ use rmpv::Value;
 use crate::axes::Transform;
 use crate::blueprint::{Actor, Blueprints, ROLE};
 use crate::camera::Camera;
+use crate::collisions::Collisions;
 use crate::ground::Lane;
 use crate::server::{Pedals, Server};
 use crate::simulator::Options;
 use crate::snapshot::{self, Motion};
-use crate::stream::{HEADER, Stream};
+use crate::stream::Stream;
 use crate::traffic::Fleet;
 use crate::value::{element, text};
 
@@ -30,12 +31,6 @@ const FIRST_FRAME: Duration = Duration::from_millis(250);
 const FIRST_FRAMES: u32 = 40;
 /// A subscription that was renewed is given so long to reach the server.
 const RENEWED: Duration = Duration::from_millis(100);
-/// The longest message about a collision in bytes.
-const COLLISION: usize = 1 << 20;
-/// What the wheels may touch.
-const GROUND: [&str; 5] =
-    ["static.road", "static.roadline", "static.ground", "static.terrain", "static.unknown"];
-
 /// A scenario under way.
 #[derive(Debug)]
 pub struct Stage {
@@ -56,7 +51,7 @@ pub struct Stage {
 struct Sensors {
     vehicle: u32,
     camera: Camera,
-    collisions: Stream,
+    collisions: Collisions,
 }
 
 impl Stage {
@@ -156,9 +151,22 @@ impl Stage {
         let token = server.token(stream_of(&camera)?)?;
         let camera = Camera::subscribe(station, token, size, deadline)?;
         let token = server.token(stream_of(&collisions)?)?;
-        let collisions = Stream::subscribe(station, token, "a collision", (HEADER, COLLISION), deadline)?;
+        let collisions = Collisions::subscribe(station, token, deadline)?;
         self.sensors = Some(Sensors { vehicle, camera, collisions });
         self.settle(station, server, world, deadline)
+    }
+
+    /// Keeps the streams: whether all of them still stand.
+    ///
+    /// # Errors
+    /// Where one that is to be renewed cannot be.
+    pub fn keep(&mut self, station: &mut Station, deadline: &Deadline) -> Result<bool> {
+        let Some(sensors) = &mut self.sensors else { return Ok(true) };
+        if !sensors.camera.stream().is_open() || !sensors.collisions.is_open() {
+            return Ok(false);
+        }
+        sensors.collisions.renew(station, deadline)?;
+        Ok(true)
     }
 
     /// Subscribes to the streams again, which the server has closed because it had nothing to send over them.
@@ -176,7 +184,7 @@ impl Stage {
         let token = server.token(sensors.camera.stream().token())?;
         sensors.camera = Camera::subscribe(station, token, size, deadline)?;
         let token = server.token(sensors.collisions.token())?;
-        sensors.collisions = Stream::subscribe(station, token, "a collision", (HEADER, COLLISION), deadline)?;
+        sensors.collisions = Collisions::subscribe(station, token, deadline)?;
         // The server does not say when it has taken a subscription.
         std::thread::sleep(RENEWED);
         Ok(())
@@ -214,7 +222,7 @@ impl Stage {
                 ),
             ));
         }
-        let collision = collided(sensors, deadline)?;
+        let collision = sensors.collisions.look(deadline)?;
         Ok(self.arrive(motion, frame, collision))
     }
 
@@ -267,7 +275,7 @@ impl Stage {
             (frame, moves) = next(server, world, sensors, deadline)?;
         }
         // Falling on the road was no collision.
-        while sensors.collisions.next_there(deadline)?.is_some() {}
+        sensors.collisions.look(deadline)?;
         self.first = frame;
         Ok(self.arrive(moves, frame, false))
     }
@@ -325,18 +333,6 @@ fn motion(world: &mut Stream, vehicle: u32, frame: u64, deadline: &Deadline) -> 
             )
         });
     }
-}
-
-/// Whether the vehicle has hit something since this was asked last.
-fn collided(sensors: &mut Sensors, deadline: &Deadline) -> Result<bool> {
-    let mut collided = false;
-    while let Some((_, body)) = sensors.collisions.next_there(deadline)? {
-        let event = rmpv::decode::read_value(&mut &body[..]).unwrap_or(Value::Nil);
-        let other = Actor(element(&event, 1));
-        // What cannot be read is still a collision.
-        collided |= !GROUND.contains(&other.kind());
-    }
-    Ok(collided)
 }
 
 fn stream_of(actor: &Value) -> Result<crate::stream::Token> {
