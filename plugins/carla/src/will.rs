@@ -17,6 +17,8 @@ const ROOM: usize = 1 << 16;
 /// How long the copy waits for an answer before it takes it that all of them came, in milliseconds; and how often it does.
 const PATIENCE: i32 = 500;
 const ANSWERS: u32 = 1000;
+/// Files that a process may have open, where the system cannot close all at once.
+const MOST_FILES: RawFd = 1 << 16;
 
 /// The words lie twice, so that those that hold are whole at any time.
 #[repr(C)]
@@ -128,7 +130,13 @@ unsafe fn wait_and_speak(page: *const Page, wait: RawFd, connection: RawFd) -> !
         // Whoever ends the group of this process does not mean its copy.
         libc::setsid();
         let (wait, connection) = (libc::dup2(wait, 0), libc::dup2(connection, 1));
-        libc::syscall(libc::SYS_close_range, 2, libc::c_uint::MAX, 0);
+        // Among what is closed is the other end of the pipe, without which its end would never be seen.
+        if libc::syscall(libc::SYS_close_range, 2, libc::c_uint::MAX, 0) != 0 {
+            // Before Linux 5.9.
+            (2..MOST_FILES).for_each(|file| {
+                libc::close(file);
+            });
+        }
         let mut byte = 0u8;
         loop {
             match libc::read(wait, (&raw mut byte).cast(), 1) {
