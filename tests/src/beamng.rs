@@ -144,7 +144,9 @@ impl Drop for BeamNgGame {
         self.stop.store(true, Ordering::SeqCst);
         lock(&self.world).close_all();
         for thread in self.threads.drain(..) {
-            thread.join().unwrap();
+            let ended = thread.join();
+            // A test that has failed already says why.
+            assert!(std::thread::panicking() || ended.is_ok(), "the simulator of the test has failed");
         }
     }
 }
@@ -170,7 +172,10 @@ fn listen(listener: TcpListener, world: Arc<Mutex<World>>, stop: Arc<AtomicBool>
             }
         }
         lock(&world).close_all();
-        serving.into_iter().for_each(|thread| thread.join().unwrap());
+        for thread in serving {
+            let ended = thread.join();
+            assert!(ended.is_ok(), "a connection of the simulator of the test has failed");
+        }
     })
 }
 

@@ -30,7 +30,7 @@ pub enum Fault {
     Hang,
     /// Sends a part of the answer, and closes.
     HalfAnswer,
-    /// Sends a part of the camera's frame, and nothing more.
+    /// Sends a part of a camera's frame.
     HalfFrame,
     /// Answers with what is no MessagePack.
     Garbage,
@@ -214,7 +214,7 @@ impl CarlaServer {
         lock(&self.world).calls.clone()
     }
 
-    /// Leaves the world as a client does that is killed: waiting for a client, with a vehicle and a camera on it.
+    /// Leaves the world as a client does that is killed: waiting for a client, with a vehicle and a sensor on it.
     pub fn abandon(&self) {
         let mut world = lock(&self.world);
         world.settings[0] = true.into();
@@ -225,7 +225,7 @@ impl CarlaServer {
             array([array([0.0.into(), 0.0.into(), 0.0.into()]), array([0.0.into(), 0.0.into(), 0.0.into()])]);
         let vehicle = world.spawn(&role("vehicle.tesla.model3", "hero"), &place, 0);
         let parent = at(&vehicle, 0).as_u64().unwrap() as u32;
-        world.spawn(&role("sensor.camera.rgb", "pdk"), &place, parent);
+        world.spawn(&role("sensor.other.collision", "pdk"), &place, parent);
         // This one is somebody else's.
         world.spawn(&role("vehicle.tesla.model3", "autopilot"), &place, 0);
     }
@@ -236,7 +236,9 @@ impl Drop for CarlaServer {
         self.stop.store(true, Ordering::SeqCst);
         lock(&self.world).close_all();
         for thread in self.threads.drain(..) {
-            thread.join().unwrap();
+            let ended = thread.join();
+            // A test that has failed already says why.
+            assert!(std::thread::panicking() || ended.is_ok(), "the simulator of the test has failed");
         }
     }
 }
@@ -268,7 +270,10 @@ fn listen(
             }
         }
         lock(&world).close_all();
-        serving.into_iter().for_each(|thread| thread.join().unwrap());
+        for thread in serving {
+            let ended = thread.join();
+            assert!(ended.is_ok(), "a connection of the simulator of the test has failed");
+        }
     })
 }
 
@@ -681,7 +686,6 @@ impl World {
                         let length = if huge { 100_000_000 } else { message.len() as u32 };
                         let part = [&length.to_le_bytes()[..], &message[..message.len() / 2]].concat();
                         self.send(stream, &part);
-                        self.hanging = true;
                     } else {
                         self.push(stream, &message);
                     }

@@ -83,7 +83,15 @@ impl Server {
         let socket = station.connect(0, deadline)?;
         let settings = station.settings().clone();
         let mut rpc = Rpc::new(Connection::new(socket, station.to_string(), LONGEST)?);
-        let answer = rpc.call("version", Vec::new(), &settings.answering())?;
+        let answer =
+            rpc.call("version", Vec::new(), &settings.answering()).map_err(|error| match error.kind() {
+                // The port of a server's streams says nothing.
+                ErrorKind::Late => Error::of(
+                    ErrorKind::Late,
+                    format!("{error}, or correct `port`: is it that of CARLA's requests?"),
+                ),
+                _ => error,
+            })?;
         let [first, last] = Version::SPOKEN;
         match text(&answer).parse() {
             Ok(version) if (first..=last).contains(&version) => {
