@@ -8,6 +8,7 @@
 //! | [`process`] | a simulator that pdk starts, and that ends with pdk whatever happens |
 //! | [`deadline`] | no wait without an end, and an error that says what was waited for |
 //! | [`connection`] | messages over TCP: limits on time and size, and what is wrong in a sentence |
+//! | [`picture`] | pictures that come as raw pixels |
 //! | [`track`] | cross-track error, progress and heading from the road and the position, where the simulator does not tell them |
 //!
 //! An adapter is a [`Simulator`](pdk_sdk::prelude::Simulator) whose `new` reads [`Settings`] and connects to nothing: pdk makes
@@ -25,6 +26,7 @@
 
 pub mod connection;
 pub mod deadline;
+pub mod picture;
 pub mod port;
 pub mod process;
 pub mod settings;
@@ -33,6 +35,7 @@ pub mod track;
 
 pub use connection::Connection;
 pub use deadline::Deadline;
+pub use picture::Picture;
 pub use settings::Settings;
 pub use station::Station;
 pub use track::{Place, Track};
