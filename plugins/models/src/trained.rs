@@ -55,6 +55,14 @@ macro_rules! networks {
                 }
             }
         )*
+
+        /// The content of the file of the network that drives under this name; nothing where it is none of these.
+        pub fn content(name: &str) -> Option<&'static [u8]> {
+            match name {
+                $($name => Some($driver::CONTENT),)*
+                _ => None,
+            }
+        }
     };
 }
 
