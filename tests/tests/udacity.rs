@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 
 /// Scenarios with the driver `lane_keeper`.
 const SOURCE: &str = r#"
-    local settings = pdk.settings({ simulator = { name = "udacity" }, scenarios = 2, duration = 2, roads = true })
+    local settings = pdk.settings({ simulator = { name = "udacity" }, scenarios = 2, duration = 3, roads = true })
     local scenarios = {}
     for number = 1, settings.scenarios do
         local road = if settings.roads then { angles = { 0, number, 0 } } else nil

@@ -451,7 +451,7 @@ struct Lap {
 impl Lap {
     /// The car is at this node of so many; the share of the lap, 1 once it is complete.
     fn go_on(&mut self, node: f64, nodes: f64) -> f64 {
-        if !(nodes >= 2.0) {
+        if nodes.is_nan() || nodes < 2.0 {
             return 0.0;
         }
         let first = *self.first.get_or_insert(node);

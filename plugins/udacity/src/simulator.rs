@@ -193,6 +193,10 @@ impl Link {
         criteria: FailureCriteria,
     ) -> Result<Drive> {
         let deadline = options.settings.answering();
+        if options.build == Build::Stock {
+            // It says nothing but in answer to a command, except at first.
+            self.steer(Control::default(), &deadline)?;
+        }
         let first = self.telemetry(options, &deadline)?;
         let home = *self.home.get_or_insert(first.position.unwrap_or(START));
         let (track, text) = match road {

@@ -95,14 +95,14 @@ impl Session<'_> {
             let mut left = Duration::from_secs(3600);
             if let Some(rate) = self.options.rate {
                 if due <= Instant::now() {
-                    // On a machine that is too busy for its rate it becomes slower, and goes on listening.
-                    due = Instant::now() + Duration::from_secs_f64(1.0 / rate);
                     if self.has_car {
                         self.world.go_on(self.control);
                         if let Some(end) = self.tell() {
                             return end;
                         }
                     }
+                    // From now on: on a machine that is too busy for its rate it becomes slower, and goes on listening.
+                    due = Instant::now() + Duration::from_secs_f64(1.0 / rate);
                 }
                 left = due.saturating_duration_since(Instant::now());
             }

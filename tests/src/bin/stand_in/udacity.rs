@@ -81,12 +81,12 @@ impl Session<'_> {
         loop {
             if !self.is_stock() {
                 if due <= Instant::now() {
-                    // On a machine that is too busy for its rate it becomes slower, and goes on listening.
-                    due = Instant::now() + period;
                     self.world.go_on(self.control);
                     if let Some(end) = self.tell() {
                         return end;
                     }
+                    // From now on: on a machine that is too busy for its rate it becomes slower, and goes on listening.
+                    due = Instant::now() + period;
                 }
                 let left = due.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
                 self.socket.get_ref().set_read_timeout(Some(left)).unwrap();
