@@ -17,6 +17,7 @@
 use std::path::PathBuf;
 
 use pdk_core::chain::Chain;
+use pdk_core::moment::Moment;
 use pdk_core::registry::Registry;
 use pdk_core::search_path::SearchPath;
 use pdk_lua::LuaScripts;
@@ -182,7 +183,9 @@ fn time_at(registry: &Registry, spec: &mut AppliedPerturbation, level: u32, sour
     let mut target = FrameBuf::new(source.width(), source.height());
     spec.level = Level::Constant(f64::from(level));
     let mut chain = Chain::new(registry, std::slice::from_ref(spec), 0).unwrap();
-    median(&mut |call| chain.apply(source.as_ref(), target.as_mut(), call, call as f64 / RATE).unwrap())
+    median(&mut |call| {
+        chain.apply(source.as_ref(), target.as_mut(), &Moment::new(call, call as f64 / RATE)).unwrap()
+    })
 }
 
 /// The median processor time of a call in milliseconds, after a few calls that fill caches.

@@ -145,7 +145,7 @@ fn dataset_saliency_and_search_of_the_first_sdk_get_all_that_they_are_given() {
     let (mut saliency, _) = registry.saliency("frozen", &Map::new()).unwrap();
     assert_eq!(saliency.map_size(5, 4).unwrap(), [3, 2]);
     let (source, key, mut map) = (source(5, 4), Key([3; 32]), vec![f32::NAN; 6]);
-    let cx = MapContext { frame_index: 4, time: 0.2, key: &key };
+    let cx = MapContext::new(4, 0.2, &key);
     saliency.map(source.as_ref(), &cx, HeatmapMut::new(&mut map, 3, 2).unwrap()).unwrap();
     let at = |x: usize, y: usize| f32::from(source.as_ref().pixel(x, y)[0]) / 255.0;
     let first = key.frame(4).unit() as f32;

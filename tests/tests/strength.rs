@@ -7,6 +7,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use pdk_core::chain::Chain;
+use pdk_core::moment::Moment;
 use pdk_core::registry::Registry;
 use pdk_core::search_path::SearchPath;
 use pdk_lua::LuaScripts;
@@ -66,7 +67,7 @@ fn perturbed(registry: &Registry, shown: &Shown, level: f64, source: &FrameBuf, 
     spec.parameters.extend(shown.description.grows_with.clone());
     let mut chain = Chain::new(registry, &[spec], 3).unwrap();
     let mut target = FrameBuf::new(source.width(), source.height());
-    chain.apply(source.as_ref(), target.as_mut(), moment, moment as f64 / 30.0).unwrap();
+    chain.apply(source.as_ref(), target.as_mut(), &Moment::new(moment, moment as f64 / 30.0)).unwrap();
     target
 }
 

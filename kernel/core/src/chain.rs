@@ -6,13 +6,16 @@ use pdk_model::level::Level;
 use pdk_model::perturbation::{AppliedPerturbation, Draws};
 use pdk_sdk::config::{self, Config};
 use pdk_sdk::describe::{Description, Kind};
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Context, Frame, FrameBuf, FrameMut, Key, Perturbation};
 use pdk_sdk::seed;
 
 use crate::calls::{self, Function};
-use crate::mask::Mask;
+use crate::maps::Attended;
+use crate::mask::{self, Mask};
+use crate::moment::Moment;
 use crate::registry::Registry;
+use crate::selection::Selector;
 
 /// Perturbations applied one after the other.
 pub struct Chain {
@@ -37,6 +40,10 @@ struct Link {
     chance_key: Key,
     draws: Option<Draws>,
     mask: Option<Mask>,
+    selector: Option<Selector>,
+    attended: Option<Attended>,
+    /// How much of each pixel is changed where both limit it.
+    weights: Vec<u8>,
 }
 
 impl Chain {
@@ -51,6 +58,13 @@ impl Chain {
         for applied in perturbations {
             let (instance, config) = registry.perturbation(&applied.name, &applied.parameters)?;
             let description = registry.catalog().get(Kind::Perturbation, &applied.name)?.description.clone();
+            if applied.attention.is_some() && description.follows_attention.is_empty() {
+                return Err(Error::of(
+                    ErrorKind::Configuration,
+                    "it does not follow saliency maps, so leave `attention` out; `where` limits any perturbation to what a map marks",
+                )
+                .at(format_args!("perturbation `{}`", applied.name)));
+            }
             let number = seen.entry(applied.name.as_str()).or_insert(0u64);
             let key = |what: &str| seed::key(seed, &format!("{what}/{}", applied.name), *number);
             links.push(Link {
@@ -66,6 +80,15 @@ impl Chain {
                 chance_key: key("probability"),
                 draws: applied.draws,
                 mask: applied.region.as_ref().map(Mask::new).transpose()?,
+                selector: match &applied.selection {
+                    Some(selection) => Some(Selector::new(registry, selection, key("where"))?),
+                    None => None,
+                },
+                attended: match &applied.attention {
+                    Some(attention) => Some(Attended::new(registry, attention, key("attention"))?),
+                    None => None,
+                },
+                weights: Vec::new(),
             });
             *number += 1;
         }
@@ -76,13 +99,7 @@ impl Chain {
     ///
     /// # Errors
     /// Where a perturbation fails, with its name.
-    pub fn apply(
-        &mut self,
-        src: Frame<'_>,
-        mut dst: FrameMut<'_>,
-        frame_index: u64,
-        time: f64,
-    ) -> Result<()> {
+    pub fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, moment: &Moment) -> Result<()> {
         let Some((last, earlier)) = self.links.split_last_mut() else {
             dst.copy_from(src);
             return Ok(());
@@ -93,16 +110,33 @@ impl Chain {
         let [from, to] = &mut self.between;
         for (position, link) in earlier.iter_mut().enumerate() {
             let input = if position == 0 { src } else { from.as_ref() };
-            link.apply(input, to.as_mut(), frame_index, time)?;
+            link.apply(src, input, to.as_mut(), moment)?;
             std::mem::swap(from, to);
         }
         let input = if earlier.is_empty() { src } else { from.as_ref() };
-        last.apply(input, dst, frame_index, time)
+        last.apply(src, input, dst, moment)
     }
 }
 
 impl Link {
-    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, frame_index: u64, time: f64) -> Result<()> {
+    /// Perturbs `src`; `raw` is the frame before all perturbations, of which maps are made.
+    fn apply(
+        &mut self,
+        raw: Frame<'_>,
+        src: Frame<'_>,
+        mut dst: FrameMut<'_>,
+        moment: &Moment,
+    ) -> Result<()> {
+        let Moment { frame_index, time, .. } = *moment;
+        // Also for frames that are spared, so that a map comes from the frame whose turn it is.
+        let chosen = match &mut self.selector {
+            Some(selector) => Some(selector.weights(raw, moment).map_err(|error| error.at(&self.label))?),
+            None => None,
+        };
+        let attended = match &mut self.attended {
+            Some(attended) => Some(attended.look(raw, moment).map_err(|error| error.at(&self.label))?),
+            None => None,
+        };
         let spared =
             self.probability.is_some_and(|chance| self.chance_key.frame(frame_index).unit() >= chance);
         let level = match self.level.at(time) {
@@ -122,6 +156,10 @@ impl Link {
             Some(Draws::PerSequence) => cx.with_stream(0),
             _ => cx,
         };
+        let cx = match attended {
+            Some((now, earlier)) => cx.with_saliency(now, earlier),
+            None => cx,
+        };
         // A plugin that leaves pixels out must not show what happened to lie there: that depends on what was computed before.
         dst.rows_mut().for_each(|row| row.fill(0));
         let Some(instance) = &mut self.instance else { return Ok(()) };
@@ -129,8 +167,19 @@ impl Link {
             instance.apply(src, dst.reborrow(), &cx)
         })
         .map_err(|error| error.at(&self.label))?;
-        if let Some(mask) = &mut self.mask {
-            mask.restore(src, dst);
+        let within = self.mask.as_mut().map(|mask| mask.weights(src.width(), src.height()));
+        match (within, chosen) {
+            (Some(weights), None) | (None, Some(weights)) => mask::restore(src, dst, weights),
+            (Some(within), Some(chosen)) => {
+                let both = within
+                    .iter()
+                    .zip(chosen)
+                    .map(|(&a, &b)| ((u32::from(a) * u32::from(b) + 127) / 255) as u8);
+                self.weights.clear();
+                self.weights.extend(both);
+                mask::restore(src, dst, &self.weights);
+            }
+            (None, None) => {}
         }
         Ok(())
     }

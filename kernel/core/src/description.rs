@@ -33,12 +33,14 @@ pub fn check_plugin(plugin: &PluginDescription) -> Result<()> {
 /// Names what does not fit.
 pub fn check(description: &Description) -> Result<()> {
     let Description { kind, name, parameters, .. } = description;
-    check_name(name).map_err(|error| error.at(format_args!("the name of the {kind}")))?;
+    // Methods have been published under names with a hyphen or a plus.
+    let more = if *kind == Kind::Saliency { "-+" } else { "" };
+    check_name(name, more).map_err(|error| error.at(format_args!("the name of the {kind}")))?;
     let modifier = |name: &str| MODIFIERS.iter().any(|modifier| modifier.name == name);
     let is_key = |name: &str| name == NAME || *kind == Kind::Perturbation && modifier(name);
     for (index, parameter) in parameters.iter().enumerate() {
         let name = &parameter.name;
-        check_name(name).map_err(|error| error.at("the name of a parameter"))?;
+        check_name(name, "").map_err(|error| error.at("the name of a parameter"))?;
         if is_key(name) {
             return Err(Error::new(format!(
                 "a parameter cannot be named `{name}`, because in a pipeline `{name}` of a {kind} is something else; \
@@ -52,15 +54,17 @@ pub fn check(description: &Description) -> Result<()> {
     Ok(())
 }
 
-fn check_name(name: &str) -> Result<()> {
-    let valid = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+/// Checks a name, in which these characters may stand as well, but not as its first.
+fn check_name(name: &str, more: &str) -> Result<()> {
+    let valid = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_' || more.contains(c);
     let begins_well = name.starts_with(|c: char| c.is_ascii_lowercase());
     if begins_well && name.chars().all(valid) && name.len() <= LONGEST_NAME {
         return Ok(());
     }
     Err(Error::new(format!(
-        "`{name}` has to begin with a lower-case letter and consist of lower-case letters, digits and underscores, \
-         {LONGEST_NAME} at most"
+        "`{name}` has to begin with a lower-case letter and consist of lower-case letters, digits and underscores{}, \
+         {LONGEST_NAME} at most",
+        if more.is_empty() { "" } else { ", with hyphens and pluses among them" }
     )))
 }
 
@@ -80,13 +84,16 @@ mod tests {
 
     #[test]
     fn names_are_checked() {
-        for name in ["", "Fog", "fog bank", "2fog", "_fog", "fög", &"f".repeat(65)] {
+        for name in ["", "Fog", "fog bank", "2fog", "_fog", "+fog", "fög", &"f".repeat(65)] {
             let error = plugin(vec![Description::driver(name, "x")]).unwrap_err();
             assert!(error.contains("the name of the driver") && error.contains("lower-case"), "{error}");
+        }
+        for name in ["", "Fog", "fog bank", "2fog", "_fog", "fög", "fog-bank", &"f".repeat(65)] {
             let parameter = Parameter::number(name, 1.0, "x");
             let error = plugin(vec![Description::driver("fog", "x").parameter(parameter)]).unwrap_err();
             assert!(error.starts_with("driver `fog`: the name of a parameter: "), "{error}");
         }
+        assert_eq!(plugin(vec![Description::saliency("grad-cam++", "x")]), Ok(()));
         assert_eq!(
             plugin(vec![Description::driver("fog_2", "x"), Description::simulator("fog_2", "x")]),
             Ok(())
@@ -110,7 +117,8 @@ mod tests {
     #[test]
     fn keys_of_a_pipeline_are_no_parameters() {
         let value = json!({
-            "name": "fog", "level": 1, "probability": 0.5, "region": [0, 0, 1, 1], "draws": "per_frame", "s": 1
+            "name": "fog", "level": 1, "probability": 0.5, "region": [0, 0, 1, 1], "where": {"top": 1}, "attention": 3, "draws": "per_frame",
+            "s": 1
         });
         for (key, value) in value.as_object().unwrap() {
             let table = json!({ "name": "fog", key: value });

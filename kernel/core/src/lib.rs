@@ -10,7 +10,9 @@
 //! | [`registry`] | finds components and makes instances of them; [`loader`] opens libraries |
 //! | [`inspection`] | opens libraries in a process that dies afterwards, before they are opened where they are needed |
 //! | [`catalog`] | what there is, as plain data that can be sent to another process |
-//! | [`chain`] | the perturbations that a frame goes through, each with a key of its own; `mask` limits them to a region |
+//! | [`chain`] | the perturbations that a frame goes through, each with a key of its own; `mask` limits them to a region, `selection` to what a saliency map marks |
+//! | [`maps`] | the saliency maps of a sequence: when one is made, and how long it is used; `motion` moves it with the image |
+//! | [`moment`] | what is known of a frame besides its pixels |
 //! | [`modifiers`] | what every perturbation takes besides its own parameters |
 //! | [`calls`] | what this process is calling, told to the one that supervises it |
 //! | [`float`] | the floating-point mode, put back after every call |
@@ -37,12 +39,16 @@ pub mod ledger;
 pub mod lines;
 pub mod loader;
 pub mod manifest;
+pub mod maps;
 mod mask;
 pub mod modifiers;
+pub mod moment;
+mod motion;
 pub mod output;
 mod reading;
 pub mod registry;
 pub mod search_path;
+mod selection;
 pub mod suggest;
 pub mod supervisor;
 

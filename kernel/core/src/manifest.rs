@@ -327,7 +327,7 @@ impl InUse {
         self.add_perturbations(catalog, perturbations)
     }
 
-    /// Notes perturbations with their masks.
+    /// Notes perturbations with their masks and the methods that choose their pixels.
     ///
     /// # Errors
     /// As for [`InUse::add`].
@@ -336,7 +336,11 @@ impl InUse {
             if let Some(Region::Mask(path)) = &perturbation.region {
                 self.add_file(Path::new(path))?;
             }
-            let AppliedPerturbation { name, parameters, .. } = perturbation;
+            let AppliedPerturbation { name, parameters, selection, attention, .. } = perturbation;
+            let chosen_by = selection.as_ref().and_then(|selection| selection.by.as_ref());
+            for by in chosen_by.into_iter().chain(attention.as_ref().map(|attention| &attention.by)) {
+                self.add(catalog, Kind::Saliency, &by.name, &by.parameters, Vec::new())?;
+            }
             self.add(catalog, Kind::Perturbation, name, parameters, Vec::new())?;
         }
         Ok(())

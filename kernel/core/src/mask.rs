@@ -30,26 +30,10 @@ impl Mask {
         Ok(Self { region: region.clone(), image, weights: Vec::new(), width: 0, height: 0 })
     }
 
-    /// Puts the original back where the region does not reach.
-    pub fn restore(&mut self, original: Frame<'_>, mut perturbed: FrameMut<'_>) {
-        self.fit(original.width(), original.height());
-        for y in 0..self.height {
-            let weights = &self.weights[y * self.width..][..self.width];
-            let (from, to) = (original.row(y), perturbed.row_mut(y));
-            for ((weight, from), to) in weights.iter().zip(from.chunks_exact(3)).zip(to.chunks_exact_mut(3)) {
-                match weight {
-                    255 => {}
-                    0 => to.copy_from_slice(from),
-                    weight => {
-                        for (from, to) in from.iter().zip(to) {
-                            let sum = u32::from(*to) * u32::from(*weight)
-                                + u32::from(*from) * (255 - u32::from(*weight));
-                            *to = ((sum + 127) / 255) as u8;
-                        }
-                    }
-                }
-            }
-        }
+    /// How much of each pixel of a frame of this size is changed, 0 to 255, row by row.
+    pub fn weights(&mut self, width: usize, height: usize) -> &[u8] {
+        self.fit(width, height);
+        &self.weights
     }
 
     fn fit(&mut self, width: usize, height: usize) {
@@ -76,6 +60,28 @@ impl Mask {
                     Region::Mask(_) => false,
                 };
                 self.weights.push(u8::from(within) * 255);
+            }
+        }
+    }
+}
+
+/// Puts the original back where the weights, 0 to 255, row by row, say so.
+pub fn restore(original: Frame<'_>, mut perturbed: FrameMut<'_>, weights: &[u8]) {
+    let width = original.width();
+    for y in 0..original.height() {
+        let weights = &weights[y * width..][..width];
+        let (from, to) = (original.row(y), perturbed.row_mut(y));
+        for ((weight, from), to) in weights.iter().zip(from.chunks_exact(3)).zip(to.chunks_exact_mut(3)) {
+            match weight {
+                255 => {}
+                0 => to.copy_from_slice(from),
+                weight => {
+                    for (from, to) in from.iter().zip(to) {
+                        let sum = u32::from(*to) * u32::from(*weight)
+                            + u32::from(*from) * (255 - u32::from(*weight));
+                        *to = ((sum + 127) / 255) as u8;
+                    }
+                }
             }
         }
     }
@@ -112,7 +118,8 @@ mod tests {
         let mut perturbed = original.clone();
         perturbed.as_mut().rows_mut().for_each(|row| row.fill(200));
         let region = Region::from_json(&region).unwrap();
-        Mask::new(&region).unwrap().restore(original.as_ref(), perturbed.as_mut());
+        let mut mask = Mask::new(&region).unwrap();
+        restore(original.as_ref(), perturbed.as_mut(), mask.weights(width, height));
         perturbed.data().chunks(3).map(|pixel| pixel[0]).collect()
     }
 

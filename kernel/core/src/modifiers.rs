@@ -48,6 +48,35 @@ pub const REGION: Modifier = Modifier {
     ],
 };
 
+/// Leaves out what a saliency map does not mark.
+pub const WHERE: Modifier = Modifier {
+    name: "where",
+    doc: "The pixels that are perturbed, by a saliency map of the frame as the camera saw it.",
+    details: "`top`, `bottom` and `random` are shares in percent, of which exactly so many pixels are taken; `above` is a value \
+              from 0 to 1. `by` is a saliency method with its parameters, the model among them; `pdk list saliency` names them. \
+              A map is made of every frame, of one in `every`, or whenever a frame differs from that of the \
+              last map by more than `change` on average, of 255; with `follow` it moves with the image until the next one. `close` closes gaps, `smallest` leaves out spots of fewer \
+              pixels, and `soft` blends the edges, all in pixels. Together with `region`, what both leave is perturbed.",
+    examples: &[
+        r#"{"top":20,"by":"hirescam,model=FILE.onnx"}"#,
+        r#"{"bottom":20,"by":"rise,model=FILE.onnx","every":10,"follow":true,"soft":3}"#,
+        r#"{"random":20}"#,
+        r#"{"above":0.5,"by":"grad-cam,model=FILE.onnx,layer=conv_5","close":2,"smallest":30}"#,
+    ],
+};
+
+/// Gives the perturbation a saliency map.
+pub const ATTENTION: Modifier = Modifier {
+    name: "attention",
+    doc: "The saliency maps that the perturbation itself follows, for those that do, such as drops that are born where a map is high.",
+    details: "A saliency method with its parameters, or a table of such a method as `by` and of `every`, `change` and `follow`, as \
+              for `where`. `pdk show NAME` says whether a perturbation follows maps, and how.",
+    examples: &[
+        r#""hirescam,model=FILE.onnx""#,
+        r#"{"by":"hirescam,model=FILE.onnx","every":5,"follow":true}"#,
+    ],
+};
+
 /// Says what is drawn when.
 pub const DRAWS: Modifier = Modifier {
     name: "draws",
@@ -58,7 +87,7 @@ pub const DRAWS: Modifier = Modifier {
 };
 
 /// All of them.
-pub const MODIFIERS: [&Modifier; 4] = [&LEVEL, &PROBABILITY, &REGION, &DRAWS];
+pub const MODIFIERS: [&Modifier; 6] = [&LEVEL, &PROBABILITY, &REGION, &WHERE, &ATTENTION, &DRAWS];
 
 /// One line that names them all.
 pub fn names() -> String {
@@ -112,7 +141,7 @@ mod tests {
     #[test]
     fn all_that_can_be_recorded_is_told() {
         let spec = AppliedPerturbation::parse(
-            r#"fog@1,probability=0.5,region={"box":[0,0.5,1,1]},draws=per_frame,own=3"#,
+            r#"fog@1,probability=0.5,region={"box":[0,0.5,1,1]},where={"random":5},attention="rise",draws=per_frame,own=3"#,
         );
         let recorded = serde_json::to_value(spec.unwrap()).unwrap();
         let told = MODIFIERS.map(|modifier| modifier.name);

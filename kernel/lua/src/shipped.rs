@@ -15,6 +15,7 @@ pub const PIPELINES: &[BuiltInScript] = scripts! {
     "manual": "manual.lua",
     "greedy": "greedy.lua",
     "study": "study.lua",
+    "attention": "attention.lua",
     "offline": "offline.lua",
     "search": "search.lua",
     "collect": "training/collect.lua",

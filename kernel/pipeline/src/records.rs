@@ -1,6 +1,8 @@
 //! The tables that pipelines write and read, as types for editors.
 
-use pdk_core::modifiers::{DRAWS, PROBABILITY, REGION as APPLIED_REGION};
+use pdk_core::modifiers::{
+    ATTENTION as APPLIED_ATTENTION, DRAWS, PROBABILITY, REGION as APPLIED_REGION, WHERE,
+};
 use pdk_lua::{ApiField, ApiRecord};
 
 const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -> ApiField {
@@ -8,10 +10,12 @@ const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -
 }
 
 /// All of them, in the order of the type definition file.
-pub const RECORDS: [&ApiRecord; 25] = [
+pub const RECORDS: [&ApiRecord; 27] = [
     &COMPONENT,
     &SCHEDULE,
     &REGION,
+    &SELECTION,
+    &ATTENTION,
     &APPLIED,
     &FAILURE_CRITERIA,
     &SCENARIO,
@@ -75,6 +79,39 @@ const REGION: ApiRecord = ApiRecord {
     ],
 };
 
+const SELECTION: ApiRecord = ApiRecord {
+    name: "Selection",
+    doc: "Pixels that a saliency map marks: one of the first four fields, and how they are taken.",
+    fields: &[
+        field("top", "number?", "The share of the frame that matters most, in percent."),
+        field("bottom", "number?", "The share of the frame that matters least, in percent."),
+        field("random", "number?", "A share of the frame at random, in percent."),
+        field("above", "number?", "All pixels whose value, from 0 to 1, is above this one."),
+        field("by", "(string | Component)?", "The saliency method that makes the map; `random` needs none."),
+        field("every", "number?", "A map is made of one frame in so many; of each where it is left out."),
+        field(
+            "change",
+            "number?",
+            "A map stays until a frame differs from its own by more than this on average, of 255.",
+        ),
+        field("follow", "boolean?", "Whether a map moves with the image until the next one is made."),
+        field("close", "number?", "Gaps up to twice so many pixels across are closed."),
+        field("smallest", "number?", "Spots of fewer pixels are left out."),
+        field("soft", "number?", "The edges are blended over so many pixels."),
+    ],
+};
+
+const ATTENTION: ApiRecord = ApiRecord {
+    name: "Attention",
+    doc: "The saliency maps that a perturbation follows.",
+    fields: &[
+        field("by", "string | Component", "The saliency method that makes them."),
+        field("every", "number?", "As in `Selection`."),
+        field("change", "number?", "As in `Selection`."),
+        field("follow", "boolean?", "As in `Selection`."),
+    ],
+};
+
 const APPLIED: ApiRecord = ApiRecord {
     name: "AppliedPerturbation",
     doc: "A perturbation at an intensity with parameters, which stand beside the name. A text such as `\"contrast@2\"` \
@@ -89,6 +126,8 @@ const APPLIED: ApiRecord = ApiRecord {
         ),
         field(PROBABILITY.name, "number?", PROBABILITY.doc),
         field(APPLIED_REGION.name, "Region?", APPLIED_REGION.doc),
+        field(WHERE.name, "Selection?", WHERE.doc),
+        field(APPLIED_ATTENTION.name, "(string | Attention)?", APPLIED_ATTENTION.doc),
         field(DRAWS.name, "(\"per_frame\" | \"per_sequence\")?", DRAWS.doc),
         field("[string]", "any", "Its parameters."),
     ],

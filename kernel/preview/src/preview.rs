@@ -6,6 +6,7 @@ use image::RgbImage;
 use indicatif::ProgressBar;
 use pdk_core::catalog::{Catalog, Entry};
 use pdk_core::chain::Chain;
+use pdk_core::moment::Moment;
 use pdk_core::registry::Registry;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::config::Config;
@@ -122,7 +123,7 @@ pub fn perturbed(
 ) -> Result<FrameBuf> {
     let mut chain = Chain::new(registry, std::slice::from_ref(applied), seed)?;
     let mut target = FrameBuf::new(source.width(), source.height());
-    chain.apply(source.as_ref(), target.as_mut(), (time * RATE).round() as u64, time)?;
+    chain.apply(source.as_ref(), target.as_mut(), &Moment::new((time * RATE).round() as u64, time))?;
     Ok(target)
 }
 
@@ -190,7 +191,11 @@ pub fn over_time(
     (0..count)
         .map(|number| {
             let time = number as f64 * interval;
-            chain.apply(source.as_ref(), target.as_mut(), (time * RATE).round() as u64, time)?;
+            chain.apply(
+                source.as_ref(),
+                target.as_mut(),
+                &Moment::new((time * RATE).round() as u64, time),
+            )?;
             Ok(picture::scaled(&target, options.picture_width))
         })
         .collect()

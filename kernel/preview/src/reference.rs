@@ -74,6 +74,7 @@ fn section(description: &Description) -> String {
     line("Computes", &description.mathematics);
     line("Drawn once per sequence:", &description.drawn_per_sequence);
     line("Drawn for every frame:", &description.drawn_per_frame);
+    line("Follows saliency maps:", &description.follows_attention);
     line("Source:", &description.source);
     line("Differs from the published tool:", &description.divergences.join(" "));
     if !description.grows_with.is_empty() {

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use pdk_bus::{Bus, FrameSample, Stamp, Topic};
 use pdk_core::calls::Function;
 use pdk_core::chain::Chain;
+use pdk_core::moment::Moment;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::{Mode, Scenario};
 use pdk_sdk::describe::Clock;
@@ -192,7 +193,9 @@ impl<'a> Run<'a> {
         let mut loan = bus.loan_frame(Topic::Perturbed, stamp)?;
         let target = FrameMut::new(&mut loan, width, height).map_err(wrong_size)?;
         stopwatch
-            .measure(Stage::Perturbation, || chain.apply(raw_frame, target, sequence, state.time))
+            .measure(Stage::Perturbation, || {
+                chain.apply(raw_frame, target, &Moment::new(sequence, state.time).at_speed(state.speed))
+            })
             .map_err(Fault::Component)?;
         let perturbed = loan.publish()?;
         let perturbed_frame = Frame::new(&perturbed, width, height).map_err(wrong_size)?;

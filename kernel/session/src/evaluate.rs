@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use pdk_core::calls::Function;
 use pdk_core::chain::Chain;
+use pdk_core::moment::Moment;
 use pdk_core::registry::Registry;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
@@ -86,7 +87,7 @@ impl Evaluator {
         let mut controls = Vec::with_capacity(chains.len());
         for chain in chains {
             let started = Instant::now();
-            chain.apply(source, perturbed.as_mut(), index as u64, entry.time)?;
+            chain.apply(source, perturbed.as_mut(), &Moment::new(index as u64, entry.time).alone())?;
             perturbing += started.elapsed();
             controls.push(drive(perturbed.as_ref())?);
         }

@@ -3,9 +3,8 @@
 use pdk_sdk::prelude::*;
 
 use crate::locate::Search;
-use crate::model_file::ModelFile;
 use crate::onnxruntime::{self, OnnxRuntime};
-use crate::session::Session;
+use crate::session::{Network, Session};
 use crate::tract::Tract;
 
 /// The names that the parameter `backend` takes.
@@ -15,17 +14,17 @@ pub const NAMES: [&str; 3] = ["auto", "tract", "onnxruntime"];
 ///
 /// # Errors
 /// Where the backend is not there or cannot run the model.
-pub fn open(model: &ModelFile, name: &str) -> Result<Box<dyn Session>> {
+pub fn open(network: &Network<'_>, name: &str) -> Result<Box<dyn Session>> {
     let library = match name {
         "tract" => None,
         "onnxruntime" => Some(Search::from_environment().require()?),
         _ => Search::from_environment().find()?.map(|found| found.path),
     };
     match library {
-        None => Ok(Box::new(Tract::new(model).map_err(|e| e.at(crate::tract::name()))?)),
+        None => Ok(Box::new(Tract::new(network).map_err(|e| e.at(crate::tract::name()))?)),
         Some(path) => {
             let runtime = onnxruntime::load(&path)?;
-            let session = OnnxRuntime::new(model, runtime.clone());
+            let session = OnnxRuntime::new(network, runtime.clone());
             Ok(Box::new(session.map_err(|e| e.at(runtime.name()))?))
         }
     }

@@ -4,7 +4,7 @@ use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 
 use crate::backend;
-use crate::model_file::{ImageInput, ModelFile, Source};
+use crate::model_file::{ModelFile, Source};
 use crate::pixels::Pixels;
 use crate::selection::{Selection, Slot};
 use crate::session::Session;
@@ -18,11 +18,9 @@ pub struct Onnx {
     /// The file and who runs it, for messages.
     place: String,
     session: Box<dyn Session>,
-    input: ImageInput,
+    model: ModelFile,
     pixels: Pixels,
     selection: Selection,
-    /// Whether it takes the speed.
-    takes_speed: bool,
     throttle: f64,
     values: Vec<f32>,
     outputs: Vec<Vec<f32>>,
@@ -104,11 +102,11 @@ impl Onnx {
 
     fn make(source: Source, place: &str, config: &Config) -> Result<Self> {
         let model = ModelFile::read(source, config.text("layout"))?;
-        let mut session = backend::open(&model, config.text("backend"))?;
+        let mut session = backend::open(&model.network(), config.text("backend"))?;
         // A first run shows how many values each output has, which files need not declare.
         let mut outputs = vec![Vec::new(); model.outputs.len()];
         let values = vec![0.0; model.input.len()];
-        session.run(&values, 0.0, &mut outputs)?;
+        session.run(&model.values(&values, &[0.0]), &mut outputs)?;
         let sizes: Vec<_> = outputs.iter().map(Vec::len).collect();
         let (steering, throttle) = (config.text("steering_output"), config.text("throttle_output"));
         let selection = Selection::new(&model.outputs, &sizes, steering, throttle)?;
@@ -117,12 +115,11 @@ impl Onnx {
             session,
             pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
             selection,
-            takes_speed: model.speed.is_some(),
             throttle: config.number("throttle"),
             values,
             outputs,
             resized: FrameBuf::new(model.input.width, model.input.height),
-            input: model.input,
+            model,
         })
     }
 
@@ -136,18 +133,18 @@ impl Onnx {
     }
 
     fn infer(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
-        if self.takes_speed && !cx.speed.is_finite() {
+        if self.model.speed.is_some() && !cx.speed.is_finite() {
             return Err(Error::new(
                 "it takes the vehicle's speed, which is not known here: datasets do not tell it to a driver",
             ));
         }
-        let same_size = (frame.width(), frame.height()) == (self.input.width, self.input.height);
+        let same_size = (frame.width(), frame.height()) == (self.model.input.width, self.model.input.height);
         if !same_size {
             resize_linear(frame, self.resized.as_mut());
         }
         let frame = if same_size { frame } else { self.resized.as_ref() };
         self.pixels.write(frame, &mut self.values);
-        self.session.run(&self.values, cx.speed as f32, &mut self.outputs)?;
+        self.session.run(&self.model.values(&self.values, &[cx.speed as f32]), &mut self.outputs)?;
         let steering = self.output(self.selection.steering, "steering", cx)?;
         let throttle = match self.selection.throttle {
             Some(slot) => self.output(slot, "throttle", cx)?,

@@ -4,7 +4,7 @@
 //! way whichever backend runs it later. [`backend`] chooses who runs it: [`tract`], which is part of this plugin, or
 //! [`onnxruntime`], a shared library that [`locate`] finds on the machine. [`pixels`] turns frames into the numbers that
 //! the model expects, [`selection`] says which of its outputs steer, and [`driver`] puts it all together. [`trained`] holds the
-//! networks that are part of the plugin.
+//! networks that are part of the plugin. [`saliency`] shows what a network looks at.
 
 mod backend;
 mod driver;
@@ -12,6 +12,7 @@ mod locate;
 mod model_file;
 mod onnxruntime;
 mod pixels;
+mod saliency;
 mod selection;
 mod session;
 mod tract;
@@ -19,6 +20,8 @@ mod trained;
 
 #[cfg(test)]
 mod fixture;
+#[cfg(test)]
+mod gradient_tests;
 
 /// Reads a model, prepares it and runs it once: what fuzzing tries.
 ///
@@ -30,7 +33,21 @@ pub fn try_model(path: &std::path::Path) -> pdk_sdk::error::Result<()> {
     let model = model_file::ModelFile::read(model_file::Source::File(path.to_owned()), "auto")?;
     let image = vec![0.5; model.input.len()];
     let mut outputs = vec![Vec::new(); model.outputs.len()];
-    tract::Tract::new(&model)?.run(&image, 1.0, &mut outputs)
+    tract::Tract::new(&model.network())?.run(&model.values(&image, &[1.0]), &mut outputs)
 }
 
-pdk_sdk::export! { drivers: [driver::Onnx, trained::Dave2, trained::Dave2Augmented] }
+pdk_sdk::export! {
+    drivers: [driver::Onnx, trained::Dave2, trained::Dave2Augmented],
+    saliencies: [
+        saliency::GradCam,
+        saliency::GradCamPlusPlus,
+        saliency::HiResCam,
+        saliency::PublishedGradCam,
+        saliency::Gradient,
+        saliency::SmoothGrad,
+        saliency::EigenCam,
+        saliency::ScoreCam,
+        saliency::Rise,
+        saliency::Occlusion,
+    ],
+}

@@ -10,6 +10,8 @@ use tract_onnx::pb::tensor_proto::DataType;
 use tract_onnx::pb::tensor_shape_proto::dimension;
 use tract_onnx::prelude::Framework;
 
+use crate::session::{Graph, Network};
+
 /// In which order the input holds its numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
@@ -86,6 +88,34 @@ pub struct ModelFile {
 }
 
 impl ModelFile {
+    /// The network for a backend, for one image at a time.
+    pub fn network(&self) -> Network<'_> {
+        let graph = match &self.source {
+            Source::File(path) => Graph::File { path, proto: &self.proto },
+            Source::BuiltIn(bytes) => Graph::Memory(bytes),
+        };
+        Network { graph, inputs: self.shapes() }
+    }
+
+    /// The shape of each input, in their order.
+    pub fn shapes(&self) -> Vec<Vec<usize>> {
+        let image = self.input.shape().to_vec();
+        match &self.speed {
+            None => vec![image],
+            Some(speed) if speed.first => vec![speed.shape.clone(), image],
+            Some(speed) => vec![image, speed.shape.clone()],
+        }
+    }
+
+    /// The values of each input, in their order.
+    pub fn values<'a>(&self, image: &'a [f32], speed: &'a [f32; 1]) -> Vec<&'a [f32]> {
+        match &self.speed {
+            None => vec![image],
+            Some(input) if input.first => vec![speed, image],
+            Some(_) => vec![image, speed],
+        }
+    }
+
     /// Reads a model. `layout` is `nchw`, `nhwc` or `auto`.
     ///
     /// # Errors

@@ -6,14 +6,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use libloading::{Library, Symbol};
 use ort::environment::Environment;
-use ort::session::Session as OrtSession;
+use ort::session::{Session as OrtSession, SessionInputValue};
 use ort::sys::OrtApiBase;
 use ort::value::TensorRef;
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
-use crate::model_file::{ModelFile, Source, SpeedInput};
-use crate::session::Session;
+use crate::session::{Graph, Network, Session};
 
 /// The library in use. It stays loaded until the process ends.
 pub struct Runtime {
@@ -82,17 +81,17 @@ fn start(path: &Path) -> Result<Runtime> {
 /// A network that ONNX Runtime runs.
 pub struct OnnxRuntime {
     session: OrtSession,
-    shape: [usize; 4],
-    speed: Option<SpeedInput>,
+    /// The shape of each input.
+    inputs: Vec<Vec<usize>>,
     runtime: Arc<Runtime>,
 }
 
 impl OnnxRuntime {
-    /// Prepares a model for frames one at a time.
+    /// Prepares a network.
     ///
     /// # Errors
-    /// Where ONNX Runtime cannot run the model.
-    pub fn new(model: &ModelFile, runtime: Arc<Runtime>) -> Result<Self> {
+    /// Where ONNX Runtime cannot run the network.
+    pub fn new(network: &Network<'_>, runtime: Arc<Runtime>) -> Result<Self> {
         let place = "it cannot prepare the model";
         let mut builder = OrtSession::builder(&runtime.environment)
             .place(place)?
@@ -102,33 +101,24 @@ impl OnnxRuntime {
             .place(place)?
             .with_deterministic_compute(true)
             .place(place)?;
-        let session = match &model.source {
-            Source::File(path) => builder.commit_from_file(path),
-            Source::BuiltIn(bytes) => builder.commit_from_memory(bytes),
-        }
-        .place(place)?;
-        Ok(Self { session, shape: model.input.shape(), speed: model.speed.clone(), runtime })
+        let session = match &network.graph {
+            Graph::File { path, .. } => builder.commit_from_file(path),
+            Graph::Memory(bytes) => builder.commit_from_memory(bytes),
+        };
+        Ok(Self { session: session.place(place)?, inputs: network.inputs.clone(), runtime })
     }
 }
 
 impl Session for OnnxRuntime {
-    fn run(&mut self, image: &[f32], speed: f32, outputs: &mut [Vec<f32>]) -> Result<()> {
+    fn run(&mut self, inputs: &[&[f32]], outputs: &mut [Vec<f32>]) -> Result<()> {
         let runtime = &self.runtime;
         let failed = |error: ort::Error| Error::new(error.to_string()).at(runtime.name());
-        let image = TensorRef::from_array_view((self.shape, image)).map_err(failed)?;
-        let results = match &self.speed {
-            None => self.session.run(ort::inputs![image]),
-            Some(input) => {
-                let speed = [speed];
-                let speed =
-                    TensorRef::from_array_view((input.shape.as_slice(), &speed[..])).map_err(failed)?;
-                match input.first {
-                    true => self.session.run(ort::inputs![speed, image]),
-                    false => self.session.run(ort::inputs![image, speed]),
-                }
-            }
-        }
-        .map_err(failed)?;
+        let tensors = self.inputs.iter().zip(inputs).map(|(shape, values)| {
+            let tensor = TensorRef::from_array_view((shape.as_slice(), *values)).map_err(failed)?;
+            Ok(SessionInputValue::from(tensor))
+        });
+        let tensors = tensors.collect::<Result<Vec<_>>>()?;
+        let results = self.session.run(tensors.as_slice()).map_err(failed)?;
         for (values, result) in outputs.iter_mut().zip(results.values()) {
             values.clear();
             values.extend_from_slice(result.try_extract_tensor::<f32>().map_err(failed)?.1);

@@ -34,6 +34,11 @@ impl Pixels {
         }
     }
 
+    /// The least and the greatest of the numbers.
+    pub fn range(&self) -> (f32, f32) {
+        (self.scale[0], self.scale[255])
+    }
+
     /// Writes the numbers of `frame`, which has the size of the model's input, into `values`.
     pub fn write(&self, frame: Frame<'_>, values: &mut [f32]) {
         let width = frame.width();

@@ -1,12 +1,36 @@
 //! A network that is ready to run, whoever runs it.
 
+use std::path::Path;
+
 use pdk_sdk::error::Result;
+use tract_onnx::pb::ModelProto;
+
+/// A network as a backend takes it.
+pub struct Network<'a> {
+    /// The graph.
+    pub graph: Graph<'a>,
+    /// The shape of each input of 32-bit floats.
+    pub inputs: Vec<Vec<usize>>,
+}
+
+/// Where a network's graph is.
+pub enum Graph<'a> {
+    /// In a file, which has been read.
+    File {
+        /// The file.
+        path: &'a Path,
+        /// Its content.
+        proto: &'a ModelProto,
+    },
+    /// In memory, as the content of a file that stands for itself.
+    Memory(&'a [u8]),
+}
 
 /// A network that is ready to run. It uses one thread, so that its results do not depend on how many there are.
 pub trait Session: Send {
-    /// Runs the network on the values of one image, and on the speed in metres per second where it takes one, and puts the
-    /// values of each output into its vector, in the order of the model's outputs.
-    fn run(&mut self, image: &[f32], speed: f32, outputs: &mut [Vec<f32>]) -> Result<()>;
+    /// Runs the network on the values of each of its inputs, and puts the values of each output into its vector, in the
+    /// order of the graph's inputs and outputs.
+    fn run(&mut self, inputs: &[&[f32]], outputs: &mut [Vec<f32>]) -> Result<()>;
 
     /// Who runs it, with the version.
     fn backend(&self) -> String;

@@ -1,24 +1,24 @@
 //! Runs networks with tract, which is part of this plugin.
 
+use std::borrow::Cow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
+use tract_onnx::pb;
 use tract_onnx::prelude::*;
 use tract_onnx::tract_core::model::TypedSimpleState;
 use tract_onnx::tract_hir::infer::InferenceFact;
 
 use crate::locate;
-use crate::model_file::{ModelFile, Source};
-use crate::session::Session;
+use crate::session::{Graph, Network, Session};
 
 /// A network that tract runs.
 pub struct Tract {
     state: TypedSimpleState,
-    image: Arc<Tensor>,
-    /// The tensor for the speed, and whether it comes before the image; where the model takes one.
-    speed: Option<(Arc<Tensor>, bool)>,
+    /// A tensor for each input.
+    inputs: Vec<Arc<Tensor>>,
 }
 
 /// Bytes of a tensor between the operators of a model: far above those of any driver.
@@ -30,13 +30,20 @@ pub fn name() -> &'static str {
 }
 
 impl Tract {
-    /// Prepares a model for frames one at a time.
+    /// Prepares a network.
     ///
     /// # Errors
-    /// Where the model has operators that tract does not know or contradicts itself.
-    pub fn new(model: &ModelFile) -> Result<Self> {
+    /// Where the network has operators that tract does not know or contradicts itself.
+    pub fn new(network: &Network<'_>) -> Result<Self> {
         let onnx = tract_onnx::onnx();
-        let nodes = model.proto.graph.iter().flat_map(|graph| &graph.node);
+        let proto = match &network.graph {
+            Graph::File { proto, .. } => Cow::Borrowed(*proto),
+            Graph::Memory(bytes) => {
+                let read = onnx.proto_model_for_read(&mut &**bytes);
+                Cow::Owned(read.map_err(|error| Error::new(format!("it cannot read the graph ({error:#})")))?)
+            }
+        };
+        let nodes = proto.graph.iter().flat_map(|graph| &graph.node);
         let mut unknown: Vec<_> = nodes
             .map(|node| node.op_type.as_str())
             .filter(|op| !onnx.op_register.0.contains_key(*op))
@@ -51,41 +58,35 @@ impl Tract {
             )));
         }
         // tract panics on some models that contradict themselves.
-        let state = catch_unwind(AssertUnwindSafe(|| prepare(model)))
+        let state = catch_unwind(AssertUnwindSafe(|| prepare(network, &proto)))
             .map_err(|_| {
                 Error::new(format!("it cannot make sense of the model; {}", locate::instead_of_tract()))
             })?
             .map_err(|error| {
                 Error::new(format!("it cannot prepare the model ({error:#}); {}", locate::instead_of_tract()))
             })?;
-        let zero =
-            |shape: &[usize]| Tensor::zero::<f32>(shape).map(Arc::new).map_err(|e| Error::new(e.to_string()));
-        let speed = match &model.speed {
-            Some(speed) => Some((zero(&speed.shape)?, speed.first)),
-            None => None,
+        let zero = |shape: &Vec<usize>| {
+            Tensor::zero::<f32>(shape).map(Arc::new).map_err(|e| Error::new(e.to_string()))
         };
-        Ok(Self { state, image: zero(&model.input.shape())?, speed })
+        Ok(Self { state, inputs: network.inputs.iter().map(zero).collect::<Result<_>>()? })
     }
 }
 
-fn prepare(model: &ModelFile) -> TractResult<TypedSimpleState> {
+fn prepare(network: &Network<'_>, proto: &pb::ModelProto) -> TractResult<TypedSimpleState> {
     // What the file says about intermediate shapes names the batch, which is 1 here.
     let onnx = tract_onnx::onnx().with_ignore_value_info(true);
     // Weights may lie in files beside the model's.
-    let folder = match &model.source {
-        Source::File(path) => path.parent().and_then(|folder| folder.to_str()),
-        Source::BuiltIn(_) => None,
+    let folder = match &network.graph {
+        Graph::File { path, .. } => path.parent().and_then(|folder| folder.to_str()),
+        Graph::Memory(_) => None,
     };
-    let parsed = onnx.parse(&model.proto, folder)?;
+    let parsed = onnx.parse(proto, folder)?;
     if !parsed.unresolved_inputs.is_empty() {
         return Err(TractError::msg(format!("nothing computes {}", parsed.unresolved_inputs.join(", "))));
     }
     let mut graph = parsed.model;
-    let fact = |shape: &[usize]| InferenceFact::dt_shape(f32::datum_type(), shape);
-    let image = usize::from(model.speed.as_ref().is_some_and(|speed| speed.first));
-    graph.set_input_fact(image, fact(&model.input.shape()))?;
-    if let Some(speed) = &model.speed {
-        graph.set_input_fact(1 - image, fact(&speed.shape))?;
+    for (place, shape) in network.inputs.iter().enumerate() {
+        graph.set_input_fact(place, InferenceFact::dt_shape(f32::datum_type(), shape))?;
     }
     let graph = graph.into_optimized()?;
     check_tensors(&graph)?;
@@ -119,18 +120,17 @@ fn write(tensor: &mut Arc<Tensor>, values: &[f32]) -> Result<()> {
 }
 
 impl Session for Tract {
-    fn run(&mut self, image: &[f32], speed: f32, outputs: &mut [Vec<f32>]) -> Result<()> {
-        write(&mut self.image, image)?;
-        let image = self.image.clone().into_tvalue();
-        let inputs = match &mut self.speed {
-            None => tvec!(image),
-            Some((tensor, first)) => {
-                write(tensor, &[speed])?;
-                let speed = tensor.clone().into_tvalue();
-                if *first { tvec!(speed, image) } else { tvec!(image, speed) }
-            }
-        };
-        let results = self.state.run(inputs).place(name())?;
+    fn run(&mut self, inputs: &[&[f32]], outputs: &mut [Vec<f32>]) -> Result<()> {
+        for (tensor, values) in self.inputs.iter_mut().zip(inputs) {
+            write(tensor, values)?;
+        }
+        let inputs = self.inputs.iter().map(|tensor| tensor.clone().into_tvalue()).collect();
+        // tract panics where it computes some models, such as those whose pads are negative.
+        let results = catch_unwind(AssertUnwindSafe(|| self.state.run(inputs)))
+            .map_err(|_| {
+                Error::new(format!("{} cannot compute the model; {}", name(), locate::instead_of_tract()))
+            })?
+            .place(name())?;
         for (values, result) in outputs.iter_mut().zip(results) {
             values.clear();
             values.extend_from_slice(

@@ -26,7 +26,7 @@ macro_rules! networks {
                 }
 
                 fn new(config: &Config) -> Result<Self> {
-                    let content = include_bytes!(concat!("../../../scripts/models/", $name, ".onnx"));
+                    let content = content($name).ok_or_else(|| Error::new("it is not part of this plugin"))?;
                     let mut values = config.values().clone();
                     values.insert("model".to_owned(), $name.into());
                     let config = Config::check(&Onnx::description(), &values)?;
@@ -48,6 +48,14 @@ macro_rules! networks {
                 }
             }
         )*
+
+        /// The content of the file of the network that drives under this name; nothing where it is none of these.
+        pub fn content(name: &str) -> Option<&'static [u8]> {
+            match name {
+                $($name => Some(include_bytes!(concat!("../../../scripts/models/", $name, ".onnx"))),)*
+                _ => None,
+            }
+        }
     };
 }
 

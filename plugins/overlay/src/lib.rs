@@ -11,6 +11,7 @@ mod key;
 mod overlay;
 mod picture;
 mod pictures;
+mod place;
 mod player;
 mod prepare;
 mod process;

@@ -8,6 +8,7 @@ use pdk_sdk::prelude::*;
 
 use crate::cache;
 use crate::clip::Clip;
+use crate::place::{Moved, middle};
 use crate::prepare::{self, Settings};
 use crate::store::{Index, Layer, Store};
 
@@ -44,6 +45,8 @@ pub struct Player {
     held: [Held; 2],
     /// Both, mixed.
     mixed: Layer,
+    /// What is shown, in another place.
+    moved: Moved,
 }
 
 /// A frame of the clip that was read, and its number.
@@ -62,7 +65,7 @@ impl Player {
         let hash = clip.hash().place(&clip)?;
         let folder = cache::folder()?;
         let (held, mixed) = (Default::default(), Layer::default());
-        Ok(Self { clip, hash, settings, motion, folder, store: None, held, mixed })
+        Ok(Self { clip, hash, settings, motion, folder, store: None, held, mixed, moved: Moved::default() })
     }
 
     /// Lays the clip over a frame.
@@ -91,7 +94,10 @@ impl Player {
                 &self.mixed
             }
         };
-        let (colours, alphas) = layer.planes();
+        let (mut colours, mut alphas) = layer.planes();
+        if let Some(map) = cx.saliency.filter(|map| map.len() == alphas.len()) {
+            (colours, alphas) = self.moved.to(middle(map, size.0), (colours, alphas), size);
+        }
         overlay(src, dst, colours, alphas, cx.number("opacity"));
         Ok(())
     }

@@ -55,6 +55,10 @@ pub fn haste(rank: f32) -> f32 {
 /// `things` is what they are, `typical` their speed and `coming` what they do.
 pub fn with_common(description: Description, things: &str, typical: f64, coming: &str) -> Description {
     description
+        .follows_attention(&format!(
+            "where {things} and those that stay come into being: more where the map is high at that time, fewer elsewhere; then \
+             they go on as ever"
+        ))
         .parameter(
             Parameter::number(
                 "speed",
@@ -72,12 +76,6 @@ pub fn with_common(description: Description, things: &str, typical: f64, coming:
                 .range(0.0, 60.0)
                 .unit("s"),
         )
-        .parameter(Parameter::boolean(
-            "attention",
-            false,
-            "more where the saliency map of the frame at hand is high, fewer elsewhere; needs a saliency method, and pdk has \
-             none yet",
-        ))
 }
 
 /// The time of the frame, checked.
@@ -95,8 +93,9 @@ pub struct Density<'a> {
 }
 
 struct Attention<'a> {
-    map: &'a [f32],
-    mean: f32,
+    maps: EarlierMaps<'a>,
+    /// The mean of each.
+    means: Vec<f32>,
     lens: Lens,
 }
 
@@ -104,41 +103,41 @@ struct Attention<'a> {
 const ATTENTION_GAIN: f32 = 2.0;
 
 impl<'a> Density<'a> {
-    /// `share` of all particles exist: those with a rank below it. With the parameter `attention` the saliency map of
-    /// this frame thins them where it is low and adds some where it is high. The maps of earlier frames are not known here,
-    /// because a frame depends on its key and input alone; so also what has been on the lens for long comes and goes with
-    /// the map.
-    ///
-    /// # Errors
-    /// Where attention is asked for and the frame comes with no map.
-    pub fn new(share: f32, lens: Lens, cx: &Context<'a>) -> Result<Self> {
-        if !cx.boolean("attention") {
-            return Ok(Self { everywhere: share, attention: None });
+    /// `share` of all particles exist: those with a rank below it. Where there are saliency maps, the one in use when and where a
+    /// particle comes into being thins them where it is low and adds some where it is high.
+    pub fn new(share: f32, lens: Lens, cx: &Context<'a>) -> Self {
+        let maps = cx.earlier;
+        if maps.is_empty() {
+            return Self { everywhere: share, attention: None };
         }
-        let map = cx.saliency.filter(|map| map.len() == lens.width * lens.height).ok_or_else(|| {
-            Error::new("`attention` needs a saliency map of the frame, but pdk has no saliency method yet that makes one: leave `attention` off")
-        })?;
-        let mean = (map.iter().map(|&v| f64::from(v)).sum::<f64>() / map.len() as f64) as f32;
-        Ok(Self { everywhere: share, attention: Some(Attention { map, mean, lens }) })
+        let mean = |place| {
+            let (_, _, values) = maps.map(place);
+            (values.iter().map(|&v| f64::from(v)).sum::<f64>() / values.len() as f64) as f32
+        };
+        let means = (0..maps.len()).map(mean).collect();
+        Self { everywhere: share, attention: Some(Attention { maps, means, lens }) }
     }
 
-    /// How much of a particle exists, from 0 to 1: all of it while its rank is well below the density at the place
-    /// where it was born.
-    pub fn presence(&self, rank: f32, x: f32, y: f32) -> f32 {
-        let gain = self.attention.as_ref().map_or(1.0, |attention| attention.gain(x, y));
+    /// How much of a particle exists, from 0 to 1: all of it while its rank is well below the density at the place and time of
+    /// its birth.
+    pub fn presence(&self, rank: f32, x: f32, y: f32, born: f64) -> f32 {
+        let gain = self.attention.as_ref().map_or(1.0, |attention| attention.gain(x, y, born));
         // What is about to exist grows, so that nothing appears at once when the intensity rises.
         ((self.everywhere * gain - rank) * 100.0).clamp(0.0, 1.0)
     }
 }
 
 impl Attention<'_> {
-    fn gain(&self, x: f32, y: f32) -> f32 {
+    fn gain(&self, x: f32, y: f32, born: f64) -> f32 {
+        let Some(place) = self.maps.place_at(born) else { return 1.0 };
+        let (width, height, values) = self.maps.map(place);
         let (px, py) = self.lens.to_pixels(x, y);
-        let column = (px + 0.5).clamp(0.0, (self.lens.width - 1) as f32) as usize;
-        let row = (py + 0.5).clamp(0.0, (self.lens.height - 1) as f32) as usize;
-        let here = self.map[row * self.lens.width + column];
+        let cell = |at: f32, pixels: usize, cells: usize| {
+            ((at + 0.5) / pixels as f32 * cells as f32).clamp(0.0, (cells - 1) as f32) as usize
+        };
+        let here = values[cell(py, self.lens.height, height) * width + cell(px, self.lens.width, width)];
         // 1 where the map is everywhere the same, 0 where it is 0, never above the gain.
-        ATTENTION_GAIN * here / (here + (ATTENTION_GAIN - 1.0) * self.mean).max(1e-6)
+        ATTENTION_GAIN * here / (here + (ATTENTION_GAIN - 1.0) * self.means[place]).max(1e-6)
     }
 }
 

@@ -89,7 +89,7 @@ impl Perturbation for RaindropsOnLens {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let lens = Lens::of(src);
         let time = time_of(cx)?;
-        let density = Density::new((cx.number("number") / MOST_DROPS) as f32, lens, cx)?;
+        let density = Density::new((cx.number("number") / MOST_DROPS) as f32, lens, cx);
         let (size, speed) = (cx.number("size") as f32, cx.number("speed") as f32);
         let dry_before = -cx.number("since");
         let key = sequence_key(cx);
@@ -117,7 +117,7 @@ impl RaindropsOnLens {
     fn add_drops(&mut self, lens: &Lens, time: f64, dry_before: f64, size: f32, density: &Density<'_>) {
         let edge = lens.half_width() + 2.0 * size;
         for (_, drop) in self.drops.iter().filter(|(_, drop)| drop.born >= dry_before) {
-            let presence = density.presence(drop.rank, drop.x, drop.y);
+            let presence = density.presence(drop.rank, drop.x, drop.y, drop.born);
             if presence <= 0.0 || drop.x.abs() > edge {
                 continue;
             }

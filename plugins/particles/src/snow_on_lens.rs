@@ -69,7 +69,7 @@ impl Perturbation for SnowOnLens {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let lens = Lens::of(src);
         let time = time_of(cx)?;
-        let density = Density::new((cx.number("number") / MOST_FLAKES) as f32, lens, cx)?;
+        let density = Density::new((cx.number("number") / MOST_FLAKES) as f32, lens, cx);
         let (size, speed) = (cx.number("size") as f32, cx.number("speed") as f32);
         let clear_before = -cx.number("since");
         self.flakes.advance(&sequence_key(cx), &lens, DRIFT, (time, LIFETIME), |cell, random, into| {
@@ -80,7 +80,7 @@ impl Perturbation for SnowOnLens {
         self.cover.clear(&lens);
         self.bank.clear(&lens);
         for (_, flake) in self.flakes.iter().filter(|(_, flake)| flake.born >= clear_before) {
-            let presence = density.presence(flake.rank, flake.x, flake.y);
+            let presence = density.presence(flake.rank, flake.x, flake.y, flake.born);
             if presence <= 0.0 {
                 continue;
             }

@@ -56,7 +56,7 @@ impl Sweepers {
         self.all.reserve(sliders.len());
         self.lanes.iter_mut().for_each(|lane| lane.reserve(sliders.len()));
         for (place, slider) in sliders.iter().filter(|(_, slider)| slider.born >= dry_before) {
-            let presence = density.presence(slider.rank, slider.x, slider.y);
+            let presence = density.presence(slider.rank, slider.x, slider.y, slider.born);
             if presence <= 0.0 {
                 continue;
             }

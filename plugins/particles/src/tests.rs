@@ -43,7 +43,10 @@ impl<P: Component + Perturbation> Film<P> {
     ) -> Result<()> {
         frame_values(&self.description, &self.config, self.level, &mut self.values);
         let mut cx = Context::new(self.level, 0, time, &self.key).with_values(&self.names, &self.values);
-        cx.saliency = map;
+        let times = [0.0];
+        if let Some(map) = map {
+            cx = cx.with_saliency(map, EarlierMaps::new(&times, map, src.width(), src.height())?);
+        }
         self.instance.apply(src, dst, &cx)
     }
 
@@ -78,7 +81,8 @@ both!(
     resolutions_agree,
     starts_clear_where_it_is_told_to,
     attention_moves_it_to_salient_places,
-    refuses_attention_without_a_map_and_impossible_times,
+    what_is_born_stays_when_the_map_changes,
+    refuses_impossible_times,
     late_frames_alone_are_fast,
     keeps_its_memory,
     takes_frames_of_extreme_shape,
@@ -263,7 +267,7 @@ fn attention_moves_it_to_salient_places<P: Component + Perturbation>() {
     let source = scene(320, 240);
     let right: Vec<f32> = (0..320 * 240).map(|i| if i % 320 >= 160 { 1.0 } else { 0.02 }).collect();
     let even = vec![0.3; 320 * 240];
-    let mut film = Film::<P>::new(r#"{"attention": true}"#, 2.0);
+    let mut film = Film::<P>::new("{}", 2.0);
     let mut render = |map: &[f32], time: f64| {
         let mut dst = FrameBuf::new(320, 240);
         film.render(source.as_ref(), dst.as_mut(), time, Some(map)).unwrap();
@@ -283,14 +287,40 @@ fn attention_moves_it_to_salient_places<P: Component + Perturbation>() {
     render(&vec![0.0; 320 * 240], 1.0);
 }
 
-fn refuses_attention_without_a_map_and_impossible_times<P: Component + Perturbation>() {
+/// What was born where a map was high stays when the map is another one, and goes on as it would have.
+fn what_is_born_stays_when_the_map_changes<P: Component + Perturbation>() {
+    let source = scene(320, 240);
+    let half = |right: bool| move |i: usize| if (i % 320 >= 160) == right { 1.0 } else { 0.02 };
+    let (left, right) = ((0..320 * 240).map(half(false)), (0..320 * 240).map(half(true)));
+    let both: Vec<f32> = left.chain(right).collect();
+    let key = Key([3; 32]);
+    let film = Film::<P>::new("{}", 2.0);
+    let mut values = Vec::new();
+    frame_values(&film.description, &film.config, 2.0, &mut values);
+    let mut instance = P::new(&film.config).unwrap();
+    let mut changed = |times: &[f64], maps: &[f32], time: f64| {
+        let mut dst = FrameBuf::new(320, 240);
+        let cx = Context::new(2.0, 0, time, &key).with_values(&film.names, &values);
+        let cx = cx.with_saliency(&both[..320 * 240], EarlierMaps::new(times, maps, 320, 240).unwrap());
+        instance.apply(source.as_ref(), dst.as_mut(), &cx).unwrap();
+        let mut halves = [0.0; 2];
+        for (at, (a, b)) in dst.data().iter().zip(source.data()).enumerate() {
+            halves[at / 3 % 320 / 160] += f64::from(a.abs_diff(*b)).powi(2);
+        }
+        halves
+    };
+    // The map marks the left half, and the right one since second 30.
+    let before = changed(&[0.0], &both[..320 * 240], 30.05);
+    let just_after = changed(&[0.0, 30.0], &both, 30.05);
+    let long_after = changed(&[0.0, 30.0], &both, 90.0);
+    assert!(before[0] > 3.0 * before[1], "{before:?}");
+    assert!((just_after[0] / before[0] - 1.0).abs() < 0.2, "{before:?} {just_after:?}");
+    assert!(long_after[1] > 3.0 * long_after[0], "{long_after:?}");
+}
+
+fn refuses_impossible_times<P: Component + Perturbation>() {
     let source = scene(16, 12);
     let mut dst = FrameBuf::new(16, 12);
-    let mut film = Film::<P>::new(r#"{"attention": true}"#, 2.0);
-    let refused = film.render(source.as_ref(), dst.as_mut(), 0.0, None).unwrap_err();
-    assert!(refused.message().contains("no saliency method yet"), "{refused}");
-    let refused = film.render(source.as_ref(), dst.as_mut(), 0.0, Some(&[0.5; 5])).unwrap_err();
-    assert!(refused.message().contains("saliency"), "{refused}");
     let mut film = Film::<P>::new("{}", 2.0);
     for time in [f64::NAN, f64::INFINITY, -1e12] {
         let refused = film.render(source.as_ref(), dst.as_mut(), time, None).unwrap_err();

@@ -88,6 +88,16 @@ sized! {
         pub saliency: *const f32,
         /// The number of its values.
         pub saliency_length: usize,
+        /// The saliency maps of the sequence so far, the oldest first: since when each was in use, in seconds; null where there are none.
+        pub earlier_times: *const f64,
+        /// How many there are.
+        pub earlier_length: usize,
+        /// Their values, one map after the other, row by row; each covers the whole frame.
+        pub earlier_values: *const f32,
+        /// Values in a row of each.
+        pub earlier_width: usize,
+        /// Rows of each.
+        pub earlier_height: usize,
     }
 
     /// The functions of a perturbation.
@@ -236,6 +246,10 @@ sized! {
         pub time: f64,
         /// The origin of all random numbers of the instance.
         pub key: [u8; 32],
+        /// The vehicle's speed in metres per second; not a number where it is not known.
+        pub speed: f64,
+        /// The sum of those numbers of [`map_flag`] that apply.
+        pub flags: u64,
     }
 
     /// A saliency map to write, row by row without gaps.
@@ -348,6 +362,14 @@ impl Sink {
             // SAFETY: the caller's promise; the bytes live through the call.
             unsafe { write(self.context, Text::new(bytes)) };
         }
+    }
+}
+
+/// What a [`MapContext`] can say besides its numbers, added up.
+pub mod map_flag {
+    crate::declare::numbers! {
+        /// The frame is of a recording and may come again, so that what took long to compute is worth keeping.
+        pub const RECORDED = 1;
     }
 }
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::error::{Error, Result};
+use crate::text::{parse_value, split_outside_brackets};
 
 /// A component with the parameters that the user sets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,6 +22,25 @@ impl ComponentSpec {
     /// A component with its defaults.
     pub fn new(name: impl Into<String>) -> Self {
         Self { name: name.into(), parameters: Map::new() }
+    }
+
+    /// Reads `NAME` with parameters behind it, as on the command line: `NAME,key=value,...`; `what` is what the error calls it.
+    ///
+    /// # Errors
+    /// Where there is no name, or a parameter has no value.
+    pub fn parse(what: &str, text: &str) -> Result<Self> {
+        let mut parts = split_outside_brackets(text).into_iter();
+        let name = parts.next().unwrap_or_default();
+        if name.is_empty() {
+            return Err(Error::new(format!("`{text}` names no {what}; write NAME or NAME,PARAMETER=VALUE")));
+        }
+        let parameters = parts.map(|part| match part.split_once('=') {
+            Some((key, value)) if !key.is_empty() => Ok((key.to_owned(), parse_value(value))),
+            _ => Err(Error::new(format!("`{part}` of {what} `{name}` has no value; write PARAMETER=VALUE"))),
+        });
+        let parameters = parameters.collect::<Result<Map<_, _>>>()?;
+        check_values(name, &parameters)?;
+        Ok(Self { name: name.to_owned(), parameters })
     }
 
     /// Reads a text, or a table with `name` and parameters.
@@ -84,6 +104,20 @@ pub(crate) fn without_value(name: &str, key: &str) -> Error {
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn the_command_line_is_read_with_values_of_any_kind() {
+        let spec = ComponentSpec::parse("driver", r#"onnx,model=a=b.onnx,throttle=.5,list=[1,2]"#).unwrap();
+        assert_eq!(spec.name, "onnx");
+        assert_eq!(
+            serde_json::json!(spec.parameters),
+            serde_json::json!({"model": "a=b.onnx", "throttle": 0.5, "list": [1, 2]})
+        );
+        assert_eq!(ComponentSpec::parse("driver", "grad-cam++").unwrap(), ComponentSpec::new("grad-cam++"));
+        let error = |text| ComponentSpec::parse("driver", text).unwrap_err().to_string();
+        assert_eq!(error(",a=1"), "`,a=1` names no driver; write NAME or NAME,PARAMETER=VALUE");
+        assert_eq!(error("onnx,model"), "`model` of driver `onnx` has no value; write PARAMETER=VALUE");
+    }
 
     #[test]
     fn a_name_or_a_table_is_read_and_told() {

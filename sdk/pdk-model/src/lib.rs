@@ -6,6 +6,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod attention;
 pub mod camera;
 pub mod canonical;
 pub mod component;
@@ -14,9 +15,11 @@ pub mod error;
 pub mod failure;
 pub mod level;
 pub mod outcome;
+pub mod pace;
 pub mod perturbation;
 pub mod region;
 pub mod scenario;
 pub mod search;
+pub mod selection;
 pub mod state;
 pub mod text;

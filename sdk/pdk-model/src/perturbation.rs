@@ -5,10 +5,12 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::attention::Attention;
 use crate::component::{check_values, without_value};
 use crate::error::{Error, Result};
 use crate::level::{DEFAULT_LEVEL, Level};
 use crate::region::Region;
+use crate::selection::Selection;
 use crate::text::{parse_value, split_outside_brackets};
 
 /// A perturbation as the user names it: at an intensity, with parameters, and with what limits it.
@@ -24,6 +26,12 @@ pub struct AppliedPerturbation {
     /// The part of the frame that is perturbed; all of it where it is not set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<Region>,
+    /// The pixels that are perturbed, by a saliency map; all of them where it is not set.
+    #[serde(default, rename = "where", skip_serializing_if = "Option::is_none")]
+    pub selection: Option<Selection>,
+    /// The saliency maps that the perturbation itself follows; none where it is not set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attention: Option<Attention>,
     /// What is drawn when; as the perturbation says where it is not set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub draws: Option<Draws>,
@@ -51,6 +59,8 @@ impl AppliedPerturbation {
             level,
             probability: None,
             region: None,
+            selection: None,
+            attention: None,
             draws: None,
             parameters: Map::new(),
         }
@@ -71,7 +81,7 @@ impl AppliedPerturbation {
     }
 
     /// Reads a perturbation from a script: a text as for [`AppliedPerturbation::parse`], or a table with `name`, `level`,
-    /// `probability`, `region`, `draws` and parameters.
+    /// `probability`, `region`, `where`, `attention`, `draws` and parameters.
     ///
     /// # Errors
     /// Where it is neither, or one of them is out of range or null.
@@ -125,6 +135,14 @@ impl AppliedPerturbation {
             .map(|region| Region::from_json(&region))
             .transpose()
             .map_err(|error| error.at(format_args!("perturbation `{name}`")))?;
+        let selection = take("where")?
+            .map(|selection| Selection::from_json(&selection))
+            .transpose()
+            .map_err(|error| error.at(format_args!("perturbation `{name}`")))?;
+        let attention = take("attention")?
+            .map(|attention| Attention::from_json(&attention))
+            .transpose()
+            .map_err(|error| error.at(format_args!("perturbation `{name}`")))?;
         let draws = take("draws")?
             .map(|value| {
                 serde_json::from_value(value.clone()).map_err(|_| {
@@ -135,7 +153,7 @@ impl AppliedPerturbation {
             })
             .transpose()?;
         check_values(&name, &parameters)?;
-        Ok(Self { name, level, probability, region, draws, parameters })
+        Ok(Self { name, level, probability, region, selection, attention, draws, parameters })
     }
 
     /// What it is without its level, as it is written on the command line: `NAME,key=value,...`. It tells two of the same
@@ -156,9 +174,11 @@ impl AppliedPerturbation {
     fn conditions(&self) -> String {
         let probability = self.probability.map(|probability| format!(",probability={probability}"));
         let region = self.region.as_ref().map(|region| format!(",region={}", json(region)));
+        let selection = self.selection.as_ref().map(|selection| format!(",where={}", json(selection)));
+        let attention = self.attention.as_ref().map(|attention| format!(",attention={}", json(attention)));
         let draws = self.draws.as_ref().map(|draws| format!(",draws={}", json(draws)));
         let parameters = self.parameters.iter().map(|(key, value)| format!(",{key}={value}"));
-        [probability, region, draws].into_iter().flatten().chain(parameters).collect()
+        [probability, region, selection, attention, draws].into_iter().flatten().chain(parameters).collect()
     }
 }
 

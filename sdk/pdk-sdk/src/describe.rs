@@ -80,7 +80,8 @@ impl Clock {
 pub struct Description {
     /// The kind of component.
     pub kind: Kind,
-    /// The name by which users refer to it; unique within its kind. Lower-case letters, digits and underscores.
+    /// The name by which users refer to it; unique within its kind. Lower-case letters, digits and underscores; for a saliency
+    /// method also hyphens and pluses.
     pub name: String,
     /// One line that says what it does, without a full stop.
     pub doc: String,
@@ -108,6 +109,9 @@ pub struct Description {
     /// What it draws anew for every frame, such as noise; empty where it draws nothing of the kind.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub drawn_per_frame: String,
+    /// What follows the saliency maps that it is given, such as where drops are born; empty where it does not look at any.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub follows_attention: String,
     /// The parameters, in the order in which they are listed.
     pub parameters: Vec<Parameter>,
     /// Parameter values with which its strength grows with the intensity, for those whose published levels are out of
@@ -143,6 +147,7 @@ impl Description {
             divergences: Vec::new(),
             drawn_per_sequence: String::new(),
             drawn_per_frame: String::new(),
+            follows_attention: String::new(),
             parameters: Vec::new(),
             grows_with: Map::new(),
             drop_in: None,
@@ -273,6 +278,13 @@ impl Description {
     /// Says what it draws anew for every frame, with [`Context::frame_random`](crate::perturbation::Context::frame_random).
     pub fn drawn_per_frame(mut self, what: &str) -> Self {
         self.drawn_per_frame = what.to_owned();
+        self
+    }
+
+    /// Says what follows the saliency maps that it is given with [`Context::saliency`](crate::perturbation::Context::saliency).
+    /// Without it, it cannot be given any.
+    pub fn follows_attention(mut self, what: &str) -> Self {
+        self.follows_attention = what.to_owned();
         self
     }
 

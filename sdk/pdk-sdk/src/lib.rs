@@ -69,7 +69,7 @@ pub mod prelude {
     pub use crate::describe::{Description, Kind, Parameter, Temporal};
     pub use crate::driver::{Control, DriveContext, Driver};
     pub use crate::error::{Error, ErrorKind, Result};
-    pub use crate::perturbation::{Context, Perturbation};
+    pub use crate::perturbation::{Context, EarlierMaps, Perturbation};
     pub use crate::saliency::{HeatmapMut, MapContext, Saliency};
     pub use crate::search::{Candidate, Evaluated, Problem, Range, Search, Space, Variable};
     pub use crate::simulator::{Camera, Scenario, Simulator, State};

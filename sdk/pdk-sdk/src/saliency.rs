@@ -33,11 +33,20 @@ pub struct MapContext<'a> {
     pub frame_index: u64,
     /// Simulation time in seconds since the start of the sequence.
     pub time: f64,
+    /// The vehicle's speed in metres per second, where it is known.
+    pub speed: Option<f64>,
+    /// Whether the frame is of a recording and may come again, so that what took long to compute is worth keeping.
+    pub recorded: bool,
     /// The key that all random numbers of this instance come from.
     pub key: &'a Key,
 }
 
-impl MapContext<'_> {
+impl<'a> MapContext<'a> {
+    /// A context of which no more is known.
+    pub fn new(frame_index: u64, time: f64, key: &'a Key) -> Self {
+        Self { frame_index, time, speed: None, recorded: false, key }
+    }
+
     /// Random numbers that are drawn anew for every frame. Every call starts the stream from its beginning.
     pub fn frame_random(&self) -> Random {
         self.key.frame(self.frame_index)

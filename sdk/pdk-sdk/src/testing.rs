@@ -258,7 +258,7 @@ pub fn check_saliency(config: &Config, make: Make<'_, dyn Saliency>) -> Result<(
     let key = Key([9; 32]);
     let mut maps = [vec![f32::NAN; width * height], vec![f32::NAN; width * height]];
     for map in &mut maps {
-        let cx = MapContext { frame_index: 5, time: 0.25, key: &key };
+        let cx = MapContext::new(5, 0.25, &key);
         method.map(frame.as_ref(), &cx, HeatmapMut::new(map, width, height)?)?;
         ensure(map.iter().all(|value| (0.0..=1.0).contains(value)), || {
             "its map has values that are not from 0 to 1, or that were not written".to_owned()

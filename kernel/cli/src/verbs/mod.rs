@@ -20,6 +20,7 @@ mod check;
 mod doctor;
 mod export;
 mod list;
+mod network;
 mod new;
 mod perturb;
 mod plugin;
@@ -29,6 +30,7 @@ mod replay;
 mod report;
 mod road;
 mod run;
+mod saliency;
 mod show;
 mod shrink;
 mod worker;
@@ -103,11 +105,13 @@ enum Verb {
     Perturb(perturb::Arguments),
     /// Show what perturbations do to an image: a sheet, strips and clips
     Preview(preview::Arguments),
+    /// Show which parts of frames matter to a driver's network: numbers and pictures
+    Saliency(saliency::Arguments),
     /// Write the reference pages of all perturbations
     Reference(reference::Arguments),
     /// List the components there are
     List(list::Arguments),
-    /// Show a component with its parameters
+    /// Show a component with its parameters, or the network in an ONNX file
     Show(show::Arguments),
     /// Write a working starting point
     New(new::Arguments),
@@ -152,7 +156,8 @@ impl Verb {
     /// Whether it calls components in its own process.
     fn calls_components(&self) -> bool {
         match self {
-            Verb::Perturb(_) | Verb::Preview(_) | Verb::Reference(_) | Verb::List(_) | Verb::Show(_) => true,
+            Verb::Perturb(_) | Verb::Preview(_) | Verb::Saliency(_) | Verb::Reference(_) => true,
+            Verb::List(_) | Verb::Show(_) => true,
             Verb::New(_) | Verb::Doctor(_) | Verb::Plugin(_) => true,
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
             Verb::Run(_) | Verb::Replay(_) | Verb::Shrink(_) | Verb::Check(_) | Verb::Worker(_) => false,
@@ -174,6 +179,7 @@ pub fn main() -> ExitCode {
         Verb::Run(arguments) => run::run(global, arguments),
         Verb::Perturb(arguments) => perturb::run(global, arguments),
         Verb::Preview(arguments) => preview::run(global, arguments),
+        Verb::Saliency(arguments) => saliency::run(global, arguments),
         Verb::Reference(arguments) => reference::run(global, arguments),
         Verb::List(arguments) => list::run(global, arguments),
         Verb::Show(arguments) => show::run(global, arguments),

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use pdk_core::chain::Chain;
+use pdk_core::moment::Moment;
 use pdk_core::{modifiers, output, println};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::error::{Error, Place, Result};
@@ -111,7 +112,8 @@ fn perturb_image(
 ) -> Result<()> {
     let image = pdk_image::read(&arguments.image)?;
     let mut perturbed = FrameBuf::new(image.width(), image.height());
-    chain.apply(image.as_ref(), perturbed.as_mut(), arguments.frame, arguments.time)?;
+    let moment = Moment::new(arguments.frame, arguments.time).alone();
+    chain.apply(image.as_ref(), perturbed.as_mut(), &moment)?;
     pdk_image::write(&arguments.output, perturbed.as_ref())?;
     if global.json {
         let specs = specs.iter().map(AppliedPerturbation::to_string).collect::<Vec<_>>();
@@ -154,7 +156,8 @@ fn perturb_video(
         let number = writer.frames();
         let before = Instant::now();
         let time = arguments.time + number as f64 / rate;
-        chain.apply(frame.as_ref(), perturbed.as_mut(), arguments.frame.saturating_add(number), time)?;
+        let moment = Moment::new(arguments.frame.saturating_add(number), time);
+        chain.apply(frame.as_ref(), perturbed.as_mut(), &moment)?;
         // Perturbations prepare themselves at their first frame.
         if number > 0 {
             perturbing += before.elapsed();

@@ -1,4 +1,4 @@
-//! `pdk show`: a component with its parameters.
+//! `pdk show`: a component with its parameters, or the network in a file.
 
 use pdk_core::{modifiers, println, suggest};
 use pdk_pipeline::table::table;
@@ -7,17 +7,20 @@ use pdk_sdk::describe::{Description, Kind, Parameter, Temporal};
 use pdk_sdk::error::{Error, Result};
 use serde_json::json;
 
-use super::{Global, print_json};
+use super::{Global, network, print_json};
 
 /// Arguments of `pdk show`
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The component's name
+    /// The component's name, or an ONNX file
     name: String,
 }
 
 /// Shows every component of that name, whatever its kind.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    if network::is_file(&arguments.name) {
+        return network::show(global, &arguments.name);
+    }
     let registry = global.registry()?;
     let catalog = registry.catalog();
     let all = || Kind::ALL.into_iter().flat_map(|kind| catalog.of_kind(kind));
@@ -64,6 +67,7 @@ fn print(description: &Description) {
         ("computes ", &description.mathematics),
         ("once     ", &description.drawn_per_sequence),
         ("per frame", &description.drawn_per_frame),
+        ("attention", &description.follows_attention),
     ] {
         if !text.is_empty() {
             println!("{label} {text}");

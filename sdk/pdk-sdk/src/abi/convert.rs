@@ -1,10 +1,11 @@
 //! Values of the SDK as they cross the boundary, and back.
 
-use pdk_abi::{Prefix, Sink, State as RawState, Status, Text, empty, load, state_flag, status};
-use pdk_ops::{Frame, FrameMut};
+use pdk_abi::{Prefix, Sink, State as RawState, Status, Text, empty, load, map_flag, state_flag, status};
+use pdk_ops::{Frame, FrameMut, Key};
 
 use crate::driver::{Control, DriveContext};
 use crate::error::{Error, ErrorKind, Result};
+use crate::saliency::MapContext;
 use crate::simulator::{Camera, State};
 
 /// What a call returns for each kind of error.
@@ -107,6 +108,32 @@ pub(super) unsafe fn target<'a>(from: *const pdk_abi::FrameMut) -> Result<FrameM
 pub(super) unsafe fn slice_mut<'a, V>(data: *mut V, length: usize) -> &'a mut [V] {
     // SAFETY: the caller's promise.
     if data.is_null() { &mut [] } else { unsafe { std::slice::from_raw_parts_mut(data, length) } }
+}
+
+/// What a saliency method knows, as it crosses.
+pub(super) fn map_context(cx: &MapContext<'_>) -> pdk_abi::MapContext {
+    pdk_abi::MapContext {
+        frame_index: cx.frame_index,
+        time: cx.time,
+        key: cx.key.0,
+        speed: cx.speed.unwrap_or(f64::NAN),
+        flags: if cx.recorded { map_flag::RECORDED } else { 0 },
+        ..empty()
+    }
+}
+
+/// What a saliency method knows where the other side says nothing.
+pub(super) fn unsaid_map_context() -> pdk_abi::MapContext {
+    pdk_abi::MapContext { speed: f64::NAN, ..empty() }
+}
+
+/// What a saliency method knows.
+pub(super) fn read_map_context<'a>(raw: &pdk_abi::MapContext, key: &'a Key) -> MapContext<'a> {
+    MapContext {
+        speed: Some(raw.speed).filter(|speed| !speed.is_nan()),
+        recorded: raw.flags & map_flag::RECORDED != 0,
+        ..MapContext::new(raw.frame_index, raw.time, key)
+    }
 }
 
 /// A value that both sides know in a form of their own.
@@ -235,6 +262,21 @@ mod tests {
         assert_eq!(DriveContext::from_raw(cx.raw()), cx);
         let camera = Camera { width: 32, height: 24, rate: 20.0 };
         assert_eq!(Camera::from_raw(camera.raw()), camera);
+    }
+
+    #[test]
+    fn what_a_saliency_method_knows_crosses_as_it_is() {
+        let key = Key([3; 32]);
+        let known = MapContext { speed: Some(0.0), recorded: true, ..MapContext::new(4, 0.5, &key) };
+        for cx in [known, MapContext::new(5, 1.0, &key)] {
+            let raw = map_context(&cx);
+            let read = read_map_context(&raw, &key);
+            assert_eq!(
+                (read.frame_index, read.time, read.speed, read.recorded),
+                (cx.frame_index, cx.time, cx.speed, cx.recorded)
+            );
+        }
+        assert_eq!(read_map_context(&unsaid_map_context(), &key).speed, None);
     }
 
     #[test]

@@ -255,6 +255,11 @@ impl Perturbation for HostPerturbation {
             values_length: cx.values.len(),
             saliency: cx.saliency.map_or(std::ptr::null(), <[f32]>::as_ptr),
             saliency_length: cx.saliency.map_or(0, <[f32]>::len),
+            earlier_times: cx.earlier.times.as_ptr(),
+            earlier_length: cx.earlier.times.len(),
+            earlier_values: cx.earlier.values.as_ptr(),
+            earlier_width: cx.earlier.width,
+            earlier_height: cx.earlier.height,
             ..empty()
         };
         let (source, target) = (convert::frame(src), convert::frame_mut(&mut dst));
@@ -426,8 +431,7 @@ impl Saliency for HostSaliency {
     fn map(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
         let Self(SaliencyCalls { object, map, .. }) = self;
         let frame = convert::frame(frame);
-        let context =
-            pdk_abi::MapContext { frame_index: cx.frame_index, time: cx.time, key: cx.key.0, ..empty() };
+        let context = convert::map_context(cx);
         let (width, height) = (out.width(), out.height());
         let heatmap = pdk_abi::Heatmap { values: out.values_mut().as_mut_ptr(), width, height, ..empty() };
         // SAFETY: everything lives through the call.

@@ -16,8 +16,8 @@ use crate::config::Config;
 use crate::dataset::Dataset;
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, ErrorKind, Result};
-use crate::perturbation::{Context, Perturbation};
-use crate::saliency::{HeatmapMut, MapContext, Saliency};
+use crate::perturbation::{Context, EarlierMaps, Perturbation};
+use crate::saliency::{HeatmapMut, Saliency};
 use crate::search::Search;
 use crate::simulator::Simulator;
 
@@ -115,6 +115,10 @@ functions! { perturbations: Perturbation;
             .with_values(names, convert::slice(raw.values, raw.values_length));
         let saliency = convert::slice(raw.saliency, raw.saliency_length);
         cx.saliency = (!saliency.is_empty()).then_some(saliency);
+        let times = convert::slice(raw.earlier_times, raw.earlier_length);
+        let (width, height) = (raw.earlier_width, raw.earlier_height);
+        let length = times.len().saturating_mul(width).saturating_mul(height);
+        cx.earlier = EarlierMaps::new(times, convert::slice(raw.earlier_values, length), width, height)?;
         component.apply(source, target, &cx)
     }
 }
@@ -180,11 +184,11 @@ functions! { saliencies: Saliency;
         context: *const pdk_abi::MapContext,
         map: *const pdk_abi::Heatmap
     ) {
-        let pdk_abi::MapContext { frame_index, time, key, .. } = load(context, empty());
+        let raw = load(context, convert::unsaid_map_context());
+        let key = Key(raw.key);
         let pdk_abi::Heatmap { values, width, height, .. } = load(map, empty());
         let values = convert::slice_mut(values, width.saturating_mul(height));
-        let cx = MapContext { frame_index, time, key: &Key(key) };
-        component.map(convert::source(frame)?, &cx, HeatmapMut::new(values, width, height)?)
+        component.map(convert::source(frame)?, &convert::read_map_context(&raw, &key), HeatmapMut::new(values, width, height)?)
     }
 }
 

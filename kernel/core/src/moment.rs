@@ -1,0 +1,32 @@
+//! What is known of a frame besides its pixels.
+
+/// What is known of a frame besides its pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// The number of the frame in its sequence, from 0.
+    pub frame_index: u64,
+    /// Simulation time in seconds since the start of the sequence.
+    pub time: f64,
+    /// The vehicle's speed in metres per second, where it is known.
+    pub speed: Option<f64>,
+    /// Whether the frame counts for itself, as those of datasets do, which are looked at in any order: then nothing of other
+    /// frames has an influence on what becomes of it.
+    pub alone: bool,
+}
+
+impl Moment {
+    /// The moment of a frame of which nothing else is known.
+    pub fn new(frame_index: u64, time: f64) -> Self {
+        Self { frame_index, time, speed: None, alone: false }
+    }
+
+    /// The moment of a frame that counts for itself.
+    pub fn alone(self) -> Self {
+        Self { alone: true, ..self }
+    }
+
+    /// The same moment at a speed.
+    pub fn at_speed(self, speed: f64) -> Self {
+        Self { speed: Some(speed), ..self }
+    }
+}

@@ -1,0 +1,173 @@
+//! Graphs of gradients on every backend that the machine has, against the plain reference in 64-bit floats.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use pdk_onnx::proto::ModelProto;
+use pdk_onnx::testing::{self, CASES, OPSETS, numbers, relative_error};
+use pdk_onnx::{Graph, Target, Tensor, gradients, layers, model};
+use pdk_sdk::prelude::*;
+
+use crate::backend;
+use crate::fixture;
+use crate::session::Graph as Content;
+use crate::session::{Network, Session};
+
+/// The backends to test; ONNX Runtime where it is found.
+pub fn backends() -> Vec<&'static str> {
+    match crate::locate::Search::from_environment().find().unwrap() {
+        Some(_) => vec!["tract", "onnxruntime"],
+        None => {
+            println!("skipped for onnxruntime: it is not installed");
+            vec!["tract"]
+        }
+    }
+}
+
+fn open(model: &ModelProto, backend: &str) -> Result<Box<dyn Session>> {
+    let graph = Graph::new(model.clone())?;
+    let inputs = graph.inputs().map(|name| graph.fact(name).unwrap().shape.clone()).collect();
+    backend::open(&Network { graph: Content::Memory(&model::encode(model)), inputs }, backend)
+}
+
+/// What a backend computes, or why it does not.
+fn run(model: &ModelProto, backend: &str, x: &Tensor) -> Result<Vec<f64>> {
+    let values: Vec<f32> = x.values.iter().map(|&value| value as f32).collect();
+    let mut outputs = vec![Vec::new()];
+    open(model, backend)?.run(&[&values], &mut outputs)?;
+    Ok(outputs[0].iter().map(|&value| f64::from(value)).collect())
+}
+
+/// The gradient of a model with the input `x` on each backend, compared with the reference: errors by backend.
+///
+/// A backend that does not run the model itself is not asked for its gradient.
+fn compare(model: &ModelProto, x: &Tensor) -> BTreeMap<&'static str, Result<f64, String>> {
+    let graph = Graph::new(model.clone()).unwrap();
+    let built = gradients(&graph, Target { value: "target", index: 0 }, &["x"], &[]).unwrap();
+    let reference = Graph::new(built.model.clone()).unwrap();
+    let expected = reference.evaluate(&[("x", x)], &[&built.outputs[0]]).unwrap().swap_remove(0);
+    let forward = graph.evaluate(&[("x", x)], &["target"]).unwrap().swap_remove(0);
+    let mut errors = BTreeMap::new();
+    for backend in backends() {
+        let Ok(found) = run(model, backend, x) else { continue };
+        // A forward pass that differs is the backend's own reading of the operator.
+        if relative_error(&found, &forward.values) > 1e-4 {
+            errors.insert(backend, Err("reads the operator in another way".to_owned()));
+            continue;
+        }
+        let gradient = run(&built.model, backend, x).map_err(|error| error.to_string());
+        errors.insert(backend, gradient.map(|found| relative_error(&found, &expected.values)));
+    }
+    errors
+}
+
+#[test]
+fn gradients_of_every_operator_are_right_on_every_backend() {
+    let mut ran: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    let mut wrong = Vec::new();
+    let mut otherwise = Vec::new();
+    for case in CASES {
+        for opset in OPSETS.into_iter().filter(|opset| case.opsets.contains(opset)) {
+            for (backend, error) in compare(&case.model(opset), &case.x()) {
+                match error {
+                    Ok(error) if error < 1e-4 => ran.entry(backend).or_default().push(case.name.to_owned()),
+                    Ok(error) => {
+                        wrong.push(format!("{backend}: {} at version {opset}: {error:.1e}", case.name))
+                    }
+                    Err(error) if error.starts_with("reads") => {
+                        otherwise.push(format!("{backend}: {} at version {opset}", case.name))
+                    }
+                    Err(error) => wrong.push(format!("{backend}: {} at version {opset}: {error}", case.name)),
+                }
+            }
+        }
+    }
+    println!("computed in another way by the backend itself: {otherwise:#?}");
+    for backend in backends() {
+        let mut names = ran.remove(backend).unwrap_or_default();
+        let count = names.len();
+        names.dedup();
+        let missing: Vec<_> =
+            CASES.iter().map(|case| case.name).filter(|name| !names.iter().any(|ran| ran == name)).collect();
+        println!("{backend}: {count} gradients of {} cases; it does not run {missing:?}", names.len());
+        assert!(names.len() * 10 > CASES.len() * 9, "{backend} runs too few");
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn gradients_of_random_graphs_are_right_on_every_backend() {
+    for seed in 0..40 {
+        let model = testing::random(seed, OPSETS[seed as usize % OPSETS.len()]);
+        let shape = [1, 2, 6, 7];
+        let values = numbers(seed + 1000, 84).into_iter().map(|value| f64::from(value as f32)).collect();
+        for (backend, error) in compare(&model, &Tensor::floats(&shape, values)) {
+            let error = error.unwrap_or_else(|error| panic!("graph {seed} on {backend}: {error}"));
+            assert!(error < 1e-4, "graph {seed} on {backend}: relative error {error:e}");
+        }
+    }
+}
+
+#[test]
+fn gradients_of_networks_are_right_and_cost_little_more_than_the_network() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut paths =
+        vec![root.join("scripts/models/dave2.onnx"), root.join("scripts/models/dave2_augmented.onnx")];
+    paths.extend(fixture::shared("tub_pilot.onnx"));
+    for path in paths {
+        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let graph = Graph::new(model::read(&path).unwrap()).unwrap();
+        let inputs = graph.inputs().map(|name| {
+            let shape = &graph.fact(name).unwrap().shape;
+            let values: Vec<_> = match name {
+                "image" => {
+                    numbers(4, shape.iter().product()).iter().map(|v| (127.0 + 100.0 * v).round()).collect()
+                }
+                _ => vec![8.0],
+            };
+            (name.to_owned(), Tensor::floats(shape, values))
+        });
+        let inputs: Vec<_> = inputs.collect();
+        let given: Vec<_> = inputs.iter().map(|(name, tensor)| (name.as_str(), tensor)).collect();
+        let values: Vec<Vec<f32>> =
+            inputs.iter().map(|(_, tensor)| tensor.values.iter().map(|&v| v as f32).collect()).collect();
+        let values: Vec<&[f32]> = values.iter().map(Vec::as_slice).collect();
+        let target = Target { value: &graph.outputs()[0], index: 0 };
+        let image = layers::Image { input: "image", height: 2, width: 3 };
+        let all = layers::layers(&graph, image, target.value);
+        let layer = layers::find(&all, "").unwrap();
+        for of in [layer.activated.as_str(), "image"] {
+            let keep = [of].into_iter().filter(|of| *of != "image").collect::<Vec<_>>();
+            let built = gradients(&graph, target, &[of], &keep).unwrap();
+            let gradient = built.outputs.last().unwrap();
+            let expected = Graph::new(built.model.clone())
+                .unwrap()
+                .evaluate(&given, &[gradient])
+                .unwrap()
+                .swap_remove(0);
+            let plain = graph.model(&[target.value]).unwrap();
+            for backend in backends() {
+                let mut times = [&plain, &built.model].map(|model| {
+                    let mut session = open(model, backend).unwrap();
+                    let mut outputs = vec![Vec::new(); 2];
+                    let mut best = f64::INFINITY;
+                    for _ in 0..30 {
+                        let start = Instant::now();
+                        session.run(&values, &mut outputs).unwrap();
+                        best = best.min(start.elapsed().as_secs_f64() * 1e3);
+                    }
+                    (best, outputs)
+                });
+                let found: Vec<f64> =
+                    times[1].1[built.outputs.len() - 1].iter().map(|&v| f64::from(v)).collect();
+                let error = relative_error(&found, &expected.values);
+                let [(forward, _), (both, _)] = &mut times;
+                println!(
+                    "{name}, {backend}, gradient of `{of}`: {both:.2} ms, {:.1} times the network's {forward:.2} ms; relative error {error:.1e}",
+                    *both / *forward
+                );
+                assert!(error < 1e-4, "{name} on {backend}: {error:e}");
+            }
+        }
+    }
+}

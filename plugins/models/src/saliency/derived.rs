@@ -1,0 +1,171 @@
+//! Graphs that are built from the model's, ready to run.
+
+use pdk_onnx::layers::{self, Image, Layer};
+use pdk_onnx::{Graph, Target, gradients, model};
+use pdk_sdk::prelude::*;
+
+use super::viewer::Viewer;
+use crate::backend;
+use crate::model_file::Source;
+use crate::session::{self, Network, Session};
+
+/// What can be done where a gradient is missing.
+const WITHOUT: &str = "eigen-cam, score-cam, rise and occlusion work without one";
+
+/// Which layer a method looks at.
+pub fn layer_parameters(description: Description) -> Description {
+    description
+        .parameter(Parameter::text(
+            "layer",
+            "the layer whose cells are weighed, by the name of its node or of its value; left out, the last convolution",
+        ))
+        .parameter(Parameter::boolean(
+            "activation",
+            true,
+            "whether the layer is taken behind its activation function, where it has one",
+        ))
+}
+
+/// A graph that computes values of a layer.
+pub struct Derived {
+    session: Box<dyn Session>,
+    outputs: Vec<Vec<f32>>,
+    image: Vec<f32>,
+    pub layer: Layer,
+}
+
+/// The model's graph.
+///
+/// # Errors
+/// Where it contradicts itself.
+pub fn graph(viewer: &Viewer) -> Result<Graph> {
+    Graph::new(match &viewer.model.source {
+        Source::File(path) => model::read(path)?,
+        Source::BuiltIn(bytes) => model::decode(bytes)?,
+    })
+}
+
+/// The input of a graph that is the image.
+fn image<'a>(graph: &'a Graph, viewer: &Viewer) -> Result<Image<'a>> {
+    let (place, height, width) = viewer.image();
+    let input = graph.inputs().nth(place).ok_or_else(|| Error::new("it has no image"))?;
+    Ok(Image { input, height, width })
+}
+
+/// The layer that the parameters name.
+///
+/// # Errors
+/// Where there is none of this name.
+pub fn named_layer(graph: &Graph, viewer: &Viewer, config: &Config) -> Result<Layer> {
+    let layers = layers::layers(graph, image(graph, viewer)?, viewer.target().0);
+    let mut layer = layers::find(&layers, config.text("layer"))?.clone();
+    if config.boolean("activation") {
+        layer.value.clone_from(&layer.activated);
+    }
+    Ok(layer)
+}
+
+/// The image as a layer of its own.
+///
+/// # Errors
+/// Where it is a single pixel.
+pub fn image_layer(graph: &Graph, viewer: &Viewer) -> Result<Layer> {
+    layers::image_layer(graph, image(graph, viewer)?)
+}
+
+impl Derived {
+    /// A graph that computes the layer, and the gradient of the output with respect to it. The gradient comes last.
+    ///
+    /// # Errors
+    /// Where an operator behind the layer has no gradient, or the backend cannot run the graph.
+    pub fn gradient(graph: &Graph, viewer: &Viewer, layer: Layer) -> Result<Self> {
+        let (value, index) = viewer.target();
+        let is_input = graph.inputs().any(|input| input == layer.value);
+        let keep: &[&str] = if is_input { &[] } else { &[&layer.value] };
+        let built = gradients(graph, Target { value, index }, &[&layer.value], keep)
+            .map_err(|error| Error::new(format!("{error}; {WITHOUT}")))?;
+        Self::open(viewer, layer, &built.model, built.outputs.len())
+    }
+
+    /// A graph that computes the layer alone.
+    ///
+    /// # Errors
+    /// Where the backend cannot run the graph.
+    pub fn forward(graph: &Graph, viewer: &Viewer, layer: Layer) -> Result<Self> {
+        let model = graph.model(&[&layer.value])?;
+        Self::open(viewer, layer, &model, 1)
+    }
+
+    fn open(
+        viewer: &Viewer,
+        layer: Layer,
+        model: &pdk_onnx::proto::ModelProto,
+        outputs: usize,
+    ) -> Result<Self> {
+        let bytes = model::encode(model);
+        let network = Network { graph: session::Graph::Memory(&bytes), inputs: viewer.model.shapes() };
+        let session = backend::open(&network, &viewer.backend)?;
+        Ok(Self { session, outputs: vec![Vec::new(); outputs], image: Vec::new(), layer })
+    }
+
+    /// Runs the graph on a frame in the size of the model's image, and gives each output channel by channel.
+    ///
+    /// # Errors
+    /// Where the backend fails.
+    pub fn run(&mut self, viewer: &Viewer, frame: Frame<'_>) -> Result<Vec<Planes>> {
+        viewer.numbers(frame, &mut self.image);
+        let image = std::mem::take(&mut self.image);
+        let result = self.run_on(viewer, &image);
+        self.image = image;
+        result
+    }
+
+    /// Runs the graph on the numbers of an image.
+    ///
+    /// # Errors
+    /// Where the backend fails.
+    pub fn run_on(&mut self, viewer: &Viewer, image: &[f32]) -> Result<Vec<Planes>> {
+        self.session.run(&viewer.inputs(image, &viewer.speed()), &mut self.outputs)?;
+        Ok(self.outputs.iter().map(|values| Planes::new(&self.layer, values)).collect())
+    }
+}
+
+/// The values of a layer, channel by channel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Planes {
+    pub rows: usize,
+    pub columns: usize,
+    values: Vec<f64>,
+}
+
+impl Planes {
+    fn new(layer: &Layer, values: &[f32]) -> Self {
+        let shape = &layer.shape;
+        let (down, right) = (layer.rows.0, layer.columns.0);
+        let stride = |axis: usize| shape[axis + 1..].iter().product::<usize>();
+        // The first value of each channel: all places that are first downwards and to the right.
+        let mut starts = vec![0];
+        for axis in (0..shape.len()).filter(|&axis| axis != down && axis != right) {
+            starts = starts
+                .iter()
+                .flat_map(|start| (0..shape[axis]).map(move |at| start + at * stride(axis)))
+                .collect();
+        }
+        let (rows, columns) = (shape[down], shape[right]);
+        let cells = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
+        let cells: Vec<_> = cells.map(|(row, column)| row * stride(down) + column * stride(right)).collect();
+        let values =
+            starts.iter().flat_map(|start| cells.iter().map(move |cell| f64::from(values[start + cell])));
+        Self { rows, columns, values: values.collect() }
+    }
+
+    /// Adds the values of another one of the same layer.
+    pub fn add(&mut self, other: &Self) {
+        self.values.iter_mut().zip(&other.values).for_each(|(sum, value)| *sum += value);
+    }
+
+    /// The values of each channel, row by row.
+    pub fn channels(&self) -> impl Iterator<Item = &[f64]> {
+        self.values.chunks(self.rows * self.columns)
+    }
+}

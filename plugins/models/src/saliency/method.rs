@@ -1,0 +1,143 @@
+//! What all methods share: a model is viewed, a grid is made, and laid over the frame.
+
+use pdk_onnx::layers::Layer;
+use pdk_sdk::prelude::*;
+
+use super::grid::{Grid, Sign};
+use super::kept::Kept;
+use super::viewer::Viewer;
+
+/// How a frame becomes a grid.
+pub trait Method: Send + Sized {
+    /// Name, documentation and parameters, those that all methods have among them.
+    fn description() -> Description;
+
+    /// Prepares the method for a model.
+    ///
+    /// # Errors
+    /// Where the model does not have what the method needs.
+    fn new(viewer: &Viewer, config: &Config) -> Result<Self>;
+
+    /// How its numbers become values from 0 to 1.
+    fn sign(config: &Config) -> Sign {
+        Sign::of(config.text("sign"))
+    }
+
+    /// Rows and columns of its grid.
+    fn cells(&self, viewer: &Viewer) -> [usize; 2];
+
+    /// The grid of a frame that has the size of the model's image.
+    ///
+    /// # Errors
+    /// Where the backend fails.
+    fn grid(&mut self, viewer: &mut Viewer, frame: Frame<'_>, cx: &MapContext<'_>) -> Result<Grid>;
+}
+
+/// A saliency method as a component.
+pub struct Map<M> {
+    viewer: Viewer,
+    method: M,
+    sign: Sign,
+    by_cell: bool,
+    kept: Option<Kept>,
+}
+
+impl<M: Method> Component for Map<M> {
+    fn description() -> Description {
+        M::description()
+    }
+
+    fn new(config: &Config) -> Result<Self> {
+        let open = || {
+            let viewer = Viewer::open(config)?;
+            let method = M::new(&viewer, config)?;
+            let kept = Kept::new(&M::description(), config, &viewer);
+            Ok(Self { method, viewer, sign: M::sign(config), by_cell: config.text("size") == "layer", kept })
+        };
+        open().map_err(|error: Error| error.at(format!("model `{}`", config.text("model"))))
+    }
+}
+
+impl<M: Method> Saliency for Map<M> {
+    fn map_size(&mut self, width: usize, height: usize) -> Result<[usize; 2]> {
+        if !self.by_cell {
+            return Ok([width, height]);
+        }
+        let [rows, columns] = self.method.cells(&self.viewer);
+        // A frame that is smaller than the model's image may have fewer pixels than a layer has cells.
+        Ok(if columns > width || rows > height { [width, height] } else { [columns, rows] })
+    }
+
+    fn map(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, out: HeatmapMut<'_>) -> Result<()> {
+        let Self { viewer, method, kept, .. } = self;
+        let frame = viewer.fit(frame);
+        viewer.move_at(cx.speed);
+        let speed = viewer.speed()[0];
+        let mut make = || method.grid(viewer, frame.as_ref(), cx);
+        let grid = match kept.as_ref().filter(|_| cx.recorded) {
+            Some(kept) => kept.find_or_make(frame.as_ref(), speed, cx, make),
+            None => make(),
+        };
+        let grid =
+            grid.and_then(|grid| grid.normalize(self.sign)).map_err(|error| error.at(&self.viewer.place))?;
+        match self.by_cell && (out.width(), out.height()) == (grid.columns, grid.rows) {
+            true => grid.copy_to(out),
+            false => grid.lay_over(self.viewer.size(), out),
+        }
+        Ok(())
+    }
+}
+
+/// A grid of zeros over a layer.
+pub fn empty(layer: &Layer) -> Grid {
+    let (rows, columns) = (layer.shape[layer.rows.0], layer.shape[layer.columns.0]);
+    Grid { rows, columns, values: vec![0.0; rows * columns], looks: [layer.rows.1, layer.columns.1] }
+}
+
+/// A grid of zeros with a cell for each pixel of the model's image.
+pub fn pixels(viewer: &Viewer) -> Grid {
+    use pdk_onnx::field::{ImageAxis, Look};
+    let (columns, rows) = viewer.size();
+    let look = |along| Look { along, start: 0.0, step: 1.0, size: 1.0 };
+    Grid {
+        rows,
+        columns,
+        values: vec![0.0; rows * columns],
+        looks: [ImageAxis::Height, ImageAxis::Width].map(look),
+    }
+}
+
+/// What is put where something is taken away.
+pub fn fill_parameter() -> Parameter {
+    Parameter::choice(
+        "fill",
+        &["mean", "black"],
+        "what is put in place of what is taken away: the frame's mean colour, or black",
+    )
+}
+
+/// The colour that is put where something is taken away.
+pub fn fill(frame: Frame<'_>, name: &str) -> [f64; 3] {
+    let mut sums = [0u64; 3];
+    if name == "black" {
+        return [0.0; 3];
+    }
+    for pixel in frame.rows().flat_map(|row| row.chunks_exact(3)) {
+        sums.iter_mut().zip(pixel).for_each(|(sum, &value)| *sum += u64::from(value));
+    }
+    sums.map(|sum| sum as f64 / (frame.width() * frame.height()) as f64)
+}
+
+/// The frame where `shares` is 1, the colour where it is 0.
+pub fn blend(frame: Frame<'_>, color: [f64; 3], shares: &[f32], mut into: FrameMut<'_>) {
+    let width = frame.width();
+    for y in 0..frame.height() {
+        let pixels = frame.row(y).chunks_exact(3).zip(into.row_mut(y).chunks_exact_mut(3));
+        for ((from, to), &share) in pixels.zip(&shares[y * width..]) {
+            for channel in 0..3 {
+                let value = color[channel] + (f64::from(from[channel]) - color[channel]) * f64::from(share);
+                to[channel] = (value + 0.5) as u8;
+            }
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! Tests of the methods on small networks whose answer is known, and on the real one where it is at hand.
+
+use std::time::Instant;
+
+use pdk_onnx::testing::{Setting, Sketch};
+use pdk_onnx::{Tensor, model};
+use pdk_sdk::ops::Key;
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::{Value, json};
+use pdk_sdk::testing::check_saliency;
+use tempfile::NamedTempFile;
+
+use super::*;
+use crate::fixture;
+use crate::gradient_tests::backends;
+
+/// A network that sees brightness in the right half of an image of 32 x 16 and nothing else: a convolution of 4 x 4 with
+/// stride 4, a ReLU, and weights of the cells. `sign` is the sign of those.
+fn right_half(sign: f64) -> NamedTempFile {
+    let mut s = Sketch::new(13);
+    s.input("image", &[1, 3, 16, 32]);
+    let filter = s.weights("filter", Tensor::floats(&[1, 3, 4, 4], vec![1.0 / 48.0 / 255.0; 48]));
+    s.node("Conv", &["image", &filter], "features", &[("strides", Setting::Ints(&[4, 4]))]);
+    s.node("Relu", &["features"], "seen", &[]);
+    s.node("Flatten", &["seen"], "flat", &[]);
+    let weights = (0..32).map(|cell| if cell % 8 >= 4 { sign / 16.0 } else { 0.0 }).collect();
+    let weights = s.weights("weights", Tensor::floats(&[32, 1], weights));
+    s.node("MatMul", &["flat", &weights], "steering", &[]);
+    save(&s)
+}
+
+fn save(sketch: &Sketch) -> NamedTempFile {
+    let file = NamedTempFile::with_suffix(".onnx").unwrap();
+    std::fs::write(file.path(), model::encode(&sketch.model(&["steering"]))).unwrap();
+    file
+}
+
+fn config<M: Component>(file: &NamedTempFile, mut more: Value) -> Result<Config> {
+    let given = more.as_object_mut().unwrap();
+    given.insert("model".into(), file.path().to_str().unwrap().into());
+    Config::check(&M::description(), given)
+}
+
+fn open<M: Component>(file: &NamedTempFile, more: Value) -> Result<M> {
+    M::new(&config::<M>(file, more)?)
+}
+
+fn bright(width: usize, height: usize) -> FrameBuf {
+    let pixels = (0..width * height * 3).map(|i| 150 + (i * 31 % 101) as u8).collect();
+    FrameBuf::from_vec(pixels, width, height).unwrap()
+}
+
+fn map<M: Saliency>(method: &mut M, frame: &FrameBuf) -> Vec<f32> {
+    let [width, height] = method.map_size(frame.width(), frame.height()).unwrap();
+    let mut values = vec![f32::NAN; width * height];
+    let key = Key([7; 32]);
+    let cx = MapContext::new(3, 0.1, &key);
+    method.map(frame.as_ref(), &cx, HeatmapMut::new(&mut values, width, height).unwrap()).unwrap();
+    values
+}
+
+/// The mean of a map over the left and the right quarter of a frame.
+fn sides(values: &[f32], width: usize) -> (f32, f32) {
+    let mean = |columns: std::ops::Range<usize>| {
+        let picked: Vec<f32> = values
+            .iter()
+            .enumerate()
+            .filter(|(at, _)| columns.contains(&(at % width)))
+            .map(|(_, v)| *v)
+            .collect();
+        picked.iter().sum::<f32>() / picked.len() as f32
+    };
+    (mean(0..width / 4), mean(width - width / 4..width))
+}
+
+/// Checks that a method finds the right half, on frames of the model's size and of another one, on every backend.
+fn finds<M: Component + Saliency + 'static>(more: Value) {
+    let name = M::description().name;
+    for backend in backends() {
+        let mut more = more.clone();
+        more["backend"] = backend.into();
+        let file = right_half(1.0);
+        for (width, height) in [(32, 16), (64, 48)] {
+            let values = map(&mut open::<M>(&file, more.clone()).unwrap(), &bright(width, height));
+            let (left, right) = sides(&values, width);
+            assert!(right > 0.5 && right > 2.0 * left, "{name} on {backend}: left {left}, right {right}");
+        }
+        let checked = check_saliency(&config::<M>(&file, more.clone()).unwrap(), &mut |config| {
+            Ok(Box::new(M::new(config)?) as Box<dyn Saliency>)
+        });
+        checked.unwrap_or_else(|error| panic!("{name} on {backend}: {error}"));
+    }
+}
+
+#[test]
+fn every_method_but_eigen_cam_finds_what_the_network_looks_at() {
+    finds::<Gradient>(json!({}));
+    finds::<SmoothGrad>(json!({"samples": 4}));
+    finds::<HiResCam>(json!({}));
+    finds::<Occlusion>(json!({"patch": 0.25, "fill": "black"}));
+    finds::<Rise>(json!({"samples": 300, "fill": "black"}));
+}
+
+#[test]
+fn methods_that_weigh_whole_channels_show_where_those_are_active() {
+    // One channel that is active everywhere: there is nothing to tell its halves apart.
+    let file = right_half(1.0);
+    for values in [
+        map(&mut open::<GradCam>(&file, json!({})).unwrap(), &bright(32, 16)),
+        map(&mut open::<GradCamPlusPlus>(&file, json!({})).unwrap(), &bright(32, 16)),
+        map(&mut open::<EigenCam>(&file, json!({})).unwrap(), &bright(32, 16)),
+    ] {
+        let (left, right) = sides(&values, 32);
+        assert!((left - right).abs() < 0.1 && left > 0.9, "{left} {right}");
+    }
+}
+
+#[test]
+fn the_sign_says_what_lowers_the_output() {
+    let frame = bright(32, 16);
+    let file = right_half(-1.0);
+    let sides_of =
+        |sign: &str| sides(&map(&mut open::<HiResCam>(&file, json!({"sign": sign})).unwrap(), &frame), 32);
+    assert!(sides_of("absolute").1 > 0.9);
+    assert_eq!(sides_of("positive"), (0.0, 0.0));
+    let (left, right) = sides_of("signed");
+    assert!((left - 0.5).abs() < 1e-6 && right < 0.05, "{left} {right}");
+}
+
+#[test]
+fn one_value_for_each_cell_is_given_where_that_is_asked_for() {
+    let file = right_half(1.0);
+    let mut method = open::<HiResCam>(&file, json!({"size": "layer"})).unwrap();
+    assert_eq!(method.map_size(320, 160).unwrap(), [8, 4]);
+    let values = map(&mut method, &bright(320, 160));
+    assert!(values.iter().enumerate().all(|(cell, value)| (*value > 0.8) == (cell % 8 >= 4)), "{values:?}");
+    // A frame with fewer pixels than the layer has cells has a value for each pixel.
+    assert_eq!(method.map_size(4, 4).unwrap(), [4, 4]);
+    assert_eq!(map(&mut method, &bright(4, 4)).len(), 16);
+}
+
+#[test]
+fn a_real_network_is_explained_by_every_method_in_little_time() {
+    let Some(path) = fixture::shared("tub_pilot.onnx") else { return };
+    let given = |more: Value| {
+        let mut more = more;
+        more["model"] = path.to_str().unwrap().into();
+        more
+    };
+    let frame = bright(160, 120);
+    fn time<M: Component + Saliency + 'static>(frame: &FrameBuf, given: Value) {
+        let description = M::description();
+        let config = Config::check(&description, given.as_object().unwrap()).unwrap();
+        let mut method = M::new(&config).unwrap();
+        let first = map(&mut method, frame);
+        let start = Instant::now();
+        let repeats = 5;
+        for _ in 0..repeats {
+            assert_eq!(map(&mut method, frame), first);
+        }
+        println!(
+            "{}: {:.2} ms a map",
+            description.name,
+            start.elapsed().as_secs_f64() * 1e3 / f64::from(repeats)
+        );
+        assert!(first.iter().all(|value| (0.0..=1.0).contains(value)));
+    }
+    for backend in backends() {
+        println!("on {backend}:");
+        let given = || given(json!({"backend": backend}));
+        time::<GradCam>(&frame, given());
+        time::<GradCamPlusPlus>(&frame, given());
+        time::<HiResCam>(&frame, given());
+        time::<PublishedGradCam>(&frame, given());
+        time::<Gradient>(&frame, given());
+        time::<SmoothGrad>(&frame, given());
+        time::<EigenCam>(&frame, given());
+        time::<ScoreCam>(&frame, given());
+        time::<Occlusion>(&frame, given());
+        time::<Rise>(&frame, given());
+    }
+}
+
+#[test]
+fn hirescam_is_the_same_before_and_behind_the_activation_function() {
+    let Some(path) = fixture::shared("tub_pilot.onnx") else { return };
+    let frame = bright(160, 120);
+    for backend in backends() {
+        let maps = [true, false].map(|activation| {
+            let given = json!({"model": path.to_str().unwrap(), "backend": backend, "activation": activation, "layer": "conv2d_4"});
+            let config = Config::check(&HiResCam::description(), given.as_object().unwrap()).unwrap();
+            map(&mut HiResCam::new(&config).unwrap(), &frame)
+        });
+        let largest = maps[0].iter().zip(&maps[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(largest < 1e-5, "{backend}: {largest}");
+    }
+}
+
+#[test]
+fn what_cannot_be_explained_is_a_sentence() {
+    let file = right_half(1.0);
+    let error = |found: Result<()>| found.unwrap_err().to_string();
+    let place = format!("model `{}`: ", file.path().display());
+    let layer = error(open::<HiResCam>(&file, json!({"layer": "conv_7"})).map(drop));
+    assert_eq!(
+        layer,
+        format!(
+            "{place}it has no layer `conv_7` whose cells have a place on the image; its convolutions are `conv_0`"
+        )
+    );
+    let output = error(open::<GradCam>(&file, json!({"output": "speed"})).map(drop));
+    assert_eq!(output, format!("{place}it has no output `speed`; its outputs are `steering`"));
+    let number = error(open::<GradCam>(&file, json!({"number": 1})).map(drop));
+    assert!(number.contains("has the numbers 0 to 0, so there is no 1"), "{number}");
+
+    // Without a convolution.
+    let mut s = Sketch::new(13);
+    s.input("image", &[1, 3, 4, 4]);
+    let weights = s.drawn(&[48, 1], -0.01, 0.01);
+    s.node("Flatten", &["image"], "flat", &[]);
+    s.node("MatMul", &["flat", &weights], "steering", &[]);
+    let dense = save(&s);
+    let none = error(open::<GradCam>(&dense, json!({})).map(drop));
+    assert!(none.contains("it has no convolution whose cells have a place on the image"), "{none}");
+    assert!(open::<Gradient>(&dense, json!({})).is_ok());
+
+    // An operator without a gradient, behind which other methods still work.
+    let mut s = Sketch::new(13);
+    s.input("image", &[1, 3, 4, 4]);
+    let (filter, weights) = (s.drawn(&[2, 3, 3, 3], -0.01, 0.01), s.drawn(&[2, 1], -0.01, 0.01));
+    s.node("Conv", &["image", &filter], "seen", &[]);
+    s.node("GlobalMaxPool", &["seen"], "pooled", &[]);
+    s.node("Flatten", &["pooled"], "flat", &[]);
+    s.node("MatMul", &["flat", &weights], "steering", &[]);
+    let pooled = save(&s);
+    let lacking = error(open::<GradCam>(&pooled, json!({})).map(drop));
+    assert!(
+        lacking.contains("GlobalMaxPool")
+            && lacking.ends_with("eigen-cam, score-cam, rise and occlusion work without one"),
+        "{lacking}"
+    );
+    assert!(open::<EigenCam>(&pooled, json!({})).is_ok() && open::<ScoreCam>(&pooled, json!({})).is_ok());
+    assert!(
+        open::<Rise>(&pooled, json!({"samples": 3})).is_ok() && open::<Occlusion>(&pooled, json!({})).is_ok()
+    );
+
+    // An output that no change of the layer moves.
+    let mut s = Sketch::new(13);
+    s.input("image", &[1, 3, 4, 4]);
+    let filter = s.drawn(&[1, 3, 4, 4], -0.01, 0.01);
+    s.node("Conv", &["image", &filter], "seen", &[]);
+    s.node("Floor", &["seen"], "steps", &[]);
+    s.node("Flatten", &["steps"], "steering", &[]);
+    let flat = error(open::<Gradient>(&save(&s), json!({})).map(drop));
+    assert!(
+        flat.contains("`steering` does not change with `image`: its gradient is zero everywhere"),
+        "{flat}"
+    );
+}

@@ -1,0 +1,197 @@
+//! A model as saliency methods see it: frames in, one number out.
+
+use pdk_sdk::ops::resize::resize_linear;
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::json;
+
+use crate::backend;
+use crate::model_file::{Layout, ModelFile, Source};
+use crate::pixels::Pixels;
+use crate::selection::Selection;
+use crate::session::Session;
+use crate::trained;
+
+/// A model whose output is explained.
+pub struct Viewer {
+    /// The file and who runs it, for messages.
+    pub place: String,
+    pub model: ModelFile,
+    pub backend: String,
+    session: Box<dyn Session>,
+    pixels: Pixels,
+    /// The output that is explained, by its place and name.
+    output: (usize, String),
+    /// Which of its numbers.
+    number: usize,
+    /// The speed that the network is told, and the one that it is told where nobody knows it.
+    speed: f32,
+    assumed_speed: f32,
+    values: Vec<f32>,
+    outputs: Vec<Vec<f32>>,
+    resized: FrameBuf,
+}
+
+/// What every method takes.
+pub fn parameters(description: Description) -> Description {
+    description
+        .example(json!({"model": "dave2"}))
+        .parameter(Parameter::path("model", "the ONNX file whose view is shown, which the driver `onnx` takes; or the name of a network that is part of pdk"))
+        .parameter(Parameter::choice("backend", &backend::NAMES, "who runs the network, as for the driver `onnx`"))
+        .parameter(Parameter::choice(
+            "layout",
+            &["auto", "nchw", "nhwc"],
+            "where the input's channels are: before or after height and width; auto reads it from the shape",
+        ))
+        .parameter(Parameter::choice(
+            "scale",
+            &Pixels::SCALES,
+            "the range of pixel values that the network was trained on",
+        ))
+        .parameter(Parameter::choice("color", &["rgb", "bgr"], "the order of colours that the network was trained on"))
+        .parameter(Parameter::text("output", "the output that is explained, by name; left out, the one that steers"))
+        .parameter(
+            Parameter::integer("number", 0, "which of the output's numbers is explained, from 0; of steering and throttle, 0 is the \
+                                             steering")
+                .range(0.0, 1e6),
+        )
+        .parameter(
+            Parameter::number("speed", 8.0, "the speed that a network which takes one is told where it is not known, as for recorded frames").unit("m/s").range(0.0, 100.0),
+        )
+        .parameter(Parameter::choice(
+            "size",
+            &["frame", "layer"],
+            "how large the map is: as the frame, over which its cells are laid by where they look, or one value for each cell, unless the frame has fewer pixels than \
+             the layer has cells",
+        ))
+}
+
+/// Where the model of this name is: in a file, or part of this plugin.
+fn source(name: &str) -> Source {
+    match trained::content(name) {
+        Some(content) => Source::BuiltIn(content),
+        None => Source::File(name.into()),
+    }
+}
+
+impl Viewer {
+    /// Opens the model and runs it once.
+    ///
+    /// # Errors
+    /// Where the file is no driving model, or has no such output.
+    pub fn open(config: &Config) -> Result<Self> {
+        let model = ModelFile::read(source(config.text("model")), config.text("layout"))?;
+        let backend = config.text("backend").to_owned();
+        let mut session = backend::open(&model.network(), &backend)?;
+        let mut outputs = vec![Vec::new(); model.outputs.len()];
+        let values = vec![0.0; model.input.len()];
+        let speed = config.number("speed") as f32;
+        session.run(&model.values(&values, &[speed]), &mut outputs)?;
+        let sizes: Vec<_> = outputs.iter().map(Vec::len).collect();
+        let output = match config.text("output") {
+            "" => Selection::new(&model.outputs, &sizes, "", "")?.steering.output,
+            name => model.outputs.iter().position(|output| output == name).ok_or_else(|| {
+                let names: Vec<_> = model.outputs.iter().map(|output| format!("`{output}`")).collect();
+                Error::new(format!("it has no output `{name}`; its outputs are {}", names.join(", ")))
+            })?,
+        };
+        let (name, number) = (model.outputs[output].clone(), config.integer("number") as usize);
+        if number >= sizes[output] {
+            return Err(Error::new(format!(
+                "its output `{name}` has the numbers 0 to {}, so there is no {number}",
+                sizes[output].saturating_sub(1)
+            )));
+        }
+        Ok(Self {
+            place: format!("model `{}` on {}", config.text("model"), session.backend()),
+            pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
+            resized: FrameBuf::new(model.input.width, model.input.height),
+            output: (output, name),
+            backend,
+            session,
+            number,
+            speed,
+            assumed_speed: speed,
+            values,
+            outputs,
+            model,
+        })
+    }
+
+    /// Who runs the network, with the version.
+    pub fn runs_on(&self) -> String {
+        self.session.backend()
+    }
+
+    /// Tells the network this speed from now on, or the assumed one where it is not known.
+    pub fn move_at(&mut self, speed: Option<f64>) {
+        self.speed = speed.map_or(self.assumed_speed, |speed| speed as f32);
+    }
+
+    /// The output that is explained, by name, and which of its numbers.
+    pub fn target(&self) -> (&str, usize) {
+        (&self.output.1, self.number)
+    }
+
+    /// The place and axes of the image among the network's inputs.
+    pub fn image(&self) -> (usize, usize, usize) {
+        let place = usize::from(self.model.speed.as_ref().is_some_and(|speed| speed.first));
+        match self.model.input.layout {
+            Layout::Nchw => (place, 2, 3),
+            Layout::Nhwc => (place, 1, 2),
+        }
+    }
+
+    /// Width and height of the model's image.
+    pub fn size(&self) -> (usize, usize) {
+        (self.model.input.width, self.model.input.height)
+    }
+
+    /// The frame in the size of the model's image.
+    pub fn fit(&mut self, frame: Frame<'_>) -> FrameBuf {
+        if (frame.width(), frame.height()) == self.size() {
+            self.resized.as_mut().copy_from(frame);
+        } else {
+            resize_linear(frame, self.resized.as_mut());
+        }
+        self.resized.clone()
+    }
+
+    /// The numbers that the model gets for a frame in the size of its image.
+    pub fn numbers(&self, frame: Frame<'_>, values: &mut Vec<f32>) {
+        values.resize(self.model.input.len(), 0.0);
+        self.pixels.write(frame, values);
+    }
+
+    /// The least and the greatest number that a pixel can become.
+    pub fn range(&self) -> (f32, f32) {
+        self.pixels.range()
+    }
+
+    /// The values of each input, for the numbers of an image.
+    pub fn inputs<'a>(&'a self, image: &'a [f32], speed: &'a [f32; 1]) -> Vec<&'a [f32]> {
+        self.model.values(image, speed)
+    }
+
+    /// The speed that a network which takes one is told, as an input.
+    pub fn speed(&self) -> [f32; 1] {
+        [self.speed]
+    }
+
+    /// What the network gives for a frame in the size of its image.
+    ///
+    /// # Errors
+    /// Where the backend fails, or the number is not finite.
+    pub fn answer(&mut self, frame: Frame<'_>) -> Result<f64> {
+        let mut values = std::mem::take(&mut self.values);
+        self.numbers(frame, &mut values);
+        let ran = self.session.run(&self.model.values(&values, &[self.speed]), &mut self.outputs);
+        self.values = values;
+        ran?;
+        match self.outputs[self.output.0].get(self.number) {
+            Some(value) if value.is_finite() => Ok(f64::from(*value)),
+            _ => {
+                Err(Error::new(format!("its output `{}` is no finite number for this frame", self.output.1)))
+            }
+        }
+    }
+}

@@ -1,0 +1,183 @@
+//! Which pixels a perturbation changes: those that a saliency map marks, or as many at random.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::component::ComponentSpec;
+use crate::error::{Error, Result};
+use crate::pace::Pace;
+
+/// Pixels that are chosen by a saliency map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Selection {
+    /// The share of the frame that matters most, in percent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub top: Option<f64>,
+    /// The share of the frame that matters least, in percent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bottom: Option<f64>,
+    /// A share of the frame at random, in percent, exactly as many pixels as `top` would take.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub random: Option<f64>,
+    /// All pixels whose value, from 0 to 1, is above this one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub above: Option<f64>,
+    /// The saliency method that makes the map; `random` needs none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by: Option<ComponentSpec>,
+    /// As [`Pace::every`].
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub every: u64,
+    /// As [`Pace::change`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub change: Option<f64>,
+    /// As [`Pace::follow`].
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub follow: bool,
+    /// Gaps and notches up to twice so many pixels across are closed.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub close: u32,
+    /// Spots of fewer pixels are left out.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub smallest: u32,
+    /// The edges are blended over so many pixels.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub soft: u32,
+}
+
+pub(crate) fn one() -> u64 {
+    1
+}
+
+pub(crate) fn is_one(value: &u64) -> bool {
+    *value == 1
+}
+
+fn is_zero(value: &u32) -> bool {
+    *value == 0
+}
+
+/// Which pixels are chosen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Choice {
+    /// A share of the frame, from 0 to 1, of what matters most.
+    Top(f64),
+    /// A share of the frame, from 0 to 1, of what matters least.
+    Bottom(f64),
+    /// A share of the frame, from 0 to 1, at random.
+    Random(f64),
+    /// What matters more than this value.
+    Above(f64),
+}
+
+/// The largest number of pixels for `close` and `soft`.
+const LARGEST: u32 = 1000;
+
+impl Selection {
+    /// Reads a selection from a script or the command line; `by` is a text as for a component on the command line, or a table.
+    ///
+    /// # Errors
+    /// Where it is none, or contradicts itself.
+    pub fn from_json(value: &Value) -> Result<Self> {
+        let wrong = |why: &str| Error::new(format!("`where` is {value}, but {why}"));
+        let mut table = value.as_object().ok_or_else(|| wrong(FORM))?.clone();
+        if let Some(by) = table.get_mut("by") {
+            *by = serde_json::to_value(method(by)?)?;
+        }
+        let selection: Self = serde_json::from_value(Value::Object(table)).map_err(|_| wrong(FORM))?;
+        let choices = [selection.top, selection.bottom, selection.random, selection.above];
+        let shares = [selection.top, selection.bottom, selection.random].into_iter().flatten();
+        let mistake = if choices.iter().flatten().count() != 1 {
+            "it has to have one of top, bottom, random and above"
+        } else if shares.into_iter().any(|share| !(0.0..=100.0).contains(&share)) {
+            "its share has to be from 0 to 100 percent"
+        } else if selection.above.is_some_and(|above| !(0.0..=1.0).contains(&above)) {
+            "what it is above has to be from 0 to 1"
+        } else if selection.by.is_none() && selection.random.is_none() {
+            "it has to say by which saliency method, such as by=\"hirescam,model=FILE.onnx\""
+        } else if let Some(mistake) = selection.pace().mistake() {
+            mistake
+        } else if selection.close > LARGEST || selection.soft > LARGEST {
+            "close and soft are at most 1000 pixels"
+        } else {
+            return Ok(selection);
+        };
+        Err(wrong(mistake))
+    }
+
+    /// How long a map is used.
+    pub fn pace(&self) -> Pace {
+        Pace { every: self.every, change: self.change, follow: self.follow }
+    }
+
+    /// Which pixels are chosen.
+    pub fn choice(&self) -> Choice {
+        match (self.top, self.bottom, self.random, self.above) {
+            (Some(share), ..) => Choice::Top(share / 100.0),
+            (_, Some(share), ..) => Choice::Bottom(share / 100.0),
+            (_, _, Some(share), _) => Choice::Random(share / 100.0),
+            (.., above) => Choice::Above(above.unwrap_or(1.0)),
+        }
+    }
+}
+
+/// Reads a saliency method: a text as for a component on the command line, or a table.
+///
+/// # Errors
+/// Where it is none.
+pub(crate) fn method(value: &Value) -> Result<ComponentSpec> {
+    match value {
+        Value::String(text) => ComponentSpec::parse("saliency method", text),
+        table if table.get("name").is_some() && table.get("parameters").is_some_and(Value::is_object) => {
+            Ok(serde_json::from_value(table.clone())?)
+        }
+        table => ComponentSpec::from_json("by", table),
+    }
+}
+
+/// How a selection is written.
+const FORM: &str = "has to be { top = 20, by = \"METHOD,model=FILE.onnx\" }, with bottom, random or above in place of top, and \
+                    every or change, follow, close, smallest and soft where they are wanted";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_selection_is_read_and_written_back_the_same() {
+        let read = |value: Value| Selection::from_json(&value).unwrap();
+        let selection =
+            read(json!({"top": 20, "by": "hirescam,model=a.onnx,sign=positive", "every": 5, "soft": 3}));
+        assert_eq!(selection.choice(), Choice::Top(0.2));
+        assert_eq!(selection.by.as_ref().unwrap().parameters["model"], "a.onnx");
+        let written = serde_json::to_value(&selection).unwrap();
+        assert_eq!(read(written.clone()), selection);
+        assert!(written.get("smallest").is_none() && written["every"] == 5);
+        assert_eq!(
+            read(json!({"above": 0.5, "by": {"name": "rise", "model": "a.onnx"}})).choice(),
+            Choice::Above(0.5)
+        );
+        assert_eq!(read(json!({"random": 50})).choice(), Choice::Random(0.5));
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let error = |value: Value| Selection::from_json(&value).unwrap_err().to_string();
+        assert!(error(json!(3)).contains("has to be { top = 20"));
+        assert!(error(json!({"left": 3})).contains("has to be { top = 20"));
+        assert!(
+            error(json!({"top": 3, "bottom": 3, "by": "rise"}))
+                .contains("one of top, bottom, random and above")
+        );
+        assert!(error(json!({"top": 101, "by": "rise"})).contains("0 to 100 percent"));
+        assert!(error(json!({"above": 2, "by": "rise"})).contains("from 0 to 1"));
+        assert!(error(json!({"top": 10})).contains("by which saliency method"));
+        assert!(error(json!({"random": 10, "every": 0})).contains("every 0 frames"));
+        assert!(error(json!({"random": 10, "every": 2, "change": 3})).contains("either for `every`"));
+        assert!(error(json!({"random": 10, "follow": true})).contains("nothing to follow"));
+        assert!(error(json!({"random": 10, "change": 300})).contains("from 0 to 255"));
+        assert!(error(json!({"random": 10, "soft": 2000})).contains("at most 1000"));
+    }
+}

@@ -1,0 +1,87 @@
+//! `Conv`: its gradient is a transposed convolution with the same weights.
+
+use pdk_sdk::error::{Error, Result};
+
+use super::{Operator, Parts, Rule, given};
+use crate::builder::Builder;
+use crate::graph::Fact;
+use crate::site::Site;
+use crate::tensor::{Tensor, shape_text};
+use crate::window::Window;
+
+pub const OPERATORS: &[Operator] = &[Operator::new("Conv", infer, evaluate, Rule::First(gradient))];
+
+/// The window and the number of groups.
+pub fn window(site: &Site<'_>) -> Result<(Window, usize)> {
+    let (image, weights) = (site.shape(0)?, site.shape(1)?);
+    let group = usize::try_from(site.int("group", 1)).unwrap_or(0);
+    let fits = image.len() >= 3
+        && image.len() == weights.len()
+        && group > 0
+        && weights[1] * group == image[1]
+        && weights[0] % group == 0;
+    if !fits {
+        return Err(Error::new(format!(
+            "its weights {} with group {group} do not fit its input {}",
+            shape_text(weights),
+            shape_text(image)
+        )));
+    }
+    Ok((Window::over(site, &image[2..], &weights[2..])?, group))
+}
+
+fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
+    let (window, _) = window(site)?;
+    let shape = [site.shape(0)?[0], site.shape(1)?[0]].into_iter().chain(window.output).collect();
+    Ok(vec![Fact::new(site.fact(0)?.element, shape)])
+}
+
+fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    let (window, group) = window(site)?;
+    let (image, weights) = (given(inputs, 0)?, given(inputs, 1)?);
+    let mut result = Tensor::filled(image.element, site.output_shape()?, 0.0)?;
+    let (input, output): (usize, usize) = (window.input.iter().product(), window.output.iter().product());
+    let (channels, filters, depth) = (image.shape[1], weights.shape[0], weights.shape[1]);
+    let pairs = window.pairs();
+    for (n, planes) in result.values.chunks_mut((filters * output).max(1)).enumerate() {
+        for (filter, plane) in planes.chunks_mut(output).enumerate() {
+            plane.fill(inputs.get(2).copied().flatten().map_or(0.0, |bias| bias.values[filter]));
+            for channel in 0..depth {
+                let source = n * channels + filter / (filters / group) * depth + channel;
+                let source = &image.values[source * input..][..input];
+                let kernel = &weights.values[(filter * depth + channel) * pairs.len()..];
+                for (weight, joined) in kernel.iter().zip(&pairs) {
+                    for &(to, from) in joined {
+                        plane[to] += weight * source[from];
+                    }
+                }
+            }
+        }
+    }
+    Ok(vec![result])
+}
+
+fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    let (window, group) = window(site)?;
+    Ok(vec![(0, b.conv_transpose(g, site.input(1)?, &window, group)?)])
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::check;
+
+    #[test]
+    fn gradients_are_right_for_every_kind_of_window() {
+        for case in [
+            "conv",
+            "conv/groups",
+            "conv/strides",
+            "conv/dilations",
+            "conv/same",
+            "conv/one_axis",
+            "conv/three_axes",
+        ] {
+            check(case);
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! `ConvTranspose`: its gradient is a convolution with the same weights.
+
+use pdk_sdk::error::{Error, Result};
+
+use super::{Operator, Parts, Rule, given};
+use crate::builder::Builder;
+use crate::graph::Fact;
+use crate::site::Site;
+use crate::tensor::{Tensor, shape_text};
+use crate::window::Window;
+
+pub const OPERATORS: &[Operator] = &[Operator::new("ConvTranspose", infer, evaluate, Rule::First(gradient))];
+
+/// The window of the convolution that this one reverses, and the number of groups.
+pub fn window(site: &Site<'_>) -> Result<(Window, usize)> {
+    let (image, weights) = (site.shape(0)?, site.shape(1)?);
+    let group = usize::try_from(site.int("group", 1)).unwrap_or(0);
+    let fits = image.len() >= 3
+        && image.len() == weights.len()
+        && group > 0
+        && weights[0] == image[1]
+        && image[1] % group == 0;
+    if !fits {
+        return Err(Error::new(format!(
+            "its weights {} with group {group} do not fit its input {}",
+            shape_text(weights),
+            shape_text(image)
+        )));
+    }
+    Ok((Window::under(site, &image[2..], &weights[2..])?, group))
+}
+
+fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
+    let (window, group) = window(site)?;
+    let shape = [site.shape(0)?[0], site.shape(1)?[1] * group].into_iter().chain(window.input).collect();
+    Ok(vec![Fact::new(site.fact(0)?.element, shape)])
+}
+
+fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    let (window, group) = window(site)?;
+    let (image, weights) = (given(inputs, 0)?, given(inputs, 1)?);
+    let mut result = Tensor::filled(image.element, site.output_shape()?, 0.0)?;
+    let (input, output): (usize, usize) = (window.output.iter().product(), window.input.iter().product());
+    let (channels, depth) = (image.shape[1], weights.shape[1]);
+    let pairs = window.pairs();
+    for (n, planes) in result.values.chunks_mut((depth * group * output).max(1)).enumerate() {
+        for (filter, plane) in planes.chunks_mut(output).enumerate() {
+            plane.fill(inputs.get(2).copied().flatten().map_or(0.0, |bias| bias.values[filter]));
+            let (in_group, place) = (channels / group, filter % depth);
+            for channel in filter / depth * in_group..(filter / depth + 1) * in_group {
+                let source = &image.values[(n * channels + channel) * input..][..input];
+                let kernel = &weights.values[(channel * depth + place) * pairs.len()..];
+                for (weight, joined) in kernel.iter().zip(&pairs) {
+                    for &(from, to) in joined {
+                        plane[to] += weight * source[from];
+                    }
+                }
+            }
+        }
+    }
+    Ok(vec![result])
+}
+
+fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    let (window, group) = window(site)?;
+    Ok(vec![(0, b.conv(g, site.input(1)?, &window, group)?)])
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::check;
+
+    #[test]
+    fn gradients_are_right_for_every_kind_of_window() {
+        for case in [
+            "conv_transpose",
+            "conv_transpose/groups",
+            "conv_transpose/strides",
+            "conv_transpose/output_shape",
+        ] {
+            check(case);
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! `BatchNormalization`, `LayerNormalization` and `InstanceNormalization`.
+
+use pdk_sdk::error::{Error, Result};
+
+use super::{Operator, Parts, Rule, given, same};
+use crate::builder::Builder;
+use crate::graph::Fact;
+use crate::site::{Site, axis};
+use crate::tensor::{Tensor, for_each_position};
+
+pub const OPERATORS: &[Operator] = &[
+    Operator::new("BatchNormalization", same, evaluate_batch, Rule::First(gradient_batch)),
+    Operator::new("LayerNormalization", infer_layer, evaluate_layer, Rule::First(gradient_layer)),
+    Operator::new("InstanceNormalization", same, evaluate_instance, Rule::First(gradient_instance)),
+];
+
+/// The shape in which a number for each channel is broadcast.
+fn by_channel(site: &Site<'_>) -> Result<Vec<usize>> {
+    let shape = site.shape(0)?;
+    if shape.len() < 2 || site.shape(1)? != [shape[1]] {
+        return Err(Error::new("it has not one factor for each channel"));
+    }
+    Ok(shape.iter().enumerate().map(|(axis, &dim)| if axis == 1 { dim } else { 1 }).collect())
+}
+
+fn epsilon(site: &Site<'_>) -> f64 {
+    site.float("epsilon", 1e-5)
+}
+
+fn evaluate_batch(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    by_channel(site)?;
+    let (x, epsilon) = (given(inputs, 0)?, epsilon(site));
+    let [scale, bias, mean, variance] =
+        [given(inputs, 1)?, given(inputs, 2)?, given(inputs, 3)?, given(inputs, 4)?];
+    let mut values = x.values.iter();
+    let normalized = Tensor::from_fn(x.element, &x.shape, |at| {
+        let (channel, x) = (at[1], values.next().copied().unwrap_or_default());
+        let deviation = libm::sqrt(variance.values[channel] + epsilon);
+        (x - mean.values[channel]) / deviation * scale.values[channel] + bias.values[channel]
+    });
+    Ok(vec![normalized?])
+}
+
+fn gradient_batch(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    if site.int("training_mode", 0) != 0 {
+        return Err(Error::new("it is set to training; export the model for inference"));
+    }
+    if site.int("spatial", 1) == 0 {
+        return Err(Error::new("it has factors for each pixel, which no version since has"));
+    }
+    let variance = b.offset(site.input(4)?, epsilon(site))?;
+    let deviation = b.unary("Sqrt", &variance)?;
+    let slope = b.binary("Div", site.input(1)?, &deviation)?;
+    let slope = b.reshape(&slope, &by_channel(site)?)?;
+    Ok(vec![(0, b.mul(g, &slope)?)])
+}
+
+/// The first of the axes that are normalised together.
+fn first_axis(site: &Site<'_>) -> Result<usize> {
+    axis(site.int("axis", -1), site.shape(0)?.len())
+}
+
+fn infer_layer(site: &Site<'_>) -> Result<Vec<Fact>> {
+    let fact = site.fact(0)?;
+    let first = first_axis(site)?;
+    let shape =
+        fact.shape.iter().enumerate().map(|(axis, &dim)| if axis < first { dim } else { 1 }).collect();
+    let moments = Fact::new(fact.element, shape);
+    Ok(vec![fact.clone(), moments.clone(), moments])
+}
+
+/// The values with mean 0 and variance 1 over blocks of so many.
+fn standardize(x: &Tensor, block: usize, epsilon: f64) -> Tensor {
+    let mut result = x.clone();
+    for block in result.values.chunks_mut(block.max(1)) {
+        let mean = block.iter().sum::<f64>() / block.len() as f64;
+        let variance = block.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / block.len() as f64;
+        let deviation = libm::sqrt(variance + epsilon);
+        block.iter_mut().for_each(|x| *x = (*x - mean) / deviation);
+    }
+    result
+}
+
+fn evaluate_layer(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    let x = given(inputs, 0)?;
+    let block = x.shape[first_axis(site)?..].iter().product();
+    let mut result = standardize(x, block, epsilon(site));
+    let (scale, bias) = (given(inputs, 1)?, inputs.get(2).copied().flatten());
+    let mut place = 0;
+    for_each_position(&x.shape, |at| {
+        let value = &mut result.values[place];
+        *value = *value * scale.broadcast_at(at) + bias.map_or(0.0, |bias| bias.broadcast_at(at));
+        place += 1;
+    });
+    Ok(vec![result])
+}
+
+fn evaluate_instance(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    by_channel(site)?;
+    let [x, scale, bias] = [given(inputs, 0)?, given(inputs, 1)?, given(inputs, 2)?];
+    let block: usize = x.shape[2..].iter().product();
+    let mut result = standardize(x, block, epsilon(site));
+    for (plane, values) in result.values.chunks_mut(block.max(1)).enumerate() {
+        let channel = plane % x.shape[1];
+        values.iter_mut().for_each(|value| *value = *value * scale.values[channel] + bias.values[channel]);
+    }
+    Ok(vec![result])
+}
+
+/// The gradient of the values before they got mean 0 and variance 1 over some axes, from the gradient behind that:
+/// with y the standardised values it is (g - mean(g) - y mean(g y)) / deviation.
+fn destandardize(b: &mut Builder, x: &str, axes: &[usize], epsilon: f64, g: &str) -> Result<String> {
+    let mean = b.mean(x, axes)?;
+    let centred = b.binary("Sub", x, &mean)?;
+    let square = b.mul(&centred, &centred)?;
+    let variance = b.mean(&square, axes)?;
+    let variance = b.offset(&variance, epsilon)?;
+    let deviation = b.unary("Sqrt", &variance)?;
+    let y = b.binary("Div", &centred, &deviation)?;
+    let g_mean = b.mean(g, axes)?;
+    let product = b.mul(g, &y)?;
+    let product = b.mean(&product, axes)?;
+    let along = b.mul(&y, &product)?;
+    let rest = b.binary("Sub", g, &g_mean)?;
+    let rest = b.binary("Sub", &rest, &along)?;
+    b.binary("Div", &rest, &deviation)
+}
+
+fn gradient_layer(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    let axes: Vec<_> = (first_axis(site)?..site.shape(0)?.len()).collect();
+    let g = b.mul(g, site.input(1)?)?;
+    Ok(vec![(0, destandardize(b, site.input(0)?, &axes, epsilon(site), &g)?)])
+}
+
+fn gradient_instance(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    let axes: Vec<_> = (2..site.shape(0)?.len()).collect();
+    let scale = b.reshape(site.input(1)?, &by_channel(site)?)?;
+    let g = b.mul(g, &scale)?;
+    Ok(vec![(0, destandardize(b, site.input(0)?, &axes, epsilon(site), &g)?)])
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::check;
+
+    #[test]
+    fn gradients_are_right_for_each_set_of_values_that_is_normalised() {
+        for case in [
+            "batch_normalization",
+            "layer_normalization",
+            "layer_normalization/axes",
+            "instance_normalization",
+        ] {
+            check(case);
+        }
+    }
+}

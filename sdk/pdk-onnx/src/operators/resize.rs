@@ -1,0 +1,194 @@
+//! `Resize` and its predecessor `Upsample`: along each axis a matrix, whose transpose takes the gradient back.
+
+use pdk_sdk::error::{Error, Result};
+
+use super::{Operator, Parts, Rule, given};
+use crate::builder::Builder;
+use crate::graph::Fact;
+use crate::site::{Site, axes};
+use crate::tensor::{Tensor, elements};
+
+pub const OPERATORS: &[Operator] = &[
+    Operator::new("Resize", infer, evaluate, Rule::First(gradient)),
+    Operator::new("Upsample", infer, evaluate, Rule::First(gradient)),
+];
+
+/// By how much each axis is scaled, and how long it becomes.
+pub fn scales(site: &Site<'_>) -> Result<Vec<(f64, usize)>> {
+    let shape = site.shape(0)?;
+    let old = site.node.op_type == "Upsample" || site.opset() < 11;
+    let scales = match (old, site.opset() < 9 && site.node.op_type == "Upsample") {
+        (_, true) => {
+            site.floats("scales").map(|scales| scales.iter().map(|&scale| f64::from(scale)).collect())
+        }
+        (true, false) => site.constant(1)?.map(|scales| scales.values.clone()),
+        (false, false) => site
+            .constant(2)?
+            .map(|scales| scales.values.clone())
+            .filter(|scales: &Vec<f64>| !scales.is_empty()),
+    };
+    let sizes = if old { None } else { site.constant(3)?.map(|sizes| sizes.to_ints()) };
+    let resized = match site.ints("axes") {
+        Some(list) => axes(list, shape.len())?,
+        None => (0..shape.len()).collect(),
+    };
+    let mut all: Vec<_> = shape.iter().map(|&length| (1.0, length)).collect();
+    let count = scales.as_ref().map(Vec::len).or(sizes.as_ref().map(Vec::len));
+    if count != Some(resized.len()) {
+        return Err(Error::new(format!(
+            "it does not say to which size each of {} axes is brought",
+            resized.len()
+        )));
+    }
+    for (place, &axis) in resized.iter().enumerate() {
+        let length = shape[axis] as f64;
+        let (scale, size) = match (&scales, &sizes) {
+            (Some(scales), _) => (scales[place], (length * scales[place]).floor()),
+            (None, Some(sizes)) => (sizes[place] as f64 / length, sizes[place] as f64),
+            (None, None) => (1.0, length),
+        };
+        if !(scale > 0.0 && (1.0..=1e9).contains(&size)) {
+            return Err(Error::new(format!("it brings an axis of {length} to {size}")));
+        }
+        all[axis] = (scale, size as usize);
+    }
+    Ok(all)
+}
+
+fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
+    Ok(vec![Fact::new(site.fact(0)?.element, scales(site)?.into_iter().map(|(_, size)| size).collect())])
+}
+
+/// Where the middle of an element of the result lies among the elements of the input.
+pub fn origin(site: &Site<'_>, at: usize, scale: f64, length: usize, size: usize) -> Result<f64> {
+    let old = site.node.op_type == "Upsample" || site.opset() < 11;
+    let (x, n, m) = (at as f64, length as f64, size as f64);
+    match site.text("coordinate_transformation_mode", if old { "asymmetric" } else { "half_pixel" }) {
+        "half_pixel" => Ok((x + 0.5) / scale - 0.5),
+        "half_pixel_symmetric" => Ok(n / 2.0 * (1.0 - m / (scale * n)) + (x + 0.5) / scale - 0.5),
+        "pytorch_half_pixel" => Ok(if size > 1 { (x + 0.5) / scale - 0.5 } else { 0.0 }),
+        "align_corners" => Ok(if size > 1 { x * (n - 1.0) / (m - 1.0) } else { 0.0 }),
+        "asymmetric" => Ok(x / scale),
+        "tf_half_pixel_for_nn" => Ok((x + 0.5) / scale),
+        other => Err(Error::new(format!("its `coordinate_transformation_mode` `{other}` is not known here"))),
+    }
+}
+
+/// The matrix of an axis: a row for each element of the result.
+fn matrix(site: &Site<'_>, scale: f64, length: usize, size: usize) -> Result<Vec<Vec<f64>>> {
+    if site.int("antialias", 0) != 0 {
+        return Err(Error::new("it is set to `antialias`, which is not known here"));
+    }
+    if site.text("keep_aspect_ratio_policy", "stretch") != "stretch" {
+        return Err(Error::new("its `keep_aspect_ratio_policy` is not known here"));
+    }
+    elements(&[size, length])?;
+    let old = site.node.op_type == "Upsample" || site.opset() < 11;
+    let last = length as f64 - 1.0;
+    let row = |at: usize| {
+        let x = origin(site, at, scale, length, size)?;
+        let mut row = vec![0.0; length];
+        match site.text("mode", "nearest") {
+            "nearest" => {
+                let place = match site.text("nearest_mode", if old { "floor" } else { "round_prefer_floor" })
+                {
+                    "floor" => x.floor(),
+                    "ceil" => x.ceil(),
+                    "round_prefer_ceil" => (x + 0.5).floor(),
+                    _ => (x - 0.5).ceil(),
+                };
+                row[place.clamp(0.0, last) as usize] = 1.0;
+            }
+            "linear" | "bilinear" => {
+                let x = x.clamp(0.0, last);
+                let (low, share) = (x.floor(), x - x.floor());
+                row[low as usize] += 1.0 - share;
+                row[(low + 1.0).min(last) as usize] += share;
+            }
+            "cubic" => cubic(site, x, &mut row),
+            other => return Err(Error::new(format!("its mode `{other}` is not known here"))),
+        }
+        Ok(row)
+    };
+    (0..size).map(row).collect()
+}
+
+/// The weights of cubic interpolation at `x`.
+fn cubic(site: &Site<'_>, x: f64, row: &mut [f64]) {
+    let a = site.float("cubic_coeff_a", -0.75);
+    let weight = |d: f64| match d.abs() {
+        d if d <= 1.0 => ((a + 2.0) * d - (a + 3.0)) * d * d + 1.0,
+        d if d < 2.0 => ((a * d - 5.0 * a) * d + 8.0 * a) * d - 4.0 * a,
+        _ => 0.0,
+    };
+    let excluded = site.int("exclude_outside", 0) != 0;
+    let (mut sum, last) = (0.0, row.len() as f64 - 1.0);
+    for tap in -1..=2 {
+        let place = x.floor() + f64::from(tap);
+        if !excluded || (0.0..=last).contains(&place) {
+            row[place.clamp(0.0, last) as usize] += weight(x - place);
+            sum += weight(x - place);
+        }
+    }
+    if excluded {
+        row.iter_mut().for_each(|value| *value /= sum);
+    }
+}
+
+/// The axes that change, each with its matrix.
+fn matrices(site: &Site<'_>) -> Result<Vec<(usize, Vec<Vec<f64>>)>> {
+    let axes = scales(site)?.into_iter().zip(site.shape(0)?).enumerate();
+    let changed = axes.filter(|(_, ((scale, size), length))| size != *length || *scale != 1.0);
+    changed.map(|(axis, ((scale, size), &length))| Ok((axis, matrix(site, scale, length, size)?))).collect()
+}
+
+fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
+    let mut image = given(inputs, 0)?.clone();
+    for (axis, matrix) in matrices(site)? {
+        let mut shape = image.shape.clone();
+        shape[axis] = matrix.len();
+        let mut source = Vec::new();
+        image = Tensor::from_fn(image.element, &shape, |at| {
+            source.clear();
+            source.extend_from_slice(at);
+            let weights = matrix[at[axis]].iter().enumerate().filter(|(_, weight)| **weight != 0.0);
+            let terms = weights.map(|(place, weight)| {
+                source[axis] = place;
+                weight * image.broadcast_at(&source)
+            });
+            terms.sum()
+        })?;
+    }
+    Ok(vec![image])
+}
+
+fn gradient(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    let mut g = g.to_owned();
+    for (axis, matrix) in matrices(site)? {
+        let transposed: Vec<Vec<f64>> =
+            (0..matrix[0].len()).map(|column| matrix.iter().map(|row| row[column]).collect()).collect();
+        g = b.along(&g, axis, &transposed)?;
+    }
+    Ok(vec![(0, g)])
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::check;
+
+    #[test]
+    fn gradients_are_right_for_every_kind_of_interpolation() {
+        for case in [
+            "resize",
+            "resize/linear",
+            "resize/cubic",
+            "resize/sizes",
+            "resize/corners",
+            "resize/ten",
+            "upsample",
+            "upsample/seven",
+        ] {
+            check(case);
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! `Softmax` and `LogSoftmax`.
+
+use pdk_sdk::error::Result;
+
+use super::{Operator, Parts, Rule, given, same};
+use crate::builder::Builder;
+use crate::site::{Site, axis};
+use crate::tensor::Tensor;
+
+pub const OPERATORS: &[Operator] = &[
+    Operator::new("Softmax", same, |site, inputs| evaluate(site, inputs, libm::exp), Rule::First(softmax)),
+    Operator::new(
+        "LogSoftmax",
+        same,
+        |site, inputs| evaluate(site, inputs, |log| log),
+        Rule::First(log_softmax),
+    ),
+];
+
+/// The axes that sum to one: one axis, or before version 13 all from one on.
+fn axes(site: &Site<'_>) -> Result<Vec<usize>> {
+    let rank = site.shape(0)?.len();
+    match site.opset() {
+        ..13 => Ok((axis(site.int("axis", 1), rank)?..rank).collect()),
+        _ => Ok(vec![axis(site.int("axis", -1), rank)?]),
+    }
+}
+
+fn evaluate(site: &Site<'_>, inputs: &[Option<&Tensor>], finish: fn(f64) -> f64) -> Result<Vec<Tensor>> {
+    let mut result = given(inputs, 0)?.clone();
+    let axes = axes(site)?;
+    let length: usize = axes.iter().map(|&axis| result.shape[axis]).product();
+    let inner: usize = result.shape[axes[axes.len() - 1] + 1..].iter().product();
+    for block in result.values.chunks_mut((length * inner).max(1)) {
+        for column in 0..inner {
+            let places = || (0..length).map(|row| row * inner + column);
+            let greatest = places().map(|place| block[place]).fold(f64::NEG_INFINITY, f64::max);
+            let sum: f64 = places().map(|place| libm::exp(block[place] - greatest)).sum();
+            let log = greatest + libm::log(sum);
+            places().for_each(|place| block[place] = finish(block[place] - log));
+        }
+    }
+    Ok(vec![result])
+}
+
+fn softmax(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    let y = site.output(0)?;
+    let product = b.mul(g, y)?;
+    let sum = b.sum(&product, &axes(site)?)?;
+    let rest = b.binary("Sub", g, &sum)?;
+    Ok(vec![(0, b.mul(y, &rest)?)])
+}
+
+fn log_softmax(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
+    let share = b.unary("Exp", site.output(0)?)?;
+    let sum = b.sum(g, &axes(site)?)?;
+    let taken = b.mul(&share, &sum)?;
+    Ok(vec![(0, b.binary("Sub", g, &taken)?)])
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::check;
+
+    #[test]
+    fn gradients_are_right_along_each_axis_and_in_old_versions() {
+        for case in ["softmax", "softmax/axis", "softmax/old", "log_softmax"] {
+            check(case);
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! Operators whose value is constant in steps, so that their gradient is zero: comparisons, logic and rounding.
+
+use pdk_sdk::error::Result;
+
+use super::functions::each;
+use super::{Operator, Rule, arithmetic, same};
+use crate::graph::Fact;
+use crate::site::Site;
+use crate::tensor::{Element, Tensor};
+
+pub const OPERATORS: &[Operator] = &[
+    Operator::new("Equal", infer, |site, inputs| holds(site, inputs, |a, b| a == b), Rule::Zero),
+    Operator::new("Greater", infer, |site, inputs| holds(site, inputs, |a, b| a > b), Rule::Zero),
+    Operator::new("GreaterOrEqual", infer, |site, inputs| holds(site, inputs, |a, b| a >= b), Rule::Zero),
+    Operator::new("Less", infer, |site, inputs| holds(site, inputs, |a, b| a < b), Rule::Zero),
+    Operator::new("LessOrEqual", infer, |site, inputs| holds(site, inputs, |a, b| a <= b), Rule::Zero),
+    Operator::new("And", infer, |site, inputs| holds(site, inputs, |a, b| a != 0.0 && b != 0.0), Rule::Zero),
+    Operator::new("Or", infer, |site, inputs| holds(site, inputs, |a, b| a != 0.0 || b != 0.0), Rule::Zero),
+    Operator::new("Not", same, |_, x| each(x, |x| f64::from(u8::from(x == 0.0))), Rule::Zero),
+    Operator::new("Floor", same, |_, x| each(x, f64::floor), Rule::Zero),
+    Operator::new("Ceil", same, |_, x| each(x, f64::ceil), Rule::Zero),
+    Operator::new("Round", same, |_, x| each(x, f64::round_ties_even), Rule::Zero),
+    Operator::new("Sign", same, |_, x| each(x, |x| if x == 0.0 { 0.0 } else { x.signum() }), Rule::Zero),
+];
+
+fn infer(site: &Site<'_>) -> Result<Vec<Fact>> {
+    let fact = arithmetic::infer(site)?.swap_remove(0);
+    Ok(vec![Fact::new(Element::BOOL, fact.shape)])
+}
+
+fn holds(site: &Site<'_>, inputs: &[Option<&Tensor>], f: fn(f64, f64) -> bool) -> Result<Vec<Tensor>> {
+    let values = arithmetic::binary(site, inputs, |a, b| f64::from(u8::from(f(a, b))))?;
+    Ok(values.into_iter().map(|tensor| Tensor { element: Element::BOOL, ..tensor }).collect())
+}

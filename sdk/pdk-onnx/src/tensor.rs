@@ -1,0 +1,337 @@
+//! Tensors with known elements, held as 64-bit floats whatever their type.
+
+use std::fmt;
+
+use pdk_sdk::error::{Error, Result};
+
+use crate::proto::TensorProto;
+
+/// The type of a tensor's elements, by its number in ONNX.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Element(pub i32);
+
+impl Element {
+    /// 32-bit float.
+    pub const FLOAT: Self = Self(1);
+    /// 32-bit signed integer.
+    pub const INT32: Self = Self(6);
+    /// 64-bit signed integer.
+    pub const INT64: Self = Self(7);
+    /// True or false.
+    pub const BOOL: Self = Self(9);
+    /// 16-bit float.
+    pub const FLOAT16: Self = Self(10);
+    /// 64-bit float.
+    pub const DOUBLE: Self = Self(11);
+
+    /// Whether elements are real numbers.
+    pub fn is_float(self) -> bool {
+        matches!(self.0, 1 | 10 | 11 | 16)
+    }
+
+    /// The number of bytes of an element; nothing for texts and rare types.
+    fn bytes(self) -> Option<usize> {
+        match self.0 {
+            2 | 3 | 9 => Some(1),
+            4 | 5 | 10 | 16 => Some(2),
+            1 | 6 | 12 => Some(4),
+            7 | 11 | 13 => Some(8),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Element {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self.0 {
+            1 => "FLOAT",
+            2 => "UINT8",
+            3 => "INT8",
+            4 => "UINT16",
+            5 => "INT16",
+            6 => "INT32",
+            7 => "INT64",
+            8 => "STRING",
+            9 => "BOOL",
+            10 => "FLOAT16",
+            11 => "DOUBLE",
+            12 => "UINT32",
+            13 => "UINT64",
+            16 => "BFLOAT16",
+            _ => "of a rare type",
+        })
+    }
+}
+
+/// The most elements that a tensor may have: more than any driving model needs, and a damaged file may say anything.
+const MAX_ELEMENTS: usize = 1 << 30;
+
+/// The number of elements of a shape.
+///
+/// # Errors
+/// Where there are too many.
+pub fn elements(shape: &[usize]) -> Result<usize> {
+    let product = shape.iter().try_fold(1usize, |product, &dim| product.checked_mul(dim));
+    product
+        .filter(|&product| product <= MAX_ELEMENTS)
+        .ok_or_else(|| Error::new(format!("a tensor of the shape {} is too large", shape_text(shape))))
+}
+
+/// A shape as it is written in papers: `(1, 3, 120, 160)`.
+pub fn shape_text(shape: &[usize]) -> String {
+    format!("({})", shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "))
+}
+
+/// A tensor with known elements.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tensor {
+    /// The type of the elements.
+    pub element: Element,
+    /// The shape.
+    pub shape: Vec<usize>,
+    /// The elements, the last dimension fastest. Integers are exact up to 2^53.
+    pub values: Vec<f64>,
+}
+
+impl Tensor {
+    /// 32-bit floats.
+    pub fn floats(shape: &[usize], values: Vec<f64>) -> Self {
+        Self { element: Element::FLOAT, shape: shape.to_vec(), values }
+    }
+
+    /// 64-bit integers in one dimension.
+    pub fn ints(values: &[i64]) -> Self {
+        Self {
+            element: Element::INT64,
+            shape: vec![values.len()],
+            values: values.iter().map(|&value| value as f64).collect(),
+        }
+    }
+
+    /// The same number everywhere.
+    ///
+    /// # Errors
+    /// Where the shape is too large.
+    pub fn filled(element: Element, shape: &[usize], value: f64) -> Result<Self> {
+        Ok(Self { element, shape: shape.to_vec(), values: vec![value; elements(shape)?] })
+    }
+
+    /// An element of `shape` for each position, in order.
+    ///
+    /// # Errors
+    /// Where the shape is too large.
+    pub fn from_fn(
+        element: Element,
+        shape: &[usize],
+        mut value: impl FnMut(&[usize]) -> f64,
+    ) -> Result<Self> {
+        let mut values = Vec::with_capacity(elements(shape)?);
+        for_each_position(shape, |position| values.push(value(position)));
+        Ok(Self { element, shape: shape.to_vec(), values })
+    }
+
+    /// The elements as whole numbers.
+    pub fn to_ints(&self) -> Vec<i64> {
+        self.values.iter().map(|&value| value as i64).collect()
+    }
+
+    /// The element at a position of a shape that this one is broadcast to.
+    pub fn broadcast_at(&self, position: &[usize]) -> f64 {
+        let skipped = position.len() - self.shape.len();
+        let index = self
+            .shape
+            .iter()
+            .zip(&position[skipped..])
+            .fold(0, |index, (&dim, &at)| index * dim + if dim == 1 { 0 } else { at });
+        self.values[index]
+    }
+
+    /// Reads a constant.
+    ///
+    /// # Errors
+    /// Where its shape and its data contradict each other, or it holds no numbers.
+    pub fn from_proto(proto: &TensorProto) -> Result<Self> {
+        let element = Element(proto.data_type);
+        let shape = dims(proto)?;
+        let count = elements(&shape)?;
+        let values: Vec<f64> = if proto.raw_data.is_empty() {
+            match element.0 {
+                1 => proto.float_data.iter().map(|&value| f64::from(value)).collect(),
+                11 => proto.double_data.clone(),
+                7 => proto.int64_data.iter().map(|&value| value as f64).collect(),
+                12 | 13 => proto.uint64_data.iter().map(|&value| value as f64).collect(),
+                10 => proto.int32_data.iter().map(|&bits| half(bits as u16)).collect(),
+                16 => proto.int32_data.iter().map(|&bits| brain(bits as u16)).collect(),
+                2..=6 | 9 => proto.int32_data.iter().map(|&value| f64::from(value)).collect(),
+                _ => return Err(Error::new(format!("its elements are {element}, but have to be numbers"))),
+            }
+        } else {
+            let size = element
+                .bytes()
+                .ok_or_else(|| Error::new(format!("its elements are {element}, but have to be numbers")))?;
+            if proto.raw_data.len() != count * size {
+                return Err(contradiction(&shape, proto.raw_data.len() / size));
+            }
+            proto.raw_data.chunks_exact(size).map(|bytes| number(element, bytes)).collect()
+        };
+        if values.len() != count {
+            return Err(contradiction(&shape, values.len()));
+        }
+        Ok(Self { element, shape, values })
+    }
+
+    /// Writes a constant. Types that are written: 32-bit and 64-bit floats, 64-bit and 32-bit integers, booleans.
+    pub fn to_proto(&self, name: &str) -> TensorProto {
+        let values = self.values.iter().copied();
+        let raw_data = match self.element {
+            Element::DOUBLE => values.flat_map(f64::to_le_bytes).collect(),
+            Element::INT64 => values.flat_map(|value| (value as i64).to_le_bytes()).collect(),
+            Element::INT32 => values.flat_map(|value| (value as i32).to_le_bytes()).collect(),
+            Element::BOOL => values.map(|value| u8::from(value != 0.0)).collect(),
+            _ => values.flat_map(|value| (value as f32).to_le_bytes()).collect(),
+        };
+        TensorProto {
+            name: name.to_owned(),
+            dims: self.shape.iter().map(|&dim| dim as i64).collect(),
+            data_type: self.element.0,
+            raw_data,
+            ..TensorProto::default()
+        }
+    }
+}
+
+/// The shape of a constant.
+///
+/// # Errors
+/// Where a dimension is negative.
+pub fn dims(proto: &TensorProto) -> Result<Vec<usize>> {
+    let shape = proto.dims.iter().map(|&dim| usize::try_from(dim)).collect::<Result<Vec<_>, _>>();
+    shape.map_err(|_| Error::new(format!("its shape is {:?}, but cannot be negative", proto.dims)))
+}
+
+fn contradiction(shape: &[usize], found: usize) -> Error {
+    Error::new(format!("it holds {found} numbers, which is not what its shape {} says", shape_text(shape)))
+}
+
+fn number(element: Element, b: &[u8]) -> f64 {
+    match (element.0, b) {
+        (2 | 9, &[a]) => f64::from(a),
+        (3, &[a]) => f64::from(a as i8),
+        (4, &[a, b]) => f64::from(u16::from_le_bytes([a, b])),
+        (5, &[a, b]) => f64::from(i16::from_le_bytes([a, b])),
+        (10, &[a, b]) => half(u16::from_le_bytes([a, b])),
+        (16, &[a, b]) => brain(u16::from_le_bytes([a, b])),
+        (6, &[a, b, c, d]) => f64::from(i32::from_le_bytes([a, b, c, d])),
+        (12, &[a, b, c, d]) => f64::from(u32::from_le_bytes([a, b, c, d])),
+        (_, &[a, b, c, d]) => f64::from(f32::from_le_bytes([a, b, c, d])),
+        (7, &[a, b, c, d, e, f, g, h]) => i64::from_le_bytes([a, b, c, d, e, f, g, h]) as f64,
+        (13, &[a, b, c, d, e, f, g, h]) => u64::from_le_bytes([a, b, c, d, e, f, g, h]) as f64,
+        (_, &[a, b, c, d, e, f, g, h]) => f64::from_le_bytes([a, b, c, d, e, f, g, h]),
+        _ => f64::NAN,
+    }
+}
+
+/// A 16-bit float of IEEE 754.
+fn half(bits: u16) -> f64 {
+    let sign = if bits >> 15 == 0 { 1.0 } else { -1.0 };
+    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
+    sign * match exponent {
+        0 => fraction * libm::exp2(-24.0),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        _ => (1024.0 + fraction) * libm::exp2(f64::from(exponent - 25)),
+    }
+}
+
+/// The upper half of a 32-bit float.
+fn brain(bits: u16) -> f64 {
+    f64::from(f32::from_bits(u32::from(bits) << 16))
+}
+
+/// Calls `visit` with each position of a shape, the last dimension fastest.
+pub fn for_each_position(shape: &[usize], mut visit: impl FnMut(&[usize])) {
+    if shape.contains(&0) {
+        return;
+    }
+    let mut position = vec![0; shape.len()];
+    loop {
+        visit(&position);
+        let Some(axis) = (0..shape.len()).rev().find(|&axis| position[axis] + 1 < shape[axis]) else {
+            return;
+        };
+        position[axis] += 1;
+        position[axis + 1..].fill(0);
+    }
+}
+
+/// The shape that several are broadcast to.
+///
+/// # Errors
+/// Where they do not go together.
+pub fn broadcast(shapes: &[&[usize]]) -> Result<Vec<usize>> {
+    let rank = shapes.iter().map(|shape| shape.len()).max().unwrap_or(0);
+    let mut result = vec![1; rank];
+    for shape in shapes {
+        for (into, &dim) in result[rank - shape.len()..].iter_mut().zip(*shape) {
+            if *into == 1 {
+                *into = dim;
+            } else if dim != 1 && dim != *into {
+                let texts: Vec<_> = shapes.iter().map(|shape| shape_text(shape)).collect();
+                return Err(Error::new(format!("the shapes {} do not go together", texts.join(" and "))));
+            }
+        }
+    }
+    Ok(result)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn constants_are_read_from_each_place_that_may_hold_them() {
+        let raw = Tensor::floats(&[2, 2], vec![1.0, -2.5, 0.0, 7.0]);
+        assert_eq!(Tensor::from_proto(&raw.to_proto("w")).unwrap(), raw);
+        let listed = TensorProto {
+            dims: vec![2, 2],
+            data_type: 1,
+            float_data: vec![1.0, -2.5, 0.0, 7.0],
+            ..Default::default()
+        };
+        assert_eq!(Tensor::from_proto(&listed).unwrap(), raw);
+        for values in [vec![i64::from(i32::MIN), 0, 5], vec![]] {
+            let ints = Tensor::ints(&values);
+            assert_eq!(Tensor::from_proto(&ints.to_proto("i")).unwrap().to_ints(), values);
+        }
+        let halves = TensorProto {
+            dims: vec![4],
+            data_type: 10,
+            int32_data: vec![0x3c00, 0xc100, 0x0001, 0x7c00],
+            ..Default::default()
+        };
+        assert_eq!(Tensor::from_proto(&halves).unwrap().values, [1.0, -2.5, 2f64.powi(-24), f64::INFINITY]);
+    }
+
+    #[test]
+    fn constants_that_contradict_themselves_are_refused() {
+        let error = |proto: &TensorProto| Tensor::from_proto(proto).unwrap_err().to_string();
+        let short = TensorProto { dims: vec![3], data_type: 1, raw_data: vec![0; 8], ..Default::default() };
+        assert_eq!(error(&short), "it holds 2 numbers, which is not what its shape (3) says");
+        let negative = TensorProto { dims: vec![-3], data_type: 1, ..Default::default() };
+        assert!(error(&negative).contains("negative"));
+        let huge = TensorProto { dims: vec![1 << 40, 1 << 40], data_type: 1, ..Default::default() };
+        assert!(error(&huge).contains("too large"));
+        let text =
+            TensorProto { dims: vec![1], data_type: 8, string_data: vec![vec![65]], ..Default::default() };
+        assert!(error(&text).contains("STRING"));
+    }
+
+    #[test]
+    fn shapes_are_broadcast_from_the_right() {
+        assert_eq!(broadcast(&[&[3, 1], &[2, 1, 4], &[]]).unwrap(), [2, 3, 4]);
+        let error = broadcast(&[&[3], &[2]]).unwrap_err().to_string();
+        assert_eq!(error, "the shapes (3) and (2) do not go together");
+        let column = Tensor::floats(&[2, 1], vec![1.0, 2.0]);
+        assert_eq!([column.broadcast_at(&[5, 1, 7]), column.broadcast_at(&[0, 0, 2])], [2.0, 1.0]);
+    }
+}

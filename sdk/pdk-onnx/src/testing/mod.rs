@@ -1,0 +1,125 @@
+//! Small models over every operator, for tests of gradients and of those who run them.
+
+mod cases;
+#[cfg(test)]
+mod networks;
+mod random;
+#[cfg(test)]
+mod refusals;
+mod sketch;
+
+use pdk_sdk::error::{Error, Result};
+
+pub use cases::{CASES, Case};
+pub use random::random;
+pub use sketch::{Setting, Sketch};
+
+use crate::gradient::{Gradients, Target, gradients};
+use crate::graph::Graph;
+use crate::tensor::Tensor;
+
+/// Versions of the operator set at which something changed.
+pub const OPSETS: [i64; 11] = [7, 8, 9, 10, 11, 12, 13, 17, 18, 20, 21];
+
+/// Numbers that look random and are always the same, from -1 to 1.
+pub fn numbers(seed: u64, count: usize) -> Vec<f64> {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let mut next = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    };
+    (0..count).map(|_| next()).collect()
+}
+
+/// The gradient of `target` with respect to `x`, from the graph that is built and by central differences, both in 64-bit
+/// floats, and the model.
+///
+/// # Errors
+/// Where the gradient cannot be built or computed.
+pub fn both_gradients(
+    graph: &Graph,
+    target: Target<'_>,
+    x: (&str, &Tensor),
+    places: &[usize],
+) -> Result<(Vec<f64>, Vec<f64>, Gradients)> {
+    const STEP: f64 = 1e-6;
+    let built = gradients(graph, target, &[x.0], &[])?;
+    let derived = Graph::new(built.model.clone())?;
+    let exact = derived.evaluate(&[x], &[&built.outputs[0]])?.swap_remove(0);
+    if exact.shape != x.1.shape {
+        return Err(Error::new("the gradient has another shape than the value"));
+    }
+    let value = |place: usize, step: f64| -> Result<f64> {
+        let mut moved = x.1.clone();
+        moved.values[place] += step;
+        Ok(graph.evaluate(&[(x.0, &moved)], &[target.value])?[0].values[target.index])
+    };
+    let mut differences = Vec::with_capacity(places.len());
+    for &place in places {
+        differences.push((value(place, STEP)? - value(place, -STEP)?) / (2.0 * STEP));
+    }
+    let exact = places.iter().map(|&place| exact.values[place]).collect();
+    Ok((exact, differences, built))
+}
+
+/// The largest difference, relative to the largest value.
+pub fn relative_error(found: &[f64], expected: &[f64]) -> f64 {
+    let largest = expected.iter().fold(0.0f64, |largest, value| largest.max(value.abs()));
+    let difference = found.iter().zip(expected).fold(0.0f64, |largest, (a, b)| {
+        let difference = (a - b).abs();
+        if difference.is_nan() { f64::INFINITY } else { largest.max(difference) }
+    });
+    if difference == 0.0 { 0.0 } else { difference / largest }
+}
+
+/// Checks the gradient of a case by central differences, in each version of the operator set that has it.
+///
+/// # Panics
+/// Where they differ, or there is no such case.
+#[cfg(test)]
+pub(crate) fn check(name: &str) {
+    let case =
+        CASES.iter().find(|case| case.name == name).unwrap_or_else(|| panic!("there is no case `{name}`"));
+    let opsets: Vec<_> = OPSETS.into_iter().filter(|opset| case.opsets.contains(opset)).collect();
+    assert!(!opsets.is_empty(), "{name} has no version");
+    for opset in opsets {
+        let place = format!("{name} at version {opset}");
+        let graph = Graph::new(case.model(opset)).unwrap_or_else(|error| panic!("{place}: {error}"));
+        let x = case.x();
+        let all: Vec<_> = (0..x.values.len()).collect();
+        let target = Target { value: "target", index: 0 };
+        let (exact, differences, _) = both_gradients(&graph, target, ("x", &x), &all)
+            .unwrap_or_else(|error| panic!("{place}: {error}"));
+        assert!(differences.iter().any(|&value| value != 0.0), "{place}: the gradient is zero");
+        let error = relative_error(&exact, &differences);
+        assert!(error < 1e-6, "{place}: relative error {error:e}\n{exact:?}\n{differences:?}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn random_graphs_have_the_gradients_that_central_differences_show() {
+        let mut operators = std::collections::BTreeSet::new();
+        for seed in 0..60 {
+            let opset = OPSETS[seed as usize % OPSETS.len()];
+            let model = random(seed, opset);
+            operators
+                .extend(model.graph.iter().flat_map(|graph| &graph.node).map(|node| node.op_type.clone()));
+            let graph = Graph::new(model).unwrap_or_else(|error| panic!("graph {seed}: {error}"));
+            let shape = graph.fact("x").unwrap().shape.clone();
+            let x = Tensor::floats(&shape, numbers(seed + 1000, shape.iter().product()));
+            let all: Vec<_> = (0..x.values.len()).collect();
+            let target = Target { value: "target", index: 0 };
+            let (exact, differences, _) = both_gradients(&graph, target, ("x", &x), &all)
+                .unwrap_or_else(|error| panic!("graph {seed}: {error}"));
+            let error = relative_error(&exact, &differences);
+            assert!(error < 1e-5, "graph {seed} at version {opset}: relative error {error:e}");
+        }
+        assert!(operators.len() > 25, "{operators:?}");
+    }
+}

@@ -1,0 +1,174 @@
+//! Models of which no gradient can be built: each is a sentence.
+
+use prost::Message;
+
+use super::Setting::Int;
+use super::Sketch;
+use crate::gradient::{Target, gradients, without_gradient};
+use crate::graph::Graph;
+use crate::model;
+use crate::proto::{ModelProto, ValueInfoProto};
+use crate::tensor::Tensor;
+
+fn refusal(model: ModelProto, of: &str) -> String {
+    let built =
+        Graph::new(model).and_then(|graph| gradients(&graph, Target { value: "y", index: 0 }, &[of], &[]));
+    built.err().expect("it is refused").to_string()
+}
+
+fn sketch(opset: i64, build: impl Fn(&mut Sketch)) -> ModelProto {
+    let mut sketch = Sketch::new(opset);
+    sketch.input("x", &[1, 1, 4, 4]);
+    build(&mut sketch);
+    sketch.model(&["y"])
+}
+
+#[test]
+fn each_reason_is_named() {
+    let relu = |s: &mut Sketch| s.node("Relu", &["x"], "y", &[]);
+    assert_eq!(
+        refusal(sketch(6, relu), "x"),
+        "it is written for version 6 of the operator set, but gradients are known for 7 to 21; export it for one of these"
+    );
+    assert!(refusal(sketch(23, relu), "x").starts_with("it is written for version 23"));
+    assert_eq!(refusal(sketch(13, relu), "z"), "there is no value `z`");
+    assert_eq!(
+        refusal(sketch(13, |s| s.node("Floor", &["x"], "y", &[])), "x"),
+        "`y` does not change with `x`: its gradient is zero everywhere"
+    );
+    let unknown = sketch(16, |s| s.node("GridSample", &["x", "x"], "y", &[]));
+    assert_eq!(refusal(unknown, "x"), "these operators have no gradient here: GridSample");
+    assert_eq!(
+        refusal(sketch(13, |s| s.node("Relu", &["q"], "y", &[])), "x"),
+        "node `relu_0` (Relu) needs `q`, which nothing before it computes"
+    );
+    assert_eq!(
+        refusal(
+            sketch(13, |s| {
+                let w = s.drawn(&[3, 3], -1.0, 1.0);
+                s.node("MatMul", &["x", &w], "y", &[]);
+            }),
+            "x"
+        ),
+        "node `matmul_0` (MatMul): its matrices (1, 1, 4, 4) and (3, 3) do not go together"
+    );
+    let weights = |s: &mut Sketch| {
+        let w = s.drawn(&[1, 1, 2, 2], -1.0, 1.0);
+        s.node("Conv", &[&w, "x"], "y", &[]);
+    };
+    assert!(refusal(sketch(13, weights), "x").contains("its window of 4 is larger than its input of 2"));
+    assert!(
+        refusal(sketch(14, |s| s.node("Dropout", &["x", "", "training"], "y", &[])), "x")
+            .contains("needs `training`")
+    );
+    let half = sketch(13, |s| {
+        s.node("Cast", &["x"], "h", &[("to", Int(10))]);
+        s.node("Relu", &["h"], "r", &[]);
+        s.node("Cast", &["r"], "y", &[("to", Int(1))]);
+    });
+    let error = refusal(half, "x");
+    assert!(
+        error.contains("is FLOAT16, but gradients need FLOAT (32 bit) or DOUBLE; export the model in 32 bit"),
+        "{error}"
+    );
+}
+
+#[test]
+fn operators_without_a_gradient_are_listed_where_shapes_are_declared() {
+    let mut model = sketch(16, |s| {
+        s.node("Celu", &["x"], "c", &[]);
+        s.node("Mish", &["c"], "m", &[]);
+        s.node("Mish", &["m"], "y", &[]);
+    });
+    let graph = model.graph.as_mut().unwrap();
+    graph.value_info = ["c", "m", "y"].map(|name| ValueInfoProto::tensor(name, 1, &[1, 1, 4, 4])).into();
+    assert_eq!(refusal(model.clone(), "x"), "these operators have no gradient here: Celu, Mish");
+    let graph = Graph::new(model).unwrap();
+    assert_eq!(without_gradient(&graph, "y", "m"), ["Mish"]);
+    assert!(
+        gradients(&graph, Target { value: "y", index: 16 }, &["y"], &[])
+            .err()
+            .unwrap()
+            .to_string()
+            .contains("16 numbers")
+    );
+    assert!(gradients(&graph, Target { value: "y", index: 3 }, &["y"], &[]).is_ok());
+}
+
+#[test]
+fn open_shapes_and_damaged_files_are_refused() {
+    let mut model = sketch(13, |s| s.node("Relu", &["x"], "y", &[]));
+    let whole = model.encode_to_vec();
+    for length in 0..whole.len() {
+        // A cut may leave a smaller model that is whole in itself; it never panics.
+        let _ = model::decode(&whole[..length]).and_then(Graph::new);
+    }
+    assert!(model::decode(&whole[..whole.len() / 2]).is_err());
+    for place in 0..whole.len() {
+        let mut damaged = whole.clone();
+        damaged[place] ^= 0x55;
+        let target = Target { value: "y", index: 0 };
+        let _ = model::decode(&damaged)
+            .and_then(Graph::new)
+            .and_then(|graph| gradients(&graph, target, &["x"], &[]));
+    }
+    let dims = &mut model.graph.as_mut().unwrap().input[0]
+        .r#type
+        .as_mut()
+        .unwrap()
+        .tensor_type
+        .as_mut()
+        .unwrap()
+        .shape
+        .as_mut()
+        .unwrap()
+        .dim;
+    dims[2].dim_value = None;
+    dims[2].dim_param = Some("height".into());
+    let error = Graph::new(model).err().unwrap().to_string();
+    assert!(
+        error.starts_with(
+            "its input `x` has the shape (1, 1, height, 4), in which more than the batch is open"
+        ),
+        "{error}"
+    );
+}
+
+#[test]
+fn tensors_that_would_be_huge_are_refused() {
+    let model = sketch(13, |s| {
+        let shape = s.ints(&[1 << 20, 1 << 20, 4, 4]);
+        s.node("Expand", &["x", &shape], "y", &[]);
+    });
+    assert!(refusal(model, "x").ends_with("is too large"));
+    let model = sketch(13, |s| {
+        let pads = s.ints(&[0, 0, 0, 0, 0, 0, i64::MAX, i64::MAX]);
+        s.node("Pad", &["x", &pads], "y", &[]);
+    });
+    assert!(refusal(model, "x").contains("do not fit an axis of the length 4"));
+}
+
+#[test]
+fn negative_pads_cut_and_have_a_gradient() {
+    let model = sketch(13, |s| {
+        let pads = s.ints(&[0, 0, -1, -1, 0, 0, -1, 0]);
+        s.node("Pad", &["x", &pads], "y", &[]);
+    });
+    let graph = Graph::new(model).unwrap();
+    assert_eq!(graph.fact("y").unwrap().shape, [1, 1, 2, 3]);
+    let built = gradients(&graph, Target { value: "y", index: 0 }, &["x"], &[]).unwrap();
+    let operators: Vec<_> =
+        built.model.graph.iter().flat_map(|graph| &graph.node).map(|node| node.op_type.as_str()).collect();
+    // The gradient has no negative pads, which not every backend takes.
+    assert_eq!(operators, ["Pad", "Pad", "Identity"]);
+    let x = Tensor::floats(&[1, 1, 4, 4], (0..16).map(f64::from).collect());
+    let gradient = Graph::new(built.model).unwrap().evaluate(&[("x", &x)], &[&built.outputs[0]]).unwrap();
+    let ones: Vec<_> = gradient[0]
+        .values
+        .iter()
+        .enumerate()
+        .filter(|(_, value)| **value == 1.0)
+        .map(|(place, _)| place)
+        .collect();
+    assert_eq!(ones, [5]);
+}

@@ -1,0 +1,169 @@
+//! Saliency on the command line: maps as numbers and pictures, what a network shows of itself, and perturbations of what a map
+//! marks.
+
+#![allow(clippy::unwrap_used)]
+
+use std::path::Path;
+
+use pdk_tests::{Pdk, datasets, pictures, temp};
+
+/// Height, width and numbers of a file for NumPy.
+fn numbers(path: &Path) -> ([usize; 2], Vec<f32>) {
+    let bytes = std::fs::read(path).unwrap();
+    assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
+    let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let header = std::str::from_utf8(&bytes[10..10 + length]).unwrap();
+    let shape = header.split("'shape': (").nth(1).unwrap().split(')').next().unwrap();
+    let sides: Vec<usize> = shape.split(", ").map(|side| side.parse().unwrap()).collect();
+    let values = bytes[10 + length..].chunks(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    ([sides[0], sides[1]], values.collect())
+}
+
+#[test]
+fn maps_are_written_by_cell_and_by_pixel_with_a_picture_of_each() {
+    let dir = temp();
+    let image = dir.path().join("road.png");
+    pictures::write(&image, 320, 160);
+    let maps = dir.path().join("maps");
+    let saliency = |more: &[&str]| {
+        Pdk::new(["saliency"])
+            .arg(&image)
+            .args(["--driver", "dave2,backend=tract", "-o"])
+            .arg(&maps)
+            .args(more)
+    };
+    let methods = [
+        "--with",
+        "hirescam",
+        "--with",
+        "hirescam,layer=/convolutions/convolutions.2/Conv",
+        "--with",
+        "gradient",
+    ];
+    saliency(&methods).succeed();
+    // The last convolution of dave2 has one row of cells, its second one 14 rows.
+    assert_eq!(numbers(&maps.join("road.hirescam.npy")).0, [1, 18]);
+    let (sides, values) = numbers(&maps.join("road.hirescam-2.npy"));
+    assert_eq!((sides, values.len()), ([14, 47], 14 * 47));
+    assert!(values.iter().all(|value| (0.0..=1.0).contains(value)) && values.contains(&1.0));
+    assert_eq!(numbers(&maps.join("road.gradient.npy")).0, [66, 200]);
+    for method in ["hirescam", "hirescam-2", "gradient"] {
+        let picture = image::open(maps.join(format!("road.{method}.png"))).unwrap();
+        assert_eq!((picture.width(), picture.height()), (320, 160));
+    }
+    let first = std::fs::read(maps.join("road.gradient.npy")).unwrap();
+    saliency(&methods).succeed();
+    assert_eq!(std::fs::read(maps.join("road.gradient.npy")).unwrap(), first);
+    saliency(&["--full"]).succeed();
+    assert_eq!(numbers(&maps.join("road.hirescam.npy")).0, [160, 320]);
+    // Another number of the output is explained by another map.
+    saliency(&["--full", "--output", "1"]).succeed();
+    let throttle = std::fs::read(maps.join("road.hirescam.npy")).unwrap();
+    saliency(&["--full"]).succeed();
+    assert_ne!(std::fs::read(maps.join("road.hirescam.npy")).unwrap(), throttle);
+}
+
+#[test]
+fn the_frames_of_a_dataset_are_mapped_and_methods_are_compared() {
+    let dir = temp();
+    let drive = dir.path().join("drive");
+    datasets::tub(&drive, 6, 160, 120);
+    let maps = dir.path().join("maps");
+    let result = Pdk::new(["saliency", "--json"])
+        .arg(&drive)
+        .args([
+            "--driver",
+            "dave2,backend=tract",
+            "--count",
+            "3",
+            "--with",
+            "hirescam",
+            "--with",
+            "occlusion,patch=0.5",
+        ])
+        .args(["--curves", "-o"])
+        .arg(&maps)
+        .succeed()
+        .json();
+    assert_eq!(result["written"].as_array().unwrap().len(), 3 * 2 * 2);
+    for (place, method) in ["hirescam", "occlusion"].into_iter().enumerate() {
+        let curve = &result["curves"][place];
+        assert_eq!((curve["method"].as_str(), curve["frames"].as_u64()), (Some(method), Some(3)));
+        assert!(curve["deletion"]["area"].as_f64().unwrap() > 0.0, "{curve}");
+    }
+}
+
+#[test]
+fn mistakes_are_sentences() {
+    let dir = temp();
+    let image = dir.path().join("road.png");
+    pictures::write(&image, 64, 48);
+    let out = dir.path().join("maps");
+    let saliency = |driver: &str, more: &[&str]| {
+        Pdk::new(["saliency"]).arg(&image).args(["--driver", driver, "-o"]).arg(&out).args(more)
+    };
+    saliency("dave2", &["--with", "hirecam"]).fail(1, &["hirecam", "hirescam"]);
+    saliency("dave2", &["--with", "hirescam,layer=conv9"])
+        .fail(1, &["it has no layer `conv9`", "/convolutions/convolutions.8/Conv"]);
+    saliency("dave2", &["--output", "7"]).fail(1, &["has the numbers 0 to 1, so there is no 7"]);
+    saliency("dave2", &["--with", "hirescam,size=frame"]).fail(1, &["`size` cannot be set"]);
+    saliency("onnx,model=/no/such.onnx", &[]).fail(1, &["/no/such.onnx", "it does not exist"]);
+    saliency("nobody", &[]).fail(1, &["nobody"]);
+    let damaged = dir.path().join("damaged.onnx");
+    std::fs::write(&damaged, b"no network").unwrap();
+    Pdk::new(["show"]).arg(&damaged).fail(1, &["the file is no ONNX model"]);
+}
+
+#[test]
+fn a_network_shows_its_layers() {
+    let file = pdk_tests::repository().join("scripts/models/dave2.onnx");
+    let text = Pdk::new(["show"]).arg(&file).succeed().stdout;
+    for part in [
+        "input     image (1, 3, 66, 200) FLOAT",
+        "output    control (1, 2) FLOAT",
+        "every operator before it has a gradient",
+        "/convolutions/convolutions.8/Conv",
+    ] {
+        assert!(text.contains(part), "{part} is not in\n{text}");
+    }
+    let network = Pdk::new(["show", "--json"]).arg(&file).succeed().json();
+    let layers = network["outputs"][0]["layers"].as_array().unwrap();
+    let convolutions: Vec<_> = layers.iter().filter(|layer| layer["operator"] == "Conv").collect();
+    assert_eq!(convolutions.len(), 5);
+    // Windows of 5, every second place.
+    assert_eq!(convolutions[1]["columns"]["receptive_field"], 13.0);
+    assert_eq!(convolutions[1]["columns"]["first_at"], 6.0);
+    assert_eq!(network["outputs"][0]["without_gradient"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn a_perturbation_is_limited_to_what_a_map_marks() {
+    let dir = temp();
+    let image = dir.path().join("road.png");
+    pictures::write(&image, 320, 160);
+    let original = image::open(&image).unwrap().into_rgb8();
+    let changed = |choice: &str, seed: &str| {
+        let out = dir.path().join("out.png");
+        let with = format!("false_color_filter@3,where={choice}");
+        Pdk::new(["perturb"]).arg(&image).args(["--seed", seed, "--with", &with, "-o"]).arg(&out).succeed();
+        let perturbed = image::open(&out).unwrap().into_rgb8();
+        original.pixels().zip(perturbed.pixels()).map(|(a, b)| a != b).collect::<Vec<_>>()
+    };
+    let count = |pixels: &[bool]| pixels.iter().filter(|changed| **changed).count();
+    let by = r#""by":"gradient,model=dave2,backend=tract""#;
+    let top = changed(&format!(r#"{{"top":20,{by}}}"#), "0");
+    let bottom = changed(&format!(r#"{{"bottom":80,{by}}}"#), "0");
+    assert_eq!((count(&top), count(&bottom)), (320 * 160 / 5, 320 * 160 * 4 / 5));
+    assert!(
+        top.iter().zip(&bottom).filter(|(a, b)| **a && **b).count() < 100,
+        "the two ends of a map hardly meet"
+    );
+    let random = changed(r#"{"random":20}"#, "0");
+    assert_eq!(count(&random), 320 * 160 / 5);
+    assert_eq!(random, changed(r#"{"random":20}"#, "0"));
+    assert_ne!(random, changed(r#"{"random":20}"#, "1"));
+    Pdk::new(["perturb"])
+        .arg(&image)
+        .args(["--with", r#"false_color_filter@3,where={"top":20}"#, "-o", "x.png"])
+        .fail(1, &["perturbation `false_color_filter`", "by which saliency method"]);
+}
