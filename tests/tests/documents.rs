@@ -47,6 +47,7 @@ fn what_the_documents_point_to_is_there() {
         "CHANGELOG.md",
         "docs/speed.md",
         "docs/adapter.md",
+        "docs/external-drivers.md",
         "docs/simulators/donkey.md",
         "docs/simulators/udacity.md",
     ] {

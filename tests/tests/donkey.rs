@@ -33,7 +33,7 @@ const SOURCE: &str = r#"
 fn simulator(port: u16) -> Value {
     json!({
         "name": "donkey", "build": "road_generating", "port": port, "width": 80, "height": 60, "settle_seconds": 0,
-        "start_seconds": 20, "answer_seconds": 10
+        "start_seconds": 40, "answer_seconds": 15
     })
 }
 
@@ -104,8 +104,9 @@ fn a_greedy_test_through_the_wire_has_the_same_outcome() {
             .set("simulator", &simulator.to_string())
             .set("driver", "lane_keeper")
             .set("roads", "2")
-            // Those that draw nothing: a stand-in cannot know the seed of a repeat.
-            .set("perturbations", "fog_filter,high_pass_filter")
+            .set("perturbations", "defocus_blur,rotate_image")
+            // The stand-in knows one seed for a road, not that of each repeat.
+            .set("repeats", "1")
             .set("resolution", "1")
             .set("images_every", "0")
             .succeed();
@@ -163,7 +164,8 @@ fn both_builds_are_driven_by_the_clock_too() {
             let frames =
                 line["frames"].as_u64().unwrap() + line["skipped_frames"].as_u64().unwrap_or_default();
             assert_eq!(line["cause"], "time_out", "{line}");
-            assert!((95..=101).contains(&frames), "{line}");
+            // By the simulator's own time, which goes on by a frame with each that it sends.
+            assert!((95..=104).contains(&frames), "{line}");
             assert!(line["max_cross_track_error"].as_f64().unwrap() < 1.0, "{line}");
         }
     }
@@ -223,10 +225,10 @@ fn one_that_pdk_starts_is_started_again() {
             program().display()
         );
         simulator["launch"] = json!(["sh", "-c", script, "{port}"]);
-        simulator["answer_seconds"] = json!(1.5);
+        simulator["answer_seconds"] = json!(3);
         let run = run(&simulator, &[]);
         let says =
-            if fault == "die" { "ended (exit status: 3)" } else { "has not sent telemetry within 1.5 s" };
+            if fault == "die" { "ended (exit status: 3)" } else { "has not sent telemetry within 3 s" };
         run.says(0, &[says, "driven again"]);
         assert_eq!(run.causes(), ["time_out"; 2], "{fault}");
     }
@@ -236,8 +238,8 @@ fn one_that_pdk_starts_is_started_again() {
 fn one_that_hangs_ends_the_run_and_keeps_what_there_is() {
     let port = free_ports(1);
     let mut simulator = simulator(port);
-    simulator["answer_seconds"] = json!(1.5);
-    simulator["start_seconds"] = json!(1.5);
+    simulator["answer_seconds"] = json!(3);
+    simulator["start_seconds"] = json!(10);
     // In the second drive, so that there is something to keep: the first has 40 controls.
     let options = ["--build", "road_generating", "--fault", "hang", "--at", "30"];
     let _stand_in = StandIn::start("donkey", port, &options);
@@ -249,8 +251,8 @@ fn one_that_hangs_ends_the_run_and_keeps_what_there_is() {
     simulator["port"] = json!(port);
     let _stand_in = StandIn::start("donkey", port, &["--build", "road_generating", "--fault", "hang"]);
     let run = self::run(&simulator, &[]);
-    run.says(1, &["simulator `donkey`", "within 1.5 s"]);
-    assert!(run.lines.is_empty() && run.took < Duration::from_secs(20), "{:?} {:?}", run.lines, run.took);
+    run.says(1, &["simulator `donkey`", "has not loaded its scene within"]);
+    assert!(run.lines.is_empty() && run.took < Duration::from_secs(60), "{:?} {:?}", run.lines, run.took);
 }
 
 #[test]
@@ -273,7 +275,7 @@ fn one_that_is_not_there_is_waited_for_and_said() {
     simulator["start_seconds"] = json!(1);
     let run = run(&simulator, &[]);
     run.says(1, &["the Donkey simulator is not at 127.0.0.1:", "it was tried for 1 s", "`launch`"]);
-    assert!(run.lines.is_empty() && run.took < Duration::from_secs(15), "{:?}", run.took);
+    assert!(run.lines.is_empty() && run.took < Duration::from_secs(40), "{:?}", run.took);
 }
 
 #[test]
@@ -307,7 +309,7 @@ fn the_other_build_and_a_missing_scene_are_named() {
         let _stand_in = StandIn::start("donkey", port, &["--build", is, "--rate", "20"]);
         let mut simulator = simulator(port);
         simulator["build"] = json!(set);
-        simulator["start_seconds"] = json!(3);
+        simulator["start_seconds"] = json!(10);
         if let Some(scene) = scene {
             simulator["scene"] = json!(scene);
         }
@@ -430,12 +432,17 @@ fn the_parsers_of_the_real_builds_understand_it() {
         let out = folder.path().join("out");
         let command =
             Pdk::new(["run", "--workers", "1", "--out"]).arg(&out).arg(pipeline(folder.path(), &source));
-        let finished = command.set("simulator", &simulator.to_string()).run();
+        let finished = command
+            .set("simulator", &simulator.to_string())
+            // It never comes back to where it started.
+            .set("scenarios", 1)
+            .set("duration", 0.5)
+            .run();
         child.kill().unwrap();
         child.wait().unwrap();
         let said = std::fs::read_to_string(&log).unwrap();
         assert_eq!(finished.code, Some(0), "{}{said}", finished.stderr);
-        assert_eq!(lines_of(&out).len(), 2);
+        assert_eq!(lines_of(&out).len(), 1);
         assert!(!said.contains("DROPPED") && !said.contains("JSON ERROR"), "{said}");
         for part in ["cam_config", "car_config", "control", "reset_car"] {
             assert!(said.contains(part), "{part}: {said}");

@@ -16,6 +16,9 @@ use crate::wire::{ROOM, Wire};
 
 /// Farther than this from the place of the start it is not there, in metres.
 const AT_START: f64 = 1.0;
+/// By how much the simulator's cross-track error and that of the road that it was given may differ, in metres, and in how much
+/// telemetry one after the other: more than that, and it has built another road.
+const SAME_ROAD: (f64, u32) = (2.0, 5);
 /// Telemetry in which it has to stand, one after the other.
 const STANDING_FRAMES: u32 = 3;
 
@@ -40,6 +43,8 @@ struct Drive {
     criteria: FailureCriteria,
     /// Where a scenario says how the road is.
     track: Option<Track>,
+    /// Telemetry, one after the other, in which the road seems to be another one.
+    elsewhere: u32,
     began: Instant,
     /// The simulator's time at the start.
     time: Option<f64>,
@@ -192,6 +197,7 @@ impl Link {
         let mut drive = Drive {
             criteria,
             track,
+            elsewhere: 0,
             began: Instant::now(),
             time: telemetry.time,
             lap: Lap::default(),
@@ -239,10 +245,13 @@ impl Link {
                 && away < AT_START
                 && telemetry.done != Some(true);
             standing = if stands { standing + 1 } else { 0 };
-            if standing >= STANDING_FRAMES && began.elapsed().as_secs_f64() >= options.settle {
+            let settled = standing >= STANDING_FRAMES && began.elapsed().as_secs_f64() >= options.settle;
+            // The camera takes on its size some frames after it was told to. Where it never does, the first frame says so.
+            let late = deadline.left().is_none();
+            if settled && (late || has_size(&picture, options.camera)) {
                 return Ok((telemetry, picture));
             }
-            if deadline.left().is_none() {
+            if late {
                 let done =
                     if telemetry.done == Some(true) { ", and the road is said to be over" } else { "" };
                 return Err(Error::of(
@@ -390,6 +399,17 @@ impl Drive {
                 wire.station
             )));
         };
+        // It loses a message that it reads together with another one.
+        let differs = place.is_some_and(|place| {
+            (place.cross_track_error.abs() - cross_track_error.abs()).abs() > SAME_ROAD.0
+        });
+        self.elsewhere = if differs { self.elsewhere + 1 } else { 0 };
+        if self.elsewhere >= SAME_ROAD.1 {
+            return Err(Error::of(
+                ErrorKind::Lost,
+                format!("{} drives on another road than it was given", wire.station),
+            ));
+        }
         let time = match (telemetry.time, self.time) {
             (Some(now), Some(start)) => now - start,
             _ => self.began.elapsed().as_secs_f64(),
@@ -444,6 +464,12 @@ impl Lap {
         }
         self.farthest
     }
+}
+
+/// Whether a picture has the size that the camera was told to have.
+fn has_size(picture: &[u8], camera: Camera) -> bool {
+    pdk_image::decode(picture)
+        .is_ok_and(|picture| (picture.width(), picture.height()) == (camera.width, camera.height))
 }
 
 fn ground_distance(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -15,7 +15,7 @@ const LONGEST_SENT: usize = 8142;
 /// So much of it is left for the points of a road.
 pub const ROOM: usize = LONGEST_SENT - 100;
 /// Two messages between which nothing was heard may not be read together.
-const GAP: Duration = Duration::from_millis(20);
+const GAP: Duration = Duration::from_millis(50);
 /// How long the simulator may take to hang up when it is said goodbye.
 const GOODBYE: Duration = Duration::from_millis(300);
 

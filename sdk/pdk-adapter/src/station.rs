@@ -9,7 +9,7 @@ use pdk_sdk::prelude::{Error, ErrorKind, Result};
 
 use crate::deadline::Deadline;
 use crate::port::Claim;
-use crate::process::Launched;
+use crate::process::{Launch, Launched};
 use crate::settings::Settings;
 
 /// How often it is looked whether something has come true.
@@ -75,7 +75,8 @@ impl Station {
             .iter()
             .map(|word| word.replace("{port}", &port).replace("{slot}", &slot))
             .collect();
-        self.process = Some(Launched::start(&words)?);
+        let launch = Launch { what: "simulator", parameter: "launch", words: &words, environment: &[] };
+        self.process = Some(Launched::start(&launch)?);
         Ok(())
     }
 

@@ -326,21 +326,23 @@ fn check(plugin: &Plugin, index: usize, description: &Description, config: &Conf
     match description.kind {
         Kind::Perturbation => testing::check_perturbation(description, config, make!(Perturbation)),
         Kind::Simulator => {
-            let checked = testing::check_simulator(description, config, make!(Simulator));
-            match checked {
-                Err(error) if description.external && error.kind() == ErrorKind::Lost => {
-                    let name = &description.name;
-                    report(&Report::Note(format!(
-                        "simulator `{name}` was made and not driven, because {error}"
-                    )));
-                    Ok(())
-                }
-                checked => checked,
-            }
+            outside(description, testing::check_simulator(description, config, make!(Simulator)))
         }
-        Kind::Driver => testing::check_driver(config, make!(Driver)),
+        Kind::Driver => outside(description, testing::check_driver(config, make!(Driver))),
         Kind::Saliency => testing::check_saliency(config, make!(Saliency)),
         Kind::Search => testing::check_search(config, make!(Search)),
         Kind::Dataset => testing::check_dataset(config, make!(Dataset)),
+    }
+}
+
+/// A component that needs a program besides pdk cannot be checked without it, which is no mistake of the plugin.
+fn outside(description: &Description, checked: Result<()>) -> Result<()> {
+    match checked {
+        Err(error) if description.external && matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late) => {
+            let Description { kind, name, .. } = description;
+            report(&Report::Note(format!("{kind} `{name}` was made and not used, because {error}")));
+            Ok(())
+        }
+        checked => checked,
     }
 }
