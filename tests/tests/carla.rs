@@ -42,7 +42,7 @@ const SHORT: &str = r#"
     local settings = pdk.settings({ simulator = "carla", roads = 1, driver = "lane_keeper", duration = 1 })
     local scenarios = {}
     for road = 1, settings.roads do
-        table.insert(scenarios, { name = "road " .. road, road = { angles = { 0, 5 * road, -5, 0 } } })
+        table.insert(scenarios, { name = "road " .. road, road = { angles = { 0, 5 + road % 20, -5, 0 } } })
     end
     pdk.drive({ simulator = settings.simulator, driver = settings.driver, duration = settings.duration, scenarios = scenarios })
 "#;
@@ -426,7 +426,7 @@ fn two_runs_do_not_share_a_server() {
     let server = CarlaServer::start(Setup::default());
     let mut first = short(folder.path(), &simulator(server.port(), json!({})))
         .set("duration", 60)
-        .set("roads", 5)
+        .set("roads", 400)
         .spawn();
     let began = Instant::now();
     while !server.calls().iter().any(|call| call == "tick_cue") {

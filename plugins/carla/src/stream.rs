@@ -74,16 +74,17 @@ impl Stream {
         self.connection.has_bytes(1).is_ok()
     }
 
-    /// The next message, without its length.
+    /// The next message, without its length. Where it does not come in time, what has come of it is kept.
     ///
     /// # Errors
     /// Where the stream ends, nothing comes in time, or a message has another size than these messages have.
     pub fn next(&mut self, deadline: &Deadline) -> Result<(Header, &[u8])> {
         let what = format!("sent {}", self.what);
-        let size = match self.size.take() {
+        let size = match self.size {
             Some(size) => size,
             None => length(self.connection.bytes(4, deadline, &what)?),
         };
+        self.size = Some(size);
         self.whole(size, deadline, &what)
     }
 
@@ -98,7 +99,6 @@ impl Stream {
         }
         match self.size {
             Some(size) if size > self.sizes.1 || self.connection.has_bytes(size)? => {
-                self.size = None;
                 self.whole(size, deadline, &what).map(Some)
             }
             _ => Ok(None),
@@ -119,6 +119,7 @@ impl Stream {
             ));
         }
         let message = self.connection.bytes(size, deadline, what)?;
+        self.size = None;
         let mut frame = [0; 8];
         frame.copy_from_slice(&message[8..16]);
         Ok((Header { frame: u64::from_le_bytes(frame) }, &message[HEADER..]))
@@ -133,7 +134,37 @@ fn length(bytes: &[u8]) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write;
+    use std::net::{TcpListener, TcpStream};
+    use std::time::Duration;
+
     use super::*;
+
+    #[test]
+    fn a_message_that_comes_in_pieces_is_whole_in_the_end() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let socket = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let (mut server, _) = listener.accept().unwrap();
+        let connection = Connection::new(socket, "the stream", 1000).unwrap();
+        let token = Token { stream: 3, port: 2001 };
+        let mut stream = Stream { connection, token, what: "a picture", sizes: (60, 60), size: None };
+        let soon = || Deadline::new(Duration::from_millis(50), "answer_seconds");
+        let mut message = vec![0; 64];
+        message[..4].copy_from_slice(&60u32.to_le_bytes());
+        message[12] = 7;
+        message[63] = 9;
+        assert_eq!(stream.next_there(&soon()).unwrap(), None);
+        for piece in [&message[..2], &message[2..30], &message[30..63]] {
+            server.write_all(piece).unwrap();
+            assert_eq!(stream.next(&soon()).unwrap_err().kind(), ErrorKind::Late);
+        }
+        server.write_all(&message[63..]).unwrap();
+        let (header, body) = stream.next(&soon()).unwrap();
+        assert_eq!((header.frame, body.len(), body[11]), (7, 12, 9));
+        server.write_all(&61u32.to_le_bytes()).unwrap();
+        let error = stream.next(&soon()).unwrap_err();
+        assert!(error.kind() == ErrorKind::Nonsense && error.message().contains("61 bytes"), "{error}");
+    }
 
     #[test]
     fn a_token_says_stream_and_port() {

@@ -1,14 +1,8 @@
-//! A CARLA server for tests: CARLA's protocol outside, the embedded simulator `lane` inside.
-//!
-//! It builds its road from the OpenDRIVE document that it is given, its camera from the attributes of the camera that is spawned, and
-//! does what its clients see CARLA do: a frame for each tick, answers by number, a stream for each sensor. It can be told to break.
+//! The world of the CARLA server: what its requests do, and what its sensors see.
 
 use std::collections::BTreeMap;
-use std::io::{BufReader, Read, Write};
-use std::net::{Shutdown, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::io::Write;
+use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
 use pdk_core::loader::Plugin;
@@ -18,8 +12,6 @@ use pdk_sdk::abi::host::Instance;
 use pdk_sdk::prelude::{Control, FrameBuf, Scenario, Simulator, State};
 use rmpv::Value;
 use serde_json::json;
-
-use crate::stand_in::free_ports;
 
 /// What a server does when it comes to a frame of the scenario, counted from the first tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,14 +55,6 @@ impl Default for Setup {
     }
 }
 
-/// A running server. It ends when it is dropped.
-pub struct CarlaServer {
-    port: u16,
-    world: Arc<Mutex<World>>,
-    stop: Arc<AtomicBool>,
-    threads: Vec<JoinHandle<()>>,
-}
-
 #[derive(Clone)]
 struct Actor {
     parent: u32,
@@ -92,26 +76,26 @@ struct Drive {
     held: bool,
 }
 
-struct World {
-    setup: Setup,
-    port: u16,
-    frame: u64,
-    ticks: u64,
-    episode: u64,
-    settings: Vec<Value>,
-    weather: Vec<Value>,
+pub(super) struct World {
+    pub(super) setup: Setup,
+    pub(super) port: u16,
+    pub(super) frame: u64,
+    pub(super) ticks: u64,
+    pub(super) episode: u64,
+    pub(super) settings: Vec<Value>,
+    pub(super) weather: Vec<Value>,
     actors: BTreeMap<u32, Actor>,
-    next: u32,
-    document: Option<String>,
-    town: String,
+    pub(super) next: u32,
+    pub(super) document: Option<String>,
+    pub(super) town: String,
     drive: Option<Drive>,
-    calls: Vec<String>,
-    subscribers: Vec<(u32, TcpStream)>,
-    connections: Vec<TcpStream>,
-    hanging: bool,
+    pub(super) calls: Vec<String>,
+    pub(super) subscribers: Vec<(u32, TcpStream)>,
+    pub(super) connections: Vec<TcpStream>,
+    pub(super) hanging: bool,
     /// What the latest frame took here.
-    own: Duration,
-    subscriptions: usize,
+    pub(super) own: Duration,
+    pub(super) subscriptions: usize,
 }
 
 /// The map that a server has from the start: 200 m straight ahead.
@@ -121,11 +105,11 @@ const TOWN: &str = r#"<?xml version="1.0"?><OpenDRIVE><header revMajor="1" revMi
 <center><lane id="0" type="none"/></center><right><lane id="-1" type="driving"><width sOffset="0" a="4" b="0" c="0" d="0"/></lane></right>
 </laneSection></lanes></road></OpenDRIVE>"#;
 
-fn array(elements: impl Into<Vec<Value>>) -> Value {
+pub(super) fn array(elements: impl Into<Vec<Value>>) -> Value {
     Value::Array(elements.into())
 }
 
-fn at(value: &Value, index: usize) -> &Value {
+pub(super) fn at(value: &Value, index: usize) -> &Value {
     value.as_array().and_then(|elements| elements.get(index)).unwrap_or(&Value::Nil)
 }
 
@@ -145,204 +129,8 @@ fn refused(reason: &str) -> Value {
     array([array([0.into(), array([reason.into()])])])
 }
 
-impl CarlaServer {
-    /// Starts one.
-    ///
-    /// # Panics
-    /// Where its ports are taken.
-    pub fn start(setup: Setup) -> Self {
-        let port = if setup.port == 0 { free_ports(2) } else { setup.port };
-        let rpc = TcpListener::bind(("127.0.0.1", port)).unwrap();
-        let streams = TcpListener::bind(("127.0.0.1", port + 1)).unwrap();
-        let world = Arc::new(Mutex::new(World::new(setup, port)));
-        let stop = Arc::new(AtomicBool::new(false));
-        let mut threads = vec![
-            listen(rpc, Arc::clone(&world), Arc::clone(&stop), answer_all),
-            listen(streams, Arc::clone(&world), Arc::clone(&stop), subscribe),
-        ];
-        let (ticking, ended) = (Arc::clone(&world), Arc::clone(&stop));
-        threads.push(std::thread::spawn(move || {
-            while !ended.load(Ordering::SeqCst) {
-                std::thread::sleep(Duration::from_millis(10));
-                let mut world = lock(&ticking);
-                if !world.is_synchronous() {
-                    world.step();
-                }
-            }
-        }));
-        Self { port, world, stop, threads }
-    }
-
-    /// The port of requests.
-    pub fn port(&self) -> u16 {
-        self.port
-    }
-
-    /// What stands in its world besides the spectator.
-    pub fn actors(&self) -> Vec<String> {
-        let world = lock(&self.world);
-        world
-            .actors
-            .values()
-            .filter(|actor| actor.kind != "spectator")
-            .map(|actor| actor.kind.clone())
-            .collect()
-    }
-
-    /// Whether it waits for clients.
-    pub fn is_synchronous(&self) -> bool {
-        lock(&self.world).is_synchronous()
-    }
-
-    /// The first number of its weather, the cloudiness.
-    pub fn cloudiness(&self) -> f64 {
-        lock(&self.world).weather[0].as_f64().unwrap()
-    }
-
-    /// How long it took itself for the latest frame that it was asked for.
-    pub fn own_time(&self) -> Duration {
-        lock(&self.world).own
-    }
-
-    /// How many subscriptions it got.
-    pub fn subscriptions(&self) -> usize {
-        lock(&self.world).subscriptions
-    }
-
-    /// The names of the requests that it got, in their order.
-    pub fn calls(&self) -> Vec<String> {
-        lock(&self.world).calls.clone()
-    }
-
-    /// Leaves the world as a client does that is killed: waiting for a client, with a vehicle and a sensor on it.
-    pub fn abandon(&self) {
-        let mut world = lock(&self.world);
-        world.settings[0] = true.into();
-        let role = |kind: &str, role: &str| {
-            array([1.into(), kind.into(), array([array(["role_name".into(), 4.into(), role.into()])])])
-        };
-        let place =
-            array([array([0.0.into(), 0.0.into(), 0.0.into()]), array([0.0.into(), 0.0.into(), 0.0.into()])]);
-        let vehicle = world.spawn(&role("vehicle.tesla.model3", "hero"), &place, 0);
-        let parent = at(&vehicle, 0).as_u64().unwrap() as u32;
-        world.spawn(&role("sensor.other.collision", "pdk"), &place, parent);
-        // This one is somebody else's.
-        world.spawn(&role("vehicle.tesla.model3", "autopilot"), &place, 0);
-    }
-}
-
-impl Drop for CarlaServer {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::SeqCst);
-        lock(&self.world).close_all();
-        for thread in self.threads.drain(..) {
-            let ended = thread.join();
-            // A test that has failed already says why.
-            assert!(std::thread::panicking() || ended.is_ok(), "the simulator of the test has failed");
-        }
-    }
-}
-
-fn lock(world: &Mutex<World>) -> MutexGuard<'_, World> {
-    world.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Serves each connection in a thread of its own, until it is closed.
-fn listen(
-    listener: TcpListener,
-    world: Arc<Mutex<World>>,
-    stop: Arc<AtomicBool>,
-    serve: fn(TcpStream, &Mutex<World>),
-) -> JoinHandle<()> {
-    listener.set_nonblocking(true).unwrap();
-    std::thread::spawn(move || {
-        let mut serving = Vec::new();
-        while !stop.load(Ordering::SeqCst) {
-            match listener.accept() {
-                Ok((stream, _)) => {
-                    stream.set_nonblocking(false).unwrap();
-                    stream.set_nodelay(true).unwrap();
-                    lock(&world).connections.push(stream.try_clone().unwrap());
-                    let world = Arc::clone(&world);
-                    serving.push(std::thread::spawn(move || serve(stream, &world)));
-                }
-                Err(_) => std::thread::sleep(Duration::from_millis(1)),
-            }
-        }
-        lock(&world).close_all();
-        for thread in serving {
-            let ended = thread.join();
-            assert!(ended.is_ok(), "a connection of the simulator of the test has failed");
-        }
-    })
-}
-
-fn subscribe(mut stream: TcpStream, world: &Mutex<World>) {
-    let mut id = [0; 4];
-    if stream.read_exact(&mut id).is_ok() {
-        let mut world = lock(world);
-        world.subscriptions += 1;
-        world.subscribers.push((u32::from_le_bytes(id), stream));
-    }
-}
-
-fn answer_all(mut stream: TcpStream, world: &Mutex<World>) {
-    let mut reader = BufReader::new(stream.try_clone().unwrap());
-    while let Ok(request) = rmpv::decode::read_value(&mut reader) {
-        let (number, name) = (at(&request, 1).clone(), at(&request, 2).as_str().unwrap().to_owned());
-        let mut arguments = at(&request, 3).as_array().unwrap().clone();
-        let waits = at(&arguments.remove(0), 0).as_bool() == Some(false);
-        let (result, fault) = {
-            let mut world = lock(world);
-            world.calls.push(name.clone());
-            (world.answer(&name, &arguments), world.fault(&name))
-        };
-        let message = match (&result, waits) {
-            (Some(result), true) => array([1.into(), number, Value::Nil, result.clone()]),
-            (Some(_), false) => array([
-                1.into(),
-                number,
-                Value::Nil,
-                array([array([true.into(), array(["unknown error".into()])])]),
-            ]),
-            (None, _) => array([1.into(), number, "unknown function".into(), Value::Nil]),
-        };
-        let mut bytes = Vec::new();
-        rmpv::encode::write_value(&mut bytes, &message).unwrap();
-        let sent = match fault {
-            Some(Fault::Close) => {
-                lock(world).close_all();
-                return;
-            }
-            Some(Fault::Hang) => {
-                lock(world).hanging = true;
-                continue;
-            }
-            Some(Fault::HalfAnswer) => {
-                let _ = stream.write_all(&bytes[..bytes.len() / 2]);
-                lock(world).close_all();
-                return;
-            }
-            Some(Fault::CloseStreams) => {
-                lock(world).close_streams();
-                stream.write_all(&bytes)
-            }
-            Some(Fault::Garbage) => stream.write_all(&[0xc1; 200]),
-            Some(Fault::Huge) => {
-                let huge = [&[0x94, 0x01, 0x00, 0xc0, 0xc6][..], &100_000_000u32.to_be_bytes()].concat();
-                stream.write_all(&huge).and_then(|()| stream.write_all(&vec![0; 100_000_000]))
-            }
-            _ if lock(world).hanging => continue,
-            _ => stream.write_all(&bytes),
-        };
-        if sent.is_err() {
-            return;
-        }
-    }
-}
-
 impl World {
-    fn new(setup: Setup, port: u16) -> Self {
+    pub(super) fn new(setup: Setup, port: u16) -> Self {
         let mut settings: Vec<Value> = vec![
             false.into(),
             false.into(),
@@ -392,25 +180,34 @@ impl World {
         self.spawn(&array([0.into(), "spectator".into(), array([])]), &place, 0);
     }
 
-    fn is_synchronous(&self) -> bool {
+    /// What stands in it besides the spectator.
+    pub(super) fn kinds(&self) -> Vec<String> {
+        self.actors
+            .values()
+            .filter(|actor| actor.kind != "spectator")
+            .map(|actor| actor.kind.clone())
+            .collect()
+    }
+
+    pub(super) fn is_synchronous(&self) -> bool {
         self.settings[0].as_bool() == Some(true)
     }
 
-    fn close_all(&mut self) {
+    pub(super) fn close_all(&mut self) {
         for stream in self.connections.drain(..) {
             let _ = stream.shutdown(Shutdown::Both);
         }
         self.subscribers.clear();
     }
 
-    fn close_streams(&mut self) {
+    pub(super) fn close_streams(&mut self) {
         for (_, stream) in self.subscribers.drain(..) {
             let _ = stream.shutdown(Shutdown::Both);
         }
     }
 
     /// What goes wrong with this request.
-    fn fault(&self, name: &str) -> Option<Fault> {
+    pub(super) fn fault(&self, name: &str) -> Option<Fault> {
         let (fault, tick) = self.setup.fault?;
         (name == "tick_cue" && self.ticks == tick).then_some(fault)
     }
@@ -424,7 +221,7 @@ impl World {
     }
 
     /// Answers a request; none where there is no such request with so many arguments.
-    fn answer(&mut self, name: &str, arguments: &[Value]) -> Option<Value> {
+    pub(super) fn answer(&mut self, name: &str, arguments: &[Value]) -> Option<Value> {
         let tokens = self.setup.version != "0.9.13";
         let sockets = usize::from(self.setup.version == "0.9.16");
         let expected = match name {
@@ -587,7 +384,7 @@ impl World {
         ])
     }
 
-    fn spawn(&mut self, description: &Value, place: &Value, parent: u32) -> Value {
+    pub(super) fn spawn(&mut self, description: &Value, place: &Value, parent: u32) -> Value {
         let id = self.next;
         self.next += 1;
         let kind = at(description, 1).as_str().unwrap().to_owned();
@@ -655,7 +452,7 @@ impl World {
     }
 
     /// A frame further.
-    fn step(&mut self) {
+    pub(super) fn step(&mut self) {
         self.frame += 1;
         if self.drive.is_none() {
             self.begin(0.0);
