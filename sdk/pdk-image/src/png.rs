@@ -17,8 +17,10 @@ const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// The parts of a file that make the picture, or the pictures of an animation.
 const OF_PICTURES: [&[u8; 4]; 8] = [b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND", b"acTL", b"fcTL", b"fdAT"];
 
+type PngReader<'a> = Reader<Cursor<&'a [u8]>>;
+
 /// A file of which the head was read, and room for its pixels.
-fn read(bytes: &[u8]) -> Result<(Reader<Cursor<&[u8]>>, Vec<u8>)> {
+fn read(bytes: &[u8]) -> Result<(PngReader<'_>, Vec<u8>)> {
     let mut options = DecodeOptions::default();
     options.set_ignore_checksums(false);
     // Of no use here, and they may be compressed a thousand times.
