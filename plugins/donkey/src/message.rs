@@ -19,10 +19,10 @@ pub struct Message<'a> {
     /// The version of the protocol.
     pub version: Option<String>,
     /// The picture, in base64.
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "text")]
     pub image: Option<Cow<'a, str>>,
     /// What was hit since the last message; "none" for nothing.
-    #[serde(borrow)]
+    #[serde(borrow, deserialize_with = "text")]
     pub hit: Option<Cow<'a, str>>,
     pub speed: Option<Number>,
     pub time: Option<Number>,
@@ -39,6 +39,13 @@ pub struct Message<'a> {
     pub active_node: Option<Number>,
     #[serde(rename = "totalNodes")]
     pub total_nodes: Option<Number>,
+}
+
+/// A text that is borrowed from the line, where nothing in it is escaped.
+fn text<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Option<Cow<'de, str>>, D::Error> {
+    #[derive(serde::Deserialize)]
+    struct Text<'a>(#[serde(borrow)] Cow<'a, str>);
+    Ok(Option::<Text<'de>>::deserialize(deserializer)?.map(|Text(text)| text))
 }
 
 /// A number; those that JSON does not have come as texts.
