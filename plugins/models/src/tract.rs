@@ -157,7 +157,8 @@ mod tests {
     #[test]
     fn a_network_that_cannot_be_computed_is_an_error_with_a_remedy() {
         // It gathers behind the end, and tract panics when it comes to that.
-        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fuzz/corpus/onnx/gather_out_of_range.onnx");
+        let file =
+            concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/fuzz/corpus/onnx/gather_out_of_range.onnx");
         let error = crate::try_model(std::path::Path::new(file)).unwrap_err().to_string();
         assert!(error.contains("cannot compute the model") && error.contains("PDK_ONNXRUNTIME"), "{error}");
     }
