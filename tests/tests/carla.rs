@@ -435,7 +435,7 @@ fn two_runs_do_not_share_a_server() {
     }
     let other = temp();
     let second = wrong(other.path(), &simulator(server.port(), json!({})), "two runs at once");
-    assert_eq!(second.kind, "configuration");
+    assert_eq!(second.run.code, Some(1));
     assert!(second.error.contains("another process of pdk"), "{}", second.error);
     signal(&first, Signal::INT);
     assert!(ended_within(&mut first, Duration::from_secs(60)).is_some());
