@@ -5,7 +5,7 @@
 
 use std::net::TcpListener;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use pdk_tests::beamng::{BeamNgGame, Fault, Setup};
 use pdk_tests::process::{json_lines, pipeline};

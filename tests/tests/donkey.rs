@@ -65,7 +65,7 @@ fn run(simulator: &Value, more: &[(&str, &str)]) -> Run {
     let (folder, bus) = (temp(), BusFolder::new());
     let out = folder.path().join("out");
     let mut command = Pdk::new(["run", "--workers", "1", "--out"]).arg(&out);
-    command = command.arg(pipeline(folder.path(), SOURCE)).set("simulator", &simulator.to_string());
+    command = command.arg(pipeline(folder.path(), SOURCE)).set("simulator", simulator.to_string());
     for (key, value) in more {
         command = command.set(key, value);
     }
@@ -101,7 +101,7 @@ fn a_greedy_test_through_the_wire_has_the_same_outcome() {
         let out = folder.path().join(out);
         let command = Pdk::new(["run", "greedy", "--workers", "2", "--out"]).arg(&out);
         command
-            .set("simulator", &simulator.to_string())
+            .set("simulator", simulator.to_string())
             .set("driver", "lane_keeper")
             .set("roads", "2")
             .set("perturbations", "defocus_blur,rotate_image")
@@ -158,7 +158,7 @@ fn both_builds_are_driven_by_the_clock_too() {
         Pdk::new(["run", "--workers", "1", "--out"])
             .arg(out.path().join("out"))
             .arg(pipeline(folder.path(), &source))
-            .set("simulator", &simulator.to_string())
+            .set("simulator", simulator.to_string())
             .succeed();
         for line in lines_of(&out.path().join("out")) {
             let frames =
@@ -315,7 +315,7 @@ fn the_other_build_and_a_missing_scene_are_named() {
         }
         let (folder, source) = (temp(), SOURCE.replace("road = { angles = { 0, number, 0 } }", ""));
         let command = Pdk::new(["run", "--workers", "1", "--out"]).arg(folder.path().join("out"));
-        let command = command.arg(pipeline(folder.path(), &source)).set("simulator", &simulator.to_string());
+        let command = command.arg(pipeline(folder.path(), &source)).set("simulator", simulator.to_string());
         command.fail(1, &[says]);
     }
 }
@@ -328,7 +328,7 @@ fn two_runs_do_not_share_a_simulator() {
     let script = pipeline(folder.path(), SOURCE);
     let start = |out: &str| {
         let command = Pdk::new(["run", "--workers", "1", "--out"]).arg(folder.path().join(out)).arg(&script);
-        command.set("simulator", &simulator(port).to_string()).set("duration", "8")
+        command.set("simulator", simulator(port).to_string()).set("duration", "8")
     };
     let mut first = start("first").spawn();
     std::thread::sleep(Duration::from_secs(3));
@@ -349,7 +349,7 @@ fn simulators_end_with_the_run_however_it_ends() {
         simulator["launch"] = json!(["sh", "-c", start, "{port}"]);
         let (variable, place) = bus.variable();
         let command = Pdk::new(["run", "--workers", "2", "--out"]).arg(folder.path().join("out"));
-        let command = command.arg(pipeline(folder.path(), SOURCE)).set("simulator", &simulator.to_string());
+        let command = command.arg(pipeline(folder.path(), SOURCE)).set("simulator", simulator.to_string());
         let mut child = command.set("duration", "5").env(variable, place).spawn();
         let simulators =
             || bus.processes().iter().filter(|process| process.command.contains("stand_in donkey")).count();
@@ -433,7 +433,7 @@ fn the_parsers_of_the_real_builds_understand_it() {
         let command =
             Pdk::new(["run", "--workers", "1", "--out"]).arg(&out).arg(pipeline(folder.path(), &source));
         let finished = command
-            .set("simulator", &simulator.to_string())
+            .set("simulator", simulator.to_string())
             // It never comes back to where it started.
             .set("scenarios", 1)
             .set("duration", 0.5)

@@ -149,7 +149,7 @@ mod tests {
         let token = Token { stream: 3, port: 2001 };
         let mut stream = Stream { connection, token, what: "a picture", sizes: (60, 60), size: None };
         let soon = || Deadline::new(Duration::from_millis(50), "answer_seconds");
-        let mut message = vec![0; 64];
+        let mut message = [0; 64];
         message[..4].copy_from_slice(&60u32.to_le_bytes());
         message[12] = 7;
         message[63] = 9;
