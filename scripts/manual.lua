@@ -15,7 +15,7 @@ local settings = pdk.settings({
 	attempts = 1000, -- draws until a road is valid
 	duration = 30, -- seconds of simulation time
 	images_every = 10, -- every how many frames the record keeps an image; 0 for none
-	mode = "lockstep", -- or "realtime": the simulator does not wait for the driver
+	mode = "", -- "lockstep": the simulator waits for the driver, as it does where nothing is said and it can; or "realtime"
 })
 
 -- "fog_filter@2+motion_blur@1" as a list of perturbations.
@@ -51,6 +51,6 @@ pdk.show(pdk.drive({
 	driver = settings.driver,
 	duration = settings.duration,
 	images_every = settings.images_every,
-	mode = settings.mode,
+	mode = if settings.mode == "" then nil else settings.mode,
 	scenarios = scenarios,
 }))

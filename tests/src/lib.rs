@@ -5,6 +5,8 @@
 // A helper of a test may fail like the test itself.
 #![allow(clippy::unwrap_used)]
 
+pub mod beamng;
+pub mod carla;
 pub mod datasets;
 pub mod installation;
 pub mod onnx;
@@ -13,6 +15,7 @@ pub mod process;
 pub mod processes;
 pub mod random;
 pub mod records;
+pub mod stand_in;
 
 use std::path::{Path, PathBuf};
 

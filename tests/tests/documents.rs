@@ -40,7 +40,17 @@ fn every_perturbation_has_its_picture() {
 
 #[test]
 fn what_the_documents_point_to_is_there() {
-    for name in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/speed.md"] {
+    for name in [
+        "README.md",
+        "ARCHITECTURE.md",
+        "CONTRIBUTING.md",
+        "CHANGELOG.md",
+        "docs/speed.md",
+        "docs/adapter.md",
+        "docs/external-drivers.md",
+        "docs/simulators/donkey.md",
+        "docs/simulators/udacity.md",
+    ] {
         check_links(&repository().join(name));
     }
 }

@@ -148,6 +148,18 @@ fn a_new_simulator_and_a_new_driver_drive_together_and_a_replay_says_where_to_ge
 }
 
 #[test]
+fn a_new_adapter_drives_the_simulator_of_its_test() {
+    let home = temp();
+    let home = home.path();
+    user(home, &["new", "adapter", "my_bridge"]).succeed();
+    // Its tests drive.
+    let built = build(&home.join("my_bridge"));
+    let checked = user(home, &["check"]).arg(&built).succeed().stdout;
+    let note = "note simulator `my_bridge` was made and not used, because the simulator my_bridge is not at 127.0.0.1:9000";
+    assert!(checked.contains("ok   simulator `my_bridge`") && checked.contains(note), "{checked}");
+}
+
+#[test]
 fn what_cannot_be_used_is_not_installed() {
     let home = temp();
     let home = home.path();

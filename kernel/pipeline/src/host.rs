@@ -259,7 +259,9 @@ impl Host {
 
     /// What scenarios have where nobody says it.
     pub(crate) fn defaults(&self) -> Defaults {
-        Defaults::new(self.common.seed)
+        let simulators = self.session.catalog().of_kind(Kind::Simulator);
+        let own_clock = simulators.filter(|entry| !entry.description.clock.is_stepped());
+        Defaults::new(self.common.seed, own_clock.map(|entry| entry.description.name.clone()).collect())
     }
 
     /// Submits scenarios, after making sure that their components can be made.

@@ -236,7 +236,11 @@ const SESSION_REQUEST: ApiRecord = ApiRecord {
             "number?",
             "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none.",
         ),
-        field("mode", "(\"lockstep\" | \"realtime\")?", "Whether the simulator waits for the driver."),
+        field(
+            "mode",
+            "(\"lockstep\" | \"realtime\")?",
+            "Whether the simulator waits for the driver, as it does where this is left out and it can.",
+        ),
     ],
 };
 
@@ -262,7 +266,7 @@ const DRIVE_REQUEST: ApiRecord = ApiRecord {
         field(
             "mode",
             "(\"lockstep\" | \"realtime\")?",
-            "Whether the simulator waits for the driver, as it does where this is left out, or goes on by the clock.",
+            "Whether the simulator waits for the driver, as it does where this is left out and it can, or goes on by the clock.",
         ),
     ],
 };

@@ -1,5 +1,7 @@
 //! What a pipeline writes, as scenarios to drive and evaluations to make.
 
+use std::collections::BTreeSet;
+
 use pdk_model::component::ComponentSpec;
 use pdk_model::failure::FailureCriteria;
 use pdk_model::perturbation::AppliedPerturbation;
@@ -29,22 +31,27 @@ pub struct Defaults {
     duration: f64,
     failure: FailureCriteria,
     images_every: u64,
-    mode: Mode,
+    /// None where nobody says it: then it follows from the simulator.
+    mode: Option<Mode>,
     /// The seed of the run.
     seed: u64,
+    /// The simulators with their own clock.
+    own_clock: BTreeSet<String>,
 }
 
 impl Defaults {
-    /// What is there where nobody says anything.
-    pub fn new(seed: u64) -> Self {
+    /// What is there where nobody says anything; `own_clock` names the simulators with their own clock, which are driven in real
+    /// time only.
+    pub fn new(seed: u64, own_clock: BTreeSet<String>) -> Self {
         Self {
             simulator: None,
             driver: None,
             duration: DEFAULT_DURATION,
             failure: FailureCriteria::default(),
             images_every: DEFAULT_IMAGES_EVERY,
-            mode: Mode::default(),
+            mode: None,
             seed,
+            own_clock,
         }
     }
 
@@ -75,8 +82,9 @@ impl Defaults {
             duration,
             failure,
             images_every: fields.whole("images_every")?.unwrap_or(self.images_every),
-            mode: fields.text("mode")?.map_or(Ok(self.mode), |name| fields.read(&name))?,
+            mode: fields.text("mode")?.map(|name| fields.read(&name)).transpose()?.or(self.mode),
             seed: self.seed,
+            own_clock: self.own_clock,
         })
     }
 
@@ -116,8 +124,20 @@ impl Defaults {
         let needed = |what: &str, component: Option<ComponentSpec>| {
             component.ok_or_else(|| Error::new(format!("{place}: `{what}` is missing")))
         };
+        let simulator = needed("simulator", simulator)?;
+        let mode = match (mode, self.own_clock.contains(&simulator.name)) {
+            (None, true) => Mode::Realtime,
+            (Some(Mode::Lockstep), true) => {
+                return Err(Error::new(format!(
+                    "{place}: simulator `{}` has its own clock and does not wait for the driver; set `mode` to {}, or leave it out",
+                    simulator.name,
+                    Mode::Realtime
+                )));
+            }
+            (mode, _) => mode.unwrap_or_default(),
+        };
         let scenario = Scenario {
-            simulator: needed("simulator", simulator)?,
+            simulator,
             driver: needed("driver", driver)?,
             seed: seed.unwrap_or_else(|| seed_of(self.seed, &road, repeat)),
             road,
@@ -219,7 +239,21 @@ mod tests {
     use serde_json::json;
 
     fn drive(request: Value) -> Result<Vec<Submission>> {
-        Defaults::new(0).drive(request)
+        Defaults::new(0, BTreeSet::from(["donkey".to_owned()])).drive(request)
+    }
+
+    #[test]
+    fn a_simulator_with_its_own_clock_is_driven_in_real_time() {
+        let mode = |simulator: &str, mode: Value| {
+            let scenario = json!({"simulator": simulator, "mode": mode});
+            drive(json!({"driver": "x", "scenarios": [scenario]})).map(|all| all[0].scenario.mode)
+        };
+        assert_eq!(mode("lane", Value::Null), Ok(Mode::Lockstep));
+        assert_eq!(mode("lane", json!("realtime")), Ok(Mode::Realtime));
+        assert_eq!(mode("donkey", Value::Null), Ok(Mode::Realtime));
+        assert_eq!(mode("donkey", json!("realtime")), Ok(Mode::Realtime));
+        let error = mode("donkey", json!("lockstep")).unwrap_err();
+        assert!(error.message().contains("simulator `donkey` has its own clock"), "{error}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Opens a record and drives its scenarios again.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
@@ -98,6 +98,21 @@ impl Replay {
         parts::changes(&self.manifest, &self.scenarios, &catalog, &mut info)
     }
 
+    /// A sentence about each simulator that does not wait for the driver.
+    fn own_clock(&self, catalog: &Catalog) -> Vec<String> {
+        let names: BTreeSet<&str> =
+            self.scenarios.iter().map(|recorded| recorded.line.scenario.simulator.name.as_str()).collect();
+        let own = |name: &&str| {
+            catalog.get(Kind::Simulator, name).is_ok_and(|entry| !entry.description.clock.is_stepped())
+        };
+        let said = |name| {
+            format!(
+                "simulator `{name}` has its own clock, so no drive comes out exactly like another: differences are to be expected"
+            )
+        };
+        names.into_iter().filter(own).map(said).collect()
+    }
+
     /// Drives the scenarios again and compares; `clip` is the video to write of the one scenario that there is then. The session
     /// is over afterwards. Ctrl-C ends it as it ends a run, so that the traces in the temporary folder do not stay.
     ///
@@ -111,11 +126,13 @@ impl Replay {
             .place("cannot make a temporary folder; name a place for it with TMPDIR")?;
         // It ends before the folder goes, as its workers write there.
         let mut session = session;
+        let own_clock = self.own_clock(session.catalog());
         let replayed =
             Driving { replay: self, session: &mut session, folder: folder.path(), clip }.drive(progress);
         let troubles = session.end();
         let replayed = replayed.map(|mut replayed| {
             replayed.warnings.extend(troubles);
+            replayed.warnings.extend(own_clock);
             replayed
         });
         progress.finish_and_clear();

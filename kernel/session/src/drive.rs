@@ -8,6 +8,7 @@ use pdk_core::chain::Chain;
 use pdk_core::moment::Moment;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::{Mode, Scenario};
+use pdk_sdk::describe::Clock;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Camera, Control, DriveContext, Driver, Frame, FrameMut, Simulator, State};
 use pdk_trace::step::{ImageTopic, Step};
@@ -32,7 +33,9 @@ pub fn expected_frames(scenario: &Scenario, rate: f64) -> u64 {
 
 /// Why a scenario could not be driven to its end.
 pub enum Fault {
-    /// A component failed: the outcome of this scenario.
+    /// The simulator failed.
+    Simulator(Error),
+    /// Another component failed: the outcome of this scenario.
     Component(Error),
     /// pdk itself failed, or the machine: the end of the run.
     Kernel(Error),
@@ -51,6 +54,8 @@ pub struct Instances<'a> {
     pub simulator: &'a mut Held<dyn Simulator>,
     /// Its camera.
     pub camera: Camera,
+    /// Whose clock it goes by.
+    pub clock: Clock,
     /// The perturbations.
     pub chain: &'a mut Chain,
     /// The driver under test.
@@ -91,6 +96,7 @@ pub struct Run<'a> {
     /// The number of the latest image that was recorded.
     last_image: Option<u64>,
     cause: Cause,
+    under_way: bool,
 }
 
 impl<'a> Run<'a> {
@@ -110,7 +116,13 @@ impl<'a> Run<'a> {
             last: None,
             last_image: None,
             cause: Cause::Error,
+            under_way: false,
         }
+    }
+
+    /// Whether the simulator has come to put the vehicle at the start.
+    pub fn is_under_way(&self) -> bool {
+        self.under_way
     }
 
     /// Drives it to its end.
@@ -119,21 +131,23 @@ impl<'a> Run<'a> {
     /// Where a component fails, or the routing.
     pub fn drive(&mut self, with: &mut Instances<'_>, witnesses: &mut Witnesses<'_>) -> Result<(), Fault> {
         let scenario = &self.drive.scenario;
-        let realtime = scenario.mode == Mode::Realtime;
+        // A simulator with its own clock keeps the time itself.
+        let paced = scenario.mode == Mode::Realtime && with.clock == Clock::Stepped;
         let period = Duration::from_secs_f64(1.0 / with.camera.rate);
-        witnesses.stopwatch.start(realtime.then_some(period));
+        witnesses.stopwatch.start(paced.then_some(period));
         witnesses.recent.clear();
         let slot = self.slot;
         with.simulator
             .call(Function::Reset, None, |simulator| simulator.reset(scenario, slot))
-            .map_err(Fault::Component)?;
+            .map_err(Fault::Simulator)?;
+        self.under_way = true;
         with.driver.call(Function::Reset, None, |driver| driver.reset()).map_err(Fault::Component)?;
         if let Some(recorder) = witnesses.recorder {
             recorder.event(0.0, false, &self.drive.name);
             let waypoints = with
                 .simulator
                 .call(Function::Waypoints, None, |simulator| Ok(simulator.waypoints()))
-                .map_err(Fault::Component)?;
+                .map_err(Fault::Simulator)?;
             if !waypoints.is_empty() {
                 recorder.road(waypoint_string(&waypoints));
             }
@@ -157,7 +171,7 @@ impl<'a> Run<'a> {
         with: &mut Instances<'_>,
         witnesses: &mut Witnesses<'_>,
     ) -> Result<Option<Cause>, Fault> {
-        let Instances { simulator, camera, chain, driver, bus } = with;
+        let Instances { simulator, camera, chain, driver, bus, .. } = with;
         let stopwatch = &mut *witnesses.stopwatch;
         let (width, height) = (camera.width as usize, camera.height as usize);
         let sequence = self.sequence;
@@ -170,7 +184,7 @@ impl<'a> Run<'a> {
             .measure(Stage::Simulator, || {
                 simulator.call(Function::Frame, Some(sequence), |s| s.frame(target))
             })
-            .map_err(Fault::Component)?;
+            .map_err(Fault::Simulator)?;
         self.check(&state, simulator, camera.rate)?;
         let raw = loan.publish()?;
         let raw_frame = Frame::new(&raw, width, height).map_err(wrong_size)?;
@@ -233,6 +247,18 @@ impl<'a> Run<'a> {
         let rate = with.camera.rate;
         let period = Duration::from_secs_f64(1.0 / rate);
         let sequence = self.sequence - 1;
+        if with.clock == Clock::Own {
+            let state = stopwatch
+                .measure(Stage::Simulator, || {
+                    with.simulator.call(Function::Act, Some(sequence), |simulator| simulator.act(control))
+                })
+                .map_err(Fault::Simulator)?;
+            self.check(&state, with.simulator, rate)?;
+            let passed = ((state.time - self.state.time) * rate).round() as u64;
+            self.sequence += passed.saturating_sub(1);
+            self.control = control;
+            return Ok(None);
+        }
         let skipped = match self.drive.scenario.mode {
             Mode::Lockstep => 0,
             Mode::Realtime => self.skipped(sequence).unwrap_or_else(|| self.missed(sequence, period)),
@@ -242,7 +268,7 @@ impl<'a> Run<'a> {
             let at = sequence + number;
             let state = stopwatch
                 .measure(Stage::Simulator, || with.simulator.call(Function::Act, Some(at), |s| s.act(held)))
-                .map_err(Fault::Component)?;
+                .map_err(Fault::Simulator)?;
             self.check(&state, with.simulator, rate)?;
             // The state behind the last of them comes with the next frame, which is judged then.
             if number < skipped {

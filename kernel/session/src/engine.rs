@@ -9,7 +9,7 @@ use pdk_core::chain::Chain;
 use pdk_core::registry::Registry;
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Outcome;
-use pdk_sdk::describe::Kind;
+use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Camera, Candidate, Dataset, Driver, Key, Search, Simulator};
 
@@ -26,6 +26,9 @@ use crate::stages::Stopwatch;
 
 /// The folder of this process's topics, for the thread that takes them off the machine when the process has to end at once.
 pub static BUS_ROOT: Mutex<Option<PathBuf>> = Mutex::new(None);
+
+/// How often a scenario is driven whose simulator, a program of its own, is lost or late in the middle of it.
+const TRIES: u32 = 3;
 
 /// The camera of a simulator that has not told of it.
 const NO_CAMERA: Camera = Camera { width: 0, height: 0, rate: 0.0 };
@@ -104,7 +107,10 @@ impl<'a> Engine<'a> {
         };
         let changed = self.environment.restore();
         match answer {
-            Answer::Driven(driven) => Answer::Driven(Driven { warnings: changed, ..driven }),
+            Answer::Driven(mut driven) => {
+                driven.warnings.extend(changed);
+                Answer::Driven(driven)
+            }
             other => other,
         }
     }
@@ -168,20 +174,38 @@ impl<'a> Engine<'a> {
     /// # Errors
     /// Where the record or the routing fails.
     fn drive(&mut self, drive: &Drive, job: &Job, progress: &mut dyn FnMut(u64)) -> Result<Driven> {
-        if let Some(path) = &drive.trace {
-            let recorder = match self.recorder.take() {
-                Some(recorder) => recorder,
-                None => Recorder::new()?,
+        let external = self.simulator_of(drive).is_ok_and(|description| description.external);
+        let mut warnings = Vec::new();
+        let (run, error) = loop {
+            if let Some(path) = &drive.trace {
+                let recorder = match self.recorder.take() {
+                    Some(recorder) => recorder,
+                    None => Recorder::new()?,
+                };
+                recorder.start(path);
+                self.recorder = Some(recorder);
+            }
+            let mut run = Run::new(drive, job.number, job.slot);
+            let error = match self.drive_through(drive, &mut run, job.slot, progress) {
+                Ok(()) => break (run, None),
+                Err(Fault::Kernel(error)) => return Err(error),
+                Err(Fault::Component(error)) => break (run, Some(error)),
+                Err(Fault::Simulator(error)) => error,
             };
-            recorder.start(path);
-            self.recorder = Some(recorder);
-        }
-        let mut run = Run::new(drive, job.number, job.slot);
-        let fault = self.drive_through(drive, &mut run, job.slot, progress).err();
-        let error = match fault {
-            Some(Fault::Kernel(error)) => return Err(error),
-            Some(Fault::Component(error)) => Some(error),
-            None => None,
+            if !external || !matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late) {
+                break (run, Some(error));
+            }
+            // The program is gone or does not answer, which says nothing about the scenario.
+            (self.simulator, self.driver, self.bus) = (None, None, None);
+            if !run.is_under_way() {
+                // It was waited for, and is not to be had: the next scenario would wait as long.
+                return Err(error);
+            }
+            if warnings.len() + 1 == TRIES as usize {
+                break (run, Some(error));
+            }
+            warnings
+                .push(format!("{}, so that a scenario was driven again from its beginning", error.message()));
         };
         let recorder = self.recorder.as_ref().filter(|_| drive.trace.is_some());
         let witnesses = Witnesses {
@@ -197,7 +221,12 @@ impl<'a> Engine<'a> {
             (self.simulator, self.driver, self.bus) = (None, None, None);
         }
         recorded?;
-        Ok(Driven { outcome, rate: self.camera.rate, times: self.stopwatch.times(), warnings: Vec::new() })
+        Ok(Driven { outcome, rate: self.camera.rate, times: self.stopwatch.times(), warnings })
+    }
+
+    /// What the simulator of a scenario says of itself.
+    fn simulator_of(&self, drive: &Drive) -> Result<&'a Description> {
+        Ok(&self.registry.catalog().get(Kind::Simulator, &drive.scenario.simulator.name)?.description)
     }
 
     fn drive_through(
@@ -209,6 +238,7 @@ impl<'a> Engine<'a> {
     ) -> Result<(), Fault> {
         let scenario = &drive.scenario;
         let registry = self.registry;
+        let clock = self.simulator_of(drive).map_err(Fault::Component)?.clock;
         let held = self.simulator.as_ref().is_some_and(|held| *held.component() == scenario.simulator);
         self.stopwatch.start(None);
         if !held {
@@ -233,7 +263,7 @@ impl<'a> Engine<'a> {
         let bus = topics(&mut self.bus, &self.run, slot, camera)?;
         let recorder = self.recorder.as_ref().filter(|_| drive.trace.is_some());
         run.drive(
-            &mut Instances { simulator, camera, chain: &mut chain, driver, bus },
+            &mut Instances { simulator, camera, clock, chain: &mut chain, driver, bus },
             &mut Witnesses { recorder, recent: &mut self.recent, stopwatch: &mut self.stopwatch, progress },
         )
     }

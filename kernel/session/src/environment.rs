@@ -39,25 +39,27 @@ impl Environment {
         {
             // Where the folder is gone, paths are from the root all the same.
             let _ = std::env::set_current_dir(directory);
-            changed.push("a component changed the working directory".to_owned());
+            changed.push("a component changed the working directory, which was put back".to_owned());
         }
         if locale() != self.locale
             && let Some(locale) = &self.locale
         {
             // SAFETY: the text ends in zero; no other thread of this process formats numbers by the locale.
             unsafe { libc::setlocale(libc::LC_ALL, locale.as_ptr()) };
-            changed.push("a component changed the locale".to_owned());
+            changed.push("a component changed the locale, which was put back".to_owned());
         }
         if members(&signals()) != members(&self.signals) {
             // SAFETY: the set is that of an earlier call of this function.
             unsafe { libc::pthread_sigmask(libc::SIG_SETMASK, &self.signals, std::ptr::null_mut()) };
-            changed.push("a component changed which signals are blocked".to_owned());
+            changed.push("a component changed which signals are blocked, which was put back".to_owned());
         }
         if !self.has_standard_files() {
             changed.push("a component closed standard input, output or error".to_owned());
         }
         if float::was_changed() {
-            changed.push("a component changed how floating-point numbers are rounded".to_owned());
+            changed.push(
+                "a component changed how floating-point numbers are rounded, which was put back".to_owned(),
+            );
         }
         changed
     }

@@ -77,7 +77,7 @@ impl Performance {
     pub fn noticed(&self) -> impl Iterator<Item = String> + '_ {
         self.warnings.iter().map(|(warning, times)| {
             let times = if *times == 1 { "once".to_owned() } else { format!("{times} times") };
-            format!("{warning}, {times}; what can be put back was put back after each")
+            format!("{warning}, {times}")
         })
     }
 }

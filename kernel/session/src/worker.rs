@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use pdk_core::calls::Seen;
 use pdk_core::eprintln;
 use pdk_core::supervisor::{End, LOOK, Limits, Supervised, is_from_outside};
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use pdk_trace::writer::part_of;
 
 use crate::lines::{self, Found};
@@ -190,8 +190,11 @@ impl Worker {
             Found::Message(FromWorker::Done(done)) => {
                 // Whatever its components write there, only the job's own answer counts.
                 if self.job.as_ref().is_some_and(|job| job.number == done.number) {
-                    // What an earlier job, or somebody else, did to its topics does not reach a new process.
-                    if matches!(done.answer, Answer::Broken(_)) && self.tries < TRIES {
+                    // What an earlier job, or somebody else, did to its topics does not reach a new process. A simulator that is not
+                    // to be had has been waited for, and is not there for another process either.
+                    let again = matches!(&done.answer, Answer::Broken(failure)
+                        if !matches!(failure.kind, ErrorKind::Lost | ErrorKind::Late));
+                    if again && self.tries < TRIES {
                         self.end_process();
                         return self.begin();
                     }

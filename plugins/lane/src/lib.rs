@@ -24,7 +24,6 @@ mod sky;
 mod sprite;
 mod terrain;
 mod texture;
-mod traffic;
 mod vehicle;
 mod view;
 

@@ -19,9 +19,9 @@ use crate::sky::{Sky, SkyRow};
 use crate::sprite::{Placement, Sprite};
 use crate::terrain::Terrain;
 use crate::texture::Texture;
-use crate::traffic::{self, Seen};
 use crate::view::View;
 use pdk_road::Path;
+use pdk_road::traffic::{self, Seen};
 
 /// Objects farther away than this are not drawn, in metres.
 const FARTHEST_OBJECT: f64 = 260.0;

@@ -93,24 +93,11 @@ impl Road {
         let path = Path::through(&points, STEP);
         check_bends(&path)?;
         check_crossings(&path)?;
-        let profile = Profile::through(&along_path(&waypoints, &path))?;
+        // Distance along the path and height of each waypoint.
+        let places = path.places(points).into_iter().zip(waypoints.iter().map(|point| point[1]));
+        let profile = Profile::through(&places.collect::<Vec<_>>())?;
         Ok(Self { waypoints, path, profile })
     }
-}
-
-/// Distance along the path and height of each waypoint.
-fn along_path(waypoints: &[[f64; 3]], path: &Path) -> Vec<(f64, f64)> {
-    // A waypoint is a point of the path, so that it is found by going on from the one before.
-    let mut segment = 0;
-    waypoints
-        .iter()
-        .map(|&[x, height, z]| {
-            while segment < path.segments() && distance(path.points()[segment], [x, z]) > 1e-9 {
-                segment += 1;
-            }
-            (path.along(segment), height)
-        })
-        .collect()
 }
 
 /// Refuses bends that the far edge of the road could not follow.

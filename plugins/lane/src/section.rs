@@ -3,8 +3,8 @@
 //! The camera sees every part of it at another scale. So that thin lines neither flicker nor break up, a pixel takes the
 //! mean of the section over all that it covers; a running sum makes the mean of any stretch cost two look-ups.
 
-/// Width of a lane in metres; the road has two.
-pub const LANE_WIDTH: f64 = 4.0;
+pub use pdk_road::LANE_WIDTH;
+
 /// Where the middle of the road lies, seen from the centre line of the driven lane: to the left.
 pub const ROAD_CENTRE: f64 = -LANE_WIDTH / 2.0;
 /// Distance from the middle of the road to where the asphalt ends, in metres.

@@ -8,8 +8,8 @@ use crate::render::{Pose, Renderer, World};
 use crate::road::Road;
 use crate::scene::Scene;
 use crate::section::{self, Markings};
-use crate::traffic::{self, Traffic, Wanted};
 use crate::vehicle::Vehicle;
+use pdk_road::traffic::{self, Traffic, Wanted};
 use pdk_road::{Located, Point};
 
 /// How far from its last place along the road the vehicle is looked for, in metres, where it does not move faster: so a
@@ -183,7 +183,7 @@ impl Simulator for Lane {
         let road = Road::new(&scenario.road, scenario.seed)?;
         let mut random = pdk_sdk::seed::key(scenario.seed, "lane scene", 0).sequence();
         let scene = Scene::new(&road.path, &self.light, &mut random);
-        let mut random = pdk_sdk::seed::key(scenario.seed, "lane traffic", 0).sequence();
+        let mut random = pdk_sdk::seed::key(scenario.seed, traffic::KEY, 0).sequence();
         let traffic = Traffic::new(self.traffic, road.path.length(), FRONT, &mut random);
         self.renderer.prepare(&scene, traffic.count());
         let [dx, dz] = road.path.direction(0);

@@ -190,6 +190,12 @@ sized! {
             waypoints: *const Sink,
             error: *const Sink,
         ) -> Status>,
+        /// What the simulator has told of itself by now: a JSON list of `[name, value]`. Null in the first plugins.
+        pub info: Option<unsafe extern "C" fn(
+            object: *mut c_void,
+            info: *const Sink,
+            error: *const Sink,
+        ) -> Status>,
     }
 
     /// What a driver knows besides the frame.

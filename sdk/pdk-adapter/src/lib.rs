@@ -8,6 +8,7 @@
 //! | [`process`] | a simulator that pdk starts, and that ends with pdk whatever happens |
 //! | [`deadline`] | no wait without an end, and an error that says what was waited for |
 //! | [`connection`] | messages over TCP: limits on time and size, and what is wrong in a sentence |
+//! | [`picture`] | pictures that come as raw pixels |
 //! | [`track`] | cross-track error, progress and heading from the road and the position, where the simulator does not tell them |
 //!
 //! An adapter is a [`Simulator`](pdk_sdk::prelude::Simulator) whose `new` reads [`Settings`] and connects to nothing: pdk makes
@@ -25,6 +26,7 @@
 
 pub mod connection;
 pub mod deadline;
+pub mod picture;
 pub mod port;
 pub mod process;
 pub mod settings;
@@ -33,12 +35,29 @@ pub mod track;
 
 pub use connection::Connection;
 pub use deadline::Deadline;
+pub use picture::Picture;
 pub use settings::Settings;
 pub use station::Station;
 pub use track::{Place, Track};
 
 use pdk_sdk::model::failure::FailureCriteria;
-use pdk_sdk::prelude::State;
+use pdk_sdk::prelude::{Error, ErrorKind, Result, State};
+use pdk_sdk::serde_json::Value;
+
+/// The waypoints `[x, height, z]` in metres of a scenario's road, at least two; none where the road is null, which leaves it to the
+/// simulator. It is written as for every simulator: angles, or waypoints.
+///
+/// # Errors
+/// Where it is written otherwise.
+pub fn road(road: &Value) -> Result<Option<Vec<[f64; 3]>>> {
+    let mistake = |sentence| Error::of(ErrorKind::Configuration, sentence);
+    match pdk_road::read(road).map_err(mistake)? {
+        Some(points) if points.len() < 2 => {
+            Err(mistake(format!("the road has {} waypoints, but needs at least 2", points.len())))
+        }
+        road => Ok(road),
+    }
+}
 
 /// Whether a scenario with these criteria ends with this state. A simulator with its own clock goes on while the driver is at work;
 /// among the states that came meanwhile the adapter gives the first one that ends the scenario, else the newest.

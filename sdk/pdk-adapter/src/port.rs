@@ -49,7 +49,7 @@ impl Claim {
                     // Who it is only helps to find them.
                     let _ = lock.read_to_string(&mut owner);
                     return Err(Error::of(
-                        ErrorKind::Configuration,
+                        ErrorKind::Lost,
                         format!(
                             "another process of pdk ({}) talks to the simulator at port {port} of {host}; wait for it, or set `port` to \
                              that of another simulator",
@@ -79,7 +79,7 @@ mod tests {
         let first = Claim::new("nowhere.invalid", 9).unwrap();
         assert!(Claim::new("nowhere.invalid", 10).is_ok());
         let error = Claim::new("nowhere.invalid", 9).unwrap_err();
-        assert_eq!(error.kind(), ErrorKind::Configuration);
+        assert_eq!(error.kind(), ErrorKind::Lost);
         assert!(error.message().contains(&format!("pdk ({})", std::process::id())), "{error}");
         drop(first);
         assert!(Claim::new("nowhere.invalid", 9).is_ok());

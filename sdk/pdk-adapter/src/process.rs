@@ -1,16 +1,16 @@
-//! A simulator that pdk starts, and that ends with pdk whatever happens.
+//! A program that pdk starts, such as a simulator, and that ends with pdk whatever happens.
 
 use std::io::{PipeWriter, Read};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::process::{Child, Command, ExitStatus};
+use std::process::{Child, Command};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use pdk_sdk::prelude::{Error, ErrorKind, Result};
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 
-/// How long a simulator may take to end by itself when it is asked to.
+/// How long a program may take to end by itself when it is asked to.
 const LEAVE: Duration = Duration::from_secs(2);
 /// How much of what it wrote last is kept, in bytes.
 const KEPT: usize = 2000;
@@ -24,9 +24,23 @@ const GUARDED: &str = r#"exec 3<&0 </dev/null
 exec 3<&-
 exec "$@""#;
 
-/// A simulator that was started here. It ends, with all that it started itself, when this is dropped and at any end of this process.
+/// What is to be started.
+#[derive(Debug, Clone, Copy)]
+pub struct Launch<'a> {
+    /// What it is, such as "simulator".
+    pub what: &'static str,
+    /// The parameter that names it.
+    pub parameter: &'static str,
+    /// The program and its arguments.
+    pub words: &'a [String],
+    /// Variables of its environment, besides those of this process.
+    pub environment: &'a [(&'a str, &'a str)],
+}
+
+/// A program that was started here. It ends, with all that it started itself, when this is dropped and at any end of this process.
 #[derive(Debug)]
 pub struct Launched {
+    what: &'static str,
     program: String,
     child: Child,
     /// While it is open, the guard waits.
@@ -36,36 +50,38 @@ pub struct Launched {
 }
 
 impl Launched {
-    /// Starts a program with its arguments.
+    /// Starts a program.
     ///
     /// # Errors
     /// Where there is no such program, or the system cannot start it.
-    pub fn start(words: &[String]) -> Result<Self> {
+    pub fn start(launch: &Launch<'_>) -> Result<Self> {
+        let Launch { what, parameter, words, environment } = *launch;
+        let mistake = |sentence| Error::of(ErrorKind::Configuration, sentence);
         let [program, arguments @ ..] = words else {
-            return Err(Error::of(ErrorKind::Configuration, "`launch` names no program"));
+            return Err(mistake(format!("`{parameter}` names no program")));
         };
         if !is_there(program) {
-            return Err(Error::of(
-                ErrorKind::Configuration,
-                format!("cannot start the simulator: there is no program `{program}`; correct `launch`"),
-            ));
+            return Err(mistake(format!(
+                "cannot start the {what}: there is no program `{program}`; correct `{parameter}`"
+            )));
         }
         let cannot = |error: std::io::Error| Error::new(format!("cannot start `{program}`: {error}"));
         let (wait, leash) = std::io::pipe().map_err(cannot)?;
         let (output, input) = std::io::pipe().map_err(cannot)?;
         let mut command = Command::new("/bin/sh");
-        command.args(["-c", GUARDED, "pdk-simulator", program]).args(arguments);
+        command.args(["-c", GUARDED, "pdk-guarded", program]).args(arguments);
+        command.envs(environment.iter().copied());
         command.stdin(wait).stdout(input.try_clone().map_err(cannot)?).stderr(input).process_group(0);
         let child = command.spawn().map_err(cannot)?;
-        // The other ends of the pipes are the simulator's alone.
+        // The other ends of the pipes are the program's alone.
         drop(command);
         let said = Arc::new(Mutex::new(Vec::new()));
         let kept = Arc::clone(&said);
         std::thread::Builder::new()
-            .name("simulator-output".into())
+            .name("program-output".into())
             .spawn(move || keep_last(output, &kept))
             .map_err(cannot)?;
-        Ok(Self { program: program.clone(), child, _leash: leash, said })
+        Ok(Self { what, program: program.clone(), child, _leash: leash, said })
     }
 
     /// Says that it has ended, where it has.
@@ -80,12 +96,10 @@ impl Launched {
                 std::thread::sleep(Duration::from_millis(50));
                 Err(Error::of(
                     ErrorKind::Lost,
-                    format!("the simulator `{}` ended ({}){}", self.program, how(status), self.last_words()),
+                    format!("the {} `{}` ended ({status}){}", self.what, self.program, self.last_words()),
                 ))
             }
-            Err(error) => {
-                Err(Error::new(format!("cannot look after the simulator `{}`: {error}", self.program)))
-            }
+            Err(error) => Err(Error::new(format!("cannot look after `{}`: {error}", self.program))),
         }
     }
 
@@ -136,10 +150,6 @@ fn is_there(program: &str) -> bool {
     std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
 }
 
-fn how(status: ExitStatus) -> String {
-    status.to_string()
-}
-
 /// Reads until the end, and keeps the last bytes.
 fn keep_last(mut output: impl Read, kept: &Mutex<Vec<u8>>) {
     let mut part = [0; 4096];
@@ -155,8 +165,18 @@ fn keep_last(mut output: impl Read, kept: &Mutex<Vec<u8>>) {
 mod tests {
     use super::*;
 
+    fn start(words: &[&str]) -> Result<Launched> {
+        let words: Vec<String> = words.iter().map(|&word| word.to_owned()).collect();
+        Launched::start(&Launch {
+            what: "simulator",
+            parameter: "launch",
+            words: &words,
+            environment: &[("COLOR", "red")],
+        })
+    }
+
     fn shell(script: &str) -> Launched {
-        Launched::start(&["sh", "-c", script].map(str::to_owned)).unwrap()
+        start(&["sh", "-c", script]).unwrap()
     }
 
     /// The members of a process group that are not only waiting for their parent.
@@ -185,20 +205,20 @@ mod tests {
 
     #[test]
     fn what_cannot_be_started_is_named() {
-        let error = Launched::start(&["/no/such/program".to_owned()]).unwrap_err();
+        let error = start(&["/no/such/program"]).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Configuration);
         assert!(error.message().contains("`/no/such/program`"));
-        assert!(Launched::start(&["no-such-program".to_owned()]).is_err());
+        assert!(start(&["no-such-program"]).is_err());
     }
 
     #[test]
     fn an_early_end_is_told_with_its_last_words() {
-        let mut ended = shell("echo cannot open display >&2; exit 3");
+        let mut ended = shell("echo cannot open $COLOR display >&2; exit 3");
         assert!(comes_true(|| ended.check().is_err()));
         let error = ended.check().unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Lost);
         assert!(error.message().contains("exit status: 3"), "{error}");
-        assert!(error.message().ends_with("wrote last: cannot open display"), "{error}");
+        assert!(error.message().ends_with("wrote last: cannot open red display"), "{error}");
     }
 
     #[test]

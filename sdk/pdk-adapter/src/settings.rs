@@ -83,7 +83,7 @@ impl Settings {
             host: host.to_owned(),
             port: whole("port"),
             port_step: whole("port_step"),
-            launch: words(config.value("launch"))?,
+            launch: words("launch", config.value("launch"))?,
             start: Duration::from_secs_f64(config.number("start_seconds")),
             answer: Duration::from_secs_f64(config.number("answer_seconds")),
         })
@@ -114,8 +114,12 @@ impl Settings {
     }
 }
 
-fn words(launch: &Value) -> Result<Vec<String>> {
-    let words: Option<Vec<String>> = match launch {
+/// A program with its arguments, from the value of a parameter: a list of texts, or null for none.
+///
+/// # Errors
+/// Where it is something else.
+pub fn words(parameter: &str, value: &Value) -> Result<Vec<String>> {
+    let words: Option<Vec<String>> = match value {
         Value::Null => Some(Vec::new()),
         Value::String(program) if program.is_empty() => Some(Vec::new()),
         Value::String(program) => Some(vec![program.clone()]),
@@ -124,7 +128,7 @@ fn words(launch: &Value) -> Result<Vec<String>> {
     };
     words.ok_or_else(|| {
         mistake(format!(
-            "`launch` is {launch}, but has to be a program with its arguments, as in [\"./simulator\", \"--port\", \"{{port}}\"]"
+            "`{parameter}` is {value}, but has to be a program with its arguments, as in [\"./program\", \"--option\", \"value\"]"
         ))
     })
 }

@@ -9,7 +9,7 @@ use pdk_sdk::prelude::{Error, ErrorKind, Result};
 
 use crate::deadline::Deadline;
 use crate::port::Claim;
-use crate::process::Launched;
+use crate::process::{Launch, Launched};
 use crate::settings::Settings;
 
 /// How often it is looked whether something has come true.
@@ -75,7 +75,8 @@ impl Station {
             .iter()
             .map(|word| word.replace("{port}", &port).replace("{slot}", &slot))
             .collect();
-        self.process = Some(Launched::start(&words)?);
+        let launch = Launch { what: "simulator", parameter: "launch", words: &words, environment: &[] };
+        self.process = Some(Launched::start(&launch)?);
         Ok(())
     }
 
@@ -122,8 +123,16 @@ impl Station {
     /// # Errors
     /// Where the host is unknown, the simulator ends, or nothing listens before the deadline.
     pub fn connect(&mut self, offset: u16, deadline: &Deadline) -> Result<TcpStream> {
+        self.connect_to(self.port.saturating_add(offset), deadline)
+    }
+
+    /// The same at a port that the simulator has told.
+    ///
+    /// # Errors
+    /// As [`Station::connect`].
+    pub fn connect_to(&mut self, port: u16, deadline: &Deadline) -> Result<TcpStream> {
         self.launch()?;
-        let (host, port) = (self.settings.host.clone(), self.port.saturating_add(offset));
+        let host = self.settings.host.clone();
         let addresses = addresses(&host, port)?;
         let mut refused = String::new();
         let connected = self.wait(deadline, "begun to listen", || {

@@ -11,9 +11,11 @@
 mod curve;
 mod generate;
 mod given;
+pub mod opendrive;
 mod path;
 mod picture;
 mod text;
+pub mod traffic;
 mod valid;
 
 pub use curve::mean_curvature;
@@ -23,6 +25,9 @@ pub use path::{Located, Path, catmull_rom};
 pub use picture::svg;
 pub use text::{parse, print};
 pub use valid::{MapBox, check, check_bends};
+
+/// Width of a lane in metres; a scenario's road has two.
+pub const LANE_WIDTH: f64 = 4.0;
 
 /// A point or direction on the ground: x, z, in metres.
 pub type Point = [f64; 2];

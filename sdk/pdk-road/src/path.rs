@@ -102,6 +102,19 @@ impl Path {
         self.along.last().copied().unwrap_or_default()
     }
 
+    /// Distance from the start in metres of each of these points, which are points of the path in its order.
+    pub fn places(&self, points: impl IntoIterator<Item = Point>) -> Vec<f64> {
+        let mut segment = 0;
+        let mut place = |point: Point| {
+            // Found by going on from the one before.
+            while segment < self.segments() && distance(self.points[segment], point) > 1e-9 {
+                segment += 1;
+            }
+            self.along(segment)
+        };
+        points.into_iter().map(&mut place).collect()
+    }
+
     /// The segment that contains the point `along` metres from the start.
     pub fn segment_at(&self, along: f64) -> usize {
         self.along.partition_point(|&a| a <= along).saturating_sub(1).min(self.segments() - 1)

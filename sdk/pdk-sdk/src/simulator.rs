@@ -13,6 +13,11 @@ use crate::error::Result;
 /// The loop calls [`reset`](Simulator::reset) once a scenario, then [`frame`](Simulator::frame) and
 /// [`act`](Simulator::act) in turn, once a step. In real time it calls `act` several times in a row where the driver was
 /// still at work while frames went by.
+///
+/// A simulator with its own clock ([`Clock::Own`](crate::describe::Clock::Own)) goes on whatever the loop does. It is driven in real time
+/// only, and `act` is called once a step: it applies the control, waits for the next frame after that, and returns its state. Frames
+/// that came while the driver was at work are skipped; where one of them has a state that ends the scenario, that state is
+/// returned instead. How many were skipped follows from the time in the state.
 pub trait Simulator: Send {
     /// Size and rate of the camera. It does not change while the instance lives.
     fn camera(&self) -> Camera;
@@ -41,6 +46,11 @@ pub trait Simulator: Send {
 
     /// The centre line of the driven lane as `[x, height, z]` in metres, for the record; empty where it is not known.
     fn waypoints(&self) -> Vec<[f64; 3]> {
+        Vec::new()
+    }
+
+    /// What a simulator that is a program of its own has told of itself by now, such as its version: names and values for people.
+    fn info(&self) -> Vec<(String, String)> {
         Vec::new()
     }
 }

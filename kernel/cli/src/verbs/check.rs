@@ -16,7 +16,7 @@ use pdk_pipeline::settings::Override;
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use pdk_sdk::testing;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -325,10 +325,24 @@ fn check(plugin: &Plugin, index: usize, description: &Description, config: &Conf
     }
     match description.kind {
         Kind::Perturbation => testing::check_perturbation(description, config, make!(Perturbation)),
-        Kind::Simulator => testing::check_simulator(config, make!(Simulator)),
-        Kind::Driver => testing::check_driver(config, make!(Driver)),
+        Kind::Simulator => {
+            outside(description, testing::check_simulator(description, config, make!(Simulator)))
+        }
+        Kind::Driver => outside(description, testing::check_driver(config, make!(Driver))),
         Kind::Saliency => testing::check_saliency(config, make!(Saliency)),
         Kind::Search => testing::check_search(config, make!(Search)),
         Kind::Dataset => testing::check_dataset(config, make!(Dataset)),
+    }
+}
+
+/// A component that needs a program besides pdk cannot be checked without it, which is no mistake of the plugin.
+fn outside(description: &Description, checked: Result<()>) -> Result<()> {
+    match checked {
+        Err(error) if description.external && matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late) => {
+            let Description { kind, name, .. } = description;
+            report(&Report::Note(format!("{kind} `{name}` was made and not used, because {error}")));
+            Ok(())
+        }
+        checked => checked,
     }
 }

@@ -1,5 +1,7 @@
 //! `pdk doctor`: what is installed, what is missing, what to do.
 
+mod simulator;
+
 use std::path::Path;
 
 use pdk_core::installation::{self, LIBRARIES};
@@ -7,6 +9,7 @@ use pdk_core::println;
 use pdk_core::registry::Registry;
 use pdk_core::search_path::{self, PATH_VARIABLE};
 use pdk_lua::LuaScripts;
+use pdk_pipeline::settings::Override;
 use pdk_sdk::SDK_VERSION;
 use pdk_sdk::abi::pdk_abi;
 use pdk_sdk::cache::{self, Cache};
@@ -18,7 +21,14 @@ use super::{Global, print_json};
 
 /// Arguments of `pdk doctor`
 #[derive(clap::Args)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// Connect to this simulator, drive ten frames, and say what was found
+    #[arg(long, value_name = "NAME")]
+    simulator: Option<String>,
+    /// Set a parameter of the simulator, such as its port
+    #[arg(long = "set", value_name = "PARAMETER=VALUE", requires = "simulator")]
+    values: Vec<Override>,
+}
 
 /// One thing that was looked at.
 struct Finding {
@@ -46,7 +56,11 @@ impl State {
 }
 
 /// Looks at everything that pdk needs. Fails where something does not work.
-pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
+pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    if let Some(name) = &arguments.simulator {
+        let findings = simulator::examine(&global.registry()?, name, &arguments.values)?;
+        return print(global, &findings);
+    }
     let search = global.search_path();
     let version = format!(
         "pdk {}, for plugins of version {} of the interface, SDK {SDK_VERSION}",
@@ -76,6 +90,11 @@ pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
     }
     findings.extend([sdk(), plugin_folders(), cache_folder(), routing(), video(), ffmpeg()]);
     findings.extend(variables());
+    print(global, &findings)
+}
+
+/// Prints what was found. Fails where something does not work.
+fn print(global: &Global, findings: &[Finding]) -> Result<()> {
     if global.json {
         let list: Vec<_> = findings
             .iter()
@@ -83,7 +102,7 @@ pub fn run(global: &Global, _arguments: &Arguments) -> Result<()> {
             .collect();
         print_json(&json!(list))?;
     } else {
-        for finding in &findings {
+        for finding in findings {
             println!("{} {:<10} {}", finding.state.mark(), finding.subject, finding.text);
         }
     }

@@ -39,6 +39,8 @@ enum What {
     Plugin,
     /// A plugin in Rust with a simulator: a crate of its own
     Simulator,
+    /// A plugin in Rust with an adapter to a simulator that is a program of its own: a crate of its own
+    Adapter,
     /// A plugin in Rust with a driver: a crate of its own
     Driver,
     /// A pipeline in Lua: one file
@@ -76,7 +78,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             write(&file, template, arguments)?;
             println!("Wrote {}. Try it:\n  pdk run {}", file.display(), file.display());
         }
-        What::Plugin | What::Simulator | What::Driver => write_crate(&folder.join(name), arguments)?,
+        What::Plugin | What::Simulator | What::Adapter | What::Driver => {
+            write_crate(&folder.join(name), arguments)?;
+        }
     }
     Ok(())
 }
@@ -86,7 +90,7 @@ impl What {
     fn kind(self) -> Option<Kind> {
         match self {
             What::Perturbation | What::Plugin => Some(Kind::Perturbation),
-            What::Simulator => Some(Kind::Simulator),
+            What::Simulator | What::Adapter => Some(Kind::Simulator),
             What::Driver => Some(Kind::Driver),
             What::Pipeline => None,
         }
@@ -104,6 +108,10 @@ fn write_crate(folder: &Path, arguments: &Arguments) -> Result<()> {
             include_str!("../../templates/simulator/lib.rs.txt"),
             include_str!("../../templates/simulator/README.md"),
         ),
+        What::Adapter => (
+            include_str!("../../templates/adapter/lib.rs.txt"),
+            include_str!("../../templates/adapter/README.md"),
+        ),
         What::Driver => (
             include_str!("../../templates/driver/lib.rs.txt"),
             include_str!("../../templates/driver/README.md"),
@@ -113,7 +121,13 @@ fn write_crate(folder: &Path, arguments: &Arguments) -> Result<()> {
             include_str!("../../templates/plugin/README.md"),
         ),
     };
-    let mut dependencies = format!("pdk-sdk = {}\n", sdk_dependency(arguments)?);
+    let sdk = sdk_folder(arguments)?;
+    let dependency = |folder: PathBuf| format!("{{ path = {:?} }}", folder.to_string_lossy());
+    let mut dependencies = format!("pdk-sdk = {}\n", dependency(sdk.clone()));
+    if source.contains("pdk_adapter::") {
+        dependencies =
+            format!("pdk-adapter = {}\n{dependencies}", dependency(sdk.with_file_name("pdk-adapter")));
+    }
     if source.contains("libm::") {
         dependencies = format!("libm = \"0.2\"\n{dependencies}");
     }
@@ -157,19 +171,16 @@ fn write(file: &Path, template: &str, arguments: &Arguments) -> Result<()> {
         .place(format_args!("cannot write {}", file.display()))
 }
 
-/// The SDK as a Cargo dependency: its source comes with pdk, unless the user names another.
-fn sdk_dependency(arguments: &Arguments) -> Result<String> {
-    let folder = match &arguments.sdk {
-        Some(folder) if !folder.join("Cargo.toml").is_file() => {
-            return Err(Error::new(format!(
-                "--sdk: {} is not a crate; name the folder with the Cargo.toml of pdk-sdk",
-                folder.display()
-            )));
-        }
-        Some(folder) => fs::canonicalize(folder).place(folder.display())?,
-        None => installation::sdk()?.join("pdk-sdk"),
-    };
-    Ok(format!("{{ path = {:?} }}", folder.to_string_lossy()))
+/// The folder of the crate pdk-sdk: its source comes with pdk, unless the user names another.
+fn sdk_folder(arguments: &Arguments) -> Result<PathBuf> {
+    match &arguments.sdk {
+        Some(folder) if !folder.join("Cargo.toml").is_file() => Err(Error::new(format!(
+            "--sdk: {} is not a crate; name the folder with the Cargo.toml of pdk-sdk",
+            folder.display()
+        ))),
+        Some(folder) => fs::canonicalize(folder).place(folder.display()),
+        None => Ok(installation::sdk()?.join("pdk-sdk")),
+    }
 }
 
 /// `salt_spray` as a type: `SaltSpray`.

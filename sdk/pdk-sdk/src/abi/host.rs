@@ -270,7 +270,10 @@ impl Perturbation for HostPerturbation {
 }
 
 struct HostSimulator {
-    calls: SimulatorCalls,
+    /// Behind a cell, because an instance is used by one at a time.
+    calls: RefCell<SimulatorCalls>,
+    /// None in a plugin of an SDK that did not have it yet.
+    info: Option<unsafe extern "C" fn(*mut c_void, *const Sink, *const Sink) -> Status>,
     camera: Camera,
     waypoints: Vec<[f64; 3]>,
 }
@@ -281,6 +284,8 @@ impl HostSimulator {
     unsafe fn new(raw: &pdk_abi::Instance) -> Result<Self> {
         // SAFETY: the caller's promise.
         let calls = unsafe { SimulatorCalls::of(raw) }?;
+        // SAFETY: as above.
+        let info = unsafe { load(raw.functions.cast::<pdk_abi::SimulatorFunctions>(), empty()) }.info;
         let mut camera = empty::<pdk_abi::Camera>();
         // SAFETY: everything lives through the call.
         call(|error| unsafe { (calls.camera)(calls.object.pointer, &mut camera, error) })?;
@@ -293,7 +298,7 @@ impl HostSimulator {
             );
             return Err(Error::of(ErrorKind::Nonsense, sentence));
         }
-        Ok(Self { calls, camera, waypoints: Vec::new() })
+        Ok(Self { calls: RefCell::new(calls), info, camera, waypoints: Vec::new() })
     }
 
     /// Makes a call that answers with a state.
@@ -303,7 +308,7 @@ impl HostSimulator {
         work: impl FnOnce(&SimulatorCalls, *mut pdk_abi::State, *const Sink) -> Status,
     ) -> Result<State> {
         let mut state = State::default().raw();
-        call(|error| work(&self.calls, &mut state, error))?;
+        call(|error| work(self.calls.get_mut(), &mut state, error))?;
         Ok(State::from_raw(state))
     }
 }
@@ -323,7 +328,7 @@ impl Simulator for HostSimulator {
         let state = self.state(|calls, into, error| unsafe {
             (calls.reset)(calls.object.pointer, scenario, slot, into, error)
         })?;
-        let SimulatorCalls { object, waypoints, .. } = &self.calls;
+        let SimulatorCalls { object, waypoints, .. } = self.calls.get_mut();
         // SAFETY: as above.
         let road = collect(|text, error| unsafe { waypoints(object.pointer, text, error) })?;
         self.waypoints = serde_json::from_str(&road).map_err(|error| {
@@ -346,6 +351,15 @@ impl Simulator for HostSimulator {
 
     fn waypoints(&self) -> Vec<[f64; 3]> {
         self.waypoints.clone()
+    }
+
+    fn info(&self) -> Vec<(String, String)> {
+        let Some(info) = self.info else { return Vec::new() };
+        let calls = self.calls.borrow_mut();
+        // SAFETY: both sinks live through the call.
+        let told = collect(|text, error| unsafe { info(calls.object.pointer, text, error) });
+        // It is for people only, so that without it nothing is lost.
+        told.ok().and_then(|told| serde_json::from_str(&told).ok()).unwrap_or_default()
     }
 }
 

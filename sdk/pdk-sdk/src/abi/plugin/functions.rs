@@ -51,7 +51,7 @@ macro_rules! registrations {
 
 registrations! {
     perturbations: Perturbation, PERTURBATION, PerturbationFunctions { apply };
-    simulators: Simulator, SIMULATOR, SimulatorFunctions { camera, reset, frame, act, waypoints };
+    simulators: Simulator, SIMULATOR, SimulatorFunctions { camera, reset, frame, act, waypoints, info };
     drivers: Driver, DRIVER, DriverFunctions { reset, drive, info };
     saliencies: Saliency, SALIENCY, SaliencyFunctions { map_size, map };
     searches: Search, SEARCH, SearchFunctions { start, ask, tell };
@@ -143,6 +143,10 @@ functions! { simulators: Simulator;
     }
     fn waypoints(component, _, waypoints: *const Sink) {
         put(waypoints, &serde_json::to_string(&component.waypoints())?);
+        Ok(())
+    }
+    fn info(component, _, info: *const Sink) {
+        put(info, &serde_json::to_string(&component.info())?);
         Ok(())
     }
 }

@@ -1,14 +1,17 @@
-//! Other vehicles: one ahead to follow, and some that come the other way.
+//! Other vehicles on a scenario's road: one ahead to follow, and some that come the other way.
 //!
 //! Where a vehicle is follows from the time alone, so that frames can be computed in any order and no step of the
 //! simulation adds to another's rounding.
 
 use std::f64::consts::PI;
 
-use pdk_sdk::prelude::Random;
+use pdk_ops::Random;
 
-use crate::section;
+use crate::LANE_WIDTH;
 
+/// The component of the key from which the other vehicles are drawn, for `pdk_sdk::seed::key` with instance 0: the same scenario meets
+/// the same ones in every simulator.
+pub const KEY: &str = "lane traffic";
 /// Width, height and length of a vehicle in metres; the ego vehicle has the same.
 pub const SIZE: [f64; 3] = [1.8, 1.45, 4.4];
 /// The vehicle ahead goes faster and slower by this share of its speed, once in so many seconds.
@@ -98,8 +101,8 @@ impl Traffic {
         traffic
     }
 
-    /// All vehicles between the ends of a road of so many metres.
-    pub fn seen(&self, time: f64, length: f64) -> impl Iterator<Item = Seen> + '_ {
+    /// All vehicles, always in the same order, wherever they are.
+    pub fn all(&self, time: f64) -> impl Iterator<Item = Seen> + '_ {
         let ahead = self.ahead.iter().map(move |ahead| Seen {
             along: ahead.rear(time),
             lateral: 0.0,
@@ -108,11 +111,16 @@ impl Traffic {
         });
         let oncoming = self.oncoming.iter().map(move |vehicle| Seen {
             along: vehicle.start - ONCOMING_SPEED * time,
-            lateral: -section::LANE_WIDTH,
+            lateral: -LANE_WIDTH,
             tint: vehicle.tint,
             oncoming: true,
         });
-        ahead.chain(oncoming).filter(move |seen| (-BEYOND..length + BEYOND).contains(&seen.along))
+        ahead.chain(oncoming)
+    }
+
+    /// All vehicles between the ends of a road of so many metres, and a little beyond.
+    pub fn seen(&self, time: f64, length: f64) -> impl Iterator<Item = Seen> + '_ {
+        self.all(time).filter(move |seen| (-BEYOND..length + BEYOND).contains(&seen.along))
     }
 
     /// The number of vehicles.
@@ -151,7 +159,7 @@ impl Ahead {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_sdk::prelude::Key;
+    use pdk_ops::Key;
 
     fn traffic(gap: f64, oncoming: f64) -> Traffic {
         let wanted = Wanted { gap, speed: 6.0, oncoming };

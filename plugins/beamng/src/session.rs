@@ -1,0 +1,434 @@
+//! The connections to a running BeamNG.tech, and a scenario in it.
+
+use std::time::Duration;
+
+use pdk_adapter::picture::Order;
+use pdk_adapter::{Connection, Deadline, Picture, Place, Settings, Station, Track};
+use pdk_sdk::prelude::{Control, Error, ErrorKind, FrameMut, Result, Scenario, State};
+use pdk_sdk::serde_json::{self, json};
+use rmpv::Value;
+
+use crate::messages::{LONGEST, Messages, field, three};
+use crate::scenery;
+use crate::simulator::Options;
+
+/// The names of what is put into the game.
+const NAME: &str = "pdk";
+const VEHICLE: &str = "pdk_ego";
+const CAMERA: &str = "pdk_camera";
+/// So much above the ground the vehicle is put, in metres.
+const DROP: f64 = 0.3;
+/// It has come to rest when it moves more slowly than this, in metres per second, after at most so many seconds of simulation time.
+const REST: f64 = 0.05;
+const SETTLE: f64 = 5.0;
+/// The cosine of the angle by which it may face another way than the road.
+const FACING: f64 = 0.98;
+/// What the damage grows by without anything having been hit.
+const WEAR: f64 = 1.0;
+/// How long taking leave may take for each answer.
+const LEAVE: Duration = Duration::from_secs(1);
+
+/// A running game as a worker uses it.
+#[derive(Debug)]
+pub struct Session {
+    station: Station,
+    options: Options,
+    engine: Messages,
+    vehicle: Option<Messages>,
+    /// The scenario's file in the game.
+    path: Option<Value>,
+    drive: Option<Drive>,
+}
+
+#[derive(Debug)]
+struct Drive {
+    track: Track,
+    frames: u64,
+    /// The damage at the start.
+    worn: f64,
+    state: State,
+    picture: Picture,
+}
+
+/// How the vehicle moves.
+#[derive(Debug, Clone, Copy)]
+struct Motion {
+    position: [f64; 3],
+    direction: [f64; 3],
+    speed: f64,
+    damage: f64,
+}
+
+impl Session {
+    /// Connects to the game of a slot.
+    ///
+    /// # Errors
+    /// Where it is not there, or another version.
+    pub fn open(settings: &Settings, options: &Options, slot: u32, deadline: &Deadline) -> Result<Self> {
+        let mut station = Station::new(settings, slot)?;
+        let engine = station.connect(0, deadline).and_then(|socket| {
+            let connection = Connection::new(socket, station.to_string(), LONGEST)?;
+            Messages::open(connection, &options.protocol, &settings.answering())
+        });
+        let engine = engine.map_err(|error| station.blame(error))?;
+        Ok(Self { station, options: options.clone(), engine, vehicle: None, path: None, drive: None })
+    }
+
+    /// The slot whose game this is.
+    pub fn slot(&self) -> u32 {
+        self.station.slot()
+    }
+
+    /// Whether the connection still stands.
+    pub fn is_open(&mut self) -> bool {
+        self.engine.is_open()
+    }
+
+    /// Puts a vehicle at the start of a scenario.
+    ///
+    /// # Errors
+    /// Where the game does not do what it is asked for.
+    pub fn begin(&mut self, scenario: &Scenario, deadline: &Deadline) -> Result<State> {
+        let begun = self.prepare(scenario, deadline);
+        begun.map_err(|error| self.station.blame(error))
+    }
+
+    /// Moves the scenario on by one frame.
+    ///
+    /// # Errors
+    /// Where the game does not do what it is asked for.
+    pub fn act(&mut self, control: Control) -> Result<State> {
+        let stepped = self.step(control.checked()?);
+        stepped.map_err(|error| self.station.blame(error))
+    }
+
+    /// The latest state.
+    ///
+    /// # Errors
+    /// Where there is no scenario.
+    pub fn state(&self) -> Result<State> {
+        self.drive.as_ref().map(|drive| drive.state).ok_or_else(not_started)
+    }
+
+    /// The road's centre line.
+    pub fn waypoints(&self) -> Vec<[f64; 3]> {
+        self.drive.as_ref().map(|drive| drive.track.waypoints().to_vec()).unwrap_or_default()
+    }
+
+    /// Writes the latest frame.
+    ///
+    /// # Errors
+    /// Where there is none, or it is of another size.
+    pub fn write(&self, into: FrameMut<'_>) -> Result<()> {
+        self.drive.as_ref().ok_or_else(not_started)?.picture.write(into)
+    }
+
+    fn ask(&mut self, what: &str, fields: Vec<(&str, Value)>, expected: &str) -> Result<Value> {
+        self.engine.call(what, fields, expected, &self.station.settings().answering())
+    }
+
+    fn ask_vehicle(&mut self, what: &str, fields: Vec<(&str, Value)>, expected: &str) -> Result<Value> {
+        let deadline = self.station.settings().answering();
+        match &mut self.vehicle {
+            Some(vehicle) => vehicle.call(what, fields, expected, &deadline),
+            None => Err(not_started()),
+        }
+    }
+
+    fn prepare(&mut self, scenario: &Scenario, deadline: &Deadline) -> Result<State> {
+        let waypoints = match pdk_road::read(&scenario.road).map_err(mistake)? {
+            Some(waypoints) if waypoints.len() >= 2 => waypoints,
+            _ => {
+                return Err(mistake(
+                    "beamng needs a road with at least two waypoints, such as { angles = { 0, 10, -10 } }"
+                        .to_owned(),
+                ));
+            }
+        };
+        let mut track = Track::new(waypoints)?;
+        self.tidy(deadline)?;
+        self.load(track.waypoints(), deadline)?;
+        let motion = self.settle(track.waypoints())?;
+        track.restart();
+        let picture = Picture::new(self.options.camera.width, self.options.camera.height);
+        let picture = self.look(picture)?;
+        let mut drive = Drive { track, frames: 0, worn: motion.damage, state: State::default(), picture };
+        let state = drive.arrive(motion, &self.options);
+        self.drive = Some(drive);
+        Ok(state)
+    }
+
+    /// Writes the scenario, loads it, and connects to its vehicle.
+    fn load(&mut self, waypoints: &[[f64; 3]], deadline: &Deadline) -> Result<()> {
+        let options = self.options.clone();
+        let [x, height, z] = waypoints[0];
+        let car = scenery::vehicle(VEHICLE, &options.vehicle, [x, options.ground + height + DROP, z]);
+        let prefab = scenery::prefab(NAME, waypoints, options.ground, &options.materials, &car);
+        let file = format!("levels/{}/scenarios/{NAME}/{NAME}.prefab.json", options.level);
+        let info = json!({
+            "name": NAME, "description": "A scenario of pdk", "difficulty": 0, "authors": "pdk", "lapConfig": [], "forceNoCountDown": true,
+            "vehicles": {VEHICLE: {"playerUsable": true, "startFocus": true}}, "prefabs": [file],
+        });
+        let fields = vec![
+            ("level", options.level.as_str().into()),
+            ("name", NAME.into()),
+            ("prefab", prefab.into()),
+            ("info", of_json(&info)),
+            ("json", true.into()),
+            ("noAutoReload", true.into()),
+        ];
+        let path = field(&self.ask("CreateScenario", fields, "CreateScenario")?, "result").clone();
+        self.path = Some(path.clone());
+        let fields = vec![("path", path), ("precompileShaders", true.into())];
+        self.engine.call("LoadScenario", fields, "MapLoaded", deadline)?;
+        let fields = vec![("restrict_actions", true.into())];
+        self.engine.call("StartScenario", fields, "ScenarioStarted", deadline)?;
+        let steps = options.camera.rate * f64::from(options.steps());
+        self.ask("SetPhysicsDeterministic", vec![("speedFactor", Value::Nil)], "SetPhysicsDeterministic")?;
+        self.ask("FPSLimit", vec![("fps", (steps.round() as u64).into())], "SetFPSLimit")?;
+        self.ask("Pause", Vec::new(), "Paused")?;
+
+        let connected =
+            self.ask("StartVehicleConnection", vec![("vid", VEHICLE.into())], "StartVehicleConnection")?;
+        let port = field(&connected, "result").as_u64().and_then(|port| u16::try_from(port).ok());
+        let Some(port) = port else { return Err(self.engine.strange("StartVehicleConnection", &connected)) };
+        let socket = self.station.connect_to(port, deadline)?;
+        let connection = Connection::new(socket, format!("the vehicle of {}", self.station), LONGEST)?;
+        self.vehicle = Some(Messages::open(connection, &options.protocol, deadline)?);
+        self.ask("OpenCamera", camera(&options), "OpenedCamera").map(drop)
+    }
+
+    /// Turns the vehicle along the road, and lets it come to rest.
+    fn settle(&mut self, waypoints: &[[f64; 3]]) -> Result<Motion> {
+        let ([ax, height, az], [bx, _, bz]) = (waypoints[0], waypoints[1]);
+        let heading = (bx - ax).atan2(bz - az);
+        let position = [ax, az, self.options.ground + height + DROP];
+        let along = |motion: &Motion| {
+            let [dx, dy, _] = motion.direction;
+            (dx * heading.sin() + dy * heading.cos()) / dx.hypot(dy).max(1e-9)
+        };
+        let parked = vec![
+            ("parkingbrake", 1.into()),
+            ("throttle", 0.into()),
+            ("brake", 1.into()),
+            ("steering", 0.into()),
+        ];
+        let mut motion = self.motion()?;
+        // Which way round a turn goes differs between releases: where one faces backwards, it is the other.
+        for turn in [heading, -heading] {
+            let [x, y, z, w] = scenery::facing(turn);
+            let fields = vec![
+                ("vehicle", VEHICLE.into()),
+                ("pos", vector(position)),
+                ("rot", Value::Array([x, y, z, w].map(Value::F64).to_vec())),
+                ("reset", true.into()),
+                ("safe_spawn", false.into()),
+            ];
+            self.ask("Teleport", fields, "Teleported")?;
+            self.ask_vehicle("Control", parked.clone(), "Controlled")?;
+            motion = self.advance()?;
+            if along(&motion) >= FACING {
+                break;
+            }
+        }
+        if along(&motion) < FACING {
+            return Err(Error::of(
+                ErrorKind::Nonsense,
+                format!(
+                    "the vehicle was put along the road, but faces {:?} and not {:.0} degrees",
+                    motion.direction,
+                    heading.to_degrees()
+                ),
+            ));
+        }
+        let most = (SETTLE * self.options.camera.rate).ceil() as u32;
+        for _ in 0..most {
+            motion = self.advance()?;
+            if motion.speed < REST {
+                break;
+            }
+        }
+        let free = vec![
+            ("parkingbrake", 0.into()),
+            ("throttle", 0.into()),
+            ("brake", 0.into()),
+            ("steering", 0.into()),
+        ];
+        self.ask_vehicle("Control", free, "Controlled")?;
+        Ok(motion)
+    }
+
+    fn step(&mut self, control: Control) -> Result<State> {
+        let pedals = vec![
+            ("steering", Value::F64(control.steering)),
+            ("throttle", Value::F64(control.throttle.max(0.0))),
+            ("brake", Value::F64((-control.throttle).max(0.0))),
+        ];
+        self.ask_vehicle("Control", pedals, "Controlled")?;
+        let motion = self.advance()?;
+        let mut drive = self.drive.take().ok_or_else(not_started)?;
+        drive.picture = self.look(drive.picture)?;
+        drive.frames += 1;
+        let state = drive.arrive(motion, &self.options);
+        self.drive = Some(drive);
+        Ok(state)
+    }
+
+    /// A frame further.
+    fn advance(&mut self) -> Result<Motion> {
+        let count = self.options.steps();
+        self.ask("Step", vec![("count", count.into()), ("ack", true.into())], "Stepped")?;
+        self.motion()
+    }
+
+    fn motion(&mut self) -> Result<Motion> {
+        let sensor = |kind: &str| Value::Map(vec![("type".into(), kind.into())]);
+        let sensors =
+            Value::Map(vec![("state".into(), sensor("State")), ("damage".into(), sensor("Damage"))]);
+        let answer = self.ask_vehicle("SensorRequest", vec![("sensors", sensors)], "SensorData")?;
+        let data = field(&answer, "data");
+        let state = field(data, "state");
+        let damage = field(field(data, "damage"), "damage").as_f64().unwrap_or_default();
+        let parts = (three(field(state, "pos")), three(field(state, "dir")), three(field(state, "vel")));
+        let (Some([x, y, z]), Some(direction), Some([vx, vy, vz])) = parts else {
+            return Err(self.engine.strange("SensorRequest", &answer));
+        };
+        let speed = (vx * vx + vy * vy + vz * vz).sqrt();
+        Ok(Motion { position: [x, z - self.options.ground, y], direction, speed, damage })
+    }
+
+    /// What the camera sees, in place of what it saw.
+    fn look(&mut self, mut picture: Picture) -> Result<Picture> {
+        let fields = vec![("name", CAMERA.into()), ("isUsingSharedMemory", false.into())];
+        let answer = self.ask("PollCamera", fields, "PollCamera")?;
+        let (width, height) = (self.options.camera.width, self.options.camera.height);
+        let colours = match field(field(&answer, "data"), "colour") {
+            Value::Binary(bytes) => bytes.as_slice(),
+            Value::String(text) => text.as_bytes(),
+            _ => &[],
+        };
+        if colours.len() != picture.sent() {
+            return Err(Error::of(
+                ErrorKind::Nonsense,
+                format!(
+                    "the camera of {} sends {} bytes for a frame of {width}x{height}, which has {}; does the game run with low graphics \
+                     settings?",
+                    self.station,
+                    colours.len(),
+                    picture.sent()
+                ),
+            ));
+        }
+        picture.take(colours, Order::Rgba);
+        Ok(picture)
+    }
+
+    /// Ends the scenario before.
+    fn tidy(&mut self, deadline: &Deadline) -> Result<()> {
+        (self.drive, self.vehicle) = (None, None);
+        let Some(path) = self.path.take() else { return Ok(()) };
+        self.ask("CloseCamera", vec![("name", CAMERA.into())], "ClosedCamera")?;
+        self.engine.call("StopScenario", Vec::new(), "ScenarioStopped", deadline)?;
+        self.ask("DeleteScenario", vec![("path", path)], "DeleteScenario").map(drop)
+    }
+}
+
+impl Drop for Session {
+    /// Leaves the game as it was found; what cannot be put back is not, since nobody can do anything about it.
+    fn drop(&mut self) {
+        let limit = Deadline::new(LEAVE, "answer_seconds");
+        if self.path.is_none() || self.tidy(&limit).is_err() {
+            return;
+        }
+        let rest = [
+            ("SetPhysicsNonDeterministic", "SetPhysicsNonDeterministic"),
+            ("RemoveFPSLimit", "RemovedFPSLimit"),
+            ("Resume", "Resumed"),
+        ];
+        for (what, expected) in rest {
+            if self.engine.call(what, Vec::new(), expected, &limit).is_err() {
+                return;
+            }
+        }
+    }
+}
+
+impl Drive {
+    fn arrive(&mut self, motion: Motion, options: &Options) -> State {
+        let Place { cross_track_error, progress, finished, .. } = self.track.find(motion.position);
+        let [dx, dy, _] = motion.direction;
+        self.state = State {
+            // From the count, not from a sum: it never drifts.
+            time: self.frames as f64 / options.camera.rate,
+            position: motion.position,
+            heading: dx.atan2(dy),
+            speed: motion.speed,
+            cross_track_error,
+            progress,
+            lane_departure: cross_track_error.abs() >= pdk_road::LANE_WIDTH / 2.0,
+            collision: motion.damage > self.worn + WEAR,
+            finished,
+            ..State::default()
+        };
+        self.state
+    }
+}
+
+/// What is said about the camera. The vehicle faces towards its own -y.
+fn camera(options: &Options) -> Vec<(&'static str, Value)> {
+    let (width, height) = (options.camera.width, options.camera.height);
+    let half = (options.field_of_view.to_radians() / 2.0).tan() * f64::from(height) / f64::from(width);
+    let pitch = options.camera_pitch.to_radians();
+    vec![
+        ("vid", VEHICLE.into()),
+        ("name", CAMERA.into()),
+        ("updateTime", Value::F64(0.0)),
+        ("priority", Value::F64(1.0)),
+        ("size", Value::Array(vec![width.into(), height.into()])),
+        ("fovY", Value::F64(2.0 * half.atan().to_degrees())),
+        ("nearFarPlanes", Value::Array(vec![Value::F64(0.05), Value::F64(500.0)])),
+        ("pos", vector([0.0, -options.camera_ahead, options.camera_height])),
+        ("dir", vector([0.0, -pitch.cos(), -pitch.sin()])),
+        ("up", vector([0.0, -pitch.sin(), pitch.cos()])),
+        ("useSharedMemory", false.into()),
+        ("renderColours", true.into()),
+        ("renderAnnotations", false.into()),
+        ("renderInstance", false.into()),
+        ("renderDepth", false.into()),
+        ("isVisualised", false.into()),
+        ("isStreaming", false.into()),
+        ("isStatic", false.into()),
+        ("isSnappingDesired", false.into()),
+        ("isForceInsideTriangle", false.into()),
+        ("isDirWorldSpace", false.into()),
+    ]
+}
+
+fn vector(numbers: [f64; 3]) -> Value {
+    Value::Array(numbers.map(Value::F64).to_vec())
+}
+
+/// JSON as MessagePack.
+fn of_json(value: &serde_json::Value) -> Value {
+    match value {
+        serde_json::Value::Null => Value::Nil,
+        serde_json::Value::Bool(set) => (*set).into(),
+        serde_json::Value::Number(number) => match number.as_i64() {
+            Some(whole) => whole.into(),
+            None => Value::F64(number.as_f64().unwrap_or_default()),
+        },
+        serde_json::Value::String(text) => text.as_str().into(),
+        serde_json::Value::Array(elements) => Value::Array(elements.iter().map(of_json).collect()),
+        serde_json::Value::Object(fields) => {
+            Value::Map(fields.iter().map(|(name, value)| (name.as_str().into(), of_json(value))).collect())
+        }
+    }
+}
+
+fn mistake(sentence: String) -> Error {
+    Error::of(ErrorKind::Configuration, sentence)
+}
+
+fn not_started() -> Error {
+    Error::new("it has no scenario yet: call reset first")
+}

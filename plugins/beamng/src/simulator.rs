@@ -1,0 +1,195 @@
+//! The simulator `beamng`.
+
+use pdk_adapter::Settings;
+use pdk_sdk::prelude::*;
+
+use crate::scenery::Materials;
+use crate::session::Session;
+
+/// What users call it.
+const TITLE: &str = "BeamNG.tech";
+/// The port of BeamNG.tech, and the distance to that of the next game: vehicles have ports of their own above it.
+const PORT: u16 = 25_252;
+const PORT_STEP: u16 = 100;
+/// The game takes at least so many steps a second.
+const STEPS: f64 = 60.0;
+
+/// The adapter to BeamNG.tech.
+pub struct BeamNg {
+    settings: Settings,
+    options: Options,
+    session: Option<Session>,
+}
+
+/// What a user has set about scenarios.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Size and rate of the camera.
+    pub camera: Camera,
+    /// The angle that a frame's width covers, in degrees.
+    pub field_of_view: f64,
+    /// How far the camera is ahead of the vehicle's centre, in metres.
+    pub camera_ahead: f64,
+    /// How high it is above the ground, in metres.
+    pub camera_height: f64,
+    /// By how much it looks down, in degrees.
+    pub camera_pitch: f64,
+    /// The level on whose ground the road is drawn.
+    pub level: String,
+    /// The height of that ground in metres.
+    pub ground: f64,
+    /// What the road is drawn with.
+    pub materials: Materials,
+    /// What is driven.
+    pub vehicle: String,
+    /// The version of the protocol.
+    pub protocol: String,
+}
+
+impl Options {
+    /// Steps of the game from one frame to the next.
+    pub fn steps(&self) -> u32 {
+        (STEPS / self.camera.rate).ceil().max(1.0) as u32
+    }
+}
+
+impl Component for BeamNg {
+    fn description() -> Description {
+        let description = Description::simulator("beamng", "BeamNG.tech, stepped frame by frame")
+            .external()
+            .parameter(
+                Parameter::integer("width", 320, "width of the camera's frames")
+                    .range(1.0, 4096.0)
+                    .unit("px"),
+            )
+            .parameter(
+                Parameter::integer("height", 160, "height of the camera's frames")
+                    .range(1.0, 4096.0)
+                    .unit("px"),
+            )
+            .parameter(
+                Parameter::number("rate", 20.0, "frames per second of simulation time")
+                    .range(1.0, 1000.0)
+                    .unit("Hz"),
+            )
+            .parameter(
+                Parameter::number("field_of_view", 90.0, "angle that the frame's width covers")
+                    .range(20.0, 130.0)
+                    .unit("degrees"),
+            )
+            .parameter(
+                Parameter::number("camera_ahead", 0.5, "how far the camera is ahead of the vehicle's centre")
+                    .range(-10.0, 10.0)
+                    .unit("m"),
+            )
+            .parameter(
+                Parameter::number("camera_height", 1.5, "height of the camera above the road")
+                    .range(0.3, 10.0)
+                    .unit("m"),
+            )
+            .parameter(
+                Parameter::number("camera_pitch", 5.0, "angle by which the camera looks down")
+                    .range(-30.0, 89.0)
+                    .unit("degrees"),
+            )
+            .parameter(Parameter::text(
+                "level",
+                "the level on whose ground the road is drawn; left out, smallgrid",
+            ))
+            .parameter(
+                Parameter::number("ground", 0.0, "height of that ground")
+                    .range(-10_000.0, 10_000.0)
+                    .unit("m"),
+            )
+            .parameter(Parameter::text(
+                "road_material",
+                "what the road is drawn with; left out, a_asphalt_01_a",
+            ))
+            .parameter(Parameter::text(
+                "edge_material",
+                "what its edge lines are drawn with; left out, line_white",
+            ))
+            .parameter(Parameter::text(
+                "middle_material",
+                "what its middle line is drawn with; left out, line_dashed_short",
+            ))
+            .parameter(Parameter::text("vehicle", "what is driven, by BeamNG's name; left out, etk800"))
+            .parameter(Parameter::text(
+                "protocol",
+                "version of the protocol, which has to be the game's; left out, v1.27",
+            ));
+        Settings::describe(description, PORT, PORT_STEP)
+    }
+
+    fn new(config: &Config) -> Result<Self> {
+        let camera = Camera {
+            width: config.integer("width") as u32,
+            height: config.integer("height") as u32,
+            rate: config.number("rate"),
+        };
+        let named = |name: &str, usual: &str| match config.text(name) {
+            "" => usual.to_owned(),
+            given => given.to_owned(),
+        };
+        let options = Options {
+            camera,
+            field_of_view: config.number("field_of_view"),
+            camera_ahead: config.number("camera_ahead"),
+            camera_height: config.number("camera_height"),
+            camera_pitch: config.number("camera_pitch"),
+            level: named("level", "smallgrid"),
+            ground: config.number("ground"),
+            materials: Materials {
+                road: named("road_material", "a_asphalt_01_a"),
+                edge: named("edge_material", "line_white"),
+                middle: named("middle_material", "line_dashed_short"),
+            },
+            vehicle: named("vehicle", "etk800"),
+            protocol: named("protocol", "v1.27"),
+        };
+        Ok(Self { settings: Settings::read(TITLE, config)?, options, session: None })
+    }
+}
+
+impl Simulator for BeamNg {
+    fn camera(&self) -> Camera {
+        self.options.camera
+    }
+
+    fn reset(&mut self, scenario: &Scenario, slot: u32) -> Result<State> {
+        let deadline = self.settings.starting();
+        // One that was closed meanwhile is gone before another is opened.
+        let mut kept = self.session.take();
+        let of_use = kept.as_mut().is_some_and(|session| session.slot() == slot && session.is_open());
+        let session = match kept.filter(|_| of_use) {
+            Some(session) => session,
+            None => Session::open(&self.settings, &self.options, slot, &deadline)?,
+        };
+        self.session.insert(session).begin(scenario, &deadline)
+    }
+
+    fn frame(&mut self, into: FrameMut<'_>) -> Result<State> {
+        let session = self.session.as_ref().ok_or_else(not_started)?;
+        session.write(into)?;
+        session.state()
+    }
+
+    fn act(&mut self, control: Control) -> Result<State> {
+        self.session.as_mut().ok_or_else(not_started)?.act(control)
+    }
+
+    fn waypoints(&self) -> Vec<[f64; 3]> {
+        self.session.as_ref().map(Session::waypoints).unwrap_or_default()
+    }
+
+    fn info(&self) -> Vec<(String, String)> {
+        match &self.session {
+            Some(_) => vec![("protocol".to_owned(), self.options.protocol.clone())],
+            None => Vec::new(),
+        }
+    }
+}
+
+fn not_started() -> Error {
+    Error::new("it has no scenario yet: call reset first")
+}

@@ -1,0 +1,206 @@
+//! The simulator `carla`.
+
+use pdk_adapter::Settings;
+use pdk_road::traffic::Wanted;
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::{Map, Value};
+
+use crate::episode::Episode;
+use crate::weather::Weather;
+
+/// What users call it.
+const TITLE: &str = "the CARLA server";
+/// The port of CARLA, and the distance to that of the next server: each takes three ports in a row.
+const PORT: u16 = 2000;
+const PORT_STEP: u16 = 4;
+
+/// The adapter to CARLA.
+pub struct Carla {
+    settings: Settings,
+    options: Options,
+    episode: Option<Episode>,
+}
+
+/// What a user has set about scenarios.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Size and rate of the camera.
+    pub camera: Camera,
+    /// The angle that a frame's width covers, in degrees.
+    pub field_of_view: f64,
+    /// How far the camera is ahead of the vehicle's centre, in metres.
+    pub camera_ahead: f64,
+    /// How high it is above the ground, in metres.
+    pub camera_height: f64,
+    /// By how much it looks down, in degrees.
+    pub camera_pitch: f64,
+    /// Other attributes of the camera.
+    pub camera_attributes: Vec<(String, String)>,
+    /// What is driven.
+    pub vehicle: String,
+    /// Its speed at the start in metres per second.
+    pub initial_speed: f64,
+    /// The weather.
+    pub weather: Weather,
+    /// The other vehicles.
+    pub traffic: Wanted,
+}
+
+impl Component for Carla {
+    fn description() -> Description {
+        let description = Description::simulator("carla", "CARLA 0.9.13 to 0.9.16, stepped frame by frame")
+            .external()
+            .parameter(Parameter::integer("width", 320, "width of the camera's frames").range(1.0, 4096.0).unit("px"))
+            .parameter(Parameter::integer("height", 160, "height of the camera's frames").range(1.0, 4096.0).unit("px"))
+            .parameter(
+                Parameter::number("rate", 20.0, "frames per second of simulation time").range(1.0, 1000.0).unit("Hz"),
+            )
+            .parameter(
+                Parameter::number("field_of_view", 90.0, "angle that the frame's width covers")
+                    .range(20.0, 130.0)
+                    .unit("degrees"),
+            )
+            .parameter(
+                Parameter::number("camera_ahead", 1.5, "how far the camera is ahead of the vehicle's centre")
+                    .range(-10.0, 10.0)
+                    .unit("m"),
+            )
+            .parameter(
+                Parameter::number("camera_height", 1.6, "height of the camera above the road").range(0.3, 10.0).unit("m"),
+            )
+            .parameter(
+                Parameter::number("camera_pitch", 5.0, "angle by which the camera looks down")
+                    .range(-30.0, 90.0)
+                    .unit("degrees"),
+            )
+            .parameter(Parameter::json(
+                "camera_attributes",
+                Value::Null,
+                "further attributes of CARLA's camera, such as {\"motion_blur_intensity\": 0}",
+            ))
+            .parameter(Parameter::text("vehicle", "what is driven, by CARLA's name; left out, vehicle.tesla.model3"))
+            .parameter(
+                Parameter::number("initial_speed", 0.0, "speed of the vehicle at the start of the road")
+                    .range(0.0, 50.0)
+                    .unit("m/s"),
+            )
+            .parameter(
+                Parameter::number("vehicle_ahead", 0.0, "free distance to a vehicle ahead in the same lane at the start; 0 for none")
+                    .range(0.0, 140.0)
+                    .unit("m"),
+            )
+            .parameter(
+                Parameter::number(
+                    "vehicle_ahead_speed",
+                    6.5,
+                    "mean speed of the vehicle ahead; it swings by 30 % around it every 14 s",
+                )
+                .range(0.5, 40.0)
+                .unit("m/s"),
+            )
+            .parameter(
+                Parameter::number("oncoming", 0.0, "oncoming vehicles a kilometre, on roads of the scenario's own")
+                    .range(0.0, 60.0)
+                    .unit("1/km"),
+            )
+            .parameter(Parameter::json(
+                "weather",
+                Value::Null,
+                "the weather: the name of one of CARLA's, such as \"HardRainNoon\", or an object with some of its numbers, such as \
+                 {\"fog_density\": 40}; null for that of the server",
+            ));
+        Settings::describe(description, PORT, PORT_STEP)
+    }
+
+    fn new(config: &Config) -> Result<Self> {
+        let camera = Camera {
+            width: config.integer("width") as u32,
+            height: config.integer("height") as u32,
+            rate: config.number("rate"),
+        };
+        let vehicle = match config.text("vehicle") {
+            "" => "vehicle.tesla.model3",
+            name => name,
+        };
+        let options = Options {
+            camera,
+            field_of_view: config.number("field_of_view"),
+            camera_ahead: config.number("camera_ahead"),
+            camera_height: config.number("camera_height"),
+            camera_pitch: config.number("camera_pitch"),
+            camera_attributes: attributes(config.value("camera_attributes"))?,
+            vehicle: vehicle.to_owned(),
+            initial_speed: config.number("initial_speed"),
+            weather: Weather::read(config.value("weather"))?,
+            traffic: Wanted {
+                gap: config.number("vehicle_ahead"),
+                speed: config.number("vehicle_ahead_speed"),
+                oncoming: config.number("oncoming"),
+            },
+        };
+        Ok(Self { settings: Settings::read(TITLE, config)?, options, episode: None })
+    }
+}
+
+/// Attributes as CARLA takes them: texts.
+fn attributes(value: &Value) -> Result<Vec<(String, String)>> {
+    let none = Map::new();
+    let fields = match value {
+        Value::Null => &none,
+        Value::Object(fields) => fields,
+        other => {
+            return Err(Error::of(
+                ErrorKind::Configuration,
+                format!(
+                    "`camera_attributes` is {other}, but has to be an object, such as {{\"motion_blur_intensity\": 0}}"
+                ),
+            ));
+        }
+    };
+    let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    Ok(fields.iter().map(|(name, value)| (name.clone(), text(value))).collect())
+}
+
+impl Simulator for Carla {
+    fn camera(&self) -> Camera {
+        self.options.camera
+    }
+
+    fn reset(&mut self, scenario: &Scenario, slot: u32) -> Result<State> {
+        let deadline = self.settings.starting();
+        // One that was closed meanwhile is gone before another is opened.
+        let mut kept = self.episode.take();
+        let of_use = kept.as_mut().is_some_and(|episode| episode.slot() == slot && episode.is_open());
+        let episode = match kept.filter(|_| of_use) {
+            Some(episode) => episode,
+            None => Episode::open(&self.settings, slot, &deadline)?,
+        };
+        let episode = self.episode.insert(episode);
+        episode.begin(scenario, &self.options, &deadline)
+    }
+
+    fn frame(&mut self, into: FrameMut<'_>) -> Result<State> {
+        let stage = self.episode.as_ref().and_then(Episode::stage).ok_or_else(not_started)?;
+        stage.write(into)?;
+        Ok(stage.state())
+    }
+
+    fn act(&mut self, control: Control) -> Result<State> {
+        let deadline = self.settings.answering();
+        let episode = self.episode.as_mut().ok_or_else(not_started)?;
+        episode.step(|stage, server, world| stage.act(control, server, world, &deadline))
+    }
+
+    fn waypoints(&self) -> Vec<[f64; 3]> {
+        let stage = self.episode.as_ref().and_then(Episode::stage);
+        stage.map(|stage| stage.waypoints().to_vec()).unwrap_or_default()
+    }
+
+    fn info(&self) -> Vec<(String, String)> {
+        self.episode.as_ref().map(Episode::info).unwrap_or_default()
+    }
+}
+
+fn not_started() -> Error {
+    Error::new("it has no scenario yet: call reset first")
+}

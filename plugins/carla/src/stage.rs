@@ -1,0 +1,343 @@
+//! A scenario under way: its vehicle, what this senses, and where it is on its road.
+
+use std::time::Duration;
+
+use pdk_adapter::{Deadline, Place, Station, Track};
+use pdk_road::traffic;
+use pdk_sdk::prelude::{Control, Error, ErrorKind, FrameMut, Result, State};
+use rmpv::Value;
+
+use crate::axes::Transform;
+use crate::blueprint::{Actor, Blueprints, ROLE};
+use crate::camera::Camera;
+use crate::collisions::Collisions;
+use crate::ground::Lane;
+use crate::server::{Pedals, Server};
+use crate::simulator::Options;
+use crate::snapshot::{self, Motion};
+use crate::stream::Stream;
+use crate::traffic::Fleet;
+use crate::value::{element, text};
+
+/// So much higher than the road the vehicle is spawned, in metres: one that touches it is refused.
+const DROP: f64 = 0.5;
+/// It has come to rest when it moves more slowly than this, in metres per second.
+const REST: f64 = 0.02;
+/// Simulation time for coming to rest, least and most, in seconds.
+const SETTLE: (f64, f64) = (0.2, 5.0);
+/// How long a camera that was just subscribed to is waited for before another frame is asked for.
+const FIRST_FRAME: Duration = Duration::from_millis(250);
+/// So many frames are asked for until the first comes.
+const FIRST_FRAMES: u32 = 40;
+/// A subscription that was renewed is given so long to reach the server.
+const RENEWED: Duration = Duration::from_millis(100);
+/// A scenario under way.
+#[derive(Debug)]
+pub struct Stage {
+    options: Options,
+    track: Track,
+    half_width: f64,
+    heading: f64,
+    fleet: Fleet,
+    /// From the middle of the vehicle to its front in metres.
+    front: f64,
+    sensors: Option<Sensors>,
+    /// The server's number of the scenario's first frame.
+    first: u64,
+    state: State,
+}
+
+#[derive(Debug)]
+struct Sensors {
+    vehicle: u32,
+    camera: Camera,
+    collisions: Collisions,
+}
+
+impl Stage {
+    /// A scenario on a lane; nothing is spawned yet.
+    ///
+    /// # Errors
+    /// Where the lane is no road.
+    pub fn new(lane: Lane, options: Options, seed: u64) -> Result<Self> {
+        let front = traffic::SIZE[2] / 2.0;
+        Ok(Self {
+            fleet: Fleet::new(options.traffic, &lane, front, seed)?,
+            front,
+            heading: lane.heading(),
+            half_width: lane.half_width,
+            track: Track::new(lane.waypoints)?,
+            options,
+            sensors: None,
+            first: 0,
+            state: State::default(),
+        })
+    }
+
+    /// The road's centre line.
+    pub fn waypoints(&self) -> &[[f64; 3]] {
+        self.track.waypoints()
+    }
+
+    /// The latest state.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// Writes the latest frame.
+    ///
+    /// # Errors
+    /// Where it is of another size, or there is none.
+    pub fn write(&self, into: FrameMut<'_>) -> Result<()> {
+        match &self.sensors {
+            Some(sensors) => sensors.camera.write(into),
+            None => Err(Error::new("it has no camera yet: call reset first")),
+        }
+    }
+
+    /// Spawns the vehicle with what it senses, and waits until it stands.
+    ///
+    /// # Errors
+    /// Where something cannot be spawned, or does not answer.
+    pub fn set_up(
+        &mut self,
+        station: &mut Station,
+        server: &mut Server,
+        world: &mut Stream,
+        kinds: &Blueprints,
+        deadline: &Deadline,
+    ) -> Result<State> {
+        let [x, height, z] = self.track.waypoints()[0];
+        let at = Transform::at([x, height + DROP, z], self.heading);
+        let vehicle = kinds.describe(&self.options.vehicle, &[("role_name", "hero".to_owned())])?;
+        let vehicle = server.spawn(vehicle, at).map_err(|error| {
+            error.at(format_args!("the vehicle cannot start at x {x:.1}, height {height:.1}, z {z:.1}"))
+        })?;
+        self.front = Actor(&vehicle).extent().map_or(self.front, |[half_length, ..]| half_length);
+        let vehicle = server.id_of(&vehicle)?;
+        self.fleet.spawn(server, kinds, &self.options.vehicle)?;
+
+        let options = &self.options;
+        let mut attributes = vec![
+            ("image_size_x", options.camera.width.to_string()),
+            ("image_size_y", options.camera.height.to_string()),
+            ("fov", options.field_of_view.to_string()),
+            // A frame of the camera for each of the simulator's.
+            ("sensor_tick", "0.0".to_owned()),
+            ("role_name", ROLE.to_owned()),
+        ];
+        attributes
+            .extend(options.camera_attributes.iter().map(|(name, value)| (name.as_str(), value.clone())));
+        const CAMERA: &str = "sensor.camera.rgb";
+        if let Some((name, _)) = options.camera_attributes.iter().find(|(name, _)| !kinds.has(CAMERA, name)) {
+            return Err(Error::of(
+                ErrorKind::Configuration,
+                format!(
+                    "`camera_attributes` says `{name}`, but the camera of CARLA {} has no such attribute",
+                    server.version()
+                ),
+            ));
+        }
+        let mounted = Transform {
+            location: [options.camera_ahead, 0.0, options.camera_height],
+            rotation: [-options.camera_pitch, 0.0, 0.0],
+        };
+        let camera = server.spawn_on(kinds.describe(CAMERA, &attributes)?, mounted, vehicle)?;
+        let role = [("role_name", ROLE.to_owned())];
+        let described = kinds.describe("sensor.other.collision", &role)?;
+        let collisions = server.spawn_on(described, Transform::default(), vehicle)?;
+
+        let size = [self.options.camera.width, self.options.camera.height];
+        let token = server.token(stream_of(&camera)?)?;
+        let camera = Camera::subscribe(station, token, size, deadline)?;
+        let token = server.token(stream_of(&collisions)?)?;
+        let collisions = Collisions::subscribe(station, token, deadline)?;
+        self.sensors = Some(Sensors { vehicle, camera, collisions });
+        self.settle(station, server, world, deadline)
+    }
+
+    /// Keeps the streams: whether all of them still stand.
+    ///
+    /// # Errors
+    /// Where one that is to be renewed cannot be.
+    pub fn keep(&mut self, station: &mut Station, deadline: &Deadline) -> Result<bool> {
+        let Some(sensors) = &mut self.sensors else { return Ok(true) };
+        if !sensors.camera.stream().is_open() || !sensors.collisions.is_open() {
+            return Ok(false);
+        }
+        sensors.collisions.renew(station, deadline)?;
+        Ok(true)
+    }
+
+    /// Subscribes to the streams again, which the server has closed because it had nothing to send over them.
+    ///
+    /// # Errors
+    /// Where they cannot be had.
+    pub fn subscribe_again(
+        &mut self,
+        station: &mut Station,
+        server: &mut Server,
+        deadline: &Deadline,
+    ) -> Result<()> {
+        let Some(sensors) = &mut self.sensors else { return Ok(()) };
+        let size = [self.options.camera.width, self.options.camera.height];
+        let token = server.token(sensors.camera.stream().token())?;
+        sensors.camera = Camera::subscribe(station, token, size, deadline)?;
+        let token = server.token(sensors.collisions.token())?;
+        sensors.collisions = Collisions::subscribe(station, token, deadline)?;
+        // The server does not say when it has taken a subscription.
+        std::thread::sleep(RENEWED);
+        Ok(())
+    }
+
+    /// Moves the scenario on by one frame under a control.
+    ///
+    /// # Errors
+    /// Where the server does not do what it is asked for.
+    pub fn act(
+        &mut self,
+        control: Control,
+        server: &mut Server,
+        world: &mut Stream,
+        deadline: &Deadline,
+    ) -> Result<State> {
+        let Some(sensors) = &mut self.sensors else {
+            return Err(Error::new("it has no scenario yet: call reset first"));
+        };
+        let number = frames(self.state.time, self.options.camera.rate) + 1;
+        let expected = self.first + number;
+        self.fleet.place(server, number as f64 / self.options.camera.rate)?;
+        server.control(sensors.vehicle, Pedals::of(control.checked()?))?;
+        let request = server.tick()?;
+        // What belongs to the frame may come before the answer.
+        let motion = motion(world, sensors.vehicle, expected, deadline)?;
+        sensors.camera.look(expected, deadline)?;
+        let frame = server.ticked(request)?;
+        if frame != expected {
+            return Err(Error::of(
+                ErrorKind::Nonsense,
+                format!(
+                    "the server went on to frame {frame}, but frame {expected} was expected; another client of CARLA steps the same server: end \
+                     that one, or set `port` to that of another server"
+                ),
+            ));
+        }
+        let collision = sensors.collisions.look(deadline)?;
+        Ok(self.arrive(motion, frame, collision))
+    }
+
+    /// Lets the vehicle fall on the road and come to rest, and gives it its speed.
+    fn settle(
+        &mut self,
+        station: &Station,
+        server: &mut Server,
+        world: &mut Stream,
+        deadline: &Deadline,
+    ) -> Result<State> {
+        let Some(sensors) = &mut self.sensors else { return Err(Error::new("nothing was spawned")) };
+        let vehicle = sensors.vehicle;
+        let rate = self.options.camera.rate;
+        server.control(vehicle, Pedals::PARKED)?;
+        self.fleet.place(server, 0.0)?;
+        // The server does not say when it has taken a subscription: frames are asked for until the first comes.
+        let mut tries = 0;
+        let (mut frame, mut moves) = loop {
+            let request = server.tick()?;
+            let frame = server.ticked(request)?;
+            let patience = Deadline::new(FIRST_FRAME, "answer_seconds");
+            let seen = motion(world, vehicle, frame, &patience).and_then(|moves| {
+                sensors.camera.look(frame, &patience)?;
+                Ok(moves)
+            });
+            tries += 1;
+            match seen {
+                Ok(moves) => break (frame, moves),
+                Err(error)
+                    if error.kind() == ErrorKind::Late
+                        && tries < FIRST_FRAMES
+                        && deadline.left().is_some() => {}
+                Err(error) if error.kind() == ErrorKind::Late => {
+                    return Err(deadline.late(station, "sent a first camera frame"));
+                }
+                Err(error) => return Err(error),
+            }
+        };
+        let began = frame;
+        let elapsed = |frame: u64| (frame - began) as f64 / rate;
+        while elapsed(frame) < SETTLE.0 || (moves.speed() > REST && elapsed(frame) < SETTLE.1) {
+            (frame, moves) = next(server, world, sensors, deadline)?;
+        }
+        let speed = self.options.initial_speed;
+        if speed > 0.0 {
+            let ahead = [self.heading.cos() * speed, self.heading.sin() * speed, 0.0];
+            server.control(vehicle, Pedals::of(Control::default()))?;
+            server.set_velocity(vehicle, ahead)?;
+            (frame, moves) = next(server, world, sensors, deadline)?;
+        }
+        // Falling on the road was no collision.
+        sensors.collisions.look(deadline)?;
+        self.first = frame;
+        Ok(self.arrive(moves, frame, false))
+    }
+
+    fn arrive(&mut self, motion: Motion, frame: u64, collision: bool) -> State {
+        let Place { cross_track_error, along, progress, finished, .. } = self.track.find(motion.position);
+        // From the count, not from a sum: it never drifts.
+        let time = (frame - self.first) as f64 / self.options.camera.rate;
+        self.state = State {
+            time,
+            position: motion.position,
+            heading: motion.heading,
+            speed: motion.speed(),
+            cross_track_error,
+            progress,
+            vehicle_ahead: self.fleet.free_distance(time, along + self.front),
+            lane_departure: cross_track_error.abs() >= self.half_width,
+            collision,
+            finished,
+        };
+        self.state
+    }
+}
+
+/// The number of frames in so much time.
+fn frames(time: f64, rate: f64) -> u64 {
+    (time * rate).round() as u64
+}
+
+/// The next frame, and how the vehicle moves in it.
+fn next(
+    server: &mut Server,
+    world: &mut Stream,
+    sensors: &mut Sensors,
+    deadline: &Deadline,
+) -> Result<(u64, Motion)> {
+    let request = server.tick()?;
+    let frame = server.ticked(request)?;
+    let moves = motion(world, sensors.vehicle, frame, deadline)?;
+    sensors.camera.look(frame, deadline)?;
+    Ok((frame, moves))
+}
+
+/// How the vehicle moves in a frame.
+fn motion(world: &mut Stream, vehicle: u32, frame: u64, deadline: &Deadline) -> Result<Motion> {
+    loop {
+        let (header, body) = world.next(deadline)?;
+        if header.frame < frame {
+            continue;
+        }
+        return snapshot::motion(body, vehicle).ok_or_else(|| {
+            Error::of(
+                ErrorKind::Lost,
+                format!("the vehicle is not in frame {frame} of the server any more; another client of CARLA has taken it away"),
+            )
+        });
+    }
+}
+
+fn stream_of(actor: &Value) -> Result<crate::stream::Token> {
+    Actor(actor).stream().ok_or_else(|| {
+        let kind = text(element(element(actor, 2), 1));
+        Error::of(ErrorKind::Nonsense, format!("the server has spawned `{kind}` without a stream"))
+    })
+}

@@ -1,0 +1,85 @@
+//! Pictures that come as raw pixels.
+
+use pdk_sdk::prelude::{Error, FrameMut, Result};
+
+/// The order in which a simulator sends the colours of a pixel, which has four bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// Red, green, blue, and one that does not count.
+    Rgba,
+    /// Blue, green, red, and one that does not count.
+    Bgra,
+}
+
+/// The latest picture of a camera, kept until the loop asks for it.
+#[derive(Debug, Clone)]
+pub struct Picture {
+    width: usize,
+    height: usize,
+    /// Red, green and blue, row by row.
+    pixels: Vec<u8>,
+}
+
+impl Picture {
+    /// A black picture of this size in pixels.
+    pub fn new(width: u32, height: u32) -> Self {
+        let (width, height) = (width as usize, height as usize);
+        Self { width, height, pixels: vec![0; 3 * width * height] }
+    }
+
+    /// The number of bytes that a picture of this size has on the wire.
+    pub fn sent(&self) -> usize {
+        4 * self.width * self.height
+    }
+
+    /// Takes the pixels of the next picture, row by row: so many as [`Picture::sent`] says. What is missing stays as it was.
+    pub fn take(&mut self, sent: &[u8], order: Order) {
+        for (pixel, rgb) in sent.chunks_exact(4).zip(self.pixels.chunks_exact_mut(3)) {
+            rgb.copy_from_slice(&match order {
+                Order::Rgba => [pixel[0], pixel[1], pixel[2]],
+                Order::Bgra => [pixel[2], pixel[1], pixel[0]],
+            });
+        }
+    }
+
+    /// Writes it to a frame of the loop.
+    ///
+    /// # Errors
+    /// Where that has another size.
+    pub fn write(&self, mut into: FrameMut<'_>) -> Result<()> {
+        if (into.width(), into.height()) != (self.width, self.height) {
+            return Err(Error::new(format!(
+                "it was given a {}x{} frame, but its camera delivers {}x{}",
+                into.width(),
+                into.height(),
+                self.width,
+                self.height
+            )));
+        }
+        for (row, pixels) in into.rows_mut().zip(self.pixels.chunks_exact(3 * self.width)) {
+            row.copy_from_slice(pixels);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pdk_sdk::prelude::FrameBuf;
+
+    use super::*;
+
+    #[test]
+    fn colours_come_in_both_orders_and_frames_have_their_size() {
+        let mut picture = Picture::new(2, 1);
+        assert_eq!(picture.sent(), 8);
+        let mut frame = FrameBuf::new(2, 1);
+        for (order, expected) in [(Order::Rgba, [1, 2, 3, 4, 5, 6]), (Order::Bgra, [3, 2, 1, 6, 5, 4])] {
+            picture.take(&[1, 2, 3, 255, 4, 5, 6, 255], order);
+            picture.write(frame.as_mut()).unwrap();
+            assert_eq!(frame.data(), expected);
+        }
+        let error = picture.write(FrameBuf::new(1, 2).as_mut()).unwrap_err();
+        assert_eq!(error.message(), "it was given a 1x2 frame, but its camera delivers 2x1");
+    }
+}

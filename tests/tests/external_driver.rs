@@ -1,0 +1,219 @@
+//! Drivers in another process: Python and C++, and everything that can go wrong. Those whose tools are missing are skipped.
+
+#![allow(clippy::unwrap_used)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::processes::{BusFolder, comes_true};
+use pdk_tests::{Finished, Pdk, repository, target_folder, temp};
+use serde_json::{Value, json};
+
+const SOURCE: &str = r#"
+    local settings = pdk.settings({ driver = { name = "process" }, scenarios = 2, duration = 1, mode = "lockstep" })
+    local scenarios = {}
+    for number = 1, settings.scenarios do
+        table.insert(scenarios, { name = `drive {number}`, ["repeat"] = number, road = { angles = { 0, number, 0 } } })
+    end
+    pdk.show(pdk.drive({
+        simulator = { name = "lane", width = 320, height = 240 }, driver = settings.driver, duration = settings.duration,
+        mode = settings.mode, scenarios = scenarios,
+    }))
+"#;
+
+/// A driver that holds the middle by what it is told alone, and goes wrong at frame 10 of its first scenario where it is asked to.
+const PILOT: &str = r#"
+import os, sys, time
+import pdk_driver
+
+fault, mark = sys.argv[1], sys.argv[2]
+
+def drive(frame, context):
+    assert frame.shape == (240, 320, 3) and not frame.flags.writeable and not frame.flags.owndata
+    assert context.speed > 0 or context.frame_index == 0
+    if context.frame_index == 10 and fault != "none" and not os.path.exists(mark):
+        open(mark, "w").close()
+        if fault == "die":
+            print("out of memory", file=sys.stderr, flush=True)
+            os._exit(3)
+        if fault == "hang":
+            time.sleep(1000)
+        if fault == "nonsense":
+            return float("nan"), 0.0
+        if fault == "raise":
+            raise RuntimeError("no such layer")
+    return (float(frame[:, 160:, 0].mean()) - float(frame[:, :160, 0].mean())) / 1000.0, 0.25
+
+pdk_driver.serve(drive, exchange=sys.argv[3] if len(sys.argv) > 3 else None)
+"#;
+
+/// Whether Python has what the drivers need.
+fn python() -> bool {
+    let found = Command::new("python3").args(["-c", "import iceoryx2, numpy"]).stderr(Stdio::null()).status();
+    let found = found.is_ok_and(|status| status.success());
+    if !found {
+        eprintln!("skipped: python3 has no iceoryx2 and numpy");
+    }
+    found
+}
+
+struct Run {
+    finished: Finished,
+    took: Duration,
+    lines: Vec<Value>,
+}
+
+#[track_caller]
+fn run(driver: &Value, more: &[(&str, &str)]) -> Run {
+    let (folder, bus) = (temp(), BusFolder::new());
+    let out = folder.path().join("out");
+    let command = Pdk::new(["run", "--workers", "1", "--out"]).arg(&out).arg(pipeline(folder.path(), SOURCE));
+    let mut command = command.set("driver", driver).env("PYTHONPATH", repository().join("sdk/python"));
+    for (key, value) in more {
+        command = command.set(key, value);
+    }
+    let (variable, place) = bus.variable();
+    let began = Instant::now();
+    let finished = command.env(variable, place).run();
+    let took = began.elapsed();
+    assert!(comes_true(Duration::from_secs(5), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert!(bus.left().is_empty(), "{:?}", bus.left());
+    let lines = out.join("scenarios.jsonl");
+    let lines = if lines.exists() { json_lines(&lines) } else { Vec::new() };
+    Run { finished, took, lines }
+}
+
+/// The driver in Python, which goes wrong where it is asked to.
+fn pilot(folder: &Path, fault: &str) -> Value {
+    let script = folder.join("pilot.py");
+    std::fs::write(&script, PILOT).unwrap();
+    json!({
+        "name": "process", "command": ["python3", script, fault, folder.join("mark")], "answer_seconds": 2, "start_seconds": 30
+    })
+}
+
+#[test]
+fn a_function_in_python_drives_and_comes_out_the_same() {
+    if !python() {
+        return;
+    }
+    let folder = temp();
+    let [first, second] = [0, 1].map(|_| run(&pilot(folder.path(), "none"), &[]));
+    assert_eq!(first.finished.code, Some(0), "{}", first.finished.stderr);
+    assert_eq!(first.lines.len(), 2);
+    for (first, second) in first.lines.iter().zip(&second.lines) {
+        assert_eq!(first["cause"], "time_out");
+        assert_eq!((&first["frames"], &first["digest"]), (&json!(21), &second["digest"]));
+    }
+    let realtime = run(&pilot(folder.path(), "none"), &[("mode", "realtime")]);
+    assert_eq!(realtime.finished.code, Some(0), "{}", realtime.finished.stderr);
+}
+
+#[test]
+fn one_that_fails_ends_its_scenario_with_that_cause() {
+    if !python() {
+        return;
+    }
+    for (fault, kind, says) in [
+        ("die", "lost", "ended (exit status: 3), and wrote last: out of memory"),
+        ("raise", "lost", "no such layer"),
+        ("hang", "late", "has not answered a frame within 2 s"),
+        ("nonsense", "nonsense", "it steers NaN with throttle 0"),
+    ] {
+        let folder = temp();
+        let run = run(&pilot(folder.path(), fault), &[]);
+        assert_eq!(run.finished.code, Some(1), "{fault}: {}", run.finished.stderr);
+        assert!(run.finished.stderr.contains(says), "{fault}: {}", run.finished.stderr);
+        let found: Vec<_> = run.lines.iter().map(|line| line["cause"].as_str().unwrap()).collect();
+        assert_eq!(found, ["error", "time_out"], "{fault}");
+        assert_eq!(
+            (&run.lines[0]["error_kind"], &run.lines[0]["frames"]),
+            (&json!(kind), &json!(10)),
+            "{fault}"
+        );
+        assert!(run.took < Duration::from_secs(60), "{fault}: {:?}", run.took);
+    }
+}
+
+#[test]
+fn one_that_cannot_be_started_or_does_not_come_is_said() {
+    let missing = json!({"name": "process", "command": ["/no/such/pilot"]});
+    let run = run(&missing, &[("scenarios", "1")]);
+    assert!(
+        run.finished
+            .stderr
+            .contains("cannot start the driver: there is no program `/no/such/pilot`; correct `command`")
+    );
+    let nobody = json!({"name": "process", "exchange": "nobody", "start_seconds": 0.5});
+    let run = self::run(&nobody, &[("scenarios", "1")]);
+    let says = "the driver of the exchange `nobody` has not answered a frame within 0.5 s";
+    assert!(run.finished.stderr.contains(says), "{}", run.finished.stderr);
+}
+
+#[test]
+fn one_that_runs_already_serves_all_workers() {
+    if !python() {
+        return;
+    }
+    let (folder, bus) = (temp(), BusFolder::new());
+    pilot(folder.path(), "none");
+    let (variable, place) = bus.variable();
+    let mut driver = Command::new("python3")
+        .arg(folder.path().join("pilot.py"))
+        .args(["none", "-", "shared"])
+        .env(variable, place)
+        .env("PYTHONPATH", repository().join("sdk/python"))
+        .spawn()
+        .unwrap();
+    let out = folder.path().join("out");
+    let command = Pdk::new(["run", "--workers", "2", "--out"]).arg(&out).arg(pipeline(folder.path(), SOURCE));
+    let command = command.set("driver", json!({"name": "process", "exchange": "shared"})).set("scenarios", 4);
+    let finished = command.env(variable, place).run();
+    driver.kill().unwrap();
+    driver.wait().unwrap();
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    assert_eq!(json_lines(&out.join("scenarios.jsonl")).len(), 4);
+}
+
+#[test]
+fn the_examples_drive() {
+    if !python() {
+        return;
+    }
+    for example in ["function.py", "model.py"] {
+        let script = repository().join("sdk/python/examples").join(example);
+        let run = run(&json!({"name": "process", "command": ["python3", script]}), &[]);
+        assert_eq!(run.finished.code, Some(0), "{example}: {}", run.finished.stderr);
+    }
+}
+
+#[test]
+fn a_driver_in_cpp_drives() {
+    let compiler = Command::new("c++").arg("--version").stdout(Stdio::null()).status();
+    if !compiler.is_ok_and(|status| status.success()) {
+        eprintln!("skipped: there is no c++");
+        return;
+    }
+    let folder = temp();
+    let (source, target) = (repository().join("sdk/pdk-driver-c"), target_folder());
+    let pilot: PathBuf = folder.path().join("pilot");
+    let compiled = Command::new("c++")
+        .args(["-O2", "-Wall", "-Wextra", "-Werror", "-I"])
+        .arg(source.join("include"))
+        .arg(source.join("example/pilot.cpp"))
+        .arg("-L")
+        .arg(&target)
+        .arg("-lpdkdriver")
+        .arg(format!("-Wl,-rpath,{}", target.display()))
+        .arg("-o")
+        .arg(&pilot)
+        .status()
+        .unwrap();
+    assert!(compiled.success());
+    let run = run(&json!({"name": "process", "command": [pilot]}), &[]);
+    assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
+    assert_eq!(run.lines.len(), 2);
+    assert_eq!(run.lines[0]["frames"], 21);
+}

@@ -1,0 +1,301 @@
+//! The Udacity simulator over its wire, and everything that can go wrong.
+//!
+//! The stand-in is the embedded simulator as a client of the Unity library's kind. `PDK_SHOW=1` prints what each fault came to.
+
+#![allow(clippy::unwrap_used)]
+
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::processes::{BusFolder, comes_true};
+use pdk_tests::stand_in::{StandIn, free_ports, program};
+use pdk_tests::{Finished, Pdk, pictures, real_data, temp};
+use serde_json::{Value, json};
+
+/// Scenarios with the driver `lane_keeper`.
+const SOURCE: &str = r#"
+    local settings = pdk.settings({ simulator = { name = "udacity" }, scenarios = 2, duration = 3, roads = true })
+    local scenarios = {}
+    for number = 1, settings.scenarios do
+        local road = if settings.roads then { angles = { 0, number, 0 } } else nil
+        table.insert(scenarios, {
+            name = `drive {number}`, ["repeat"] = number, road = road,
+            perturbations = if number == 2 then { "gaussian_noise@1" } else nil,
+        })
+    end
+    pdk.show(pdk.drive({
+        simulator = settings.simulator, driver = "lane_keeper", duration = settings.duration, scenarios = scenarios,
+    }))
+"#;
+
+fn simulator(port: u16) -> Value {
+    json!({
+        "name": "udacity", "port": port, "rate": 40, "settle_seconds": 0, "start_seconds": 40, "answer_seconds": 15
+    })
+}
+
+/// What came of a run of [`SOURCE`].
+struct Run {
+    finished: Finished,
+    took: Duration,
+    lines: Vec<Value>,
+}
+
+impl Run {
+    fn causes(&self) -> Vec<&str> {
+        self.lines.iter().map(|line| line["cause"].as_str().unwrap()).collect()
+    }
+
+    #[track_caller]
+    fn says(&self, code: i32, parts: &[&str]) {
+        let stderr = &self.finished.stderr;
+        assert_eq!(self.finished.code, Some(code), "{stderr}{}", self.finished.stdout);
+        for part in parts {
+            assert!(stderr.contains(part), "`{stderr}` does not say `{part}`");
+        }
+    }
+}
+
+/// Runs the scenarios; afterwards no process of the run is left, and nothing of it in shared memory.
+#[track_caller]
+fn run(simulator: &Value, more: &[(&str, &str)]) -> Run {
+    let (folder, bus) = (temp(), BusFolder::new());
+    let out = folder.path().join("out");
+    let mut command = Pdk::new(["run", "--workers", "1", "--out"]).arg(&out);
+    command = command.arg(pipeline(folder.path(), SOURCE)).set("simulator", simulator);
+    for (key, value) in more {
+        command = command.set(key, value);
+    }
+    let (variable, place) = bus.variable();
+    let began = Instant::now();
+    let finished = command.env(variable, place).run();
+    let took = began.elapsed();
+    assert!(comes_true(Duration::from_secs(5), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert!(bus.left().is_empty(), "{:?}", bus.left());
+    let lines = out.join("scenarios.jsonl");
+    let lines = if lines.exists() { json_lines(&lines) } else { Vec::new() };
+    if std::env::var_os("PDK_SHOW").is_some() {
+        let said: Vec<_> = finished.stderr.lines().filter(|line| !line.is_empty()).collect();
+        eprintln!(
+            "-- {:.1} s, exit code {:?}, {} lines kept\n   {}",
+            took.as_secs_f64(),
+            finished.code,
+            lines.len(),
+            said.join("\n   ")
+        );
+    }
+    Run { finished, took, lines }
+}
+
+#[test]
+fn roads_are_driven() {
+    for numbers in ["plain", "german"] {
+        let port = free_ports(1);
+        let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--numbers", numbers]);
+        let run = run(&simulator(port), &[("duration", "4")]);
+        run.says(0, &[]);
+        for line in &run.lines {
+            assert_eq!(line["cause"], "time_out", "{numbers}: {line}");
+            assert!(line["max_cross_track_error"].as_f64().unwrap() < 1.0, "{numbers}: {line}");
+            // It has come away from the start, however busy the machine was.
+            assert!(line["progress"].as_f64().unwrap() > 0.0, "{numbers}: {line}");
+            assert!(line["frames"].as_u64().unwrap() > 2, "{numbers}: {line}");
+        }
+        assert_ne!(run.lines[0]["digest"], run.lines[1]["digest"]);
+    }
+}
+
+/// The stock build answers each command once, begins with two answers, and knows no road.
+#[test]
+fn the_stock_build_is_driven() {
+    let port = free_ports(1);
+    let _stand_in = StandIn::start("udacity", port, &["--build", "stock"]);
+    let mut simulator = simulator(port);
+    simulator["build"] = json!("stock");
+    let run = run(&simulator, &[("roads", "false")]);
+    run.says(0, &[]);
+    assert_eq!(run.causes(), ["time_out"; 2]);
+    assert!(run.lines.iter().all(|line| line["frames"].as_u64().unwrap() > 2), "{:?}", run.lines);
+
+    let run = self::run(&simulator, &[("scenarios", "1")]);
+    run.says(1, &["takes no roads", "build=road_generating"]);
+}
+
+/// A scenario in the middle of which the simulator is lost says nothing about the driver: it is driven again.
+#[test]
+fn a_scenario_whose_simulator_is_lost_is_driven_again() {
+    for (fault, least) in [("close", 0.0), ("close:5", 5.0), ("half", 0.0)] {
+        let port = free_ports(1);
+        let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", fault, "--at", "1"]);
+        let run = run(&simulator(port), &[]);
+        run.says(0, &["has hung up", "simulator `udacity`", "driven again from its beginning, once"]);
+        assert_eq!(run.causes(), ["time_out"; 2], "{fault}");
+        assert!(run.took.as_secs_f64() >= least, "{fault}: {:?}", run.took);
+    }
+}
+
+/// Where pdk has started the simulator, it starts it again.
+#[test]
+fn one_that_pdk_starts_is_started_again() {
+    for fault in ["die", "hang"] {
+        let port = free_ports(1);
+        let mut simulator = simulator(port);
+        // The first one goes wrong.
+        let folder = temp();
+        let mark = folder.path().join("started");
+        let script = format!(
+            "test -e {0} && exec {1} udacity $0 --rate 40; touch {0}; exec {1} udacity $0 --rate 40 --fault {fault} --at 1",
+            mark.display(),
+            program().display()
+        );
+        simulator["launch"] = json!(["sh", "-c", script, "{port}"]);
+        simulator["answer_seconds"] = json!(3);
+        let run = run(&simulator, &[]);
+        let says =
+            if fault == "die" { "ended (exit status: 3)" } else { "has not sent telemetry within 3 s" };
+        run.says(0, &[says, "driven again"]);
+        assert_eq!(run.causes(), ["time_out"; 2], "{fault}");
+    }
+}
+
+#[test]
+fn one_that_hangs_ends_the_run() {
+    let port = free_ports(1);
+    let mut simulator = simulator(port);
+    simulator["answer_seconds"] = json!(3);
+    simulator["start_seconds"] = json!(3);
+    let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", "hang", "--at", "1"]);
+    let run = run(&simulator, &[]);
+    run.says(1, &["simulator `udacity`", "has not connected within 3 s"]);
+    assert!(run.lines.is_empty() && run.took < Duration::from_secs(40), "{:?} {:?}", run.lines, run.took);
+}
+
+#[test]
+fn nonsense_is_the_outcome_of_its_scenario() {
+    for (fault, says) in [
+        ("garbage", "`220 mail.example.org ESMTP ready` is no packet of Engine.IO"),
+        ("flood", "a message of more than 67108864 bytes"),
+    ] {
+        let port = free_ports(1);
+        let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", fault, "--at", "1"]);
+        let run = run(&simulator(port), &[("memory", "400")]);
+        run.says(1, &["1 of 2 scenarios", says, "is another program connected to this port?"]);
+        assert_eq!(run.causes(), ["error", "time_out"], "{fault}");
+        assert_eq!(run.lines[0]["error_kind"], "nonsense");
+    }
+}
+
+#[test]
+fn one_that_does_not_come_is_waited_for_and_said() {
+    let port = free_ports(1);
+    let mut simulator = simulator(port);
+    simulator["start_seconds"] = json!(4);
+    // A browser looks in meanwhile.
+    let browser = std::thread::spawn(move || {
+        let mut answer = String::new();
+        assert!(comes_true(Duration::from_secs(20), || {
+            let Ok(mut stream) = TcpStream::connect(("127.0.0.1", port)) else { return false };
+            let request = "GET /socket.io/?EIO=4&transport=polling HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+                           Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
+            stream.write_all(request.as_bytes()).is_ok()
+                && stream.read_to_string(&mut answer).is_ok()
+                && !answer.is_empty()
+        }));
+        answer
+    });
+    let run = run(&simulator, &[]);
+    run.says(1, &["has not connected within 4 s; something else tried to", "`launch`"]);
+    assert!(run.lines.is_empty() && run.took < Duration::from_secs(40), "{:?}", run.took);
+    assert!(browser.join().unwrap().starts_with("HTTP/1.1 400"));
+}
+
+#[test]
+fn a_port_that_is_taken_is_said() {
+    let other = TcpListener::bind("127.0.0.1:0").unwrap();
+    let run = run(&simulator(other.local_addr().unwrap().port()), &[]);
+    run.says(1, &["cannot listen at 127.0.0.1:", "another program listens there"]);
+}
+
+/// It binds to this machine's own address, not to those that others can reach.
+#[test]
+fn nobody_else_can_connect() {
+    let port = free_ports(1);
+    let stand_in = StandIn::start("udacity", port, &["--rate", "40"]);
+    let folder = temp();
+    let command = Pdk::new(["run", "--workers", "1", "--out"]).arg(folder.path().join("out"));
+    let command =
+        command.arg(pipeline(folder.path(), SOURCE)).set("simulator", simulator(port)).set("duration", 4);
+    let mut child = command.spawn();
+    let listening = || {
+        let wanted = format!(":{port:04X} ");
+        let table = std::fs::read_to_string("/proc/net/tcp").unwrap();
+        table.lines().find(|line| line.contains(&wanted) && line.contains(" 0A ")).map(str::to_owned)
+    };
+    assert!(comes_true(Duration::from_secs(20), || listening().is_some()));
+    assert!(listening().unwrap().contains("0100007F:"), "{:?}", listening());
+    // Another simulator that wants to have it too is refused, and the drive goes on.
+    std::thread::sleep(Duration::from_secs(2));
+    let second = StandIn::start("udacity", port, &["--rate", "40"]);
+    let status = child.wait().unwrap();
+    let mut said = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert!(status.success(), "{said}");
+    assert_eq!(said.matches("another simulator wants to connect").count(), 1, "{said}");
+    drop((stand_in, second));
+}
+
+#[test]
+fn doctor_says_what_it_found() {
+    let port = free_ports(1);
+    let _stand_in = StandIn::start("udacity", port, &["--rate", "20"]);
+    let set = |text: String| ["--set".to_owned(), text];
+    let finished = Pdk::new(["doctor", "--simulator", "udacity"])
+        .args(set(format!("port={port}")))
+        .args(set("settle_seconds=0".to_owned()))
+        .succeed();
+    for part in ["`udacity` was ready after", "has its own clock", "320x160", "at 20 Hz", "from a control"] {
+        assert!(finished.stdout.contains(part), "{part}: {}", finished.stdout);
+    }
+}
+
+/// The stand-in that behaves as the Unity library does byte for byte. It sends what it is given, and drives nowhere.
+#[test]
+fn the_unity_library_is_understood() {
+    let Some(tool) = real_data("tools/unity_client.py") else { return };
+    let python = Command::new("python3").args(["-c", "import websocket"]).stderr(Stdio::null()).status();
+    if !python.is_ok_and(|status| status.success()) {
+        eprintln!("skipped: python3 has no websocket-client");
+        return;
+    }
+    for (mode, build) in [("fork", "road_generating"), ("stock", "stock")] {
+        let port = free_ports(1);
+        let folder = temp();
+        let picture = folder.path().join("frame.jpg");
+        pictures::write(&picture, 320, 160);
+        let log = folder.path().join("log");
+        let mut simulator = simulator(port);
+        simulator["build"] = json!(build);
+        simulator["launch"] = json!([
+            "sh",
+            "-c",
+            format!(
+                "sleep 1; exec python3 -u {} $0 {mode} {} 60 > {} 2>&1",
+                tool.display(),
+                picture.display(),
+                log.display()
+            ),
+            "{port}"
+        ]);
+        let run = run(&simulator, &[("roads", "false"), ("scenarios", "1"), ("duration", "0.1")]);
+        let said = std::fs::read_to_string(&log).unwrap();
+        assert_eq!(run.finished.code, Some(0), "{mode}: {}{said}", run.finished.stderr);
+        assert_eq!(run.causes(), ["time_out"], "{mode}");
+        assert!(
+            said.contains("UNITY <- 40") && said.contains("UNITY <- 3") && said.contains("steer"),
+            "{mode}: {said}"
+        );
+    }
+}
