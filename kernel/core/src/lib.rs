@@ -11,8 +11,8 @@
 //! | [`inspection`] | opens libraries in a process that dies afterwards, before they are opened where they are needed |
 //! | [`catalog`] | what there is, as plain data that can be sent to another process |
 //! | [`chain`] | the perturbations that a frame goes through, each with a key of its own; `mask` limits them to a region, `selection` to what a saliency map marks |
-| [`maps`] | the saliency maps of a sequence: when one is made, and how long it is used; `motion` moves it with the image |
-| [`moment`] | what is known of a frame besides its pixels |
+//! | [`maps`] | the saliency maps of a sequence: when one is made, and how long it is used; `motion` moves it with the image |
+//! | [`moment`] | what is known of a frame besides its pixels |
 //! | [`modifiers`] | what every perturbation takes besides its own parameters |
 //! | [`calls`] | what this process is calling, told to the one that supervises it |
 //! | [`float`] | the floating-point mode, put back after every call |

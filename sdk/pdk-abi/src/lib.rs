@@ -31,7 +31,7 @@ pub use header::Header;
 pub use prefix::{Prefix, empty, load, store};
 pub use sized::{
     Camera, Control, DatasetFunctions, DriveContext, DriverFunctions, Entry, Frame, FrameMut, Heatmap,
-    Instance, MapContext, MapSize, PerturbationContext, PerturbationFunctions, Plugin, SaliencyFunctions,
+    Instance, MapContext, MapSize, MaskFunctions, PerturbationContext, PerturbationFunctions, Plugin, SaliencyFunctions,
     SearchFunctions, SimulatorFunctions, Sink, State, map_flag, state_flag,
 };
 
