@@ -68,7 +68,7 @@ fn the_labels_of_the_simulator_limit_a_perturbation() {
     let (run, out) = drive("moon", "moon");
     run.run();
     let line = &json_lines(&out.join("scenarios.jsonl"))[0];
-    let error = line["outcome"]["error"].as_str().unwrap();
+    let error = line["error"].as_str().unwrap();
     assert!(error.contains("the simulator has no label `moon`; it has `sky`, `ground`, `road`"), "{error}");
 }
 

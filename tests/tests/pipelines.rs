@@ -317,7 +317,7 @@ fn attention_compares_where_it_matters_with_where_it_does_not() {
         let named: Vec<_> =
             lines.iter().filter(|line| line["name"].as_str().is_some_and(|name| name.contains(condition))).collect();
         assert_eq!(entry["conditions"][condition]["drives"], named.len());
-        let failures = named.iter().filter(|line| line["outcome"]["success"] == false).count();
+        let failures = named.iter().filter(|line| line["success"] == false).count();
         assert_eq!(entry["conditions"][condition]["failures"], failures);
         for line in named {
             let where_ = &line["scenario"]["perturbations"][0]["where"];
