@@ -41,10 +41,11 @@ pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
             describe(returned)
         )));
     };
-    let fields = Fields { table, of: "the perturbation", record: &PERTURBATION };
+    let mask = !table.raw_get::<Value>("mask").map_err(unreadable)?.is_nil();
+    let of = if mask { "the mask" } else { "the perturbation" };
+    let fields = Fields { table, of, record: &PERTURBATION };
     fields.refuse_unknown()?;
     let name = fields.optional_text("name")?.unwrap_or_else(|| stem.to_owned());
-    let mask = !fields.get("mask")?.is_nil();
     let describe_as = if mask { Description::mask } else { Description::perturbation };
     let mut description = describe_as(&name, &fields.line("doc")?);
     description.family = fields.optional_text("family")?.unwrap_or_default();

@@ -185,7 +185,8 @@ impl Repaint {
                     let weight = ramp(x, width, fade[0]) * ramp(y, height, fade[1]);
                     let at = (top + y) * frame[0] + left + x;
                     self.weights[at] += weight;
-                    for (sum, value) in self.sums[at * 3..].iter_mut().zip(self.color(&values, pixel)) {
+                    let color = self.color(&values, pixel);
+                    for (sum, value) in self.sums[at * 3..].iter_mut().zip(color) {
                         *sum += value * weight;
                     }
                 }

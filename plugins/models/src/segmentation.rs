@@ -1,6 +1,7 @@
 //! The mask `segmentation`: what a network says that pixels show.
 
 use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::{Value, json};
 
 use crate::picture::{PictureNetwork, parameters};
 
@@ -16,25 +17,29 @@ impl Component for Segmentation {
         let description = Description::mask("segmentation", "The pixels that a segmentation network counts among some classes")
             .family("network")
             .source("Any network with a number for each class and pixel, such as those trained on Cityscapes");
-        parameters(description).parameter(Parameter::text(
+        parameters(description).parameter(Parameter::json(
             "classes",
-            "the numbers of the classes, from 0, with spaces between them: `0` is the road of networks trained on Cityscapes, `13` \
-             its cars, `10` its sky",
+            json!(0),
+            "the number of a class, from 0, or a list of several: 0 is the road of networks trained on Cityscapes, 13 its cars, \
+             10 its sky",
         ))
     }
 
     fn new(config: &Config) -> Result<Self> {
         let network = PictureNetwork::open(config)?;
         let channels = network.channels()?;
-        let text = config.text("classes");
+        let given = config.value("classes");
         let most = if channels == 1 { 255 } else { channels - 1 };
-        let class = |class: &str| class.parse().ok().filter(|class| *class <= most);
-        let classes: Option<Vec<usize>> = text.split_whitespace().map(class).collect();
+        let class = |class: &Value| Some(class.as_u64()? as usize).filter(|class| *class <= most);
+        let classes: Option<Vec<usize>> = match given {
+            Value::Array(several) => several.iter().map(class).collect(),
+            one => class(one).map(|class| vec![class]),
+        };
         match classes.filter(|classes| !classes.is_empty()) {
             Some(classes) => Ok(Self { network, classes, channels }),
             None => Err(Error::of(
                 ErrorKind::Configuration,
-                format!("`classes` is \"{text}\", but has to be one or several numbers from 0 to {most}"),
+                format!("`classes` is {given}, but has to be a number from 0 to {most}, or a list of such numbers"),
             )
             .at(&network.place)),
         }
@@ -75,7 +80,6 @@ mod tests {
     use super::*;
     use pdk_onnx::testing::{Setting, Sketch};
     use pdk_onnx::{Tensor, model};
-    use pdk_sdk::serde_json::json;
     use pdk_sdk::testing::check_mask;
 
     /// A network of three classes: dark, red and bright, for images of 8 x 6.
@@ -92,7 +96,7 @@ mod tests {
         file
     }
 
-    fn config(file: &tempfile::NamedTempFile, classes: &str) -> Config {
+    fn config(file: &tempfile::NamedTempFile, classes: &Value) -> Config {
         let given = json!({"model": file.path().to_str().unwrap(), "classes": classes, "backend": "tract"});
         Config::check(&Segmentation::description(), given.as_object().unwrap()).unwrap()
     }
@@ -107,17 +111,22 @@ mod tests {
             frame.as_mut().set_pixel(x, y, color);
         }
         let key = Key([1; 32]);
-        for (classes, expected) in [("0", [1.0, 0.0, 0.0]), ("1", [0.0, 1.0, 0.0]), ("0 2", [1.0, 0.0, 1.0])] {
-            let mut mask = Segmentation::new(&config(&file, classes)).unwrap();
+        for (classes, expected) in
+            [(json!(0), [1.0, 0.0, 0.0]), (json!(1), [0.0, 1.0, 0.0]), (json!([0, 2]), [1.0, 0.0, 1.0])]
+        {
+            let mut mask = Segmentation::new(&config(&file, &classes)).unwrap();
             let mut weights = vec![f32::NAN; 24 * 12];
             let out = HeatmapMut::new(&mut weights, 24, 12).unwrap();
             mask.weights(frame.as_ref(), &MapContext::new(0, 0.0, &key), out).unwrap();
             // In the middle of each column, since the edges are blended by the resizing.
             assert_eq!([4, 12, 20].map(|x| weights[6 * 24 + x]), expected, "{classes}");
-            check_mask(&config(&file, classes), &mut |config| Ok(Box::new(Segmentation::new(config)?))).unwrap();
+            check_mask(&config(&file, &classes), &mut |config| {
+                Ok(Box::new(Segmentation::new(config)?) as Box<dyn Mask>)
+            })
+            .unwrap();
         }
-        for wrong in ["", "3", "road", "-1"] {
-            let error = Segmentation::new(&config(&file, wrong)).err().unwrap().to_string();
+        for wrong in [json!([]), json!(3), json!("road"), json!(-1), json!([0, 3])] {
+            let error = Segmentation::new(&config(&file, &wrong)).err().unwrap().to_string();
             assert!(error.contains("from 0 to 2"), "{error}");
         }
     }
