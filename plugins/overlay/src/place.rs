@@ -42,6 +42,7 @@ impl Moved {
             ((-by).max(0) as usize, by.max(0) as usize, kept)
         };
         let ((from_x, to_x, columns), (from_y, to_y, rows)) = (overlap(right, width), overlap(down, height));
+        let rows = if columns > 0 { rows } else { 0 };
         for row in 0..rows {
             let (from, to) = ((from_y + row) * width + from_x, (to_y + row) * width + to_x);
             self.colours[to * 3..][..columns * 3].copy_from_slice(&colours[from * 3..][..columns * 3]);

@@ -46,7 +46,9 @@ impl Kept {
         let network = hasher.finalize();
         // The same grid, however large the map is that is made of it, and wherever the network lies.
         let mut parameters = config.values().clone();
-        ["size", "model", "backend", "speed"].map(|name| parameters.shift_remove(name));
+        for name in ["size", "model", "backend", "speed"] {
+            parameters.shift_remove(name);
+        }
         let Description { name, version, .. } = description;
         let text = serde_json::to_string(&(name, version, parameters, viewer.runs_on())).ok()?;
         let mut hasher = blake3::Hasher::new();
