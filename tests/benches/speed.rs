@@ -183,7 +183,9 @@ fn time_at(registry: &Registry, spec: &mut AppliedPerturbation, level: u32, sour
     let mut target = FrameBuf::new(source.width(), source.height());
     spec.level = Level::Constant(f64::from(level));
     let mut chain = Chain::new(registry, std::slice::from_ref(spec), 0).unwrap();
-    median(&mut |call| chain.apply(source.as_ref(), target.as_mut(), &Moment::new(call, call as f64 / RATE)).unwrap())
+    median(&mut |call| {
+        chain.apply(source.as_ref(), target.as_mut(), &Moment::new(call, call as f64 / RATE)).unwrap()
+    })
 }
 
 /// The median processor time of a call in milliseconds, after a few calls that fill caches.

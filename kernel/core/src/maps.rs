@@ -46,7 +46,9 @@ impl Turns {
         let period = match (change, self.period) {
             _ if moment.alone => moment.frame_index,
             (None, _) => moment.frame_index / every,
-            (Some(change), Some(period)) if same_size && difference(self.seen.as_ref(), raw) <= change => period,
+            (Some(change), Some(period)) if same_size && difference(self.seen.as_ref(), raw) <= change => {
+                period
+            }
             (Some(_), _) => moment.frame_index,
         };
         let new = moment.alone || self.period != Some(period) || !same_size;
@@ -200,7 +202,8 @@ pub fn map(
         match values.iter().all(|value| value.is_finite()) {
             true => Ok((values, [width, height])),
             false => {
-                let sentence = format!("its map of frame {} holds numbers that are not finite", cx.frame_index);
+                let sentence =
+                    format!("its map of frame {} holds numbers that are not finite", cx.frame_index);
                 Err(Error::new(sentence))
             }
         }
@@ -244,7 +247,10 @@ mod tests {
         assert_eq!(found, [(0, true), (0, false), (0, false), (1, true), (1, false)]);
         // A later period is the same whatever came before it.
         let mut late = Turns::new(pace(3, None));
-        assert_eq!(late.of(shade(9).as_ref(), &Moment::new(4, 0.0)), Turn { period: 1, new: true, moved: [0, 0] });
+        assert_eq!(
+            late.of(shade(9).as_ref(), &Moment::new(4, 0.0)),
+            Turn { period: 1, new: true, moved: [0, 0] }
+        );
         // A frame that counts for itself has a map of its own.
         assert_eq!(turns(pace(3, None), &[1, 2, 3], true), [(0, true), (1, true), (2, true)]);
     }

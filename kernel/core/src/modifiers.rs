@@ -75,7 +75,10 @@ pub const ATTENTION: Modifier = Modifier {
     doc: "The saliency maps that the perturbation itself follows, for those that do, such as drops that are born where a map is high.",
     details: "A saliency method with its parameters, or a table of such a method as `by` and of `every`, `change` and `follow`, as \
               for `where`. `pdk show NAME` says whether a perturbation follows maps, and how.",
-    examples: &[r#""hirescam,model=FILE.onnx""#, r#"{"by":"hirescam,model=FILE.onnx","every":5,"follow":true}"#],
+    examples: &[
+        r#""hirescam,model=FILE.onnx""#,
+        r#"{"by":"hirescam,model=FILE.onnx","every":5,"follow":true}"#,
+    ],
 };
 
 /// Says what is drawn when.

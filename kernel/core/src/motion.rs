@@ -75,7 +75,8 @@ impl Reduced {
 /// A map whose content is moved right and down; what comes in from beyond the edge is as the edge was.
 pub fn moved(values: &[f32], width: usize, [right, down]: [isize; 2]) -> Vec<f32> {
     let height = values.len() / width;
-    let place = |at: usize, by: isize, length: usize| (at as isize - by).clamp(0, length as isize - 1) as usize;
+    let place =
+        |at: usize, by: isize, length: usize| (at as isize - by).clamp(0, length as isize - 1) as usize;
     let columns: Vec<usize> = (0..width).map(|x| place(x, right, width)).collect();
     let rows = (0..height).map(|y| &values[place(y, down, height) * width..][..width]);
     rows.flat_map(|row| columns.iter().map(|&x| row[x])).collect()

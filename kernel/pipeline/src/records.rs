@@ -1,6 +1,8 @@
 //! The tables that pipelines write and read, as types for editors.
 
-use pdk_core::modifiers::{ATTENTION as APPLIED_ATTENTION, DRAWS, PROBABILITY, REGION as APPLIED_REGION, WHERE};
+use pdk_core::modifiers::{
+    ATTENTION as APPLIED_ATTENTION, DRAWS, PROBABILITY, REGION as APPLIED_REGION, WHERE,
+};
 use pdk_lua::{ApiField, ApiRecord};
 
 const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -> ApiField {

@@ -224,7 +224,11 @@ pub fn over_time(
     (0..count)
         .map(|number| {
             let time = number as f64 * interval;
-            chain.apply(source.as_ref(), target.as_mut(), &Moment::new((time * RATE).round() as u64, time))?;
+            chain.apply(
+                source.as_ref(),
+                target.as_mut(),
+                &Moment::new((time * RATE).round() as u64, time),
+            )?;
             Ok(picture::scaled(&target, options.picture_width))
         })
         .collect()

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use crate::{VERSION, fixed, header, sized, map_flag, state_flag};
+use crate::{VERSION, fixed, header, map_flag, sized, state_flag};
 
 /// The variable that has the layout recorded.
 const RECORD: &str = "PDK_BLESS";
@@ -56,9 +56,12 @@ fn present() -> Layout {
     let mut layout = structures("fixed", fixed::layouts());
     layout.extend(structures("fixed", header::layouts()));
     layout.extend(structures("sized", sized::layouts()));
-    for (name, numbers) in
-        [("status", fixed::status::ALL), ("kind", fixed::kind::ALL), ("state_flag", state_flag::ALL), ("map_flag", map_flag::ALL)]
-    {
+    for (name, numbers) in [
+        ("status", fixed::status::ALL),
+        ("kind", fixed::kind::ALL),
+        ("state_flag", state_flag::ALL),
+        ("map_flag", map_flag::ALL),
+    ] {
         let lines = numbers.iter().map(|(name, number)| format!("{number} {name}"));
         layout.insert(format!("numbers {name}"), lines.collect());
     }

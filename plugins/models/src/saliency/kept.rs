@@ -92,7 +92,8 @@ impl Kept {
 
 /// A grid as bytes: rows, columns, where its cells look, values, and a checksum of all that.
 fn write(grid: &Grid) -> Vec<u8> {
-    let mut bytes: Vec<u8> = [grid.rows, grid.columns].iter().flat_map(|n| (*n as u64).to_le_bytes()).collect();
+    let mut bytes: Vec<u8> =
+        [grid.rows, grid.columns].iter().flat_map(|n| (*n as u64).to_le_bytes()).collect();
     for Look { along, start, step, size } in grid.looks {
         bytes.push(u8::from(along == ImageAxis::Width));
         bytes.extend([start, step, size].iter().flat_map(|number| number.to_le_bytes()));

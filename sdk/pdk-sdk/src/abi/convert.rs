@@ -271,7 +271,10 @@ mod tests {
         for cx in [known, MapContext::new(5, 1.0, &key)] {
             let raw = map_context(&cx);
             let read = read_map_context(&raw, &key);
-            assert_eq!((read.frame_index, read.time, read.speed, read.recorded), (cx.frame_index, cx.time, cx.speed, cx.recorded));
+            assert_eq!(
+                (read.frame_index, read.time, read.speed, read.recorded),
+                (cx.frame_index, cx.time, cx.speed, cx.recorded)
+            );
         }
         assert_eq!(read_map_context(&unsaid_map_context(), &key).speed, None);
     }
