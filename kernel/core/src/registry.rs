@@ -111,7 +111,7 @@ impl Registry {
                 )));
             }
             // A plugin may be named itself; a pipe or a device is nothing to look into.
-            if !place.is_dir() && !(name == "plugins" && place.is_file()) {
+            if !(place.is_dir() || name == "plugins" && place.is_file()) {
                 return Err(Error::new(format!("{shown} is not a folder; correct --{name}")));
             }
         }
