@@ -14,7 +14,9 @@ fn changed(folder: &Path, with: &str) -> Vec<bool> {
     if !image.exists() {
         pictures::write(&image, 320, 160);
     }
-    Pdk::new(["perturb", "road.png", "--plugins", ".", "--with", with, "-o", "out.png"]).folder(folder).succeed();
+    Pdk::new(["perturb", "road.png", "--plugins", ".", "--with", with, "-o", "out.png"])
+        .folder(folder)
+        .succeed();
     let [before, after] = [image, out].map(|path| image::open(path).unwrap().into_rgb8());
     before.pixels().zip(after.pixels()).map(|(a, b)| a != b).collect()
 }
@@ -34,18 +36,25 @@ fn a_mask_in_lua_limits_a_perturbation() {
     )
     .unwrap();
     let listed = Pdk::new(["list", "mask", "--plugins", "."]).folder(folder.path()).succeed();
-    assert!(listed.stdout.contains("lower_half") && listed.stdout.contains("segmentation"), "{}", listed.stdout);
+    assert!(
+        listed.stdout.contains("lower_half") && listed.stdout.contains("segmentation"),
+        "{}",
+        listed.stdout
+    );
     let found = changed(folder.path(), r#"false_color_filter@3,where={"mask":"lower_half"}"#);
     assert_eq!(found.iter().position(|changed| *changed), Some(320 * 80));
     assert!(found[320 * 80..].iter().filter(|changed| **changed).count() > 320 * 70);
 
-    fs::write(folder.path().join("broken.lua"), "return { doc = 'x', mask = function(image) return 3 end }").unwrap();
+    fs::write(folder.path().join("broken.lua"), "return { doc = 'x', mask = function(image) return 3 end }")
+        .unwrap();
     let perturb = |with: &str| {
-        Pdk::new(["perturb", "road.png", "--plugins", ".", "-o", "x.png", "--with", with]).folder(folder.path())
+        Pdk::new(["perturb", "road.png", "--plugins", ".", "-o", "x.png", "--with", with])
+            .folder(folder.path())
     };
     perturb(r#"contrast@3,where={"mask":"broken"}"#)
         .fail(1, &["mask `broken`", "`mask` returns a number, but has to change `image` in place"]);
-    perturb(r#"contrast@3,where={"mask":"lower_haft"}"#).fail(1, &["there is no mask `lower_haft`", "`lower_half`"]);
+    perturb(r#"contrast@3,where={"mask":"lower_haft"}"#)
+        .fail(1, &["there is no mask `lower_haft`", "`lower_half`"]);
     perturb(r#"contrast@3,where={"label":"road"}"#).fail(1, &["these frames come without"]);
 }
 

@@ -92,7 +92,8 @@ impl Selector {
 /// The pixels that show something of these names.
 fn labelled(names: &[String], labels: Option<Labels<'_>>, pixels: usize) -> Result<Vec<u8>> {
     let wrong = |sentence: String| Err(Error::of(ErrorKind::Configuration, sentence));
-    let Some(labels) = labels.filter(|labels| !labels.names.is_empty() && labels.pixels.len() == pixels) else {
+    let Some(labels) = labels.filter(|labels| !labels.names.is_empty() && labels.pixels.len() == pixels)
+    else {
         return wrong(
             "`label` needs a simulator that says what its pixels show, and these frames come without; use a mask instead".to_owned(),
         );
@@ -269,7 +270,8 @@ mod tests {
     #[test]
     fn equal_pixels_are_drawn_by_the_seed_and_the_period() {
         let map = [0.5; 1000];
-        for value in [json!({"top": 20, "by": "x"}), json!({"bottom": 20, "by": "x"}), json!({"random": 20})] {
+        for value in [json!({"top": 20, "by": "x"}), json!({"bottom": 20, "by": "x"}), json!({"random": 20})]
+        {
             let draw = |period| choose(&selection(value.clone()), &map, &Key([5; 32]), period);
             assert_eq!(draw(0).iter().filter(|chosen| **chosen > 0).count(), 200);
             assert_eq!(draw(0), draw(0));
@@ -317,10 +319,18 @@ mod tests {
     struct Left;
 
     impl Mask for Left {
-        fn weights(&mut self, frame: Frame<'_>, _: &pdk_sdk::prelude::MapContext<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
+        fn weights(
+            &mut self,
+            frame: Frame<'_>,
+            _: &pdk_sdk::prelude::MapContext<'_>,
+            mut out: HeatmapMut<'_>,
+        ) -> Result<()> {
             for y in 0..frame.height() {
                 let half = out.width() / 2;
-                out.row_mut(y).iter_mut().enumerate().for_each(|(x, value)| *value = if x < half { 0.5 } else { f32::NAN });
+                out.row_mut(y)
+                    .iter_mut()
+                    .enumerate()
+                    .for_each(|(x, value)| *value = if x < half { 0.5 } else { f32::NAN });
             }
             Ok(())
         }
@@ -338,7 +348,8 @@ mod tests {
 
     fn treat(rows: &[&str], value: Value) -> Vec<String> {
         let width = rows[0].len();
-        let chosen = rows.iter().flat_map(|row| row.bytes().map(|byte| if byte == b'#' { 255 } else { 0 })).collect();
+        let chosen =
+            rows.iter().flat_map(|row| row.bytes().map(|byte| if byte == b'#' { 255 } else { 0 })).collect();
         let weights = finish(chosen, (width, rows.len()), &selection(value));
         weights
             .chunks(width)

@@ -79,7 +79,9 @@ pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
     }
     if mask {
         if !fields.get("apply")?.is_nil() {
-            return Err(Error::new("the script has both `apply` and `mask`, but is either a perturbation or a mask; leave one out"));
+            return Err(Error::new(
+                "the script has both `apply` and `mask`, but is either a perturbation or a mask; leave one out",
+            ));
         }
         return match fields.get("mask")? {
             Value::Function(apply) => Ok(Declaration { description, apply }),

@@ -88,8 +88,16 @@ const SELECTION: ApiRecord = ApiRecord {
         field("random", "number?", "A share of the frame at random, in percent."),
         field("above", "number?", "All pixels whose value, from 0 to 1, is above this one."),
         field("label", "(string | { string })?", "What the simulator's own labels say that pixels show."),
-        field("mask", "(string | Component)?", "A mask, which says itself how much of each pixel is perturbed."),
-        field("by", "(string | Component)?", "The saliency method that makes the map, for `top`, `bottom` and `above`."),
+        field(
+            "mask",
+            "(string | Component)?",
+            "A mask, which says itself how much of each pixel is perturbed.",
+        ),
+        field(
+            "by",
+            "(string | Component)?",
+            "The saliency method that makes the map, for `top`, `bottom` and `above`.",
+        ),
         field("every", "number?", "A map is made of one frame in so many; of each where it is left out."),
         field(
             "change",

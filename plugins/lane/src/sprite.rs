@@ -89,7 +89,13 @@ impl Sprite {
     }
 
     /// Tells how much of each pixel the picture covers in a frame of this size, where it covers anything.
-    pub fn covered(&self, width: usize, height: usize, at: &Placement, mut tell: impl FnMut(usize, usize, f32)) {
+    pub fn covered(
+        &self,
+        width: usize,
+        height: usize,
+        at: &Placement,
+        mut tell: impl FnMut(usize, usize, f32),
+    ) {
         let area = Area::new(self, width, height, at);
         for y in area.rows.clone() {
             for x in area.columns.clone() {

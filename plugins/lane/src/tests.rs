@@ -483,7 +483,13 @@ fn labels_say_what_the_pixels_show() {
         let number = names.iter().position(|known| known == name).unwrap() as u8;
         labels.iter().filter(|label| **label == number).count()
     };
-    assert_eq!(["sky", "ground", "road", "marking", "vehicle", "vegetation", "building", "post"].map(count).iter().sum::<usize>(), width * height);
+    assert_eq!(
+        ["sky", "ground", "road", "marking", "vehicle", "vegetation", "building", "post"]
+            .map(count)
+            .iter()
+            .sum::<usize>(),
+        width * height
+    );
     for (name, least) in [("sky", 100), ("ground", 100), ("road", 100), ("vehicle", 3)] {
         assert!(count(name) * 1000 > width * height * least, "{name}: {}", count(name));
     }

@@ -27,7 +27,10 @@ pub struct PictureNetwork {
 /// What every such network is told.
 pub fn parameters(description: Description) -> Description {
     description
-        .parameter(Parameter::path("model", "the ONNX file: an image of one or three channels in, and the result as its first output"))
+        .parameter(Parameter::path(
+            "model",
+            "the ONNX file: an image of one or three channels in, and the result as its first output",
+        ))
         .parameter(driver::backend())
         .parameter(Parameter::choice(
             "layout",
@@ -39,7 +42,11 @@ pub fn parameters(description: Description) -> Description {
             &Pixels::SCALES,
             "the range of pixel values that the network was trained on",
         ))
-        .parameter(Parameter::choice("color", &["rgb", "bgr"], "the order of colours that the network was trained on"))
+        .parameter(Parameter::choice(
+            "color",
+            &["rgb", "bgr"],
+            "the order of colours that the network was trained on",
+        ))
         .parameter(
             Parameter::integer("width", 256, "width of the network's image where the file leaves it open")
                 .range(1.0, 4096.0)
@@ -60,7 +67,8 @@ impl PictureNetwork {
     pub fn open(config: &Config) -> Result<Self> {
         let name = config.text("model");
         let open = || {
-            let size = Size { width: config.integer("width") as usize, height: config.integer("height") as usize };
+            let size =
+                Size { width: config.integer("width") as usize, height: config.integer("height") as usize };
             let model = ModelFile::read_at(Source::File(name.into()), config.text("layout"), Some(size))?;
             let mut session = backend::open(&model.network(), config.text("backend"))?;
             let mut outputs = vec![Vec::new(); model.outputs.len()];
@@ -96,7 +104,8 @@ impl PictureNetwork {
         ran.map_err(|error| error.at(&self.place))?;
         match self.outputs[0].iter().all(|value| value.is_finite()) {
             true => Ok(&self.outputs[0]),
-            false => Err(Error::of(ErrorKind::Nonsense, "its result holds numbers that are not finite").at(&self.place)),
+            false => Err(Error::of(ErrorKind::Nonsense, "its result holds numbers that are not finite")
+                .at(&self.place)),
         }
     }
 

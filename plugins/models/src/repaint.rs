@@ -130,7 +130,9 @@ impl Perturbation for Repaint {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let [width, height] = self.network.size;
         match self.overlap.filter(|_| src.width() > width || src.height() > height) {
-            Some(overlap) if src.width() >= width && src.height() >= height => self.paint_tiles(src, overlap)?,
+            Some(overlap) if src.width() >= width && src.height() >= height => {
+                self.paint_tiles(src, overlap)?
+            }
             _ => self.paint_whole(src)?,
         }
         let strength = cx.number("strength");
@@ -330,7 +332,9 @@ mod tests {
         let filter = s.weights("filter", Tensor::floats(&[5, 3, 1, 1], vec![0.1; 15]));
         s.node("Conv", &["image", &filter], "classes", &[]);
         s.node("GlobalAveragePool", &["classes"], "means", &[]);
-        for (output, part) in [("classes", "5 numbers for each pixel"), ("means", "5 numbers, which cannot be a picture")] {
+        for (output, part) in
+            [("classes", "5 numbers for each pixel"), ("means", "5 numbers, which cannot be a picture")]
+        {
             let file = NamedTempFile::with_suffix(".onnx").unwrap();
             std::fs::write(file.path(), model::encode(&s.model(&[output]))).unwrap();
             let error = open(&file, json!({})).err().unwrap().to_string();

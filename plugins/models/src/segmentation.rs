@@ -14,9 +14,12 @@ pub struct Segmentation {
 
 impl Component for Segmentation {
     fn description() -> Description {
-        let description = Description::mask("segmentation", "The pixels that a segmentation network counts among some classes")
-            .family("network")
-            .source("Any network with a number for each class and pixel, such as those trained on Cityscapes");
+        let description = Description::mask(
+            "segmentation",
+            "The pixels that a segmentation network counts among some classes",
+        )
+        .family("network")
+        .source("Any network with a number for each class and pixel, such as those trained on Cityscapes");
         parameters(description).parameter(Parameter::json(
             "classes",
             json!(0),
@@ -39,7 +42,9 @@ impl Component for Segmentation {
             Some(classes) => Ok(Self { network, classes, channels }),
             None => Err(Error::of(
                 ErrorKind::Configuration,
-                format!("`classes` is {given}, but has to be a number from 0 to {most}, or a list of such numbers"),
+                format!(
+                    "`classes` is {given}, but has to be a number from 0 to {most}, or a list of such numbers"
+                ),
             )
             .at(&network.place)),
         }

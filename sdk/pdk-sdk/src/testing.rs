@@ -28,8 +28,8 @@ use crate::dataset::Dataset;
 use crate::describe::{Description, LEVELS};
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, Result};
-use crate::perturbation::{Context, Perturbation};
 use crate::mask::Mask;
+use crate::perturbation::{Context, Perturbation};
 use crate::saliency::{HeatmapMut, MapContext, Saliency};
 use crate::search::{Evaluated, Problem, Range, Search, Space, Variable};
 use crate::simulator::{Scenario, Simulator};
@@ -265,9 +265,15 @@ pub fn check_mask(config: &Config, make: Make<'_, dyn Mask>) -> Result<()> {
         let frame = sample_frame(width, height);
         let mut maps = [vec![f32::NAN; width * height], vec![f32::NAN; width * height]];
         for map in &mut maps {
-            mask.weights(frame.as_ref(), &MapContext::new(5, 0.25, &key), HeatmapMut::new(map, width, height)?)?;
+            mask.weights(
+                frame.as_ref(),
+                &MapContext::new(5, 0.25, &key),
+                HeatmapMut::new(map, width, height)?,
+            )?;
             ensure(map.iter().all(|value| (0.0..=1.0).contains(value)), || {
-                format!("on a frame of {width}x{height} it has values that are not from 0 to 1, or that were not written")
+                format!(
+                    "on a frame of {width}x{height} it has values that are not from 0 to 1, or that were not written"
+                )
             })?;
         }
         ensure(maps[0] == maps[1], || "the same frame gives two masks".to_owned())?;

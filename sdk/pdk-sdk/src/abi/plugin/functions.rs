@@ -3,8 +3,8 @@
 use std::ffi::c_void;
 
 use pdk_abi::{
-    DatasetFunctions, DriverFunctions, Instance, MaskFunctions, PerturbationFunctions, SaliencyFunctions, SearchFunctions,
-    SimulatorFunctions, Sink, Status, Text, empty, kind, load, store,
+    DatasetFunctions, DriverFunctions, Instance, MaskFunctions, PerturbationFunctions, SaliencyFunctions,
+    SearchFunctions, SimulatorFunctions, Sink, Status, Text, empty, kind, load, store,
 };
 use pdk_ops::Key;
 
