@@ -66,3 +66,20 @@ pub fn pilot(path: &Path, channels: u64, height: u64, width: u64) {
     let model = [number(1, 8), bytes(7, &graph), bytes(8, &number(2, 17))].concat();
     std::fs::write(path, model).unwrap();
 }
+
+/// Writes a network that gives the picture that it gets: three planes of `height` x `width` pixels.
+///
+/// # Panics
+/// Where it cannot be written.
+pub fn mirror(path: &Path, height: u64, width: u64) {
+    let shape = [1, 3, height, width];
+    let graph = [
+        bytes(1, &node("Identity", ["image", ""], "same")),
+        bytes(2, b"mirror"),
+        bytes(11, &value("image", &shape)),
+        bytes(12, &value("same", &shape)),
+    ]
+    .concat();
+    let model = [number(1, 8), bytes(7, &graph), bytes(8, &number(2, 17))].concat();
+    std::fs::write(path, model).unwrap();
+}

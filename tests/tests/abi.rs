@@ -227,7 +227,7 @@ fn a_plugin_that_knows_more_works_with_a_word() {
     assert_eq!(words.len(), 4, "{}", listed.stderr);
     for (word, said) in words.iter().zip([
         "the plugin says `licence`, which this pdk does not know and leaves out",
-        "`later` is left out, because it is of the kind `mask`, which this pdk does not know",
+        "`later` is left out, because it is of the kind `horn`, which this pdk does not know",
         "driver `later`: its parameter `tint` is of the type `colour`, which this pdk does not know and leaves to the plugin to check",
         "driver `later` says `since`, `parameters[0].step`, which this pdk does not know and leaves out",
     ]) {
@@ -235,7 +235,7 @@ fn a_plugin_that_knows_more_works_with_a_word() {
         assert!(word.starts_with(&start), "{word}\n{start}");
     }
     let shown = verb(&["show", "later"]).succeed();
-    assert!(shown.stdout.contains("kind      driver") && !shown.stdout.contains("mask"), "{}", shown.stdout);
+    assert!(shown.stdout.contains("kind      driver") && !shown.stdout.contains("horn"), "{}", shown.stdout);
     let doctor = verb(&["doctor"]).succeed();
     assert_eq!(doctor.stdout.matches("note left out").count(), 4, "{}", doctor.stdout);
     let checked = Pdk::new(["check"]).arg(library("later")).succeed();

@@ -302,3 +302,40 @@ fn a_pipeline_has_the_statistics_of_the_report() {
         run(call, &folder.path().join("wrong")).fail(1, &[said]);
     }
 }
+
+#[test]
+fn attention_compares_where_it_matters_with_where_it_does_not() {
+    let folder = temp();
+    let out = folder.path().join("attention");
+    let run = |out: &Path| tiny("attention.lua", out).set("roads", 2).set("duration", 20).set("levels", "4");
+    run(&out)
+        .set("drivers", r#"["dave2"]"#)
+        .set("perturbations", "[\"gaussian_noise\"]")
+        .set("method", "gradient")
+        .succeed();
+    let found = json_file(&out.join("attention.json"));
+    let entry = &found["drivers"][0]["perturbations"][0];
+    assert_eq!(entry["perturbation"], "gaussian_noise");
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    for condition in ["top", "random", "bottom"] {
+        let named: Vec<_> = lines
+            .iter()
+            .filter(|line| line["name"].as_str().is_some_and(|name| name.contains(condition)))
+            .collect();
+        assert_eq!(entry["conditions"][condition]["drives"], named.len());
+        let failures = named.iter().filter(|line| line["success"] == false).count();
+        assert_eq!(entry["conditions"][condition]["failures"], failures);
+        for line in named {
+            let where_ = &line["scenario"]["perturbations"][0]["where"];
+            assert_eq!(where_[condition], 20, "{line}");
+            assert_eq!(
+                where_["by"]["parameters"]["model"].as_str(),
+                (condition != "random").then_some("dave2")
+            );
+        }
+    }
+    for pair in ["top-random", "random-bottom", "top-bottom"] {
+        assert!(entry["comparisons"][pair]["failed"]["roads"].as_u64().unwrap() > 0);
+    }
+    run(&folder.path().join("x")).set("share", 100).fail(1, &["share is 100 percent"]);
+}

@@ -478,6 +478,7 @@ fn the_built_in_plugins_keep_the_rules() {
     datasets::folder(&folder.path().join("folder"), 3, 32, 24);
     datasets::tub(&folder.path().join("tub"), 3, 32, 24);
     onnx::pilot(&folder.path().join("pilot.onnx"), 3, 24, 32);
+    onnx::mirror(&folder.path().join("mirror.onnx"), 24, 32);
     for library in built_in_libraries() {
         let name = library.file_stem().unwrap().to_str().unwrap().to_owned();
         let mut check = Pdk::new(["check"]).arg(&library).folder(folder.path());
@@ -487,6 +488,10 @@ fn the_built_in_plugins_keep_the_rules() {
             }
             "libpdk_models" => {
                 check = check.set("onnx.model", "pilot.onnx").set("onnx.backend", "tract");
+                for component in ["repaint", "segmentation"] {
+                    check = check.set(&format!("{component}.model"), "mirror.onnx");
+                    check = check.set(&format!("{component}.backend"), "tract");
+                }
             }
             "libpdk_overlay" => {
                 let clip = repository().join("scripts/overlays/snow.mp4");

@@ -61,6 +61,10 @@ pub enum Function {
     MapSize,
     /// A frame for a saliency method.
     Map,
+    /// A frame for a mask.
+    Weights,
+    /// What the pixels of a simulator's frame show.
+    Labels,
     /// The beginning of a search.
     Start,
     /// Candidates of a search.
@@ -72,7 +76,7 @@ pub enum Function {
 }
 
 impl Function {
-    const ALL: [Self; 19] = [
+    const ALL: [Self; 21] = [
         Self::Load,
         Self::New,
         Self::Camera,
@@ -88,6 +92,8 @@ impl Function {
         Self::Read,
         Self::MapSize,
         Self::Map,
+        Self::Weights,
+        Self::Labels,
         Self::Start,
         Self::Ask,
         Self::Tell,
@@ -112,6 +118,8 @@ impl Function {
             Self::Read => "read",
             Self::MapSize => "map_size",
             Self::Map => "map",
+            Self::Weights => "weights",
+            Self::Labels => "labels",
             Self::Start => "start",
             Self::Ask => "ask",
             Self::Tell => "tell",

@@ -95,11 +95,16 @@ impl Chain {
         Ok(Self { links, between: [FrameBuf::default(), FrameBuf::default()] })
     }
 
+    /// Whether frames have to come with what their pixels show.
+    pub fn needs_labels(&self) -> bool {
+        self.links.iter().any(|link| link.selector.as_ref().is_some_and(Selector::needs_labels))
+    }
+
     /// Writes the perturbed `src` to `dst`; without perturbations it is a copy.
     ///
     /// # Errors
     /// Where a perturbation fails, with its name.
-    pub fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, moment: &Moment) -> Result<()> {
+    pub fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, moment: &Moment<'_>) -> Result<()> {
         let Some((last, earlier)) = self.links.split_last_mut() else {
             dst.copy_from(src);
             return Ok(());
@@ -125,7 +130,7 @@ impl Link {
         raw: Frame<'_>,
         src: Frame<'_>,
         mut dst: FrameMut<'_>,
-        moment: &Moment,
+        moment: &Moment<'_>,
     ) -> Result<()> {
         let Moment { frame_index, time, .. } = *moment;
         // Also for frames that are spared, so that a map comes from the frame whose turn it is.

@@ -335,6 +335,9 @@ impl InUse {
             }
             let AppliedPerturbation { name, parameters, selection, attention, .. } = perturbation;
             let chosen_by = selection.as_ref().and_then(|selection| selection.by.as_ref());
+            if let Some(mask) = selection.as_ref().and_then(|selection| selection.mask.as_ref()) {
+                self.add(catalog, Kind::Mask, &mask.name, &mask.parameters, Vec::new())?;
+            }
             for by in chosen_by.into_iter().chain(attention.as_ref().map(|attention| &attention.by)) {
                 self.add(catalog, Kind::Saliency, &by.name, &by.parameters, Vec::new())?;
             }

@@ -39,7 +39,7 @@ impl Turns {
     }
 
     /// Which map a frame has.
-    pub fn of(&mut self, raw: Frame<'_>, moment: &Moment) -> Turn {
+    pub fn of(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Turn {
         let Pace { every, change, follow } = self.pace;
         let size = (raw.width(), raw.height());
         let same_size = self.size == size;
@@ -97,7 +97,7 @@ impl Maps {
     ///
     /// # Errors
     /// Where the method fails.
-    pub fn of(&mut self, raw: Frame<'_>, moment: &Moment, turn: Turn) -> Result<&[f32]> {
+    pub fn of(&mut self, raw: Frame<'_>, moment: &Moment<'_>, turn: Turn) -> Result<&[f32]> {
         if turn.new {
             self.made = map(&mut *self.method, &self.label, raw, &context(moment, &self.key))?;
         }
@@ -138,7 +138,7 @@ impl Attended {
     ///
     /// # Errors
     /// Where the method fails.
-    pub fn look(&mut self, raw: Frame<'_>, moment: &Moment) -> Result<(&[f32], EarlierMaps<'_>)> {
+    pub fn look(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Result<(&[f32], EarlierMaps<'_>)> {
         let turn = self.turns.of(raw, moment);
         let now = self.maps.of(raw, moment, turn)?;
         let (width, height) = (raw.width(), raw.height());
@@ -179,8 +179,8 @@ fn reduce(values: &[f32], width: usize, [columns, rows]: [usize; 2], into: &mut 
 }
 
 /// What a method is told of a frame.
-pub fn context<'a>(moment: &Moment, key: &'a Key) -> MapContext<'a> {
-    let Moment { frame_index, time, speed, alone } = *moment;
+pub fn context<'a>(moment: &Moment<'_>, key: &'a Key) -> MapContext<'a> {
+    let Moment { frame_index, time, speed, alone, .. } = *moment;
     MapContext { speed, recorded: alone, ..MapContext::new(frame_index, time, key) }
 }
 

@@ -2,7 +2,7 @@
 
 /// What is known of a frame besides its pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moment {
+pub struct Moment<'a> {
     /// The number of the frame in its sequence, from 0.
     pub frame_index: u64,
     /// Simulation time in seconds since the start of the sequence.
@@ -12,12 +12,23 @@ pub struct Moment {
     /// Whether the frame counts for itself, as those of datasets do, which are looked at in any order: then nothing of other
     /// frames has an influence on what becomes of it.
     pub alone: bool,
+    /// What its pixels show, where the simulator says so.
+    pub labels: Option<Labels<'a>>,
 }
 
-impl Moment {
+/// What the pixels of a frame show.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Labels<'a> {
+    /// What can be told apart.
+    pub names: &'a [String],
+    /// For each pixel the place of what it shows among the names, row by row.
+    pub pixels: &'a [u8],
+}
+
+impl<'a> Moment<'a> {
     /// The moment of a frame of which nothing else is known.
     pub fn new(frame_index: u64, time: f64) -> Self {
-        Self { frame_index, time, speed: None, alone: false }
+        Self { frame_index, time, speed: None, alone: false, labels: None }
     }
 
     /// The moment of a frame that counts for itself.
@@ -28,5 +39,10 @@ impl Moment {
     /// The same moment at a speed.
     pub fn at_speed(self, speed: f64) -> Self {
         Self { speed: Some(speed), ..self }
+    }
+
+    /// The same moment with what the pixels show.
+    pub fn with_labels(self, labels: Option<Labels<'a>>) -> Self {
+        Self { labels, ..self }
     }
 }

@@ -8,7 +8,7 @@ use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{Dataset, Driver, Perturbation, Saliency, Search, Simulator};
+use pdk_sdk::prelude::{Dataset, Driver, Mask, Perturbation, Saliency, Search, Simulator};
 use serde_json::{Map, Value};
 
 use crate::calls::{self, Function};
@@ -458,6 +458,8 @@ create_functions! {
     dataset: Dataset as Dataset;
     /// Makes a saliency method.
     saliency: Saliency as Saliency;
+    /// Makes a mask.
+    mask: Mask as Mask;
     /// Makes a search strategy.
     search: Search as Search;
 }

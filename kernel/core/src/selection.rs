@@ -1,19 +1,32 @@
-//! Masks from saliency maps: which pixels of a frame are chosen, and how the edges of what is chosen are treated.
+//! Which pixels of a frame are chosen: by saliency maps, by a simulator's labels, by masks or at random; and how the edges of what
+//! is chosen are treated.
 
 use pdk_model::selection::{Choice, Selection};
-use pdk_sdk::error::Result;
-use pdk_sdk::prelude::{Frame, Key};
+use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_sdk::prelude::{Frame, HeatmapMut, Key, Mask};
 
-use crate::maps::{Maps, Turns};
-use crate::moment::Moment;
+use crate::calls::{self, Function};
+use crate::maps::{Maps, Turns, context};
+use crate::moment::{Labels, Moment};
 use crate::registry::Registry;
+
+/// What the choice goes by.
+enum Source {
+    /// Nothing: it is drawn.
+    Chance,
+    /// Saliency maps.
+    Maps(Maps),
+    /// The labels that come with a frame.
+    Labels,
+    /// A mask, with what messages call it.
+    Mask(Box<dyn Mask>, String),
+}
 
 /// Chooses pixels frame by frame.
 pub struct Selector {
     selection: Selection,
     turns: Turns,
-    /// None where pixels are chosen at random.
-    maps: Option<Maps>,
+    source: Source,
     /// What the choice among equal pixels is drawn from.
     key: Key,
     /// How much of each pixel is changed, for the map and place of the image that they were made for.
@@ -26,69 +39,122 @@ impl Selector {
     /// # Errors
     /// Where there is no such method, or it refuses its parameters.
     pub fn new(registry: &Registry, selection: &Selection, key: Key) -> Result<Self> {
-        let by = selection.by.as_ref().filter(|_| selection.random.is_none());
-        let maps = by.map(|by| Maps::new(registry, by, key)).transpose()?;
+        let source = match (&selection.by, &selection.mask) {
+            (Some(by), _) => Source::Maps(Maps::new(registry, by, key)?),
+            (None, Some(mask)) => {
+                let (instance, _) = registry.mask(&mask.name, &mask.parameters)?;
+                Source::Mask(instance, format!("mask `{}`", mask.name))
+            }
+            (None, None) if selection.random.is_some() => Source::Chance,
+            (None, None) => Source::Labels,
+        };
         let turns = Turns::new(selection.pace());
-        Ok(Self { selection: selection.clone(), turns, maps, key, weights: Vec::new() })
+        Ok(Self { selection: selection.clone(), turns, source, key, weights: Vec::new() })
     }
 
     /// How much of each pixel is changed, 0 to 255, row by row; `raw` is the frame as the camera saw it.
     ///
     /// # Errors
     /// Where the method fails.
-    pub fn weights(&mut self, raw: Frame<'_>, moment: &Moment) -> Result<&[u8]> {
+    pub fn weights(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Result<&[u8]> {
         let turn = self.turns.of(raw, moment);
         // What follows the image is chosen again, so that it is as many pixels as before.
         if turn.new || turn.moved != [0, 0] {
             let (width, height) = (raw.width(), raw.height());
-            let chosen = match &mut self.maps {
-                Some(maps) => choose(&self.selection, maps.of(raw, moment, turn)?, &self.key, turn.period),
-                None => choose(&self.selection, &vec![0.0; width * height], &self.key, turn.period),
+            let Self { selection, source, key, .. } = self;
+            let weights = match source {
+                Source::Maps(maps) => choose(selection, maps.of(raw, moment, turn)?, key, turn.period),
+                Source::Chance => choose(selection, &vec![0.0; width * height], key, turn.period),
+                // What labels and masks say of the frame at hand is never moved: there is no need to.
+                Source::Labels => labelled(&selection.label, moment.labels, width * height)?,
+                Source::Mask(mask, label) => {
+                    let mut values = vec![0.0; width * height];
+                    let cx = context(moment, key);
+                    calls::call_at(label, Function::Weights, moment.frame_index, || {
+                        mask.weights(raw, &cx, HeatmapMut::new(&mut values, width, height)?)
+                    })
+                    .map_err(|error: Error| error.at(&*label))?;
+                    // What is not a number becomes 0.
+                    values.into_iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect()
+                }
             };
-            self.weights = finish(chosen, (width, height), &self.selection);
+            self.weights = finish(weights, (width, height), &self.selection);
         }
         Ok(&self.weights)
     }
+
+    /// Whether frames have to come with labels.
+    pub fn needs_labels(&self) -> bool {
+        matches!(self.source, Source::Labels)
+    }
 }
 
-/// Whether each pixel is chosen. Among equal ones it is drawn.
-fn choose(selection: &Selection, map: &[f32], key: &Key, period: u64) -> Vec<bool> {
+/// The pixels that show something of these names.
+fn labelled(names: &[String], labels: Option<Labels<'_>>, pixels: usize) -> Result<Vec<u8>> {
+    let wrong = |sentence: String| Err(Error::of(ErrorKind::Configuration, sentence));
+    let Some(labels) = labels.filter(|labels| !labels.names.is_empty() && labels.pixels.len() == pixels)
+    else {
+        return wrong(
+            "`label` needs a simulator that says what its pixels show, and these frames come without; use a mask instead".to_owned(),
+        );
+    };
+    let mut wanted = [0; 256];
+    for name in names {
+        match labels.names.iter().position(|known| known == name).filter(|place| *place < wanted.len()) {
+            Some(place) => wanted[place] = 255,
+            None => {
+                let known: Vec<_> = labels.names.iter().map(|known| format!("`{known}`")).collect();
+                return wrong(format!("the simulator has no label `{name}`; it has {}", known.join(", ")));
+            }
+        }
+    }
+    Ok(labels.pixels.iter().map(|label| wanted[usize::from(*label)]).collect())
+}
+
+/// 255 for each pixel that is chosen by a map. Among equal ones it is drawn.
+fn choose(selection: &Selection, map: &[f32], key: &Key, period: u64) -> Vec<u8> {
     let share = match selection.choice() {
-        Choice::Above(least) => return map.iter().map(|&value| value > least as f32).collect(),
         Choice::Top(share) | Choice::Bottom(share) | Choice::Random(share) => share,
+        Choice::Above(least) => {
+            return map.iter().map(|&value| if value > least as f32 { 255 } else { 0 }).collect();
+        }
+        Choice::Labelled | Choice::Masked => 0.0,
     };
     let count = (share * map.len() as f64).round() as usize;
     if count == 0 || count >= map.len() {
-        return vec![count > 0; map.len()];
+        return vec![if count > 0 { 255 } else { 0 }; map.len()];
     }
     let bottom = matches!(selection.choice(), Choice::Bottom(_));
     let order: Vec<f32> = map.iter().map(|value| if bottom { *value } else { -value }).collect();
     let mut sorted = order.clone();
     let (_, last, _) = sorted.select_nth_unstable_by(count - 1, f32::total_cmp);
-    let mut chosen: Vec<bool> = order.iter().map(|value| value < last).collect();
+    let mut chosen: Vec<u8> = order.iter().map(|value| if value < last { 255 } else { 0 }).collect();
     let mut equal: Vec<usize> = (0..order.len()).filter(|&at| order[at] == *last).collect();
-    let missing = count - chosen.iter().filter(|chosen| **chosen).count();
+    let missing = count - chosen.iter().filter(|chosen| **chosen > 0).count();
     let mut random = key.frame(period);
     for place in 0..missing {
         let other = place + random.below((equal.len() - place) as u32) as usize;
         equal.swap(place, other);
-        chosen[equal[place]] = true;
+        chosen[equal[place]] = 255;
     }
     chosen
 }
 
 /// Closes gaps, leaves out small spots, and softens the edges, in this order.
-fn finish(mut chosen: Vec<bool>, (width, height): (usize, usize), selection: &Selection) -> Vec<u8> {
-    if selection.close > 0 {
-        let reach = selection.close as usize;
-        // What lies beyond the frame is neither chosen nor left out.
-        chosen = spread(&chosen, width, height, reach, true);
-        chosen = spread(&chosen, width, height, reach, false);
+fn finish(mut weights: Vec<u8>, (width, height): (usize, usize), selection: &Selection) -> Vec<u8> {
+    if selection.close > 0 || selection.smallest > 0 {
+        let mut chosen: Vec<bool> = weights.iter().map(|weight| *weight > 127).collect();
+        if selection.close > 0 {
+            let reach = selection.close as usize;
+            // What lies beyond the frame is neither chosen nor left out.
+            chosen = spread(&chosen, width, height, reach, true);
+            chosen = spread(&chosen, width, height, reach, false);
+        }
+        if selection.smallest > 0 {
+            leave_out_small(&mut chosen, width, height, selection.smallest as usize);
+        }
+        weights = chosen.into_iter().map(|chosen| u8::from(chosen) * 255).collect();
     }
-    if selection.smallest > 0 {
-        leave_out_small(&mut chosen, width, height, selection.smallest as usize);
-    }
-    let weights: Vec<u8> = chosen.into_iter().map(|chosen| u8::from(chosen) * 255).collect();
     match selection.soft {
         0 => weights,
         soft => soften(weights, width, height, soft as usize),
@@ -183,7 +249,7 @@ mod tests {
 
     fn chosen(value: Value, map: &[f32]) -> Vec<usize> {
         let chosen = choose(&selection(value), map, &Key([5; 32]), 0);
-        chosen.iter().enumerate().filter(|(_, chosen)| **chosen).map(|(at, _)| at).collect()
+        chosen.iter().enumerate().filter(|(_, chosen)| **chosen > 0).map(|(at, _)| at).collect()
     }
 
     #[test]
@@ -207,12 +273,12 @@ mod tests {
         for value in [json!({"top": 20, "by": "x"}), json!({"bottom": 20, "by": "x"}), json!({"random": 20})]
         {
             let draw = |period| choose(&selection(value.clone()), &map, &Key([5; 32]), period);
-            assert_eq!(draw(0).iter().filter(|chosen| **chosen).count(), 200);
+            assert_eq!(draw(0).iter().filter(|chosen| **chosen > 0).count(), 200);
             assert_eq!(draw(0), draw(0));
             assert_ne!(draw(0), draw(1));
             assert_ne!(draw(0), choose(&selection(value.clone()), &map, &Key([6; 32]), 0));
             // Drawn over the whole frame, not from its beginning.
-            assert!((70..130).contains(&draw(0)[500..].iter().filter(|chosen| **chosen).count()));
+            assert!((70..130).contains(&draw(0)[500..].iter().filter(|chosen| **chosen > 0).count()));
         }
     }
 
@@ -222,7 +288,7 @@ mod tests {
         let selector = || {
             let selection = selection(json!({"random": 50, "every": 3}));
             let turns = Turns::new(selection.pace());
-            Selector { selection, turns, maps: None, key: Key([5; 32]), weights: Vec::new() }
+            Selector { selection, turns, source: Source::Chance, key: Key([5; 32]), weights: Vec::new() }
         };
         let mut first = selector();
         let mut at = |index| first.weights(frame.as_ref(), &Moment::new(index, 0.0)).unwrap().to_vec();
@@ -232,9 +298,58 @@ mod tests {
         assert_eq!(selector().weights(frame.as_ref(), &Moment::new(4, 0.0)).unwrap(), weights[4]);
     }
 
+    #[test]
+    fn labels_choose_what_is_named() {
+        let names = ["sky", "road"].map(str::to_owned);
+        let labels = Some(Labels { names: &names, pixels: &[0, 1, 1, 7] });
+        let choose = |wanted: &[&str], labels| {
+            let wanted: Vec<String> = wanted.iter().map(|name| (*name).to_owned()).collect();
+            labelled(&wanted, labels, 4).map_err(|error| error.to_string())
+        };
+        assert_eq!(choose(&["road"], labels).unwrap(), [0, 255, 255, 0]);
+        assert_eq!(choose(&["sky", "road"], labels).unwrap(), [255, 255, 255, 0]);
+        assert_eq!(
+            choose(&["rode"], labels).unwrap_err(),
+            "the simulator has no label `rode`; it has `sky`, `road`"
+        );
+        assert!(choose(&["road"], None).unwrap_err().contains("these frames come without"));
+    }
+
+    /// Half of every pixel on the left.
+    struct Left;
+
+    impl Mask for Left {
+        fn weights(
+            &mut self,
+            frame: Frame<'_>,
+            _: &pdk_sdk::prelude::MapContext<'_>,
+            mut out: HeatmapMut<'_>,
+        ) -> Result<()> {
+            for y in 0..frame.height() {
+                let half = out.width() / 2;
+                out.row_mut(y)
+                    .iter_mut()
+                    .enumerate()
+                    .for_each(|(x, value)| *value = if x < half { 0.5 } else { f32::NAN });
+            }
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_mask_says_how_much_of_each_pixel_is_changed() {
+        let selection = selection(json!({"mask": "left"}));
+        let turns = Turns::new(selection.pace());
+        let source = Source::Mask(Box::new(Left), "mask `left`".to_owned());
+        let mut selector = Selector { selection, turns, source, key: Key([5; 32]), weights: Vec::new() };
+        let frame = FrameBuf::new(4, 1);
+        assert_eq!(selector.weights(frame.as_ref(), &Moment::new(0, 0.0)).unwrap(), [128, 128, 0, 0]);
+    }
+
     fn treat(rows: &[&str], value: Value) -> Vec<String> {
         let width = rows[0].len();
-        let chosen = rows.iter().flat_map(|row| row.bytes().map(|byte| byte == b'#')).collect();
+        let chosen =
+            rows.iter().flat_map(|row| row.bytes().map(|byte| if byte == b'#' { 255 } else { 0 })).collect();
         let weights = finish(chosen, (width, rows.len()), &selection(value));
         weights
             .chunks(width)
@@ -256,7 +371,7 @@ mod tests {
 
     #[test]
     fn soft_edges_are_blended() {
-        let chosen = (0..20).map(|x| x >= 10).collect();
+        let chosen = (0..20).map(|x| if x >= 10 { 255 } else { 0 }).collect();
         let weights = finish(chosen, (20, 1), &selection(json!({"random": 1, "soft": 2})));
         assert_eq!(weights[6..14], [0, 0, 51, 102, 153, 204, 255, 255]);
     }

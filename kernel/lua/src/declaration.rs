@@ -23,10 +23,10 @@ pub(crate) struct Declaration {
     pub apply: Function,
 }
 
-/// Whether a table that a script returned is meant as a perturbation: it has what it applies, or says what that does.
+/// Whether a table that a script returned is meant as a perturbation or a mask: it has what it applies, or says what that does.
 pub(crate) fn is_meant(table: &Table) -> Result<bool> {
     let field = |name: &str| table.raw_get::<Value>(name).map_err(unreadable);
-    Ok(!field("apply")?.is_nil() || matches!(field("doc")?, Value::String(_)))
+    Ok(!field("apply")?.is_nil() || !field("mask")?.is_nil() || matches!(field("doc")?, Value::String(_)))
 }
 
 /// Checks what a script returned. `stem` is the name it has where it gives none.
@@ -41,10 +41,13 @@ pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
             describe(returned)
         )));
     };
-    let fields = Fields { table, of: "the perturbation", record: &PERTURBATION };
+    let mask = !table.raw_get::<Value>("mask").map_err(unreadable)?.is_nil();
+    let of = if mask { "the mask" } else { "the perturbation" };
+    let fields = Fields { table, of, record: &PERTURBATION };
     fields.refuse_unknown()?;
     let name = fields.optional_text("name")?.unwrap_or_else(|| stem.to_owned());
-    let mut description = Description::perturbation(&name, &fields.line("doc")?);
+    let describe_as = if mask { Description::mask } else { Description::perturbation };
+    let mut description = describe_as(&name, &fields.line("doc")?);
     description.family = fields.optional_text("family")?.unwrap_or_default();
     description.source = fields.optional_line("source")?;
     description.mathematics = fields.optional_line("mathematics")?;
@@ -73,6 +76,17 @@ pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
     check_description(&description)?;
     if let Some(values) = fields.optional_table("grows_with")? {
         description.grows_with = grows_with(&values, &description)?;
+    }
+    if mask {
+        if !fields.get("apply")?.is_nil() {
+            return Err(Error::new(
+                "the script has both `apply` and `mask`, but is either a perturbation or a mask; leave one out",
+            ));
+        }
+        return match fields.get("mask")? {
+            Value::Function(apply) => Ok(Declaration { description, apply }),
+            other => Err(fields.wrong("mask", "a function", &other)),
+        };
     }
     match fields.get("apply")? {
         Value::Function(apply) => Ok(Declaration { description, apply }),

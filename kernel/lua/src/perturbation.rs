@@ -7,11 +7,15 @@ use mlua::{AnyUserData, Function, Lua, LuaString, Table, Value};
 use pdk_core::registry::Script;
 use pdk_core::suggest;
 use pdk_sdk::config::{Config, frame_values};
-use pdk_sdk::describe::{Description, ParameterType};
+use pdk_sdk::describe::{Description, Kind, ParameterType};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
+use pdk_sdk::mask::Mask;
+use pdk_sdk::model::level::DEFAULT_LEVEL;
+use pdk_sdk::ops::color::grey;
 use pdk_sdk::ops::{Frame, FrameMut, Key};
 use pdk_sdk::perturbation::{Context, Perturbation};
+use pdk_sdk::saliency::{HeatmapMut, MapContext};
 
 use crate::absent::{self, Reached};
 use crate::chunk::LARGEST_SCRIPT;
@@ -221,8 +225,9 @@ impl LuaPerturbation {
     }
 }
 
-impl Perturbation for LuaPerturbation {
-    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+impl LuaPerturbation {
+    /// Lets the script change a copy of a frame.
+    fn run(&mut self, src: Frame<'_>, cx: &Context<'_>) -> Result<AnyUserData> {
         frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
         let image = self.image_of(src)?;
         self.sandbox.make(&self.script, |_| self.cx.set(cx, &self.values))?;
@@ -231,15 +236,40 @@ impl Perturbation for LuaPerturbation {
             Value::Nil => {}
             Value::UserData(returned) if *returned == image => {}
             other => {
+                let function = if self.description.kind == Kind::Mask { "mask" } else { "apply" };
                 return Err(Error::new(format!(
-                    "`apply` returns {}, but has to change `image` in place and return nothing",
+                    "`{function}` returns {}, but has to change `image` in place and return nothing",
                     type_of(other)
                 ))
                 .at(&self.script));
             }
         }
+        Ok(image)
+    }
+}
+
+impl Perturbation for LuaPerturbation {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let image = self.run(src, cx)?;
         let pixels = image.borrow::<LuaImage>().place(&self.script)?;
         dst.copy_from(pixels.frame().place(&self.script)?);
+        Ok(())
+    }
+}
+
+/// A mask makes a picture of the frame, whose brightness says how much of each pixel is perturbed.
+impl Mask for LuaPerturbation {
+    fn weights(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
+        // Masks have no intensity; parameters that follow one have the value of the middle.
+        let context = Context::new(DEFAULT_LEVEL, cx.frame_index, cx.time, cx.key);
+        let image = self.run(frame, &context)?;
+        let pixels = image.borrow::<LuaImage>().place(&self.script)?;
+        let picture = pixels.frame().place(&self.script)?;
+        for (y, row) in picture.rows().enumerate() {
+            for (value, pixel) in out.row_mut(y).iter_mut().zip(row.chunks_exact(3)) {
+                *value = f32::from(grey(pixel[0], pixel[1], pixel[2])) / 255.0;
+            }
+        }
         Ok(())
     }
 }

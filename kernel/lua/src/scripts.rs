@@ -6,7 +6,7 @@ use pdk_core::registry::{BuiltInScript, Script, Scripts};
 use pdk_core::search_path::{PATH_VARIABLE, SearchPath};
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
-use pdk_sdk::describe::Description;
+use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::Result;
 
 use crate::perturbation::{self, Returned, Source};
@@ -17,7 +17,7 @@ const FOLDER: &str = "perturbations";
 
 /// Makes components from Lua files.
 ///
-/// A table with `apply` or a text `doc` is a perturbation, wherever it lies. In a folder named `perturbations`, or where the user named the very
+/// A table with `apply` or a text `doc` is a perturbation, one with `mask` a mask, wherever it lies. In a folder named `perturbations`, or where the user named the very
 /// file, everything else is a mistake. Elsewhere a script may also be a pipeline, or a module that a pipeline requires.
 #[derive(Debug, Clone, Default)]
 pub struct LuaScripts {
@@ -64,7 +64,10 @@ impl Scripts for LuaScripts {
 
     fn create(&self, script: Script<'_>, config: &Config) -> Result<Instance> {
         let made = perturbation::open(&Source::of(script)?, config)?;
-        Ok(Instance::Perturbation(Box::new(made)))
+        Ok(match made.description().kind {
+            Kind::Mask => Instance::Mask(Box::new(made)),
+            _ => Instance::Perturbation(Box::new(made)),
+        })
     }
 }
 

@@ -81,13 +81,23 @@ const REGION: ApiRecord = ApiRecord {
 
 const SELECTION: ApiRecord = ApiRecord {
     name: "Selection",
-    doc: "Pixels that a saliency map marks: one of the first four fields, and how they are taken.",
+    doc: "Pixels that are chosen: by one of the first six fields, and how they are taken.",
     fields: &[
         field("top", "number?", "The share of the frame that matters most, in percent."),
         field("bottom", "number?", "The share of the frame that matters least, in percent."),
         field("random", "number?", "A share of the frame at random, in percent."),
         field("above", "number?", "All pixels whose value, from 0 to 1, is above this one."),
-        field("by", "(string | Component)?", "The saliency method that makes the map; `random` needs none."),
+        field("label", "(string | { string })?", "What the simulator's own labels say that pixels show."),
+        field(
+            "mask",
+            "(string | Component)?",
+            "A mask, which says itself how much of each pixel is perturbed.",
+        ),
+        field(
+            "by",
+            "(string | Component)?",
+            "The saliency method that makes the map, for `top`, `bottom` and `above`.",
+        ),
         field("every", "number?", "A map is made of one frame in so many; of each where it is left out."),
         field(
             "change",

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use pdk_bus::{Bus, FrameSample, Stamp, Topic};
 use pdk_core::calls::Function;
 use pdk_core::chain::Chain;
-use pdk_core::moment::Moment;
+use pdk_core::moment::{Labels, Moment};
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::{Mode, Scenario};
 use pdk_sdk::describe::Clock;
@@ -93,6 +93,8 @@ pub struct Run<'a> {
     control: Control,
     /// Number and time of the last frame, and the frame as camera and driver saw it, which stays in shared memory until the next one.
     last: Option<(u64, f64, [FrameSample; 2])>,
+    /// What the simulator can tell apart and what the pixels of the frame show, where perturbations need it.
+    labels: Option<(Vec<String>, Vec<u8>)>,
     /// The number of the latest image that was recorded.
     last_image: Option<u64>,
     cause: Cause,
@@ -114,6 +116,7 @@ impl<'a> Run<'a> {
             state: State::default(),
             control: Control::default(),
             last: None,
+            labels: None,
             last_image: None,
             cause: Cause::Error,
             under_way: false,
@@ -151,6 +154,11 @@ impl<'a> Run<'a> {
             if !waypoints.is_empty() {
                 recorder.road(waypoint_string(&waypoints));
             }
+        }
+        if with.chain.needs_labels() {
+            let names = with.simulator.call(Function::Labels, None, |simulator| Ok(simulator.label_names()));
+            let pixels = vec![0; with.camera.width as usize * with.camera.height as usize];
+            self.labels = Some((names.map_err(Fault::Component)?, pixels));
         }
         self.began = Instant::now();
         loop {
@@ -190,12 +198,20 @@ impl<'a> Run<'a> {
         let raw_frame = Frame::new(&raw, width, height).map_err(wrong_size)?;
         bus.publish_state(stamp, state)?;
 
+        if let Some((_, pixels)) = self.labels.as_mut().filter(|(names, _)| !names.is_empty()) {
+            stopwatch
+                .measure(Stage::Simulator, || {
+                    simulator.call(Function::Labels, Some(sequence), |s| s.labels(pixels))
+                })
+                .map_err(Fault::Component)?;
+        }
+        let labels = self.labels.as_ref().map(|(names, pixels)| Labels { names, pixels });
+        let moment = Moment::new(sequence, state.time).at_speed(state.speed).with_labels(labels);
+
         let mut loan = bus.loan_frame(Topic::Perturbed, stamp)?;
         let target = FrameMut::new(&mut loan, width, height).map_err(wrong_size)?;
         stopwatch
-            .measure(Stage::Perturbation, || {
-                chain.apply(raw_frame, target, &Moment::new(sequence, state.time).at_speed(state.speed))
-            })
+            .measure(Stage::Perturbation, || chain.apply(raw_frame, target, &moment))
             .map_err(Fault::Component)?;
         let perturbed = loan.publish()?;
         let perturbed_frame = Frame::new(&perturbed, width, height).map_err(wrong_size)?;

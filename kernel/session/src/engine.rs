@@ -139,6 +139,7 @@ impl<'a> Engine<'a> {
                 drop(Held::new(*kind, component, self.registry.perturbation(name, parameters)?.0));
             }
             Kind::Saliency => drop(Held::new(*kind, component, self.registry.saliency(name, parameters)?.0)),
+            Kind::Mask => drop(Held::new(*kind, component, self.registry.mask(name, parameters)?.0)),
             Kind::Search => drop(Held::new(*kind, component, self.registry.search(name, parameters)?.0)),
         }
         Ok(made)

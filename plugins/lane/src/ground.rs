@@ -1,6 +1,8 @@
 //! Draws a row of ground: the road with its markings, gravel and grass.
 
 use crate::camera::Projection;
+use crate::field::Place;
+use crate::labels::Label;
 use crate::light::Light;
 use crate::places::{BLOCK, Block, Places};
 use crate::scene::Scene;
@@ -96,6 +98,28 @@ impl Room {
 }
 
 impl Ground<'_> {
+    /// Says what each pixel of a row shows in its middle.
+    pub fn label(&self, view: &View, ground: &GroundRow, row: &mut [u8]) {
+        let across = view.right.map(|r| r * ground.pixel_width);
+        let left = 0.5 - self.projection.centre_x as f32;
+        let start = [0, 1].map(|k| view.at[k] + view.ahead[k] * ground.ahead + across[k] * left);
+        for (i, label) in row.iter_mut().enumerate() {
+            let at = [0, 1].map(|k| start[k] + across[k] * i as f32);
+            let place = self.scene.field.at(at[0], at[1]).filter(Place::is_near);
+            let offset = place.map(|place| (place.lateral - section::ROAD_CENTRE as f32, place.along));
+            *label = match offset {
+                Some((offset, along)) if offset.abs() <= section::PAVED_HALF_WIDTH as f32 => {
+                    match self.section.is_marking(offset, along) {
+                        true => Label::Marking,
+                        false => Label::Road,
+                    }
+                }
+                _ => Label::Ground,
+            }
+            .number();
+        }
+    }
+
     /// Draws a row.
     #[inline(always)]
     pub fn draw(&self, view: &View, ground: &GroundRow, room: &mut Room, row: &mut [u8]) {

@@ -11,6 +11,7 @@ mod camera;
 mod driver;
 mod field;
 mod ground;
+mod labels;
 mod light;
 mod lines;
 mod places;

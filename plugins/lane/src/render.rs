@@ -12,6 +12,7 @@ use pdk_sdk::prelude::{Frame, FrameMut, Random};
 use crate::artwork;
 use crate::camera::Projection;
 use crate::ground::{Ground, GroundRow, Room};
+use crate::labels::{Canvas, Label, Labels};
 use crate::profile::Profile;
 use crate::scene::{Object, ObjectKind, Scene};
 use crate::section::{Markings, Section};
@@ -142,17 +143,8 @@ impl Renderer {
 
     /// Draws a scene. The frame has the size that the renderer was made for.
     pub fn draw(&mut self, world: World<'_, impl Iterator<Item = Seen>>, pose: Pose, mut into: FrameMut<'_>) {
-        let (sine, cosine) = (libm::sin(pose.heading), libm::cos(pose.heading));
         let scene = world.scene;
-        let view = View {
-            at: [
-                (pose.at[0] - scene.field.origin()[0]) as f32,
-                (pose.at[1] - scene.field.origin()[1]) as f32,
-            ],
-            ahead: [sine as f32, cosine as f32],
-            right: [cosine as f32, -sine as f32],
-            direction: [sine, cosine],
-        };
+        let view = view(scene, pose);
         self.terrain.look(&self.projection, (world.path, world.profile), (pose.at, pose.heading, pose.along));
         let slope = self.terrain.slope();
         self.sky.look(&self.projection, scene, pose.heading, slope);
@@ -172,6 +164,21 @@ impl Renderer {
             return unsafe { self.draw_avx2(world, &view, pose, &mut into) };
         }
         self.draw_portable(world, &view, pose, &mut into);
+    }
+
+    /// Says what the pixels of the frame show that was drawn last, of the same world and pose, row by row.
+    pub fn label(&mut self, world: World<'_, impl Iterator<Item = Seen>>, pose: Pose, into: &mut [u8]) {
+        let view = view(world.scene, pose);
+        let (texture, section, projection) = (&self.texture, &self.section, &self.projection);
+        let ground = Ground { scene: world.scene, texture, section, projection };
+        for (row, labels) in self.rows.iter().zip(into.chunks_exact_mut(self.width)) {
+            match row {
+                Row::Sky(_) => labels.fill(Label::Sky.number()),
+                Row::Ground(strip) => ground.label(&view, strip, labels),
+            }
+        }
+        let mut labels = Labels { pixels: into, width: self.width };
+        self.draw_things(world, &view, pose, &mut labels);
     }
 
     /// The same operations in the same order, compiled for AVX2: the same bytes, faster.
@@ -224,7 +231,7 @@ impl Renderer {
         world: World<'_, impl Iterator<Item = Seen>>,
         view: &View,
         pose: Pose,
-        into: &mut FrameMut<'_>,
+        into: &mut impl Canvas,
     ) {
         let World { scene, path, vehicles, .. } = world;
         let [sine, cosine] = view.direction;
@@ -291,18 +298,18 @@ impl Renderer {
     }
 
     #[inline(always)]
-    fn draw_object(&self, scene: &Scene, object: &Object, at: (f64, f64), into: &mut FrameMut<'_>) {
+    fn draw_object(&self, scene: &Scene, object: &Object, at: (f64, f64), into: &mut impl Canvas) {
         let Some((placement, _)) = self.placement(scene, at, object.size, object.tint) else { return };
         if object.kind != ObjectKind::Post {
             self.draw_shadow(scene, &placement, (at.1, object.size[0] * 0.35), into);
         }
-        let picture = match object.kind {
-            ObjectKind::Post => &self.pictures.post,
-            ObjectKind::Conifer => &self.pictures.conifer,
-            ObjectKind::Broadleaf => &self.pictures.broadleaf,
-            ObjectKind::House => &self.pictures.house,
+        let (picture, label) = match object.kind {
+            ObjectKind::Post => (&self.pictures.post, Label::Post),
+            ObjectKind::Conifer => (&self.pictures.conifer, Label::Vegetation),
+            ObjectKind::Broadleaf => (&self.pictures.broadleaf, Label::Vegetation),
+            ObjectKind::House => (&self.pictures.house, Label::Building),
         };
-        picture.draw(into, placement);
+        into.paint(picture, placement, Some(label));
     }
 
     /// Draws the shadow of a thing whose picture goes there, so many metres ahead and with that extent towards the camera.
@@ -312,7 +319,7 @@ impl Renderer {
         scene: &Scene,
         thing: &Placement,
         (ahead, extent): (f64, f64),
-        into: &mut FrameMut<'_>,
+        into: &mut impl Canvas,
     ) {
         if scene.light.shadow <= 0.0 {
             return;
@@ -322,8 +329,8 @@ impl Renderer {
         let (height, _) = self.terrain.at(near);
         let Some([_, near_edge, _]) = self.projection.project(0.0, near, height) else { return };
         let half = (near_edge as f32 - foot).max(0.0);
-        self.pictures.shadow.draw(
-            into,
+        into.paint(
+            &self.pictures.shadow,
             Placement {
                 left: thing.left + width * 0.1,
                 top: foot - half,
@@ -332,6 +339,7 @@ impl Renderer {
                 tint: [1.0; 3],
                 ..*thing
             },
+            None,
         );
     }
 
@@ -341,7 +349,7 @@ impl Renderer {
         (scene, path): (&Scene, &Path),
         seen: Seen,
         relative: &impl Fn([f64; 2]) -> (f64, f64),
-        into: &mut FrameMut<'_>,
+        into: &mut impl Canvas,
     ) {
         let [width, height, length] = traffic::SIZE;
         let near = relative(path.beside(seen.along, seen.lateral));
@@ -368,7 +376,7 @@ impl Renderer {
                 (nearest, _) if nearest == seen.oncoming => &self.pictures.front,
                 _ => &self.pictures.rear,
             };
-            picture.draw(into, placement);
+            into.paint(picture, placement, Some(Label::Vehicle));
             if slice == 0 && scene.light.lamps {
                 let lamps = match seen.oncoming {
                     true => &self.pictures.head_lamps,
@@ -379,7 +387,7 @@ impl Renderer {
                 let grown = placement.size.map(|s| s * wide.min(3.0));
                 let left = placement.left - (grown[0] - placement.size[0]) / 2.0;
                 let top = placement.top - (grown[1] - placement.size[1]) / 2.0;
-                lamps.draw(into, Placement { left, top, size: grown, tint: [1.0; 3], ..placement });
+                into.paint(lamps, Placement { left, top, size: grown, tint: [1.0; 3], ..placement }, None);
             }
         }
     }
@@ -387,5 +395,16 @@ impl Renderer {
     /// Whether a frame has the size that the renderer was made for.
     pub fn fits(&self, frame: &Frame<'_>) -> bool {
         frame.width() == self.width && frame.height() == self.height
+    }
+}
+
+/// Where the camera looks from, on the field's map.
+fn view(scene: &Scene, pose: Pose) -> View {
+    let (sine, cosine) = (libm::sin(pose.heading), libm::cos(pose.heading));
+    View {
+        at: [(pose.at[0] - scene.field.origin()[0]) as f32, (pose.at[1] - scene.field.origin()[1]) as f32],
+        ahead: [sine as f32, cosine as f32],
+        right: [cosine as f32, -sine as f32],
+        direction: [sine, cosine],
     }
 }

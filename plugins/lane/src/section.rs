@@ -130,6 +130,14 @@ impl Section {
         ground
     }
 
+    /// Whether there is paint at a place so many metres to the right of the middle of the road and along it.
+    pub fn is_marking(&self, offset: f32, along: f32) -> bool {
+        let half_line = LINE_WIDTH as f32 / 2.0;
+        let edge = (offset.abs() - EDGE_LINE as f32).abs() <= half_line;
+        let dash = self.markings == Markings::Solid || along.rem_euclid(DASH_PERIOD) < DASH;
+        edge || offset.abs() <= half_line && dash
+    }
+
     /// The sum of the first samples, as many as `samples` says.
     #[inline(always)]
     fn sum(&self, samples: f32) -> &[f32; 4] {

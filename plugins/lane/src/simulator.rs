@@ -3,13 +3,14 @@
 use pdk_sdk::prelude::*;
 
 use crate::camera::{AHEAD_OF_CENTRE, Mounting, Projection};
+use crate::labels::Label;
 use crate::light::{self, Light};
 use crate::render::{Pose, Renderer, World};
 use crate::road::Road;
 use crate::scene::Scene;
 use crate::section::{self, Markings};
 use crate::vehicle::Vehicle;
-use pdk_road::traffic::{self, Traffic, Wanted};
+use pdk_road::traffic::{self, Seen, Traffic, Wanted};
 use pdk_road::{Located, Point};
 
 /// How far from its last place along the road the vehicle is looked for, in metres, where it does not move faster: so a
@@ -208,16 +209,25 @@ impl Simulator for Lane {
                 self.camera.height
             )));
         }
-        let (path, length) = (&drive.road.path, drive.road.path.length());
-        let pose = Pose {
-            at: drive.vehicle.ahead(AHEAD_OF_CENTRE),
-            heading: drive.vehicle.heading,
-            along: drive.located.along + AHEAD_OF_CENTRE,
-        };
-        let vehicles = drive.traffic.seen(drive.time(self.camera.rate), length);
-        let world = World { scene: &drive.scene, path, profile: &drive.road.profile, vehicles };
-        self.renderer.draw(world, pose, into);
+        self.renderer.draw(drive.world(self.camera.rate), drive.pose(), into);
         Ok(drive.state(self.camera.rate))
+    }
+
+    fn label_names(&self) -> Vec<String> {
+        Label::NAMES.map(str::to_owned).to_vec()
+    }
+
+    fn labels(&mut self, into: &mut [u8]) -> Result<()> {
+        let drive = self.drive.as_ref().ok_or_else(not_started)?;
+        let pixels = self.camera.width as usize * self.camera.height as usize;
+        if into.len() != pixels {
+            return Err(Error::new(format!(
+                "it was given room for {} labels, but its frames have {pixels} pixels",
+                into.len()
+            )));
+        }
+        self.renderer.label(drive.world(self.camera.rate), drive.pose(), into);
+        Ok(())
     }
 
     fn act(&mut self, control: Control) -> Result<State> {
@@ -274,6 +284,22 @@ impl Drive {
                 between(from.lateral, self.located.lateral),
             )
         });
+    }
+
+    /// Where the camera is.
+    fn pose(&self) -> Pose {
+        Pose {
+            at: self.vehicle.ahead(AHEAD_OF_CENTRE),
+            heading: self.vehicle.heading,
+            along: self.located.along + AHEAD_OF_CENTRE,
+        }
+    }
+
+    /// What the camera may see.
+    fn world(&self, rate: f64) -> World<'_, impl Iterator<Item = Seen>> {
+        let path = &self.road.path;
+        let vehicles = self.traffic.seen(self.time(rate), path.length());
+        World { scene: &self.scene, path, profile: &self.road.profile, vehicles }
     }
 
     /// Simulation time in seconds; from the count, not from a sum: it never drifts.

@@ -88,41 +88,39 @@ impl Sprite {
         Self { levels }
     }
 
+    /// Tells how much of each pixel the picture covers in a frame of this size, where it covers anything.
+    pub fn covered(
+        &self,
+        width: usize,
+        height: usize,
+        at: &Placement,
+        mut tell: impl FnMut(usize, usize, f32),
+    ) {
+        let area = Area::new(self, width, height, at);
+        for y in area.rows.clone() {
+            for x in area.columns.clone() {
+                let cover = area.texel(x, y)[3] * area.opacity;
+                if cover > 0.003 {
+                    tell(x, y, cover);
+                }
+            }
+        }
+    }
+
     /// Draws the picture into a frame.
     #[inline(always)]
     pub fn draw(&self, frame: &mut FrameMut<'_>, at: Placement) {
-        // What is narrower than a pixel becomes a pixel wide and the fainter for it.
-        let [width, height] = at.size.map(|s| s.max(1.0));
-        let opacity = at.opacity * (at.size[0] / width).max(0.0) * (at.size[1] / height).max(0.0);
-        let (left, top) = (at.left - (width - at.size[0]) * 0.5, at.top - (height - at.size[1]) * 0.5);
-        let pixels = |low: f32, length: f32, most: usize| {
-            let first = (low - 0.5).max(0.0) as usize;
-            let last = (low + length + 1.5).clamp(0.0, most as f32) as usize;
-            first.min(last)..last
-        };
-        let (columns, rows) = (pixels(left, width, frame.width()), pixels(top, height, frame.height()));
-        let rows = rows.start..rows.end.min((at.bottom + 0.5).clamp(0.0, frame.height() as f32) as usize);
-        // A level for each direction would be better; the finer one would flicker, so the coarser one decides.
-        let texels = SIZE as f32 / width.max(height);
-        let mut level = 0;
-        while ((2usize << level) as f32) <= texels && level + 1 < self.levels.len() {
-            level += 1;
-        }
-        let size = SIZE >> level;
-        let texture = &self.levels[level];
+        let area = Area::new(self, frame.width(), frame.height(), &at);
         let (haze, share) = at.haze;
         // What each texel's colour is multiplied with, and what the air adds where the picture is opaque.
-        let own = [0, 1, 2].map(|c| opacity * at.tint[c] * (1.0 - share));
+        let own = [0, 1, 2].map(|c| area.opacity * at.tint[c] * (1.0 - share));
         let air = [0, 1, 2].map(|c| haze[c] * share);
-        let (step_x, step_y) = (size as f32 / width, size as f32 / height);
-        for y in rows {
-            let v = (y as f32 + 0.5 - top) * step_y - 0.5;
-            let first = columns.start;
-            let row = &mut frame.row_mut(y)[first * 3..columns.end * 3];
+        for y in area.rows.clone() {
+            let first = area.columns.start;
+            let row = &mut frame.row_mut(y)[first * 3..area.columns.end * 3];
             for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
-                let u = ((first + x) as f32 + 0.5 - left) * step_x - 0.5;
-                let texel = bilinear(texture, size, u, v);
-                let cover = texel[3] * opacity;
+                let texel = area.texel(first + x, y);
+                let cover = texel[3] * area.opacity;
                 if cover <= 0.003 {
                     continue;
                 }
@@ -133,6 +131,51 @@ impl Sprite {
                 }
             }
         }
+    }
+}
+
+/// The pixels that a picture may cover, and which of its texels lies in each.
+struct Area<'a> {
+    rows: std::ops::Range<usize>,
+    columns: std::ops::Range<usize>,
+    opacity: f32,
+    texture: &'a Level,
+    size: usize,
+    corner: [f32; 2],
+    step: [f32; 2],
+}
+
+impl<'a> Area<'a> {
+    #[inline(always)]
+    fn new(picture: &'a Sprite, frame_width: usize, frame_height: usize, at: &Placement) -> Self {
+        // What is narrower than a pixel becomes a pixel wide and the fainter for it.
+        let [width, height] = at.size.map(|s| s.max(1.0));
+        let opacity = at.opacity * (at.size[0] / width).max(0.0) * (at.size[1] / height).max(0.0);
+        let (left, top) = (at.left - (width - at.size[0]) * 0.5, at.top - (height - at.size[1]) * 0.5);
+        let pixels = |low: f32, length: f32, most: usize| {
+            let first = (low - 0.5).max(0.0) as usize;
+            let last = (low + length + 1.5).clamp(0.0, most as f32) as usize;
+            first.min(last)..last
+        };
+        let (columns, rows) = (pixels(left, width, frame_width), pixels(top, height, frame_height));
+        let rows = rows.start..rows.end.min((at.bottom + 0.5).clamp(0.0, frame_height as f32) as usize);
+        // A level for each direction would be better; the finer one would flicker, so the coarser one decides.
+        let texels = SIZE as f32 / width.max(height);
+        let mut level = 0;
+        while ((2usize << level) as f32) <= texels && level + 1 < picture.levels.len() {
+            level += 1;
+        }
+        let size = SIZE >> level;
+        let step = [size as f32 / width, size as f32 / height];
+        Self { rows, columns, opacity, texture: &picture.levels[level], size, corner: [left, top], step }
+    }
+
+    /// What the picture has in the middle of a pixel.
+    #[inline(always)]
+    fn texel(&self, x: usize, y: usize) -> [f32; 4] {
+        let u = (x as f32 + 0.5 - self.corner[0]) * self.step[0] - 0.5;
+        let v = (y as f32 + 0.5 - self.corner[1]) * self.step[1] - 0.5;
+        bilinear(self.texture, self.size, u, v)
     }
 }
 

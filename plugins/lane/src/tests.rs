@@ -467,3 +467,45 @@ fn long_steps_lose_neither_the_road_nor_a_collision() {
     let state = simulator.act(Control { steering: 0.0, throttle: 1.0 }).unwrap();
     assert!(state.collision && !state.lane_departure, "{state:?}");
 }
+
+#[test]
+fn labels_say_what_the_pixels_show() {
+    let parameters = json!({"vehicle_ahead": 12, "oncoming": 0});
+    let mut simulator = lane_with(parameters).unwrap();
+    let (width, height) = (simulator.camera().width as usize, simulator.camera().height as usize);
+    simulator.reset(&scenario(Value::Null, 3), 0).unwrap();
+    let mut frame = FrameBuf::new(width, height);
+    let state = simulator.frame(frame.as_mut()).unwrap();
+    let names = simulator.label_names();
+    let mut labels = vec![u8::MAX; width * height];
+    simulator.labels(&mut labels).unwrap();
+    let count = |name: &str| {
+        let number = names.iter().position(|known| known == name).unwrap() as u8;
+        labels.iter().filter(|label| **label == number).count()
+    };
+    assert_eq!(
+        ["sky", "ground", "road", "marking", "vehicle", "vegetation", "building", "post"]
+            .map(count)
+            .iter()
+            .sum::<usize>(),
+        width * height
+    );
+    for (name, least) in [("sky", 100), ("ground", 100), ("road", 100), ("vehicle", 3)] {
+        assert!(count(name) * 1000 > width * height * least, "{name}: {}", count(name));
+    }
+    let at = |x: usize, y: usize| names[usize::from(labels[y * width + x])].as_str();
+    assert_eq!(at(width / 2, 0), "sky");
+    assert!(["road", "marking"].contains(&at(width / 2, height - 1)));
+    // What is green is no asphalt, and asphalt is grey.
+    for (at, label) in labels.iter().enumerate() {
+        let [red, green, blue] = frame.as_ref().pixel(at % width, at / width).map(i32::from);
+        if at / width > height * 3 / 4 && names[usize::from(*label)] == "road" {
+            assert!((green - red).abs() < 40 && (green - blue).abs() < 40, "{at}: {red} {green} {blue}");
+        }
+    }
+    // To ask for labels changes nothing.
+    let mut again = FrameBuf::new(width, height);
+    assert_eq!(simulator.frame(again.as_mut()).unwrap(), state);
+    assert!(again == frame);
+    assert!(simulator.labels(&mut [0; 3]).unwrap_err().message().contains("room for 3 labels"));
+}

@@ -49,6 +49,15 @@ impl ImageInput {
     }
 }
 
+/// The size of an image in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Size {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
 /// The input that takes the vehicle's speed in metres per second.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SpeedInput {
@@ -135,6 +144,14 @@ impl ModelFile {
     /// Where the file cannot be read, is no ONNX model, or takes anything but one float image of a fixed size and
     /// maybe `speed`, one float.
     pub fn read(source: Source, layout: &str) -> Result<Self> {
+        Self::read_at(source, layout, None)
+    }
+
+    /// Reads a model whose image has the given size where the file leaves it open.
+    ///
+    /// # Errors
+    /// As for [`Self::read`].
+    pub fn read_at(source: Source, layout: &str, open: Option<Size>) -> Result<Self> {
         let bytes = source.content()?;
         let proto = tract_onnx::onnx()
             .proto_model_for_read(&mut &*bytes)
@@ -163,7 +180,7 @@ impl ModelFile {
                 )));
             }
         };
-        let input = image_input(image, layout)?;
+        let input = image_input(image, layout, open)?;
         let outputs = graph.output.iter().map(|output| output.name.clone()).collect();
         Ok(Self { source, input, speed, outputs, proto })
     }
@@ -217,7 +234,7 @@ fn speed_input(input: &pb::ValueInfoProto, first: bool) -> Result<SpeedInput> {
     Ok(SpeedInput { first, shape: vec![1; dims.len()] })
 }
 
-fn image_input(input: &pb::ValueInfoProto, layout: &str) -> Result<ImageInput> {
+fn image_input(input: &pb::ValueInfoProto, layout: &str, open: Option<Size>) -> Result<ImageInput> {
     let name = &input.name;
     let tensor = float_tensor(input, "an image")?;
     let dims: Vec<Option<i64>> =
@@ -250,6 +267,8 @@ fn image_input(input: &pb::ValueInfoProto, layout: &str) -> Result<ImageInput> {
         Layout::Nchw => (a, b, c),
         Layout::Nhwc => (c, a, b),
     };
+    let height = height.or(open.map(|size| size.height as i64));
+    let width = width.or(open.map(|size| size.width as i64));
     match [channels, height, width]
         .map(|dim| dim.and_then(|dim| usize::try_from(dim).ok()).filter(|&dim| dim > 0))
     {

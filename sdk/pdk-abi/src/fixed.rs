@@ -72,5 +72,7 @@ pub mod kind {
         pub const SEARCH = 5;
         /// Reads recorded frames: [`DatasetFunctions`](crate::DatasetFunctions).
         pub const DATASET = 6;
+        /// Says where frames are to be perturbed: [`MaskFunctions`](crate::MaskFunctions).
+        pub const MASK = 7;
     }
 }

@@ -31,8 +31,8 @@ pub use header::Header;
 pub use prefix::{Prefix, empty, load, store};
 pub use sized::{
     Camera, Control, DatasetFunctions, DriveContext, DriverFunctions, Entry, Frame, FrameMut, Heatmap,
-    Instance, MapContext, MapSize, PerturbationContext, PerturbationFunctions, Plugin, SaliencyFunctions,
-    SearchFunctions, SimulatorFunctions, Sink, State, map_flag, state_flag,
+    Instance, MapContext, MapSize, MaskFunctions, PerturbationContext, PerturbationFunctions, Plugin,
+    SaliencyFunctions, SearchFunctions, SimulatorFunctions, Sink, State, map_flag, state_flag,
 };
 
 /// The version of the interface. A host takes the plugins of its own version.

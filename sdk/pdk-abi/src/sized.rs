@@ -196,6 +196,19 @@ sized! {
             info: *const Sink,
             error: *const Sink,
         ) -> Status>,
+        /// What the simulator can tell apart in its frames: a JSON list of names, empty where it labels nothing.
+        pub label_names: Option<unsafe extern "C" fn(
+            object: *mut c_void,
+            names: *const Sink,
+            error: *const Sink,
+        ) -> Status>,
+        /// Writes for each pixel of the frame that was rendered last the place of what it shows among those names, row by row.
+        pub labels: Option<unsafe extern "C" fn(
+            object: *mut c_void,
+            into: *mut u8,
+            length: usize,
+            error: *const Sink,
+        ) -> Status>,
     }
 
     /// What a driver knows besides the frame.
@@ -276,6 +289,20 @@ sized! {
         ) -> Status>,
         /// Writes the map of a frame, which has the size that `map_size` told.
         pub map: Option<unsafe extern "C" fn(
+            object: *mut c_void,
+            frame: *const Frame,
+            context: *const MapContext,
+            map: *const Heatmap,
+            error: *const Sink,
+        ) -> Status>,
+    }
+
+    /// The functions of a mask.
+    pub struct MaskFunctions {
+        /// Ends the instance.
+        pub drop: Option<unsafe extern "C" fn(object: *mut c_void)>,
+        /// Writes how much of each pixel of a frame is to be perturbed; the map is as large as the frame.
+        pub weights: Option<unsafe extern "C" fn(
             object: *mut c_void,
             frame: *const Frame,
             context: *const MapContext,

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use crate::component::ComponentSpec;
 use crate::error::{Error, Result};
 use crate::pace::Pace;
-use crate::selection::{is_one, method, one};
+use crate::selection::{component, is_one, one};
 
 /// The maps that a perturbation is given.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,7 +37,7 @@ impl Attention {
             table => table.clone(),
         };
         if let Some(by) = table.get_mut("by") {
-            *by = serde_json::to_value(method(by)?)?;
+            *by = serde_json::to_value(component("saliency method", "by", by)?)?;
         }
         let attention: Self = serde_json::from_value(table).map_err(|_| wrong(FORM))?;
         match attention.pace().mistake() {

@@ -23,7 +23,13 @@ pub struct Selection {
     /// All pixels whose value, from 0 to 1, is above this one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub above: Option<f64>,
-    /// The saliency method that makes the map; `random` needs none.
+    /// What a simulator's own labels say that a pixel shows, such as `road`: one or several of its names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub label: Vec<String>,
+    /// A mask, which says itself how much of each pixel is perturbed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mask: Option<ComponentSpec>,
+    /// The saliency method that makes the map, for `top`, `bottom` and `above`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by: Option<ComponentSpec>,
     /// As [`Pace::every`].
@@ -69,6 +75,10 @@ pub enum Choice {
     Random(f64),
     /// What matters more than this value.
     Above(f64),
+    /// What a simulator's labels say.
+    Labelled,
+    /// What a mask says.
+    Masked,
 }
 
 /// The largest number of pixels for `close` and `soft`.
@@ -83,18 +93,29 @@ impl Selection {
         let wrong = |why: &str| Error::new(format!("`where` is {value}, but {why}"));
         let mut table = value.as_object().ok_or_else(|| wrong(FORM))?.clone();
         if let Some(by) = table.get_mut("by") {
-            *by = serde_json::to_value(method(by)?)?;
+            *by = serde_json::to_value(component("saliency method", "by", by)?)?;
+        }
+        if let Some(mask) = table.get_mut("mask") {
+            *mask = serde_json::to_value(component("mask", "mask", mask)?)?;
+        }
+        if let Some(label) = table.get_mut("label").filter(|label| label.is_string()) {
+            *label = Value::Array(vec![label.take()]);
         }
         let selection: Self = serde_json::from_value(Value::Object(table)).map_err(|_| wrong(FORM))?;
         let choices = [selection.top, selection.bottom, selection.random, selection.above];
         let shares = [selection.top, selection.bottom, selection.random].into_iter().flatten();
-        let mistake = if choices.iter().flatten().count() != 1 {
-            "it has to have one of top, bottom, random and above"
+        let by_content = usize::from(!selection.label.is_empty()) + usize::from(selection.mask.is_some());
+        let by_map = [selection.top, selection.bottom, selection.above].iter().flatten().count() == 1;
+        let mistake = if choices.iter().flatten().count() + by_content != 1 {
+            "it has to have one of top, bottom, random, above, label and mask"
         } else if shares.into_iter().any(|share| !(0.0..=100.0).contains(&share)) {
             "its share has to be from 0 to 100 percent"
         } else if selection.above.is_some_and(|above| !(0.0..=1.0).contains(&above)) {
             "what it is above has to be from 0 to 1"
-        } else if selection.by.is_none() && selection.random.is_none() {
+        } else if by_map != selection.by.is_some() {
+            if selection.by.is_some() {
+                return Err(wrong("`by` goes with top, bottom and above alone"));
+            }
             "it has to say by which saliency method, such as by=\"hirescam,model=FILE.onnx\""
         } else if let Some(mistake) = selection.pace().mistake() {
             mistake
@@ -117,28 +138,30 @@ impl Selection {
             (Some(share), ..) => Choice::Top(share / 100.0),
             (_, Some(share), ..) => Choice::Bottom(share / 100.0),
             (_, _, Some(share), _) => Choice::Random(share / 100.0),
-            (.., above) => Choice::Above(above.unwrap_or(1.0)),
+            (.., Some(above)) => Choice::Above(above),
+            _ if self.mask.is_some() => Choice::Masked,
+            _ => Choice::Labelled,
         }
     }
 }
 
-/// Reads a saliency method: a text as for a component on the command line, or a table.
+/// Reads a component that a modifier names under a key: a text as on the command line, or a table.
 ///
 /// # Errors
 /// Where it is none.
-pub(crate) fn method(value: &Value) -> Result<ComponentSpec> {
+pub(crate) fn component(kind: &str, key: &str, value: &Value) -> Result<ComponentSpec> {
     match value {
-        Value::String(text) => ComponentSpec::parse("saliency method", text),
+        Value::String(text) => ComponentSpec::parse(kind, text),
         table if table.get("name").is_some() && table.get("parameters").is_some_and(Value::is_object) => {
             Ok(serde_json::from_value(table.clone())?)
         }
-        table => ComponentSpec::from_json("by", table),
+        table => ComponentSpec::from_json(key, table),
     }
 }
 
 /// How a selection is written.
-const FORM: &str = "has to be { top = 20, by = \"METHOD,model=FILE.onnx\" }, with bottom, random or above in place of top, and \
-                    every or change, follow, close, smallest and soft where they are wanted";
+const FORM: &str = "has to be { top = 20, by = \"METHOD,model=FILE.onnx\" }, with bottom or above in place of top; { random = 20 }, { label = \"road\" } \
+                    or { mask = \"MASK\" }; and every or change, follow, close, smallest and soft where they are wanted";
 
 #[cfg(test)]
 mod tests {
@@ -160,6 +183,14 @@ mod tests {
             Choice::Above(0.5)
         );
         assert_eq!(read(json!({"random": 50})).choice(), Choice::Random(0.5));
+        let road = read(json!({"label": "road", "soft": 2}));
+        assert_eq!((road.choice(), &road.label), (Choice::Labelled, &vec!["road".to_owned()]));
+        assert_eq!(read(json!({"label": ["road", "sky"]})).label.len(), 2);
+        let masked = read(json!({"mask": "segmentation,model=a.onnx,classes=7"}));
+        assert_eq!(masked.choice(), Choice::Masked);
+        for selection in [road, masked] {
+            assert_eq!(read(serde_json::to_value(&selection).unwrap()), selection);
+        }
     }
 
     #[test]
@@ -169,11 +200,13 @@ mod tests {
         assert!(error(json!({"left": 3})).contains("has to be { top = 20"));
         assert!(
             error(json!({"top": 3, "bottom": 3, "by": "rise"}))
-                .contains("one of top, bottom, random and above")
+                .contains("one of top, bottom, random, above, label and mask")
         );
         assert!(error(json!({"top": 101, "by": "rise"})).contains("0 to 100 percent"));
         assert!(error(json!({"above": 2, "by": "rise"})).contains("from 0 to 1"));
         assert!(error(json!({"top": 10})).contains("by which saliency method"));
+        assert!(error(json!({"label": []})).contains("one of top"));
+        assert!(error(json!({"label": "road", "by": "rise"})).contains("`by` goes with"));
         assert!(error(json!({"random": 10, "every": 0})).contains("every 0 frames"));
         assert!(error(json!({"random": 10, "every": 2, "change": 3})).contains("either for `every`"));
         assert!(error(json!({"random": 10, "follow": true})).contains("nothing to follow"));

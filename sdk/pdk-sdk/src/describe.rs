@@ -16,6 +16,8 @@ pub enum Kind {
     Driver,
     /// Says which pixels matter to a driver.
     Saliency,
+    /// Says where frames are to be perturbed.
+    Mask,
     /// Proposes scenarios and learns from outcomes.
     Search,
     /// Reads recorded frames with their ground truth.
@@ -24,8 +26,15 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds, in the order in which they are listed.
-    pub const ALL: [Kind; 6] =
-        [Kind::Perturbation, Kind::Simulator, Kind::Driver, Kind::Saliency, Kind::Search, Kind::Dataset];
+    pub const ALL: [Kind; 7] = [
+        Kind::Perturbation,
+        Kind::Simulator,
+        Kind::Driver,
+        Kind::Saliency,
+        Kind::Mask,
+        Kind::Search,
+        Kind::Dataset,
+    ];
 
     /// The name as it is written in lists and on the command line.
     pub fn name(self) -> &'static str {
@@ -34,6 +43,7 @@ impl Kind {
             Kind::Simulator => "simulator",
             Kind::Driver => "driver",
             Kind::Saliency => "saliency",
+            Kind::Mask => "mask",
             Kind::Search => "search",
             Kind::Dataset => "dataset",
         }
@@ -180,6 +190,11 @@ impl Description {
     /// Describes a saliency method.
     pub fn saliency(name: &str, doc: &str) -> Self {
         Self::of(Kind::Saliency, name, doc)
+    }
+
+    /// Describes a mask.
+    pub fn mask(name: &str, doc: &str) -> Self {
+        Self::of(Kind::Mask, name, doc)
     }
 
     /// Describes a search strategy.

@@ -6,7 +6,7 @@ pub use pdk_model::state::State;
 use pdk_ops::FrameMut;
 
 use crate::driver::Control;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// Renders what the ego vehicle's camera sees and moves the vehicle.
 ///
@@ -52,5 +52,22 @@ pub trait Simulator: Send {
     /// What a simulator that is a program of its own has told of itself by now, such as its version: names and values for people.
     fn info(&self) -> Vec<(String, String)> {
         Vec::new()
+    }
+
+    /// What the simulator can tell apart in its frames, 256 at most; empty where it labels nothing. Where it fits, the names are
+    /// `sky`, `road`, `marking`, `vehicle`, `pedestrian`, `vegetation`, `building` and `ground`, so that users find the same ones
+    /// everywhere. They do not change while the instance lives.
+    fn label_names(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Writes for each pixel of the frame that was rendered last the place of what it shows among
+    /// [`label_names`](Simulator::label_names), row by row. It is called behind [`frame`](Simulator::frame) where somebody needs it.
+    ///
+    /// # Errors
+    /// Where the simulator labels nothing, or fails.
+    fn labels(&mut self, into: &mut [u8]) -> Result<()> {
+        let _ = into;
+        Err(Error::new("it does not label its frames"))
     }
 }

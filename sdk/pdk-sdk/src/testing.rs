@@ -28,6 +28,7 @@ use crate::dataset::Dataset;
 use crate::describe::{Description, LEVELS};
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, Result};
+use crate::mask::Mask;
 use crate::perturbation::{Context, Perturbation};
 use crate::saliency::{HeatmapMut, MapContext, Saliency};
 use crate::search::{Evaluated, Problem, Range, Search, Space, Variable};
@@ -78,6 +79,7 @@ pub fn simulator<T: Component + Simulator + 'static>() {
 on_types! {
     driver: Driver by check_driver;
     saliency: Saliency by check_saliency;
+    mask: Mask by check_mask;
     search: Search by check_search;
     dataset: Dataset by check_dataset;
 }
@@ -265,6 +267,33 @@ pub fn check_saliency(config: &Config, make: Make<'_, dyn Saliency>) -> Result<(
         })?;
     }
     ensure(maps[0] == maps[1], || "the same frame gives two maps".to_owned())
+}
+
+/// Checks that a mask has values from 0 to 1 for frames of several sizes and comes out the same twice.
+///
+/// # Errors
+/// The first check that fails.
+pub fn check_mask(config: &Config, make: Make<'_, dyn Mask>) -> Result<()> {
+    let mut mask = make(config)?;
+    let key = Key([9; 32]);
+    for (width, height) in SIZES {
+        let frame = sample_frame(width, height);
+        let mut maps = [vec![f32::NAN; width * height], vec![f32::NAN; width * height]];
+        for map in &mut maps {
+            mask.weights(
+                frame.as_ref(),
+                &MapContext::new(5, 0.25, &key),
+                HeatmapMut::new(map, width, height)?,
+            )?;
+            ensure(map.iter().all(|value| (0.0..=1.0).contains(value)), || {
+                format!(
+                    "on a frame of {width}x{height} it has values that are not from 0 to 1, or that were not written"
+                )
+            })?;
+        }
+        ensure(maps[0] == maps[1], || "the same frame gives two masks".to_owned())?;
+    }
+    Ok(())
 }
 
 /// Checks that a search strategy proposes no more than it is asked for, that all it proposes lies in the space, and that what it

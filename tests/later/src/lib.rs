@@ -9,14 +9,14 @@ use pdk_abi::{
     Frame, Header, Instance, Plugin, Prefix, Sink, Status, Text, VERSION, empty, kind, load, status, store,
 };
 
-/// The kind `mask`, which pdk does not know.
-const MASK: u64 = 7;
+/// The kind `horn`, which pdk does not know.
+const HORN: u64 = 99;
 
 /// Describes the component of the unknown kind first, so that places count.
 const DESCRIPTION: &str = r#"{
     "name": "later", "version": "2.0.0", "sdk": "9.1.0", "licence": "MIT",
     "components": [
-        { "kind": "mask", "name": "later", "doc": "Says where", "version": 1, "temporal": "static", "default": true,
+        { "kind": "horn", "name": "later", "doc": "Blows", "version": 1, "temporal": "static", "default": true,
           "parameters": [] },
         { "kind": "driver", "name": "later", "doc": "Steers by what it is given", "version": 1, "temporal": "static",
           "default": true, "since": 2030, "parameters": [
@@ -106,7 +106,7 @@ unsafe extern "C" fn create(
         // A way to fail that pdk does not know.
         return Status { code: 99 };
     }
-    let kind = if index == 0 { MASK } else { kind::DRIVER };
+    let kind = if index == 0 { HORN } else { kind::DRIVER };
     let object = Box::into_raw(Box::new(0_u64)).cast();
     let functions = (&raw const FUNCTIONS).cast();
     // SAFETY: the host lends it for this call.

@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use pdk_core::{eprintln, output, println};
+use pdk_model::component::ComponentSpec;
 use pdk_preview::picture;
 use pdk_preview::preview::{self, Options};
 use pdk_sdk::describe::Temporal;
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::json;
 
+use super::saliency::DEFAULT_METHOD;
 use super::{Global, print_json};
 
 /// Arguments of `pdk preview`
@@ -35,6 +37,12 @@ pub struct Arguments {
     /// Columns of the sheet
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
     columns: u32,
+    /// A network whose view is shown below each picture: its ONNX file, or the name of one that is part of pdk
+    #[arg(long, value_name = "MODEL")]
+    model: Option<String>,
+    /// The saliency method that shows it
+    #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", default_value = DEFAULT_METHOD, requires = "model")]
+    method: String,
     /// The seed that all random numbers come from
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -60,8 +68,22 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         "cannot make the folder {}; choose another with -o",
         arguments.output.display()
     ))?;
-    let options =
-        Options { seed: arguments.seed, frame_width: arguments.width, picture_width: arguments.picture };
+    let maps = match &arguments.model {
+        None => None,
+        Some(model) => {
+            let mut method = ComponentSpec::parse("saliency method", &arguments.method)?;
+            method.parameters.insert("model".to_owned(), model.as_str().into());
+            // What is wrong with it shows here, and not at every perturbation.
+            registry.saliency(&method.name, &method.parameters)?;
+            Some(method)
+        }
+    };
+    let options = Options {
+        seed: arguments.seed,
+        frame_width: arguments.width,
+        picture_width: arguments.picture,
+        maps,
+    };
     let progress = output::progress(global.json, "{pos}/{len} perturbations");
 
     let mut shown = Vec::with_capacity(chosen.len());

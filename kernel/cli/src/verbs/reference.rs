@@ -51,7 +51,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
 
 fn pictures(registry: &Registry, image: &Path, folder: &Path) -> Result<()> {
     let source = picture::to_frame(picture::scaled(&pdk_image::read(image)?, WIDTH))?;
-    let options = Options { seed: 0, frame_width: WIDTH, picture_width: PICTURE_WIDTH };
+    let options = Options { seed: 0, frame_width: WIDTH, picture_width: PICTURE_WIDTH, maps: None };
     let shown = preview::chosen(registry.catalog(), &[], true)?;
     let blocks = preview::rows(registry, &shown, &source, &options, &ProgressBar::no_length());
     for (shown, block) in shown.iter().zip(blocks) {

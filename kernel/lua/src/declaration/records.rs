@@ -5,7 +5,7 @@ use crate::api::{ApiField, ApiRecord};
 /// The table that a script returns.
 pub const PERTURBATION: ApiRecord = ApiRecord {
     name: "Perturbation",
-    doc: "What the file of a perturbation returns.",
+    doc: "What the file of a perturbation returns, or that of a mask, which has `mask` in place of `apply`.",
     fields: &[
         ApiField {
             name: "doc",
@@ -14,9 +14,15 @@ pub const PERTURBATION: ApiRecord = ApiRecord {
         },
         ApiField {
             name: "apply",
-            luau_type: "(image: Image, cx: Context) -> ()",
+            luau_type: "((image: Image, cx: Context) -> ())?",
             doc: "Changes `image`, a copy of the camera's frame, in place. The result has to depend on the image and \
                   on `cx` alone, so that any frame can be computed again on its own.",
+        },
+        ApiField {
+            name: "mask",
+            luau_type: "((image: Image, cx: Context) -> ())?",
+            doc: "Makes a mask of `image`, a copy of the camera's frame, in place: white is perturbed, black is not, what lies \
+                  between is blended. It goes by brightness.",
         },
         ApiField {
             name: "name",

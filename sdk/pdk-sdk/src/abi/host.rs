@@ -11,6 +11,7 @@ use crate::dataset::{Dataset, Entry};
 use crate::describe::Kind;
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, ErrorKind, Result};
+use crate::mask::Mask;
 use crate::perturbation::{Context, Perturbation};
 use crate::saliency::{HeatmapMut, MapContext, Saliency};
 use crate::search::{Candidate, Evaluated, Problem, Search};
@@ -72,6 +73,8 @@ pub enum Instance {
     Driver(Box<dyn Driver>),
     /// A saliency method.
     Saliency(Box<dyn Saliency>),
+    /// A mask.
+    Mask(Box<dyn Mask>),
     /// A search strategy.
     Search(Box<dyn Search>),
     /// A dataset reader.
@@ -86,6 +89,7 @@ impl Instance {
             Instance::Simulator(_) => Kind::Simulator,
             Instance::Driver(_) => Kind::Driver,
             Instance::Saliency(_) => Kind::Saliency,
+            Instance::Mask(_) => Kind::Mask,
             Instance::Search(_) => Kind::Search,
             Instance::Dataset(_) => Kind::Dataset,
         }
@@ -107,6 +111,7 @@ unsafe fn instance(raw: pdk_abi::Instance) -> Result<Instance> {
             kind::SIMULATOR => Instance::Simulator(Box::new(HostSimulator::new(&raw)?)),
             kind::DRIVER => Instance::Driver(Box::new(HostDriver::new(&raw)?)),
             kind::SALIENCY => Instance::Saliency(Box::new(HostSaliency::new(&raw)?)),
+            kind::MASK => Instance::Mask(Box::new(HostMask::new(&raw)?)),
             kind::SEARCH => Instance::Search(Box::new(HostSearch::new(&raw)?)),
             kind::DATASET => Instance::Dataset(Box::new(HostDataset::new(&raw)?)),
             other => {
@@ -220,6 +225,14 @@ host! {
             *const Sink
         );
     }
+    MaskCalls: MaskFunctions {
+        weights: fn(
+            *const pdk_abi::Frame,
+            *const pdk_abi::MapContext,
+            *const pdk_abi::Heatmap,
+            *const Sink
+        );
+    }
     SearchCalls: SearchFunctions {
         start: fn(Text, Text, *const Sink);
         ask: fn(usize, *const Sink, *const Sink);
@@ -274,9 +287,14 @@ struct HostSimulator {
     calls: RefCell<SimulatorCalls>,
     /// None in a plugin of an SDK that did not have it yet.
     info: Option<unsafe extern "C" fn(*mut c_void, *const Sink, *const Sink) -> Status>,
+    labels: Option<LabelFunction>,
+    label_names: Vec<String>,
     camera: Camera,
     waypoints: Vec<[f64; 3]>,
 }
+
+/// Writes labels; plugins of before there were any do not have it.
+type LabelFunction = unsafe extern "C" fn(*mut c_void, *mut u8, usize, *const Sink) -> Status;
 
 impl HostSimulator {
     /// # Safety
@@ -285,7 +303,7 @@ impl HostSimulator {
         // SAFETY: the caller's promise.
         let calls = unsafe { SimulatorCalls::of(raw) }?;
         // SAFETY: as above.
-        let info = unsafe { load(raw.functions.cast::<pdk_abi::SimulatorFunctions>(), empty()) }.info;
+        let table = unsafe { load(raw.functions.cast::<pdk_abi::SimulatorFunctions>(), empty()) };
         let mut camera = empty::<pdk_abi::Camera>();
         // SAFETY: everything lives through the call.
         call(|error| unsafe { (calls.camera)(calls.object.pointer, &mut camera, error) })?;
@@ -298,7 +316,22 @@ impl HostSimulator {
             );
             return Err(Error::of(ErrorKind::Nonsense, sentence));
         }
-        Ok(Self { calls: RefCell::new(calls), info, camera, waypoints: Vec::new() })
+        let label_names = match table.label_names {
+            None => Vec::new(),
+            Some(label_names) => {
+                // SAFETY: both sinks live through the call.
+                let names = collect(|text, error| unsafe { label_names(calls.object.pointer, text, error) })?;
+                serde_json::from_str(&names)?
+            }
+        };
+        Ok(Self {
+            calls: RefCell::new(calls),
+            info: table.info,
+            labels: table.labels,
+            label_names,
+            camera,
+            waypoints: Vec::new(),
+        })
     }
 
     /// Makes a call that answers with a state.
@@ -360,6 +393,18 @@ impl Simulator for HostSimulator {
         let told = collect(|text, error| unsafe { info(calls.object.pointer, text, error) });
         // It is for people only, so that without it nothing is lost.
         told.ok().and_then(|told| serde_json::from_str(&told).ok()).unwrap_or_default()
+    }
+
+    fn label_names(&self) -> Vec<String> {
+        self.label_names.clone()
+    }
+
+    fn labels(&mut self, into: &mut [u8]) -> Result<()> {
+        let labels = needed(self.labels, "labels")?;
+        // SAFETY: everything lives through the call.
+        call(|error| unsafe {
+            labels(self.calls.borrow_mut().object.pointer, into.as_mut_ptr(), into.len(), error)
+        })
     }
 }
 
@@ -436,6 +481,28 @@ impl Saliency for HostSaliency {
         let heatmap = pdk_abi::Heatmap { values: out.values_mut().as_mut_ptr(), width, height, ..empty() };
         // SAFETY: everything lives through the call.
         call(|error| unsafe { map(object.pointer, &frame, &context, &heatmap, error) })
+    }
+}
+
+struct HostMask(MaskCalls);
+
+impl HostMask {
+    /// # Safety
+    /// The instance is a mask, and nothing else has it.
+    unsafe fn new(raw: &pdk_abi::Instance) -> Result<Self> {
+        // SAFETY: the caller's promise.
+        unsafe { MaskCalls::of(raw) }.map(Self)
+    }
+}
+
+impl Mask for HostMask {
+    fn weights(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
+        let Self(MaskCalls { object, weights }) = self;
+        let (frame, context) = (convert::frame(frame), convert::map_context(cx));
+        let (width, height) = (out.width(), out.height());
+        let heatmap = pdk_abi::Heatmap { values: out.values_mut().as_mut_ptr(), width, height, ..empty() };
+        // SAFETY: everything lives through the call.
+        call(|error| unsafe { weights(object.pointer, &frame, &context, &heatmap, error) })
     }
 }
 

@@ -3,7 +3,7 @@
 mod functions;
 mod guard;
 
-pub use functions::{datasets, drivers, perturbations, saliencies, searches, simulators};
+pub use functions::{datasets, drivers, masks, perturbations, saliencies, searches, simulators};
 use pdk_abi::{Sink, Status, Text, status, store};
 use serde_json::{Map, Value};
 

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use pdk_preview::picture;
 use pdk_sdk::error::{Place, Result};
-use pdk_sdk::prelude::{Frame, FrameBuf};
+use pdk_sdk::prelude::Frame;
 
 /// The file of this ending beside others of the same stem, which may have points of its own.
 pub fn beside(stem: &Path, ending: &str) -> PathBuf {
@@ -30,29 +31,12 @@ pub fn write_npy(path: &Path, values: &[f32], width: usize) -> Result<()> {
     std::fs::write(path, bytes).place(format_args!("cannot write {}", path.display()))
 }
 
-/// The colours of a map from 0 to 1: the frame shows through, and what matters is lit from blue over green to red.
-fn color(value: f32) -> [f32; 3] {
-    let ramp = |middle: f32| (1.5 - (4.0 * value - middle).abs()).clamp(0.0, 1.0) * 255.0;
-    [ramp(3.0), ramp(2.0), ramp(1.0)]
-}
-
 /// Writes the frame with the map laid over.
 ///
 /// # Errors
 /// Where the file cannot be written.
 pub fn write_picture(path: &Path, frame: Frame<'_>, values: &[f32]) -> Result<()> {
-    let mut picture = FrameBuf::new(frame.width(), frame.height());
-    let mut view = picture.as_mut();
-    for y in 0..frame.height() {
-        for x in 0..frame.width() {
-            let value = values[y * frame.width() + x];
-            let (lit, from) = (color(value), frame.pixel(x, y));
-            let mixed =
-                [0, 1, 2].map(|channel| (f32::from(from[channel]) * 0.5 + lit[channel] * 0.5 + 0.5) as u8);
-            view.set_pixel(x, y, mixed);
-        }
-    }
-    pdk_image::write(path, picture.as_ref())
+    pdk_image::write(path, picture::heat(frame, values).as_ref())
 }
 
 #[cfg(test)]
@@ -76,12 +60,5 @@ mod tests {
         let values: Vec<_> =
             bytes[10 + length..].chunks(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         assert_eq!(values, [0.0, 0.5, 1.0, 0.25, 0.75, 0.125]);
-    }
-
-    #[test]
-    fn what_matters_most_is_red_and_what_does_not_is_blue() {
-        assert!(color(1.0)[0] > 100.0 && color(1.0)[2] == 0.0);
-        assert!(color(0.0)[2] > 100.0 && color(0.0)[0] == 0.0);
-        assert_eq!(color(0.5)[1], 255.0);
     }
 }

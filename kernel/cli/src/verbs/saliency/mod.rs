@@ -21,7 +21,7 @@ use super::{Global, print_json};
 use frames::Frames;
 
 /// The method that is used where none is named.
-const DEFAULT_METHOD: &str = "hirescam";
+pub const DEFAULT_METHOD: &str = "hirescam";
 
 /// Arguments of `pdk saliency`
 #[derive(clap::Args)]

@@ -3,8 +3,8 @@
 use std::ffi::c_void;
 
 use pdk_abi::{
-    DatasetFunctions, DriverFunctions, Instance, PerturbationFunctions, SaliencyFunctions, SearchFunctions,
-    SimulatorFunctions, Sink, Status, Text, empty, kind, load, store,
+    DatasetFunctions, DriverFunctions, Instance, MaskFunctions, PerturbationFunctions, SaliencyFunctions,
+    SearchFunctions, SimulatorFunctions, Sink, Status, Text, empty, kind, load, store,
 };
 use pdk_ops::Key;
 
@@ -16,6 +16,7 @@ use crate::config::Config;
 use crate::dataset::Dataset;
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, ErrorKind, Result};
+use crate::mask::Mask;
 use crate::perturbation::{Context, EarlierMaps, Perturbation};
 use crate::saliency::{HeatmapMut, Saliency};
 use crate::search::Search;
@@ -51,9 +52,10 @@ macro_rules! registrations {
 
 registrations! {
     perturbations: Perturbation, PERTURBATION, PerturbationFunctions { apply };
-    simulators: Simulator, SIMULATOR, SimulatorFunctions { camera, reset, frame, act, waypoints, info };
+    simulators: Simulator, SIMULATOR, SimulatorFunctions { camera, reset, frame, act, waypoints, info, label_names, labels };
     drivers: Driver, DRIVER, DriverFunctions { reset, drive, info };
     saliencies: Saliency, SALIENCY, SaliencyFunctions { map_size, map };
+    masks: Mask, MASK, MaskFunctions { weights };
     searches: Search, SEARCH, SearchFunctions { start, ask, tell };
     datasets: Dataset, DATASET, DatasetFunctions { length, name, read };
 }
@@ -149,6 +151,13 @@ functions! { simulators: Simulator;
         put(info, &serde_json::to_string(&component.info())?);
         Ok(())
     }
+    fn label_names(component, _, names: *const Sink) {
+        put(names, &serde_json::to_string(&component.label_names())?);
+        Ok(())
+    }
+    fn labels(component, _, into: *mut u8, length: usize) {
+        component.labels(convert::slice_mut(into, length))
+    }
 }
 
 functions! { drivers: Driver;
@@ -189,6 +198,23 @@ functions! { saliencies: Saliency;
         let pdk_abi::Heatmap { values, width, height, .. } = load(map, empty());
         let values = convert::slice_mut(values, width.saturating_mul(height));
         component.map(convert::source(frame)?, &convert::read_map_context(&raw, &key), HeatmapMut::new(values, width, height)?)
+    }
+}
+
+functions! { masks: Mask;
+    fn weights(
+        component,
+        _,
+        frame: *const pdk_abi::Frame,
+        context: *const pdk_abi::MapContext,
+        map: *const pdk_abi::Heatmap
+    ) {
+        let raw = load(context, convert::unsaid_map_context());
+        let key = Key(raw.key);
+        let pdk_abi::Heatmap { values, width, height, .. } = load(map, empty());
+        let values = convert::slice_mut(values, width.saturating_mul(height));
+        let out = HeatmapMut::new(values, width, height)?;
+        component.weights(convert::source(frame)?, &convert::read_map_context(&raw, &key), out)
     }
 }
 

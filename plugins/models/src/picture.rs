@@ -1,0 +1,136 @@
+//! Networks that make of an image another image, or a map of it: what their files take, and how they are run.
+
+use pdk_sdk::ops::resize::resize_linear;
+use pdk_sdk::prelude::*;
+
+use crate::backend;
+use crate::driver;
+use crate::model_file::{Layout, ModelFile, Size, Source};
+use crate::pixels::Pixels;
+use crate::session::Session;
+
+/// A network that takes one image.
+pub struct PictureNetwork {
+    /// The file and who runs it, for messages.
+    pub place: String,
+    /// Width and height of its image.
+    pub size: [usize; 2],
+    layout: Layout,
+    session: Box<dyn Session>,
+    model: ModelFile,
+    pixels: Pixels,
+    values: Vec<f32>,
+    outputs: Vec<Vec<f32>>,
+    resized: FrameBuf,
+}
+
+/// What every such network is told.
+pub fn parameters(description: Description) -> Description {
+    description
+        .parameter(Parameter::path(
+            "model",
+            "the ONNX file: an image of one or three channels in, and the result as its first output",
+        ))
+        .parameter(driver::backend())
+        .parameter(Parameter::choice(
+            "layout",
+            &["auto", "nchw", "nhwc"],
+            "where the channels are: before or after height and width; auto reads it from the input's shape",
+        ))
+        .parameter(Parameter::choice(
+            "scale",
+            &Pixels::SCALES,
+            "the range of pixel values that the network was trained on",
+        ))
+        .parameter(Parameter::choice(
+            "color",
+            &["rgb", "bgr"],
+            "the order of colours that the network was trained on",
+        ))
+        .parameter(
+            Parameter::integer("width", 256, "width of the network's image where the file leaves it open")
+                .range(1.0, 4096.0)
+                .unit("px"),
+        )
+        .parameter(
+            Parameter::integer("height", 256, "height of the network's image where the file leaves it open")
+                .range(1.0, 4096.0)
+                .unit("px"),
+        )
+}
+
+impl PictureNetwork {
+    /// Opens the network and runs it once.
+    ///
+    /// # Errors
+    /// Where it is no such network, or the backend cannot run it.
+    pub fn open(config: &Config) -> Result<Self> {
+        let name = config.text("model");
+        let open = || {
+            let size =
+                Size { width: config.integer("width") as usize, height: config.integer("height") as usize };
+            let model = ModelFile::read_at(Source::File(name.into()), config.text("layout"), Some(size))?;
+            let mut session = backend::open(&model.network(), config.text("backend"))?;
+            let mut outputs = vec![Vec::new(); model.outputs.len()];
+            let values = vec![0.0; model.input.len()];
+            session.run(&model.values(&values, &[0.0]), &mut outputs)?;
+            Ok(Self {
+                place: format!("model `{name}` on {}", session.backend()),
+                size: [model.input.width, model.input.height],
+                layout: model.input.layout,
+                session,
+                pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
+                values,
+                outputs,
+                resized: FrameBuf::new(model.input.width, model.input.height),
+                model,
+            })
+        };
+        open().map_err(|error: Error| error.at(format_args!("model `{name}`")))
+    }
+
+    /// Runs the network on a frame of any size, and gives the values of its first output.
+    ///
+    /// # Errors
+    /// Where the backend fails, or a value is no number.
+    pub fn run(&mut self, frame: Frame<'_>) -> Result<&[f32]> {
+        let same_size = [frame.width(), frame.height()] == self.size;
+        if !same_size {
+            resize_linear(frame, self.resized.as_mut());
+        }
+        let frame = if same_size { frame } else { self.resized.as_ref() };
+        self.pixels.write(frame, &mut self.values);
+        let ran = self.session.run(&self.model.values(&self.values, &[0.0]), &mut self.outputs);
+        ran.map_err(|error| error.at(&self.place))?;
+        match self.outputs[0].iter().all(|value| value.is_finite()) {
+            true => Ok(&self.outputs[0]),
+            false => Err(Error::of(ErrorKind::Nonsense, "its result holds numbers that are not finite")
+                .at(&self.place)),
+        }
+    }
+
+    /// How many numbers its result has for each pixel of its image.
+    ///
+    /// # Errors
+    /// Where that is no whole number.
+    pub fn channels(&self) -> Result<usize> {
+        let [width, height] = self.size;
+        let values = self.outputs[0].len();
+        match values.is_multiple_of(width * height) && values > 0 {
+            true => Ok(values / (width * height)),
+            false => Err(Error::new(format!(
+                "its result has {values} numbers, which cannot be a picture of {width}x{height} like its input; export it with a \
+                 result as large as its image"
+            ))
+            .at(&self.place)),
+        }
+    }
+
+    /// Where the number of a channel and a pixel is in its result of so many channels.
+    pub fn at(&self, channel: usize, pixel: usize, channels: usize) -> usize {
+        match self.layout {
+            Layout::Nchw => channel * self.size[0] * self.size[1] + pixel,
+            Layout::Nhwc => pixel * channels + channel,
+        }
+    }
+}
