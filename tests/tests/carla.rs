@@ -107,6 +107,55 @@ fn a_greedy_test_over_the_wire_comes_out_as_one_without_it() {
     assert_left_as_it_was(&server);
 }
 
+/// What is perturbed by what pixels show, or by how far away they are, has its own camera, and only then.
+#[test]
+fn labels_and_distances_have_cameras_where_they_are_needed() {
+    const MASKED: &str = r#"
+        local settings = pdk.settings({ simulator = "carla" })
+        local scenarios = {}
+        for name, where in { plain = {}, road = { label = { "road", "marking" } }, far = { farther = 20 }, wrong = { label = "rode" } } do
+            local noise = { name = "gaussian_noise", level = 4, where = where }
+            table.insert(scenarios, {
+                name = name,
+                seed = 5,
+                road = { angles = { 0, 5, -5, 0 } },
+                perturbations = if name == "plain" then {} else { noise },
+            })
+        end
+        table.sort(scenarios, function(a, b) return a.name < b.name end)
+        pdk.drive({ simulator = settings.simulator, driver = "lane_keeper", duration = 0.5, scenarios = scenarios })
+    "#;
+    let run = |simulator: &str| {
+        let folder = temp();
+        let source = pipeline(folder.path(), MASKED);
+        let finished = Pdk::new(["run", "--out"])
+            .arg(folder.path().join("record"))
+            .arg(source)
+            .set("simulator", simulator)
+            .set("workers", 1)
+            .run();
+        (outcomes(folder.path()), finished)
+    };
+    let embedded = json!({"name": "lane", "width": 80, "height": 60, "initial_speed": 8, "oncoming": 0});
+    let (expected, _) = run(&embedded.to_string());
+    for version in ["0.9.13", "0.9.16"] {
+        let server = CarlaServer::start(Setup { version, seed: 5, ..Setup::default() });
+        let (found, finished) = run(&simulator(server.port(), json!({})));
+        for (expected, found) in expected.iter().zip(&found) {
+            // The digest is that of all frames as the driver saw them, and of what it made of them.
+            for field in ["name", "cause", "digest"] {
+                assert_eq!(found[field], expected[field], "{version}: {expected}\n{found}\n{finished:?}");
+            }
+        }
+        let error = found[3]["error"].to_string();
+        assert!(error.contains("has no label `rode`; it has `other`, `road`, `sidewalk`"), "{error}");
+        let count = |kind: &str| server.spawned().iter().filter(|spawned| *spawned == kind).count();
+        let cameras = ["sensor.camera.rgb", "sensor.camera.semantic_segmentation", "sensor.camera.depth"];
+        assert_eq!(cameras.map(count), [4, 2, 1], "{version}");
+        assert_left_as_it_was(&server);
+    }
+}
+
 #[test]
 fn two_workers_have_a_server_each_and_find_what_one_finds() {
     let folder = temp();

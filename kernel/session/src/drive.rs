@@ -95,6 +95,8 @@ pub struct Run<'a> {
     last: Option<(u64, f64, [FrameSample; 2])>,
     /// What the simulator can tell apart and what the pixels of the frame show, where perturbations need it.
     labels: Option<(Vec<String>, Vec<u8>)>,
+    /// How far away the pixels of the frame are, where perturbations need it.
+    depth: Option<Vec<f32>>,
     /// The number of the latest image that was recorded.
     last_image: Option<u64>,
     cause: Cause,
@@ -117,6 +119,7 @@ impl<'a> Run<'a> {
             control: Control::default(),
             last: None,
             labels: None,
+            depth: None,
             last_image: None,
             cause: Cause::Error,
             under_way: false,
@@ -140,6 +143,13 @@ impl<'a> Run<'a> {
         witnesses.stopwatch.start(paced.then_some(period));
         witnesses.recent.clear();
         let slot = self.slot;
+        let annotations = with.chain.annotations();
+        with.simulator
+            .call(Function::Annotate, None, |simulator| {
+                simulator.annotate(annotations);
+                Ok(())
+            })
+            .map_err(Fault::Simulator)?;
         with.simulator
             .call(Function::Reset, None, |simulator| simulator.reset(scenario, slot))
             .map_err(Fault::Simulator)?;
@@ -155,11 +165,12 @@ impl<'a> Run<'a> {
                 recorder.road(waypoint_string(&waypoints));
             }
         }
-        if with.chain.needs_labels() {
+        let pixels = with.camera.width as usize * with.camera.height as usize;
+        if annotations.labels {
             let names = with.simulator.call(Function::Labels, None, |simulator| Ok(simulator.label_names()));
-            let pixels = vec![0; with.camera.width as usize * with.camera.height as usize];
-            self.labels = Some((names.map_err(Fault::Component)?, pixels));
+            self.labels = Some((names.map_err(Fault::Component)?, vec![0; pixels]));
         }
+        self.depth = annotations.depth.then(|| vec![0.0; pixels]);
         self.began = Instant::now();
         loop {
             witnesses.stopwatch.start_step();
@@ -206,7 +217,17 @@ impl<'a> Run<'a> {
                 .map_err(Fault::Component)?;
         }
         let labels = self.labels.as_ref().map(|(names, pixels)| Labels { names, pixels });
-        let moment = Moment::new(sequence, state.time).at_speed(state.speed).with_labels(labels);
+        if let Some(depth) = self.depth.as_mut() {
+            stopwatch
+                .measure(Stage::Simulator, || {
+                    simulator.call(Function::Depth, Some(sequence), |s| s.depth(depth))
+                })
+                .map_err(Fault::Component)?;
+        }
+        let moment = Moment::new(sequence, state.time)
+            .at_speed(state.speed)
+            .with_labels(labels)
+            .with_depth(self.depth.as_deref());
 
         let mut loan = bus.loan_frame(Topic::Perturbed, stamp)?;
         let target = FrameMut::new(&mut loan, width, height).map_err(wrong_size)?;

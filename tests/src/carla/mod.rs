@@ -85,6 +85,11 @@ impl CarlaServer {
         lock(&self.world).subscriptions
     }
 
+    /// The kinds of everything that was spawned, in that order.
+    pub fn spawned(&self) -> Vec<String> {
+        lock(&self.world).spawned.clone()
+    }
+
     /// The names of the requests that it got, in their order.
     pub fn calls(&self) -> Vec<String> {
         lock(&self.world).calls.clone()
