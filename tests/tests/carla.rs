@@ -376,7 +376,7 @@ fn one_that_is_no_server_of_these_versions_is_said() {
 
     // Something that answers otherwise, and something that does not answer.
     for (what, said, part) in [
-        ("another program", &b"HTTP/1.1 400 Bad Request\r\n\r\n"[..], "what is no MessagePack-RPC"),
+        ("another program", &b"HTTP/1.1 400 Bad Request\r\n\r\n"[..], "what is not MessagePack-RPC"),
         ("silence", b"", "has not answered `version` within 5 s"),
     ] {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();

@@ -258,7 +258,7 @@ fn one_that_hangs_ends_the_run_and_keeps_what_there_is() {
 #[test]
 fn nonsense_is_the_outcome_of_its_scenario() {
     for (fault, says) in
-        [("garbage", "what is no message of its protocol"), ("flood", "more than 67108864 bytes")]
+        [("garbage", "what is not a message of its protocol"), ("flood", "more than 67108864 bytes")]
     {
         let port = free_ports(1);
         let _stand_in = StandIn::start("donkey", port, &["--build", "road_generating", "--fault", fault]);
@@ -282,7 +282,7 @@ fn one_that_is_not_there_is_waited_for_and_said() {
 fn another_program_at_the_port_is_said() {
     // One that says something else, and one that says nothing.
     for (greeting, says) in [
-        ("SSH-2.0-OpenSSH_9.9\r\n", "what is no message of its protocol"),
+        ("SSH-2.0-OpenSSH_9.9\r\n", "what is not a message of its protocol"),
         ("", "has not loaded its scene within 1 s"),
     ] {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();

@@ -7,6 +7,8 @@ use std::path::Path;
 
 use pdk_tests::process::json_lines;
 use pdk_tests::{Pdk, pictures, temp};
+use pdk_trace::reader::{Entry, TraceReader};
+use pdk_trace::step::ImageTopic;
 
 /// Which pixels of an image a perturbation changes, row by row.
 fn changed(folder: &Path, with: &str) -> Vec<bool> {
@@ -79,6 +81,62 @@ fn the_labels_of_the_simulator_limit_a_perturbation() {
     let line = &json_lines(&out.join("scenarios.jsonl"))[0];
     let error = line["error"].as_str().unwrap();
     assert!(error.contains("the simulator has no label `moon`; it has `sky`, `ground`, `road`"), "{error}");
+}
+
+/// The pixels of the first frame that a perturbation changes on its way to the driver.
+fn changed_in_the_loop(folder: &Path, where_: &str) -> image::GrayImage {
+    let out = folder.join(where_.len().to_string());
+    let source = folder.join("far.lua");
+    let text = format!(
+        r#"pdk.drive({{ simulator = {{ name = "lane", width = 160, height = 80, oncoming = 0 }}, driver = "lane_keeper", duration = 0.2,
+            images_every = 1,
+            scenarios = {{ {{ perturbations = {{ {{ name = "false_color_filter", level = 4, where = {where_} }} }} }} }} }})"#
+    );
+    fs::write(&source, text).unwrap();
+    Pdk::new(["run", "--out"]).arg(&out).arg(&source).succeed();
+    let frame = |topic| {
+        let traces: Vec<_> = fs::read_dir(out.join("traces")).unwrap().collect();
+        let path = traces[0].as_ref().unwrap().path();
+        let images = TraceReader::open(&path).unwrap().filter_map(|entry| match entry.unwrap() {
+            Entry::Image(image) if image.topic == topic => Some(image.decode().unwrap()),
+            _ => None,
+        });
+        images.into_iter().next().unwrap()
+    };
+    let [raw, perturbed] = [ImageTopic::Raw, ImageTopic::Perturbed].map(frame);
+    image::GrayImage::from_fn(160, 80, |x, y| {
+        let [a, b] = [&raw, &perturbed].map(|frame| frame.as_ref().pixel(x as usize, y as usize));
+        // Images in traces are JPEG.
+        image::Luma([a.iter().zip(b).map(|(a, b)| a.abs_diff(b)).max().unwrap()])
+    })
+}
+
+#[test]
+fn distances_limit_a_perturbation() {
+    let folder = temp();
+    let strong = |picture: &image::GrayImage, rows: std::ops::Range<u32>| {
+        let pixels = rows.clone().flat_map(|y| (0..160).map(move |x| (x, y)));
+        let changed = pixels.filter(|&(x, y)| picture.get_pixel(x, y)[0] > 40).count();
+        changed as f64 / f64::from(rows.len() as u32 * 160)
+    };
+    // The camera stands 1.35 m high: the lowest rows are some metres away, and the sky is farther than anything.
+    let far = changed_in_the_loop(folder.path(), "{ farther = 30 }");
+    let near = changed_in_the_loop(folder.path(), "{ nearer = 15.0 }");
+    let between = changed_in_the_loop(folder.path(), "{ farther = 4, nearer = 15 }");
+    assert!(
+        strong(&far, 0..10) > 0.5 && strong(&far, 60..80) < 0.01,
+        "{} {}",
+        strong(&far, 0..10),
+        strong(&far, 60..80)
+    );
+    assert!(
+        strong(&near, 0..10) < 0.01 && strong(&near, 60..80) > 0.3,
+        "{} {}",
+        strong(&near, 0..10),
+        strong(&near, 60..80)
+    );
+    assert!(strong(&between, 0..10) < 0.01, "{}", strong(&between, 0..10));
+    assert!(strong(&between, 78..80) < strong(&near, 78..80), "{}", strong(&between, 78..80));
 }
 
 #[test]

@@ -167,3 +167,60 @@ fn a_perturbation_is_limited_to_what_a_map_marks() {
         .args(["--with", r#"false_color_filter@3,where={"top":20}"#, "-o", "x.png"])
         .fail(1, &["perturbation `false_color_filter`", "by which saliency method"]);
 }
+
+/// A drive that fails, with a network and with a driver that is none.
+const FAILURE: &str = r#"
+    local settings = pdk.settings({ driver = "dave2" })
+    pdk.drive({
+        simulator = { name = "lane", width = 160, height = 80 }, driver = settings.driver, duration = 1, images_every = 10,
+        failure = { lane_departure = 0.001 },
+        scenarios = { { perturbations = { "gaussian_noise@4" } } },
+    })
+"#;
+
+#[test]
+fn heat_maps_stand_beside_the_frames_of_clips_and_reports() {
+    let folder = temp();
+    let source = folder.path().join("failure.lua");
+    std::fs::write(&source, FAILURE).unwrap();
+    let record = |driver: &str| {
+        let out = folder.path().join(if driver.starts_with('{') { "network" } else { "other" });
+        Pdk::new(["run", "--out"]).arg(&out).arg(&source).set("driver", driver).run();
+        assert!(out.join("scenarios.jsonl").exists());
+        out
+    };
+    let network = record(r#"{"name":"dave2","backend":"tract"}"#);
+    let page = |out: &Path, more: &[&str]| {
+        let said = Pdk::new(["report"]).arg(out).args(more).succeed();
+        (std::fs::read_to_string(out.join("report.html")).unwrap(), said.stderr)
+    };
+    let shown = "What its network looked at";
+    assert!(!page(&network, &[]).0.contains(shown));
+    let (text, warnings) = page(&network, &["--saliency"]);
+    assert!(text.contains(shown) && !warnings.contains("warning"), "{warnings}");
+    assert_eq!(text.matches(shown).count(), text.matches("What the driver saw at").count());
+    Pdk::new(["report", "--saliency=hirescan"]).arg(&network).fail(1, &["hirescan"]);
+
+    let clip = |name: &str, more: &[&str]| {
+        let path = folder.path().join(name);
+        Pdk::new(["replay", "--scenario", "0", "--clip"]).arg(&path).args(more).arg(&network).succeed();
+        let mut reader = pdk_video::Reader::open_file(&path).unwrap();
+        let (mut planes, mut frames) = (pdk_video::Yuv420::default(), 0);
+        while reader.next(&mut planes).unwrap() {
+            frames += 1;
+        }
+        (planes.width, frames)
+    };
+    let (two, three) = (clip("two.mp4", &[]), clip("three.mp4", &["--saliency=gradient"]));
+    assert_eq!(two.1, three.1);
+    assert!(three.0 > two.0 + 400, "{three:?} is not wider than {two:?}");
+    Pdk::new(["replay", "--saliency"]).arg(&network).fail(2, &["--clip"]);
+
+    let other = record("lane_keeper");
+    let (text, warnings) = page(&other, &["--saliency"]);
+    assert!(!text.contains(shown) && warnings.contains("`lane_keeper` is not a network"), "{warnings}");
+    Pdk::new(["replay", "--scenario", "0", "--saliency", "--clip", "x.mp4"])
+        .arg(&other)
+        .folder(folder.path())
+        .fail(1, &["`lane_keeper` is not a network"]);
+}

@@ -113,7 +113,7 @@ impl Rpc {
             Some([Some(number), Some(refused), Some(result)]) if number.is_u64() => {
                 Ok(array([1.into(), number, refused, result]))
             }
-            _ => Err(self.nonsense(format!("answers `{name}` with what is no MessagePack-RPC"))),
+            _ => Err(self.nonsense(format!("answers `{name}` with what is not MessagePack-RPC"))),
         }
     }
 

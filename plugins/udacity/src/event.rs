@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::fmt;
+use std::ops::Deref;
 
 use pdk_sdk::serde_json;
 use serde::de::{self, Deserialize, Deserializer, Visitor};
@@ -29,18 +30,30 @@ pub enum Packet<'a> {
 pub struct Telemetry<'a> {
     /// The picture, in base64.
     #[serde(borrow)]
-    pub image: Option<Cow<'a, str>>,
+    pub image: Option<Text<'a>>,
     /// What was hit; "none" for nothing, or a count.
     #[serde(borrow)]
-    pub hit: Option<Cow<'a, str>>,
+    pub hit: Option<Text<'a>>,
     /// The road that is there.
     #[serde(borrow)]
-    pub track: Option<Cow<'a, str>>,
+    pub track: Option<Text<'a>>,
     pub speed: Number,
     pub cte: Number,
     pub pos_x: Number,
     pub pos_y: Number,
     pub pos_z: Number,
+}
+
+/// A text, which is that of the message itself where nothing in it is escaped: a picture is not copied.
+#[derive(Debug, Default, serde::Deserialize)]
+pub struct Text<'a>(#[serde(borrow)] Cow<'a, str>);
+
+impl Deref for Text<'_> {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        &self.0
+    }
 }
 
 /// A number in a text; none where there is none.
@@ -93,7 +106,7 @@ pub fn read(text: &str) -> Result<Packet<'_>, String> {
         // A greeting, a pong, an upgrade and nothing at all.
         Some(b'0' | b'3' | b'5' | b'6') => Ok(Packet::Other),
         Some(b'4') => message(&text[1..]),
-        _ => Err(format!("`{}` is no packet of Engine.IO", begin(text))),
+        _ => Err(format!("`{}` is not a packet of Engine.IO", begin(text))),
     }
 }
 
@@ -104,7 +117,7 @@ fn message(text: &str) -> Result<Packet<'_>, String> {
             // It may ask for an acknowledgement by a number, which this protocol does not use.
             let event = text[1..].trim_start_matches(|c: char| c.is_ascii_digit());
             let Event(name, telemetry) = serde_json::from_str(event)
-                .map_err(|error| format!("`{}` is no event ({error})", begin(text)))?;
+                .map_err(|error| format!("`{}` is not an event ({error})", begin(text)))?;
             Ok(match (name.as_ref(), telemetry) {
                 ("telemetry", Some(telemetry)) if telemetry.image.is_some() => Packet::Telemetry(telemetry),
                 ("telemetry", _) => Packet::Manual,
@@ -130,8 +143,8 @@ mod tests {
         let Ok(Packet::Telemetry(telemetry)) = read(text) else { panic!("no telemetry") };
         assert_eq!((telemetry.speed, telemetry.cte), (Number(Some(1234.5)), Number(Some(-0.0213))));
         assert_eq!((telemetry.pos_x, telemetry.pos_z), (Number(Some(1.5)), Number(Some(-3.25))));
-        assert_eq!(telemetry.track.unwrap(), "0,0,0@0,0,10");
-        assert!(matches!(telemetry.image, Some(Cow::Borrowed("/9j/4AAQ"))));
+        assert_eq!(telemetry.track.as_deref(), Some("0,0,0@0,0,10"));
+        assert!(matches!(telemetry.image, Some(Text(Cow::Borrowed("/9j/4AAQ")))));
     }
 
     #[test]

@@ -49,7 +49,7 @@ impl Verdict {
             let own = own.map(|own| own.as_f64()).or_else(|| Some(measured(outcome.as_ref()?, name)));
             own.flatten().ok_or_else(|| match &outcome {
                 Some(outcome) => Error::new(format!(
-                    "{PLACE}: `{name}` is no number of an outcome, which has {}; name one, or return it from a function `outcome`",
+                    "{PLACE}: `{name}` is not a number of an outcome, which has {}; name one, or return it from a function `outcome`",
                     numbers(outcome).join(", ")
                 )),
                 None => Error::new(format!("{place}: the objective `{name}` is missing, or no number")),
