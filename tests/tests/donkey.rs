@@ -357,7 +357,11 @@ fn simulators_end_with_the_run_however_it_ends() {
         assert!(comes_true(Duration::from_secs(30), || simulators() >= 4), "{:?}", bus.processes());
         match last {
             Signal::KILL => {
-                bus.processes().iter().filter(|p| p.command.contains("pdk")).for_each(|p| p.signal(last))
+                // The run and its workers, and not what looks after a simulator when they are gone.
+                let is_pdk = |program: &str| program == "pdk" || program.ends_with("/pdk");
+                let processes = bus.processes();
+                let programs = processes.iter().filter(|p| p.command.split(' ').next().is_some_and(is_pdk));
+                programs.for_each(|p| p.signal(last))
             }
             last => signal(&child, last),
         }

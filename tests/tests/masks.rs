@@ -6,9 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use pdk_tests::process::json_lines;
-use pdk_tests::{Pdk, pictures, temp};
-use pdk_trace::reader::{Entry, TraceReader};
-use pdk_trace::step::ImageTopic;
+use pdk_tests::{Pdk, pictures, pixels, temp};
 
 /// Which pixels of an image a perturbation changes, row by row.
 fn changed(folder: &Path, with: &str) -> Vec<bool> {
@@ -83,60 +81,30 @@ fn the_labels_of_the_simulator_limit_a_perturbation() {
     assert!(error.contains("the simulator has no label `moon`; it has `sky`, `ground`, `road`"), "{error}");
 }
 
-/// The pixels of the first frame that a perturbation changes on its way to the driver.
-fn changed_in_the_loop(folder: &Path, where_: &str) -> image::GrayImage {
-    let out = folder.join(where_.len().to_string());
-    let source = folder.join("far.lua");
-    let text = format!(
-        r#"pdk.drive({{ simulator = {{ name = "lane", width = 160, height = 80, oncoming = 0 }}, driver = "lane_keeper", duration = 0.2,
-            images_every = 1,
-            scenarios = {{ {{ perturbations = {{ {{ name = "false_color_filter", level = 4, where = {where_} }} }} }} }} }})"#
-    );
-    fs::write(&source, text).unwrap();
-    Pdk::new(["run", "--out"]).arg(&out).arg(&source).succeed();
-    let frame = |topic| {
-        let traces: Vec<_> = fs::read_dir(out.join("traces")).unwrap().collect();
-        let path = traces[0].as_ref().unwrap().path();
-        let images = TraceReader::open(&path).unwrap().filter_map(|entry| match entry.unwrap() {
-            Entry::Image(image) if image.topic == topic => Some(image.decode().unwrap()),
-            _ => None,
-        });
-        images.into_iter().next().unwrap()
-    };
-    let [raw, perturbed] = [ImageTopic::Raw, ImageTopic::Perturbed].map(frame);
-    image::GrayImage::from_fn(160, 80, |x, y| {
-        let [a, b] = [&raw, &perturbed].map(|frame| frame.as_ref().pixel(x as usize, y as usize));
-        // Images in traces are JPEG.
-        image::Luma([a.iter().zip(b).map(|(a, b)| a.abs_diff(b)).max().unwrap()])
-    })
-}
-
 #[test]
 fn distances_limit_a_perturbation() {
     let folder = temp();
-    let strong = |picture: &image::GrayImage, rows: std::ops::Range<u32>| {
-        let pixels = rows.clone().flat_map(|y| (0..160).map(move |x| (x, y)));
-        let changed = pixels.filter(|&(x, y)| picture.get_pixel(x, y)[0] > 40).count();
-        changed as f64 / f64::from(rows.len() as u32 * 160)
+    let changes = |name: &str, distances: &str| {
+        let (out, source) = (folder.path().join(name), folder.path().join(format!("{name}.lua")));
+        let text = format!(
+            r#"pdk.drive({{ simulator = {{ name = "lane", width = 160, height = 80, oncoming = 0 }}, driver = "lane_keeper", duration = 0.2,
+                images_every = 1,
+                scenarios = {{ {{ perturbations = {{ {{ name = "false_color_filter", level = 3, where = {distances} }} }} }} }} }})"#
+        );
+        fs::write(&source, text).unwrap();
+        Pdk::new(["run", "--out"]).arg(&out).arg(&source).succeed();
+        let traces: Vec<_> = fs::read_dir(out.join("traces")).unwrap().collect();
+        pixels::changes(&traces[0].as_ref().unwrap().path())
     };
     // The camera stands 1.35 m high: the lowest rows are some metres away, and the sky is farther than anything.
-    let far = changed_in_the_loop(folder.path(), "{ farther = 30 }");
-    let near = changed_in_the_loop(folder.path(), "{ nearer = 15.0 }");
-    let between = changed_in_the_loop(folder.path(), "{ farther = 4, nearer = 15 }");
-    assert!(
-        strong(&far, 0..10) > 0.5 && strong(&far, 60..80) < 0.01,
-        "{} {}",
-        strong(&far, 0..10),
-        strong(&far, 60..80)
-    );
-    assert!(
-        strong(&near, 0..10) < 0.01 && strong(&near, 60..80) > 0.3,
-        "{} {}",
-        strong(&near, 0..10),
-        strong(&near, 60..80)
-    );
-    assert!(strong(&between, 0..10) < 0.01, "{}", strong(&between, 0..10));
-    assert!(strong(&between, 78..80) < strong(&near, 78..80), "{}", strong(&between, 78..80));
+    let far = changes("far", "{ farther = 30 }");
+    let near = changes("near", "{ nearer = 15 }");
+    let between = changes("between", "{ farther = 4, nearer = 15 }");
+    let shares = |changes: &_| [0..10, 40..55, 78..80].map(|rows| pixels::changed(changes, rows));
+    let [far, near, between] = [&far, &near, &between].map(shares);
+    assert!(far[0] > 0.5 && far[1..] == [0.0, 0.0], "{far:?}");
+    assert!(near[0] == 0.0 && near[1] > 0.5 && near[2] > 0.5, "{near:?}");
+    assert!(between[0] == 0.0 && between[1] > 0.3 && between[2] < 0.1, "{between:?}");
 }
 
 #[test]

@@ -289,7 +289,9 @@ fn the_unity_library_is_understood() {
             ),
             "{port}"
         ]);
-        let run = run(&simulator, &[("roads", "false"), ("scenarios", "1"), ("duration", "0.1")]);
+        // This stock build answers a dozen commands only, and the time is that of the clock.
+        let duration = if mode == "stock" { "0.001" } else { "0.1" };
+        let run = run(&simulator, &[("roads", "false"), ("scenarios", "1"), ("duration", duration)]);
         let said = std::fs::read_to_string(&log).unwrap();
         assert_eq!(run.finished.code, Some(0), "{mode}: {}{said}", run.finished.stderr);
         assert_eq!(run.causes(), ["time_out"], "{mode}");

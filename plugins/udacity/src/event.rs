@@ -100,12 +100,14 @@ impl<'de> Deserialize<'de> for Number {
 /// # Errors
 /// A clause that says why it is none.
 pub fn read(text: &str) -> Result<Packet<'_>, String> {
-    match text.as_bytes().first() {
-        Some(b'2') => Ok(Packet::Ping(&text[1..])),
-        Some(b'1') => Ok(Packet::Close),
-        // A greeting, a pong, an upgrade and nothing at all.
-        Some(b'0' | b'3' | b'5' | b'6') => Ok(Packet::Other),
-        Some(b'4') => message(&text[1..]),
+    match text {
+        "2" | "2probe" => Ok(Packet::Ping(&text[1..])),
+        "1" => Ok(Packet::Close),
+        // Pongs, an upgrade and nothing at all.
+        "3" | "3probe" | "5" | "6" => Ok(Packet::Other),
+        // A greeting.
+        _ if text.starts_with("0{") => Ok(Packet::Other),
+        _ if text.starts_with('4') => message(&text[1..]),
         _ => Err(format!("`{}` is not a packet of Engine.IO", begin(text))),
     }
 }
@@ -169,11 +171,13 @@ mod tests {
             assert!(matches!(read(other), Ok(Packet::Other)), "{other}");
         }
         for (wrong, part) in [
-            ("", "no packet"),
-            ("GET /", "no packet"),
+            ("", "not a packet"),
+            ("GET /", "not a packet"),
+            ("220 mail.example.org", "not a packet"),
+            ("500 error", "not a packet"),
             ("49", "no message"),
             (r#"42["telemetry",{"speed":"fast","image":""}]"#, "`fast` is not a number"),
-            ("42{}", "no event"),
+            ("42{}", "not an event"),
         ] {
             let error = read(wrong).unwrap_err();
             assert!(error.contains(part), "{error}");

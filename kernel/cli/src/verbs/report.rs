@@ -13,6 +13,7 @@ use pdk_model::component::ComponentSpec;
 use pdk_preview::picture;
 use pdk_report::Run;
 use pdk_report::record::{self, Read};
+use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::json;
 
@@ -80,6 +81,8 @@ impl Arguments {
 
 /// Lays over the frames of failures what the driver's network looked at. Drivers that are not networks are left out, and said.
 fn add_attention(registry: &Registry, run: &mut Run, method: &ComponentSpec) -> Result<Vec<String>> {
+    // A method that is not there is a mistake of the user; a driver without a network is none.
+    registry.catalog().get(Kind::Saliency, &method.name)?;
     let mut left_out = Vec::new();
     for drive in &mut run.drives {
         let Some(driver) = &drive.driver_spec else { continue };
