@@ -5,6 +5,7 @@
 
 use std::path::Path;
 
+use pdk_tests::onnx::Convolution;
 use pdk_tests::{Pdk, datasets, pictures, temp};
 
 /// Height, width and numbers of a file for NumPy.
@@ -111,7 +112,55 @@ fn mistakes_are_sentences() {
     saliency("nobody", &[]).fail(1, &["nobody"]);
     let damaged = dir.path().join("damaged.onnx");
     std::fs::write(&damaged, b"no network").unwrap();
-    Pdk::new(["show"]).arg(&damaged).fail(1, &["the file is no ONNX model"]);
+    Pdk::new(["show"]).arg(&damaged).fail(1, &["the file is not an ONNX model"]);
+}
+
+/// Each is a sentence or works, and none is a crash.
+#[test]
+fn unusual_networks_work_or_say_why_not() {
+    let dir = temp();
+    let image = dir.path().join("road.png");
+    pictures::write(&image, 64, 48);
+    let file = dir.path().join("network.onnx");
+    let saliency = || {
+        let driver = format!("onnx,backend=tract,model={}", file.display());
+        Pdk::new(["saliency"])
+            .arg(&image)
+            .args(["--with", "hirescam", "--with", "gradient", "--driver", &driver, "-o"])
+            .arg(dir.path().join("maps"))
+    };
+    let usual = Convolution::default();
+    for works in [
+        usual,
+        Convolution { opset: 7, ..usual },
+        Convolution { opset: 21, ..usual },
+        Convolution { image: ["N", "3", "16", "32"], ..usual },
+    ] {
+        works.write(&file);
+        let said = saliency().succeed().stderr;
+        assert!(!said.contains("warning"), "{works:?}: {said}");
+    }
+    Convolution { indifferent: true, ..usual }.write(&file);
+    let said = saliency().succeed().stderr;
+    assert_eq!(said.matches("is the same everywhere, so it marks nothing").count(), 2, "{said}");
+    for (refused, part) in [
+        (
+            Convolution { image: ["1", "3", "H", "W"], ..usual },
+            "(1, 3, H, W) without a fixed height and width",
+        ),
+        (Convolution { element: 10, ..usual }, "is FLOAT16, but has to be FLOAT (32 bit)"),
+        (Convolution { cut: true, ..usual }, "cannot compute the model; ONNX Runtime may be able to"),
+    ] {
+        refused.write(&file);
+        saliency().fail(1, &["saliency `hirescam`", part]);
+    }
+    usual.write(&file);
+    let whole = std::fs::read(&file).unwrap();
+    std::fs::write(&file, &whole[..whole.len() / 2]).unwrap();
+    saliency().fail(1, &["the file is not an ONNX model, or is damaged"]);
+    pdk_tests::onnx::pilot(&file, 3, 16, 32);
+    saliency()
+        .fail(1, &["it has no convolution whose cells have a place on the image", "a layer has to be named"]);
 }
 
 #[test]

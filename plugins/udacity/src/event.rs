@@ -127,7 +127,7 @@ fn message(text: &str) -> Result<Packet<'_>, String> {
             })
         }
         Some(b'0' | b'3' | b'4') => Ok(Packet::Other),
-        _ => Err(format!("`4{}` is no message of Socket.IO", begin(text))),
+        _ => Err(format!("`4{}` is not a message of Socket.IO", begin(text))),
     }
 }
 
@@ -175,7 +175,7 @@ mod tests {
             ("GET /", "not a packet"),
             ("220 mail.example.org", "not a packet"),
             ("500 error", "not a packet"),
-            ("49", "no message"),
+            ("49", "not a message"),
             (r#"42["telemetry",{"speed":"fast","image":""}]"#, "`fast` is not a number"),
             ("42{}", "not an event"),
         ] {

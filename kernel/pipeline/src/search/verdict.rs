@@ -42,7 +42,7 @@ impl Verdict {
         let given = fields.any("objectives");
         let given = given.as_object();
         if let Some(unknown) = given.and_then(|given| given.keys().find(|name| !objectives.contains(name))) {
-            return Err(Error::new(format!("{place}: `{unknown}` is no objective of the search")));
+            return Err(Error::new(format!("{place}: `{unknown}` is not an objective of the search")));
         }
         let value = |name: &String| {
             let own = given.and_then(|given| given.get(name));
