@@ -176,7 +176,7 @@ fn one_that_hangs_ends_the_run() {
 #[test]
 fn nonsense_is_the_outcome_of_its_scenario() {
     for (fault, says) in [
-        ("garbage", "`220 mail.example.org ESMTP ready` is not a packet of Engine.IO"),
+        ("garbage", "`220 mail.example.org ESMTP ready`, which is not a packet of Engine.IO"),
         ("flood", "a message of more than 67108864 bytes"),
     ] {
         let port = free_ports(1);

@@ -108,7 +108,7 @@ pub fn read(text: &str) -> Result<Packet<'_>, String> {
         // A greeting.
         _ if text.starts_with("0{") => Ok(Packet::Other),
         _ if text.starts_with('4') => message(&text[1..]),
-        _ => Err(format!("`{}` is not a packet of Engine.IO", begin(text))),
+        _ => Err(format!("`{}`, which is not a packet of Engine.IO", begin(text))),
     }
 }
 
@@ -119,7 +119,7 @@ fn message(text: &str) -> Result<Packet<'_>, String> {
             // It may ask for an acknowledgement by a number, which this protocol does not use.
             let event = text[1..].trim_start_matches(|c: char| c.is_ascii_digit());
             let Event(name, telemetry) = serde_json::from_str(event)
-                .map_err(|error| format!("`{}` is not an event ({error})", begin(text)))?;
+                .map_err(|error| format!("`{}`, which is not an event ({error})", begin(text)))?;
             Ok(match (name.as_ref(), telemetry) {
                 ("telemetry", Some(telemetry)) if telemetry.image.is_some() => Packet::Telemetry(telemetry),
                 ("telemetry", _) => Packet::Manual,
@@ -127,7 +127,7 @@ fn message(text: &str) -> Result<Packet<'_>, String> {
             })
         }
         Some(b'0' | b'3' | b'4') => Ok(Packet::Other),
-        _ => Err(format!("`4{}` is not a message of Socket.IO", begin(text))),
+        _ => Err(format!("`4{}`, which is not a message of Socket.IO", begin(text))),
     }
 }
 
