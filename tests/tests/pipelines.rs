@@ -327,7 +327,7 @@ fn attention_compares_where_it_matters_with_where_it_does_not() {
         assert_eq!(entry["conditions"][condition]["failures"], failures);
         for line in named {
             let where_ = &line["scenario"]["perturbations"][0]["where"];
-            assert_eq!(where_[condition], 20, "{line}");
+            assert_eq!(where_[condition], 20.0, "{line}");
             assert_eq!(
                 where_["by"]["parameters"]["model"].as_str(),
                 (condition != "random").then_some("dave2")
