@@ -25,20 +25,7 @@ impl Component for Brightness {
 impl Perturbation for Brightness {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let added = cx.number("added");
-        // The new brightness for each old one, and what colours are multiplied by.
-        let table: Vec<(f64, f64)> = (0..256)
-            .map(|value| {
-                let value = f64::from(value) / 255.0;
-                let brightened = (value + added).clamp(0.0, 1.0);
-                (brightened * 255.0, if value > 0.0 { brightened / value } else { 0.0 })
-            })
-            .collect();
-        each_pixel(src, dst, |pixel| {
-            let most = pixel[0].max(pixel[1]).max(pixel[2]);
-            let (brightest, factor) = table[usize::from(most)];
-            // Black has no hue: it becomes grey.
-            pixel.map(|value| if value == most { brightest as u8 } else { (f64::from(value) * factor) as u8 })
-        });
+        each_color(src, dst, |[hue, saturation, value]| [hue, saturation, (value + added).clamp(0.0, 1.0)]);
         Ok(())
     }
 }
@@ -70,34 +57,64 @@ impl Component for Saturate {
 impl Perturbation for Saturate {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let (factor, added) = (cx.number("factor"), cx.number("added"));
-        each_pixel(src, dst, |pixel| {
-            let most = pixel[0].max(pixel[1]).max(pixel[2]);
-            let least = pixel[0].min(pixel[1]).min(pixel[2]);
-            let value = f64::from(most);
-            if most == least {
-                // Grey has no hue, which counts as red.
-                let saturation = if most == 0 { 0.0 } else { added.clamp(0.0, 1.0) };
-                let other = (value * (1.0 - saturation)) as u8;
-                return [most, other, other];
-            }
-            let before = (value - f64::from(least)) / value;
-            let ratio = (before * factor + added).clamp(0.0, 1.0) / before;
-            // What is lacking to the brightest channel grows with the saturation.
-            pixel.map(|channel| (value - (value - f64::from(channel)) * ratio + ROUNDING) as u8)
+        each_color(src, dst, |[hue, saturation, value]| {
+            [hue, (saturation * factor + added).clamp(0.0, 1.0), value]
         });
         Ok(())
     }
 }
 
-/// What whole numbers may have lost.
-const ROUNDING: f64 = 1e-9;
-
-fn each_pixel(src: Frame<'_>, mut dst: FrameMut<'_>, change: impl Fn([u8; 3]) -> [u8; 3]) {
+/// Changes hue, saturation and value of every pixel, each from 0 to 1. Fractions of grey levels are dropped, so a result that is whole
+/// but for rounding counts as what rounding makes of it: the steps are those of scikit-image.
+fn each_color(src: Frame<'_>, mut dst: FrameMut<'_>, change: impl Fn([f64; 3]) -> [f64; 3]) {
+    // Pixels often repeat their neighbour.
+    let (mut last, mut changed) = ([0; 3], to_bytes(change([0.0; 3])));
     for (from, to) in src.rows().zip(dst.rows_mut()) {
         for (from, to) in from.chunks_exact(3).zip(to.chunks_exact_mut(3)) {
-            to.copy_from_slice(&change([from[0], from[1], from[2]]));
+            let pixel = [from[0], from[1], from[2]];
+            if pixel != last {
+                (last, changed) = (pixel, to_bytes(change(to_hsv(pixel))));
+            }
+            to.copy_from_slice(&changed);
         }
     }
+}
+
+/// Hue, saturation and value of a pixel.
+fn to_hsv(pixel: [u8; 3]) -> [f64; 3] {
+    let [r, g, b] = pixel.map(|value| f64::from(value) / 255.0);
+    let (most, least) = (r.max(g).max(b), r.min(g).min(b));
+    let delta = most - least;
+    if delta == 0.0 {
+        return [0.0, 0.0, most];
+    }
+    let sixth = if b == most {
+        4.0 + (r - g) / delta
+    } else if g == most {
+        2.0 + (b - r) / delta
+    } else {
+        (g - b) / delta
+    };
+    let hue = sixth / 6.0;
+    [if hue < 0.0 { hue + 1.0 } else { hue }, delta / most, most]
+}
+
+/// The pixel of a hue, a saturation and a value, its fractions dropped.
+fn to_bytes([hue, saturation, value]: [f64; 3]) -> [u8; 3] {
+    let sector = (hue * 6.0).floor();
+    let place = hue * 6.0 - sector;
+    let p = value * (1.0 - saturation);
+    let q = value * (1.0 - place * saturation);
+    let t = value * (1.0 - (1.0 - place) * saturation);
+    let rgb = match sector as u32 % 6 {
+        0 => [value, t, p],
+        1 => [q, value, p],
+        2 => [p, value, t],
+        3 => [p, q, value],
+        4 => [t, p, value],
+        _ => [value, p, q],
+    };
+    rgb.map(|channel| (channel.clamp(0.0, 1.0) * 255.0) as u8)
 }
 
 /// Takes contrast away.
@@ -160,13 +177,18 @@ mod tests {
 
     #[test]
     fn colours_keep_their_hue() {
-        assert_eq!(perturbed::<Brightness>(&one([100, 50, 0]), 0.0, 1).data(), [125, 62, 0]);
-        assert_eq!(perturbed::<Brightness>(&one([0, 0, 0]), 0.0, 1).data(), [25; 3]);
-        assert_eq!(perturbed::<Brightness>(&one([200, 100, 50]), 4.0, 1).data(), [255, 127, 63]);
-        assert_eq!(perturbed::<Saturate>(&one([200, 100, 0]), 0.0, 1).data(), [200, 170, 140]);
-        assert_eq!(perturbed::<Saturate>(&one([200, 150, 100]), 2.0, 1).data(), [200, 100, 0]);
+        let close = |found: FrameBuf, wanted: [u8; 3]| {
+            let near = found.data().iter().zip(wanted).all(|(found, wanted)| found.abs_diff(wanted) <= 1);
+            assert!(near, "{:?} {wanted:?}", found.data());
+        };
+        close(perturbed::<Brightness>(&one([100, 50, 0]), 0.0, 1), [125, 62, 0]);
+        close(perturbed::<Brightness>(&one([0, 0, 0]), 0.0, 1), [25; 3]);
+        close(perturbed::<Brightness>(&one([200, 100, 50]), 4.0, 1), [255, 127, 63]);
+        close(perturbed::<Saturate>(&one([200, 100, 0]), 0.0, 1), [200, 170, 140]);
+        close(perturbed::<Saturate>(&one([10, 100, 200]), 2.0, 1), [0, 94, 200]);
+        close(perturbed::<Saturate>(&one([200, 150, 100]), 2.0, 1), [200, 100, 0]);
         // What grey becomes where something is added.
-        assert_eq!(perturbed::<Saturate>(&one([100; 3]), 4.0, 1).data(), [100, 80, 80]);
+        close(perturbed::<Saturate>(&one([100; 3]), 4.0, 1), [100, 80, 80]);
     }
 
     #[test]

@@ -87,9 +87,29 @@ impl Perturbation for Pixelate {
                 *to = mean(sum, count);
             }
         }
-        pdk_sdk::ops::resample::resize_nearest(self.small.as_ref(), dst);
+        let mut dst = dst;
+        let [across, down] =
+            [(width, src.width()), (height, src.height())].map(|(from, to)| nearest(from, to));
+        for (y, to) in down.into_iter().zip(dst.rows_mut()) {
+            let row = self.small.as_ref().row(y);
+            for (x, to) in across.iter().zip(to.chunks_exact_mut(3)) {
+                to.copy_from_slice(&row[x * 3..x * 3 + 3]);
+            }
+        }
         Ok(())
     }
+}
+
+/// The nearest of `from` pixels for each of `to`. Places are added up as Pillow does, because many lie on the border of two pixels.
+fn nearest(from: usize, to: usize) -> Vec<usize> {
+    let step = from as f64 / to as f64;
+    let mut place = step * 0.5;
+    let mut next = || {
+        let pixel = (place as usize).min(from - 1);
+        place += step;
+        pixel
+    };
+    (0..to).map(|_| next()).collect()
 }
 
 /// For each of `to` blocks the pixels whose centres it covers.

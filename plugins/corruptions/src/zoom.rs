@@ -35,10 +35,12 @@ impl Perturbation for ZoomBlur {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         self.image.read(src);
         let count = cx.integer("count").max(0);
+        // As the package counts: by what is left of the step after it was added to 1.
+        let step = (1.0 + cx.number("step")) - 1.0;
         let (line, share) = (src.width() * 3, 1.0 / (count + 1) as f32);
         self.sum.clone_from(&self.image);
         for number in 0..count {
-            let factor = 1.0 + number as f64 * cx.number("step");
+            let factor = 1.0 + number as f64 * step;
             let values = &mut self.sum.values;
             enlarge(&self.image, factor, |y, row| {
                 values[y * line..][..line].iter_mut().zip(row).for_each(|(sum, value)| *sum += value);

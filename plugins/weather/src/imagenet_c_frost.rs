@@ -62,7 +62,7 @@ impl Component for Frost {
             .drawn_per_sequence("the window, and which photograph's means and deviation it has")
             .divergence("The texture is the project's own, with the means and deviations of the photographs of the published package.")
             .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019)")
-            .parameter(Parameter::by_level("frame", [1.0, 0.8, 0.7, 0.65, 0.6], "weight of the frame").range(0.0, 1.0))
+            .parameter(Parameter::by_level("weight", [1.0, 0.8, 0.7, 0.65, 0.6], "weight of the frame").range(0.0, 1.0))
             .parameter(Parameter::by_level("ice", [0.4, 0.6, 0.7, 0.7, 0.75], "weight of the ice").range(0.0, 1.0))
     }
 
@@ -78,7 +78,7 @@ impl Perturbation for Frost {
             self.draw(src.width(), src.height(), &mut cx.sequence_random());
             self.made_for = wanted;
         }
-        let (frame, ice) = (cx.number("frame") as f32, cx.number("ice") as f32);
+        let (frame, ice) = (cx.number("weight") as f32, cx.number("ice") as f32);
         for ((from, to), cold) in src.rows().zip(dst.rows_mut()).zip(self.ice.as_ref().rows()) {
             for ((&from, to), &cold) in from.iter().zip(to).zip(cold) {
                 *to = (frame * f32::from(from) + ice * f32::from(cold)).clamp(0.0, 255.0) as u8;

@@ -26,8 +26,8 @@ class Perturbation:
     The output of a frame follows from it, its number, its time and the seed. One object serves one thread at a time.
     """
 
-    def __init__(self, perturbation: Chain, *, seed: int = 0, rate: float = 20.0, **parameters: Any) -> None:
-        """`rate` is the number of frames a second, from which their times follow."""
+    def __init__(self, perturbation: Chain, *, seed: int = 0, fps: float = 20.0, **parameters: Any) -> None:
+        """`fps` is the number of frames a second, from which their times follow."""
 
     def __call__(
         self,
@@ -62,7 +62,7 @@ class Perturbation:
         """The number of the frame that comes next."""
 
     @property
-    def rate(self) -> float:
+    def fps(self) -> float:
         """Frames a second."""
 
 def perturb(

@@ -26,7 +26,7 @@ class ImagePerturbation:
     their size.
     """
 
-    def __init__(self, funcs=(), attention_map=None, image_size=(240, 320), *, seed=0, rate=20.0):
+    def __init__(self, funcs=(), attention_map=None, image_size=(240, 320), *, seed=0, fps=20.0):
         if attention_map:
             raise pdk.Error(
                 "attention maps of PerturbationDrive are Keras models in this process; name an ONNX file instead, as in "
@@ -34,7 +34,7 @@ class ImagePerturbation:
             )
         self.image_size = image_size
         self.seed = seed
-        self.rate = rate
+        self.fps = fps
         self._functions = {each.__name__: each for each in funcs if callable(each)}
         self._funcs = [each.__name__ if callable(each) else each for each in funcs] or pdk.names(default=True)
         self._sequences = {}
@@ -55,7 +55,7 @@ class ImagePerturbation:
             return own(intensity, image)
         key = (perturbation_name, intensity)
         if key not in self._sequences:
-            self._sequences[key] = pdk.Perturbation(perturbation_name, level=intensity, seed=self.seed, rate=self.rate)
+            self._sequences[key] = pdk.Perturbation(perturbation_name, level=intensity, seed=self.seed, fps=self.fps)
         return self._sequences[key](numpy.ascontiguousarray(image))
 
 

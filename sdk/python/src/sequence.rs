@@ -19,7 +19,7 @@ use crate::{components, values};
 pub struct Perturbation {
     perturbations: Vec<AppliedPerturbation>,
     /// Frames a second.
-    rate: f64,
+    fps: f64,
     state: Mutex<State>,
 }
 
@@ -35,24 +35,24 @@ struct State {
 #[pymethods]
 impl Perturbation {
     #[new]
-    #[pyo3(signature = (perturbation, *, seed=0, rate=20.0, **parameters))]
+    #[pyo3(signature = (perturbation, *, seed=0, fps=20.0, **parameters))]
     fn new(
         py: Python<'_>,
         perturbation: &Bound<'_, PyAny>,
         seed: u64,
-        rate: f64,
+        fps: f64,
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        if !rate.is_finite() || rate <= 0.0 {
+        if !fps.is_finite() || fps <= 0.0 {
             return Err(mistake(
                 py,
-                format!("`rate` is {rate}, but has to be a number of frames a second above 0"),
+                format!("`fps` is {fps}, but has to be a number of frames a second above 0"),
             ));
         }
         let perturbations = values::chain(perturbation, parameters)?;
         // What is wrong with them is said here, not at the first frame.
         let chain = Some(components::make(py, &perturbations, seed)?);
-        Ok(Self { perturbations, rate, state: Mutex::new(State { chain, is_at_work: false, seed, next: 0 }) })
+        Ok(Self { perturbations, fps, state: Mutex::new(State { chain, is_at_work: false, seed, next: 0 }) })
     }
 
     /// Perturbs the next frame, or the one with this number.
@@ -82,7 +82,7 @@ impl Perturbation {
                 Some(chain) => chain,
                 None => components::make(py, &self.perturbations, seed)?,
             };
-            let time = time.unwrap_or(number as f64 / self.rate);
+            let time = time.unwrap_or(number as f64 / self.fps);
             check_time(py, time)?;
             let moment = Moment { speed, ..known.at(Moment::new(number, time)) };
             let result = apply(py, &mut chain, src, &moment, out)?;
@@ -129,12 +129,12 @@ impl Perturbation {
 
     /// Frames a second.
     #[getter]
-    fn rate(&self) -> f64 {
-        self.rate
+    fn fps(&self) -> f64 {
+        self.fps
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
-        format!("pdk.Perturbation({:?}, seed={}, rate={})", self.perturbations(), self.seed(py), self.rate)
+        format!("pdk.Perturbation({:?}, seed={}, fps={})", self.perturbations(), self.seed(py), self.fps)
     }
 
     /// For other processes: they find the same components, and go on where this one is.
@@ -145,7 +145,7 @@ impl Perturbation {
         };
         let (plugins, overlays) = components::searched(py);
         let resume = py.import("pdk._pdk")?.getattr("resume")?;
-        let arguments = (self.perturbations(), seed, self.rate, next, plugins, overlays);
+        let arguments = (self.perturbations(), seed, self.fps, next, plugins, overlays);
         Ok((resume, arguments.into_pyobject(py)?))
     }
 }
@@ -175,7 +175,7 @@ pub fn resume(
     py: Python<'_>,
     perturbations: &Bound<'_, PyAny>,
     seed: u64,
-    rate: f64,
+    fps: f64,
     next: u64,
     plugins: Vec<PathBuf>,
     overlays: Vec<PathBuf>,
@@ -183,7 +183,7 @@ pub fn resume(
     if components::searched(py) != (plugins.clone(), overlays.clone()) {
         components::search(py, plugins, overlays)?;
     }
-    let made = Perturbation::new(py, perturbations, seed, rate, None)?;
+    let made = Perturbation::new(py, perturbations, seed, fps, None)?;
     made.state(py).next = next;
     Ok(made)
 }

@@ -8,30 +8,33 @@ import pytest
 import pdk
 from pdk.corruptions import corrupt, get_corruption_names
 
-#: Deterministic corruptions, and the share of values that are equal and the largest difference that are held.
+#: Deterministic corruptions, and the share of values that are equal and the largest difference that are held on noise, where few
+#: values are whole before their fractions are dropped.
 DETERMINISTIC = {
     "gaussian_blur": (0.999, 1),
-    "defocus_blur": (0.999, 1),
+    "defocus_blur": (0.95, 1),
     "zoom_blur": (0.999, 1),
     "brightness": (0.999, 1),
-    "contrast": (0.999, 1),
+    "contrast": (1.0, 0),
     "saturate": (0.999, 1),
     "pixelate": (1.0, 0),
-    "jpeg_compression": (0.99, 3),
+    "jpeg_compression": (0.999, 1),
 }
-#: Random ones: how far mean and deviation may be from theirs, in grey levels. Frost has photographs there.
-RANDOM = {
-    "gaussian_noise": 0.4,
-    "shot_noise": 0.6,
-    "impulse_noise": 0.6,
-    "speckle_noise": 0.6,
-    "glass_blur": 1.0,
-    "motion_blur": 1.0,
-    "snow": 4.0,
-    "fog": 7.0,
-    "elastic_transform": 1.0,
-    "spatter": 6.0,
-}
+#: Random ones, which are compared by their statistics.
+RANDOM = [
+    "gaussian_noise",
+    "shot_noise",
+    "impulse_noise",
+    "speckle_noise",
+    "glass_blur",
+    "motion_blur",
+    "snow",
+    "fog",
+    "elastic_transform",
+    "spatter",
+]
+#: Grey levels that means and deviations may differ by, besides five times what chance explains.
+NEGLIGIBLE = 0.5
 
 
 @pytest.fixture(scope="module")
@@ -94,19 +97,25 @@ def test_every_corruption_of_the_suite_is_compared():
 
 
 @pytest.mark.parametrize("name", DETERMINISTIC)
-def test_deterministic_ones_agree_with_the_package(name, image, published):
+def test_deterministic_ones_agree_with_the_package(name, published):
     equal, furthest = DETERMINISTIC[name]
+    noise = numpy.random.default_rng(1).integers(0, 256, (240, 320, 3)).astype(numpy.uint8)
     for severity in range(1, 6):
-        theirs = published.corrupt(image, severity=severity, corruption_name=name).astype(int)
-        difference = numpy.abs(corrupt(image, severity, name) - theirs)
-        assert (difference == 0).mean() >= equal and difference.max() <= furthest, (severity, (difference == 0).mean(), difference.max())
+        theirs = published.corrupt(noise, severity=severity, corruption_name=name).astype(int)
+        difference = numpy.abs(corrupt(noise, severity, name) - theirs)
+        share = (difference == 0).mean()
+        assert share >= equal and difference.max() <= furthest, (severity, share, difference.max())
 
 
 @pytest.mark.parametrize("name", RANDOM)
 def test_random_ones_have_the_statistics_of_the_package(name, image, published):
     numpy.random.seed(1)
+    count = 16
     for severity in (1, 3, 5):
-        theirs = numpy.stack([published.corrupt(image, severity=severity, corruption_name=name) for _ in range(8)]).astype(float)
-        ours = numpy.stack([corrupt(image, severity, name, seed=seed) for seed in range(8)]).astype(float)
+        theirs = [published.corrupt(image, severity=severity, corruption_name=name) for _ in range(count)]
+        ours = [corrupt(image, severity, name, seed=seed) for seed in range(count)]
         for what in (numpy.mean, numpy.std):
-            assert abs(what(ours) - what(theirs)) < RANDOM[name], (severity, what.__name__, what(ours), what(theirs))
+            one, other = ([what(each) for each in images] for images in (ours, theirs))
+            chance = numpy.sqrt((numpy.var(one) + numpy.var(other)) / (count - 1))
+            difference = abs(numpy.mean(one) - numpy.mean(other))
+            assert difference < 5 * chance + NEGLIGIBLE, (severity, what.__name__, difference, chance)

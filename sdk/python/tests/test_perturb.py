@@ -53,14 +53,9 @@ def test_a_perturbation_can_be_written_in_several_ways(image):
         ("fog_mapping", {"level": 2, "strength": numpy.float64(0.3), "region": {"box": (0, 0, 1, 0.5)}}),
         (perturbations.fog_mapping(2, strength=0.3, region=box), {}),
         ([perturbations.fog_mapping(strength=0.3, region=box)], {}),
-        (["fog_mapping@4,strength=0.3", ], {"level": 2}),
+        (['fog_mapping@4,strength=0.3,region={"box":[0,0,1,0.5]}'], {"level": 2}),
     ]:
-        found = pdk.perturb(image, written, seed=1, **given)
-        if written == ["fog_mapping@4,strength=0.3"]:
-            found[image.shape[0] // 2 :] = image[image.shape[0] // 2 :]
-            assert numpy.array_equal(found[:40], expected[:40])
-        else:
-            assert numpy.array_equal(found, expected)
+        assert numpy.array_equal(pdk.perturb(image, written, seed=1, **given), expected), written
     assert pdk.written("fog_mapping", level=2, strength=0.3) == ["fog_mapping@2,strength=0.3"]
 
 
@@ -152,7 +147,7 @@ def test_mistakes_are_exceptions_with_a_sentence(written, given, says, image):
 
 
 def test_no_parameter_has_the_name_of_an_argument():
-    arguments = {"image", "perturbation", "seed", "frame", "time", "labels", "distances", "out", "threads", "rate"}
+    arguments = {"image", "perturbation", "seed", "frame", "time", "labels", "distances", "out", "threads", "fps"}
     for entry in pdk.catalog():
         assert not arguments & {parameter["name"] for parameter in entry["description"]["parameters"]}
 
@@ -212,8 +207,8 @@ def test_threads_get_the_same_bytes(image):
 
 
 def test_a_sequence_is_its_frames_one_after_the_other(image):
-    sequence = pdk.Perturbation(["dynamic_rain_filter@3", "gaussian_noise@1"], seed=7, rate=10)
-    assert (sequence.seed, sequence.rate, sequence.frame) == (7, 10.0, 0)
+    sequence = pdk.Perturbation(["dynamic_rain_filter@3", "gaussian_noise@1"], seed=7, fps=10)
+    assert (sequence.seed, sequence.fps, sequence.frame) == (7, 10.0, 0)
     assert sequence.perturbations == ["dynamic_rain_filter@3", "gaussian_noise@1"]
     frames = [sequence(image) for _ in range(4)]
     assert sequence.frame == 4
@@ -239,7 +234,7 @@ def test_what_is_drawn_once_stays_for_the_sequence(image):
 
 
 def test_a_sequence_goes_on_in_another_process(image):
-    sequence = pdk.Perturbation("gaussian_noise@2", seed=3, rate=15)
+    sequence = pdk.Perturbation("gaussian_noise@2", seed=3, fps=15)
     sequence(image)
     twin = pickle.loads(pickle.dumps(sequence))
     assert repr(twin) == repr(sequence) and twin.frame == 1
@@ -250,7 +245,7 @@ def test_a_sequence_knows_labels_and_distances(image):
     height, width = image.shape[:2]
     labels = numpy.zeros((height, width), numpy.uint8)
     labels[height // 2 :] = 1
-    blacken = "cutout_filter@4,rectangles=10000"
+    blacken = "increase_brightness@4,factor=0"
     painted = pdk.Perturbation(blacken, where={"label": "road"})(image, labels=(["sky", "road"], labels))
     assert numpy.array_equal(painted[: height // 2], image[: height // 2]) and not painted[height // 2 :].any()
     distances = numpy.linspace(0, 100, width)[None].repeat(height, 0)
@@ -359,7 +354,7 @@ def test_clips_are_found_by_folder_and_by_parameter(tmp_path, image, searched, c
     assert not numpy.array_equal(by_parameter, image)
     assert numpy.array_equal(by_parameter, command(f"overlay@4,clip={clip}"))
     pdk.search(overlays=[folder])
-    assert numpy.array_equal(pdk.perturb(image, "square@4"), by_parameter)
+    assert numpy.array_equal(pdk.perturb(image, "square@4"), command("square@4", options=["--overlays", folder]))
 
 
 def test_what_cannot_be_used_is_a_warning(tmp_path, image, searched):
