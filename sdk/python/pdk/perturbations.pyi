@@ -499,6 +499,387 @@ def histogram_equalisation(
     Source: Zuiderveld, Contrast limited adaptive histogram equalization (1994).
     """
 
+def imagenet_c_brightness(
+    level: Level = 2.0,
+    *,
+    added: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds to the brightness of every pixel, keeping its hue and saturation.
+
+    added: what is added, of full scale (-1 to 1; by level 0.1, 0.2, 0.3, 0.4, 0.5).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_contrast(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Draws the values of each channel together about their mean.
+
+    factor: what is left of the contrast (0 to 10; by level 0.4, 0.3, 0.2, 0.1, 0.05).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_defocus_blur(
+    level: Level = 2.0,
+    *,
+    radius: ByLevel | None = None,
+    edge: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Averages every pixel over a disc with soft edges.
+
+    radius: radius of the disc (px; 0 to 60; by level 3, 4, 6, 8, 10).
+    edge: standard deviation of what softens its edge (px; 0.01 to 5; by level 0.1, 0.5, 0.5, 0.5, 0.5).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_elastic_transform(
+    level: Level = 2.0,
+    *,
+    alpha: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Displaces every pixel at random, smoothly, in the same way in all frames of a sequence.
+
+    alpha: what displacements are multiplied by (0 to 1000; by level 12.5, 16.25, 21.25, 25, 30).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_fog(
+    level: Level = 2.0,
+    *,
+    thickness: ByLevel | None = None,
+    decay: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds a fractal field of grey, the same one in all frames of a sequence.
+
+    thickness: weight of the field (0 to 100; by level 1.5, 2, 2.5, 2.5, 3).
+    decay: how much weaker the field is at each finer scale (1 to 10; by level 2, 2, 1.7, 1.5, 1.4).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_frost(
+    level: Level = 2.0,
+    *,
+    weight: ByLevel | None = None,
+    ice: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds a window of a texture of ice to the darkened frame, the same one in all frames of a sequence.
+
+    weight: weight of the frame (0 to 1; by level 1, 0.8, 0.7, 0.65, 0.6).
+    ice: weight of the ice (0 to 1; by level 0.4, 0.6, 0.7, 0.7, 0.75).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_gaussian_blur(
+    level: Level = 2.0,
+    *,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Smooths with a Gaussian kernel.
+
+    sigma: standard deviation of the kernel (px; 0.1 to 50; by level 1, 2, 3, 4, 6).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_gaussian_noise(
+    level: Level = 2.0,
+    *,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds normally distributed noise to every value, anew in every frame.
+
+    sigma: standard deviation of the noise (of full scale; 0 to 1; by level 0.08, 0.12, 0.18, 0.26, 0.38).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_glass_blur(
+    level: Level = 2.0,
+    *,
+    sigma: ByLevel | None = None,
+    distance: ByLevel | None = None,
+    rounds: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Smooths, gives pixels the colours of random ones nearby, and smooths again.
+
+    sigma: standard deviation of both Gaussians (px; 0.1 to 20; by level 0.7, 0.9, 1, 1.1, 1.5).
+    distance: largest distance left and up; right and down one less (px; 1 to 100; by level 1, 2, 2, 3, 4).
+    rounds: how often pixels are scattered (1 to 20; by level 2, 1, 3, 2, 2).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_impulse_noise(
+    level: Level = 2.0,
+    *,
+    share: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Sets random values to 0 or 255, anew in every frame.
+
+    share: share of the values that are hit (0 to 1; by level 0.03, 0.06, 0.09, 0.17, 0.27).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_jpeg_compression(
+    level: Level = 2.0,
+    *,
+    quality: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Compresses the frame as JPEG and decompresses it again.
+
+    quality: quality, 1 for the coarsest (1 to 100; by level 25, 18, 15, 10, 7).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_motion_blur(
+    level: Level = 2.0,
+    *,
+    radius: ByLevel | None = None,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Blurs along a line at a random angle within 45 degrees of the horizontal.
+
+    radius: half the number of copies (px; 0 to 200; by level 10, 15, 15, 15, 20).
+    sigma: standard deviation of the weights along the line (px; 0.1 to 200; by level 3, 5, 8, 12, 15).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_pixelate(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Shrinks the frame and enlarges it to blocks.
+
+    factor: what width and height are shrunk by (0.01 to 1; by level 0.6, 0.5, 0.4, 0.3, 0.25).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_saturate(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    added: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Makes colours paler or more vivid; what is added to the saturation of grey makes it red.
+
+    factor: what saturation is multiplied by (0 to 100; by level 0.3, 0.1, 2, 5, 20).
+    added: what is added then (-1 to 1; by level 0, 0, 0, 0.1, 0.2).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_shot_noise(
+    level: Level = 2.0,
+    *,
+    k: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Replaces every value by a random photon count around it, anew in every frame.
+
+    k: photons that a white pixel counts (1 to 500; by level 60, 25, 12, 5, 3).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_snow(
+    level: Level = 2.0,
+    *,
+    mean: ByLevel | None = None,
+    deviation: ByLevel | None = None,
+    size: ByLevel | None = None,
+    threshold: ByLevel | None = None,
+    radius: ByLevel | None = None,
+    sigma: ByLevel | None = None,
+    weight: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays streaks of snow over the frame and whitens it, anew in every frame.
+
+    mean: mean of what flakes are drawn from (-5 to 5; by level 0.1, 0.2, 0.55, 0.55, 0.55).
+    deviation: standard deviation of that (0 to 5; by level 0.3, 0.3, 0.3, 0.3, 0.3).
+    size: how much flakes are enlarged (1 to 20; by level 3, 2, 4, 4.5, 2.5).
+    threshold: what is below it is no flake (-5 to 5; by level 0.5, 0.5, 0.9, 0.85, 0.85).
+    radius: half the length of a streak (px; 0 to 100; by level 10, 12, 12, 12, 12).
+    sigma: how far streaks fade (px; 0.1 to 100; by level 4, 4, 8, 8, 12).
+    weight: share of the frame as it was (0 to 1; by level 0.8, 0.7, 0.7, 0.65, 0.55).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_spatter(
+    level: Level = 2.0,
+    *,
+    mean: ByLevel | None = None,
+    deviation: ByLevel | None = None,
+    size: ByLevel | None = None,
+    threshold: ByLevel | None = None,
+    strength: ByLevel | None = None,
+    mud: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Drops of water (levels 0 to 2) or mud (3 and 4) on the lens, the same ones in all frames of a sequence.
+
+    mean: mean of what drops are drawn from (-5 to 5; by level 0.65, 0.65, 0.65, 0.65, 0.67).
+    deviation: standard deviation of that (0 to 5; by level 0.3, 0.3, 0.3, 0.3, 0.4).
+    size: standard deviation of what smooths it (px; 0.1 to 50; by level 4, 3, 2, 1, 1).
+    threshold: above it there is liquid (-5 to 5; by level 0.69, 0.68, 0.68, 0.65, 0.65).
+    strength: brightness of water at its brightest; of mud, what smooths its edges, in pixels (0.1 to 50; by level
+        0.6, 0.6, 0.5, 1.5, 1.5).
+    mud: 1 for mud, 0 for water (0 to 1; by level 0, 0, 0, 1, 1).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_speckle_noise(
+    level: Level = 2.0,
+    *,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Multiplies every value by a normally distributed number around 1, anew in every frame.
+
+    sigma: standard deviation of the factors (0 to 1; by level 0.15, 0.2, 0.35, 0.45, 0.6).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_zoom_blur(
+    level: Level = 2.0,
+    *,
+    count: ByLevel | None = None,
+    step: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Averages the frame with its enlargements about the middle.
+
+    count: number of enlargements (0 to 200; by level 12, 16, 11, 13, 11).
+    step: from one factor to the next (0 to 1; by level 0.01, 0.01, 0.02, 0.02, 0.03).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
 def impulse_noise(
     level: Level = 2.0,
     *,
