@@ -5,6 +5,7 @@ use numpy::{Ix3, PyArray4, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMet
 use pdk_core::chain::Chain;
 use pdk_core::moment::Moment;
 use pdk_model::perturbation::AppliedPerturbation;
+use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Frame, FrameMut};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -106,7 +107,8 @@ fn batch<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let shape: [usize; 4] = [images.shape()[0], images.shape()[1], images.shape()[2], images.shape()[3]];
     let [count, height, width, channels] = shape;
-    if channels != 3 {
+    let size = height * width * channels;
+    if channels != 3 || size == 0 {
         return Err(arrays::unfit(images.as_any()));
     }
     let seeds = seeds(py, seed, count)?;
@@ -114,26 +116,23 @@ fn batch<'py>(
     let packed = packed.cast::<PyArray4<u8>>().map_err(|_| arrays::unfit(images.as_any()))?;
     let read = packed.try_readonly().map_err(|error| mistake(py, error.to_string()))?;
     let src = read.as_slice().map_err(|error| mistake(py, error.to_string()))?;
-    let size = height * width * channels;
     let threads = threads.clamp(1, count.max(1));
     let mut chains =
         (0..threads).map(|_| components::take(py, perturbations, 0)).collect::<PyResult<Vec<Chain>>>()?;
+    let each = count.div_ceil(threads).max(1);
     let mut work = |dst: &mut [u8]| {
-        let each = count.div_ceil(threads).max(1);
-        let jobs = chains.iter_mut().zip(seeds.chunks(each));
-        let jobs = jobs.zip(src.chunks((size * each).max(1))).zip(dst.chunks_mut((size * each).max(1)));
-        let job = |(((chain, seeds), src), dst): (((&mut Chain, &[u64]), &[u8]), &mut [u8])| {
-            let frames = src.chunks(size).zip(dst.chunks_mut(size));
-            seeds.iter().zip(frames).try_for_each(|(seed, (src, dst))| {
-                chain.begin_again(perturbations, *seed);
-                chain.apply(Frame::new(src, width, height)?, FrameMut::new(dst, width, height)?, moment)
-            })
-        };
+        let sources = seeds.chunks(each).zip(src.chunks(size * each)).zip(dst.chunks_mut(size * each));
+        let parts = chains.iter_mut().zip(sources);
+        let mut parts: Vec<Part<'_>> = parts
+            .map(|(chain, ((seeds, src), dst))| Part { chain, seeds, src, dst, width, height })
+            .collect();
         detached(py, || {
             std::thread::scope(|scope| {
-                let started: Vec<_> = jobs.map(|part| scope.spawn(move || caught(|| job(part)))).collect();
-                // A thread hands its panics on as errors.
-                started.into_iter().try_for_each(|thread| thread.join().unwrap_or(Ok::<(), _>(())))
+                let start = |part: &mut Part<'_>| caught(|| part.perturb(perturbations, moment));
+                let start = &start;
+                let started: Vec<_> = parts.iter_mut().map(|part| scope.spawn(move || start(part))).collect();
+                let lost = |_| Err(Error::of(ErrorKind::Panic, "a thread of the batch is lost"));
+                started.into_iter().try_for_each(|thread| thread.join().unwrap_or_else(lost))
             })
         })
     };
@@ -154,6 +153,29 @@ fn batch<'py>(
         components::keep(py, perturbations, chain);
     }
     Ok(result)
+}
+
+/// What one thread does of a batch: images one after the other, in `src` and `dst`, with a seed for each.
+struct Part<'a> {
+    chain: &'a mut Chain,
+    seeds: &'a [u64],
+    src: &'a [u8],
+    dst: &'a mut [u8],
+    width: usize,
+    height: usize,
+}
+
+impl Part<'_> {
+    fn perturb(&mut self, perturbations: &[AppliedPerturbation], moment: &Moment<'_>) -> Result<()> {
+        let (width, height) = (self.width, self.height);
+        let size = width * height * 3;
+        let images = self.src.chunks_exact(size).zip(self.dst.chunks_exact_mut(size));
+        for (seed, (src, dst)) in self.seeds.iter().zip(images) {
+            self.chain.begin_again(perturbations, *seed);
+            self.chain.apply(Frame::new(src, width, height)?, FrameMut::new(dst, width, height)?, moment)?;
+        }
+        Ok(())
+    }
 }
 
 /// A seed for each image: those that are given, or one after the other from the one that is.

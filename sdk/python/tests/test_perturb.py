@@ -117,6 +117,8 @@ def test_the_images_of_a_batch_have_seeds_of_their_own(image):
         (numpy.zeros((9, 9, 4), numpy.uint8), "leave its fourth channel out"),
         (numpy.zeros((3, 9, 9), numpy.uint8), "transpose"),
         (numpy.zeros((9, 0, 3), numpy.uint8), "0 bytes|RGB frame"),
+        (numpy.zeros((2, 9, 0, 3), numpy.uint8), "2 x 9 x 0 x 3"),
+        (numpy.zeros((2, 9, 9, 4), numpy.uint8), "2 x 9 x 9 x 4"),
         ("image.png", "a str: make one with numpy.asarray"),
     ],
 )
