@@ -55,7 +55,7 @@ pub fn page(project: &Project, profile: Profile) -> Result<String> {
     Ok(render(&parts))
 }
 
-/// The crates from elsewhere whose code is in the executable or a library.
+/// The crates from elsewhere whose code is in the executable, a library or the Python package.
 fn compiled_in(project: &Project) -> Result<Vec<&Package>> {
     let metadata = project.metadata();
     let resolve =
@@ -64,6 +64,7 @@ fn compiled_in(project: &Project) -> Result<Vec<&Package>> {
     let mut found = BTreeSet::new();
     let mut next: Vec<&PackageId> = project.plugins().iter().map(|package| &package.id).collect();
     next.push(&project.executable()?.id);
+    next.push(&project.python()?.id);
     while let Some(id) = next.pop() {
         if !found.insert(id) {
             continue;

@@ -1,4 +1,4 @@
-//! Makes what is shipped of pdk: an archive that can be unpacked anywhere, and a Debian package.
+//! Makes what is shipped of pdk: an archive that can be unpacked anywhere, a Debian package, and a Python package.
 //!
 //! ```sh
 //! cargo run --release -p pdk-dist
@@ -9,7 +9,7 @@
 //! | compile the executable and the libraries, for distributions of the last years | [`compile`] |
 //! | lay out a tree as it lies below `/usr`: with them, the SDK's source ([`sdk`]), licences ([`licences`]), completions, manual | [`tree`] |
 //! | make sure that what is in the tree works, and say which glibc it needs | [`check`] |
-//! | pack it | [`archive`], [`debian`] |
+//! | pack it | [`archive`], [`debian`], [`wheel`] |
 //!
 //! Everything is written below `target/pdk-dist`.
 
@@ -21,6 +21,7 @@ mod licences;
 mod project;
 mod sdk;
 mod tree;
+mod wheel;
 
 use std::process::ExitCode;
 
@@ -29,16 +30,19 @@ use pdk_model::error::Result;
 
 use crate::project::Project;
 
-/// Makes an archive of pdk that can be unpacked anywhere, and a Debian package, in target/pdk-dist
+/// Makes an archive of pdk that can be unpacked anywhere, a Debian package and a Python package, in target/pdk-dist
 #[derive(Parser)]
 #[command(name = "pdk-dist", version)]
 struct Arguments {
     /// How the executable and the libraries are compiled
     #[arg(long, value_enum, default_value_t = Profile::Dist)]
     profile: Profile,
-    /// Make the archive only
+    /// Make no Debian package
     #[arg(long)]
     no_package: bool,
+    /// Make the Python package as well; needs maturin
+    #[arg(long)]
+    wheel: bool,
 }
 
 /// How the executable and the libraries are compiled.
@@ -68,6 +72,9 @@ fn run(arguments: &Arguments) -> Result<()> {
     let mut made = vec![archive::pack(&project, &tree)?];
     if !arguments.no_package {
         made.push(debian::pack(&project)?);
+    }
+    if arguments.wheel {
+        made.push(wheel::pack(&project, &tree, arguments.profile)?);
     }
     println!("{report}");
     for file in made {

@@ -8,6 +8,8 @@ use pdk_model::error::{Error, Place, Result};
 
 /// The system that archives are for, as Rust calls it.
 pub const TARGET: &str = "x86_64-unknown-linux-gnu";
+/// The package with the extension module for Python.
+const PYTHON: &str = "pdk-python";
 /// The package with the executable.
 pub const EXECUTABLE: &str = "pdk";
 
@@ -48,9 +50,21 @@ impl Project {
     /// # Errors
     /// Where there is none.
     pub fn executable(&self) -> Result<&Package> {
+        self.named(EXECUTABLE)
+    }
+
+    fn named(&self, name: &str) -> Result<&Package> {
         let mut packages = self.metadata.workspace_packages().into_iter();
-        let found = packages.find(|package| package.name.as_str() == EXECUTABLE);
-        found.ok_or_else(|| Error::new(format!("the workspace has no package `{EXECUTABLE}`")))
+        let found = packages.find(|package| package.name.as_str() == name);
+        found.ok_or_else(|| Error::new(format!("the workspace has no package `{name}`")))
+    }
+
+    /// The package with the extension module for Python.
+    ///
+    /// # Errors
+    /// Where there is none.
+    pub fn python(&self) -> Result<&Package> {
+        self.named(PYTHON)
     }
 
     /// The packages with the built-in components.

@@ -11,6 +11,9 @@ use walkdir::WalkDir;
 /// The folder of the SDK in the workspace.
 const FOLDER: &str = "sdk";
 const MANIFEST: &str = "Cargo.toml";
+/// The Python package in it, which needs the kernel, and what authors of drivers use of it.
+const PYTHON: &str = "python";
+const FOR_DRIVERS: [&str; 3] = ["pdk_driver.py", "examples/function.py", "examples/model.py"];
 
 /// Copies the SDK from the workspace at `root`, and gives it a manifest that says what the workspace's says of it.
 ///
@@ -19,11 +22,16 @@ const MANIFEST: &str = "Cargo.toml";
 pub fn copy(root: &Path, into: &Path) -> Result<()> {
     let folder = root.join(FOLDER);
     copy_files(&folder, into)?;
+    for part in FOR_DRIVERS {
+        let (from, to) = (folder.join(PYTHON).join(part), into.join(PYTHON).join(part));
+        to.parent().map_or(Ok(()), fs::create_dir_all).place(to.display())?;
+        fs::copy(&from, &to).place(from.display())?;
+    }
     let mut crates = BTreeSet::new();
     let mut needed = BTreeSet::new();
     for entry in fs::read_dir(&folder).place(folder.display())? {
         let path = entry.place(folder.display())?.path();
-        if path.join(MANIFEST).is_file() {
+        if path.join(MANIFEST).is_file() && !path.ends_with(PYTHON) {
             crates.insert(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
             needed.extend(inherited(&read(&path.join(MANIFEST))?));
         }
@@ -33,9 +41,10 @@ pub fn copy(root: &Path, into: &Path) -> Result<()> {
     fs::write(&file, manifest.to_string()).place(file.display())
 }
 
-/// Copies all files of a folder that belong to its source.
+/// Copies all files of a folder that belong to its source, but for the Python package.
 fn copy_files(from: &Path, into: &Path) -> Result<()> {
-    let source = |name: &str| name != "target" && name != "proptest-regressions" && !name.starts_with('.');
+    let other = ["target", "proptest-regressions", PYTHON];
+    let source = |name: &str| !other.contains(&name) && !name.starts_with('.');
     let walk = WalkDir::new(from).sort_by_file_name().into_iter();
     for entry in walk.filter_entry(|entry| entry.file_name().to_str().is_some_and(source)) {
         let entry = entry.place(from.display())?;

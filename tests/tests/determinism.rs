@@ -6,6 +6,13 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
+use pdk_core::chain::Chain;
+use pdk_core::moment::Moment;
+use pdk_core::registry::Registry;
+use pdk_core::search_path::SearchPath;
+use pdk_lua::LuaScripts;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_sdk::prelude::FrameBuf;
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::{Pdk, datasets, onnx, pictures, records, temp};
 use pdk_trace::reader::{read_steps, read_steps_and_road};
@@ -33,6 +40,31 @@ fn perturb(folder: &Path, chain: &[&str], more: &[&str]) -> Vec<u8> {
     let bytes = fs::read(&output).unwrap();
     fs::remove_file(output).unwrap();
     bytes
+}
+
+#[test]
+fn a_chain_that_begins_again_is_a_new_one() {
+    let registry = Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap();
+    let src = pdk_sdk::testing::sample_frame(97, 61);
+    let with = |name: &str, level: f64| {
+        let text = format!(r#"{name}@{level},probability=0.7,where={{"random":60,"every":2}}"#);
+        [AppliedPerturbation::parse(&text).unwrap()]
+    };
+    let frames = |chain: &mut Chain| -> Vec<FrameBuf> {
+        let mut frame = |index: u64| {
+            let mut dst = FrameBuf::new(97, 61);
+            chain.apply(src.as_ref(), dst.as_mut(), &Moment::new(index, index as f64 / 20.0)).unwrap();
+            dst
+        };
+        (0..3).map(&mut frame).collect()
+    };
+    for name in perturbations() {
+        let wanted = frames(&mut Chain::new(&registry, &with(&name, 2.5), 7).unwrap());
+        let mut other = Chain::new(&registry, &with(&name, 1.0), 3).unwrap();
+        frames(&mut other);
+        other.begin_again(&with(&name, 2.5), 7);
+        assert!(frames(&mut other) == wanted, "{name}");
+    }
 }
 
 #[test]

@@ -36,6 +36,10 @@ const BETWEEN_LEVELS: &[(&str, &str)] = &[
     ("sharpen_filter", "what is brightened until it clips loses structure in steps"),
 ];
 
+/// The family whose levels are severities of a benchmark. They are as published, in an order that people gave them: saturation falls at
+/// the first two and rises then, and spatter is of water first and of mud then.
+const SEVERITIES: &str = "imagenet_c";
+
 /// Moves of the whole picture: the squared difference grows, but structure is lost all at once and comes back by chance.
 const MOVES: &[&str] = &["reflection_filter", "scale_image", "shear_image", "translate_image"];
 
@@ -125,7 +129,8 @@ fn fault(registry: &Registry, shown: &Shown, frames: &[FrameBuf]) -> Option<Stri
 fn strength_grows_with_the_intensity() {
     let registry = Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap();
     let frames = frames(&registry);
-    let perturbations = preview::chosen(registry.catalog(), &[], true).unwrap();
+    let mut perturbations = preview::chosen(registry.catalog(), &[], true).unwrap();
+    perturbations.retain(|shown| shown.description.family != SEVERITIES);
     assert!(perturbations.len() > 10, "only {} perturbations were found", perturbations.len());
     let next = AtomicUsize::new(0);
     let wrong = Mutex::new(Vec::new());

@@ -21,6 +21,7 @@ use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::elf;
+use crate::installation;
 use crate::loader::Plugin;
 use crate::supervisor::{DEFAULT_MEMORY, End, LOOK, Limits, Supervised};
 
@@ -36,7 +37,7 @@ const MOST_NOTES: usize = 1000;
 
 static ENABLED: AtomicBool = AtomicBool::new(false);
 
-/// Says that this executable has the [`VERB`]. Where nobody does, as in unit tests, nothing is inspected.
+/// Says that the executable has the [`VERB`]. Where nobody does, as in unit tests, nothing is inspected.
 pub fn enable() {
     ENABLED.store(true, Ordering::Relaxed);
 }
@@ -89,7 +90,7 @@ pub fn inspect(libraries: &[PathBuf]) -> Result<Vec<Option<Error>>> {
 /// Opens libraries in a process: what that says of those that it comes to, and how it ended where it did not come to the end.
 fn in_a_process(libraries: &[&Path]) -> Result<(Vec<Said>, Option<Error>)> {
     const CANNOT: &str = "cannot start a process to inspect plugins";
-    let mut command = Command::new(std::env::current_exe().place("cannot find the pdk executable")?);
+    let mut command = Command::new(installation::executable()?);
     // Not a pipe, which something that a library starts could hold open.
     let mut output = File::from(
         rustix::fs::memfd_create("pdk-inspection", rustix::fs::MemfdFlags::CLOEXEC).place(CANNOT)?,

@@ -6,22 +6,44 @@
 //! | the libraries with the built-in components | `PREFIX/lib/pdk` | `FOLDER` |
 //! | the source of the SDK | `PREFIX/share/pdk/sdk` | `sdk` in a folder above |
 //!
+//! The Python package holds an archive's tree, and names the executable in it ([`set_executable`]).
+//!
 //! Scripts, networks and clips are part of the executable and the libraries, so that nothing else has to be found.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use pdk_sdk::error::{Error, Place, Result};
 
 /// The files of the built-in plugins. They are built together with the executable, and all of them have to be there.
 pub const LIBRARIES: &[&str] = include!(concat!(env!("OUT_DIR"), "/libraries.rs"));
 
-/// The folder of the running executable, without symbolic links.
+/// The executable, where the running one is another program.
+static EXECUTABLE: OnceLock<PathBuf> = OnceLock::new();
+
+/// Says where the executable lies, for another program that has the kernel inside, such as Python. The first call counts.
+pub fn set_executable(file: PathBuf) {
+    EXECUTABLE.get_or_init(|| file);
+}
+
+/// The executable of pdk: the running one, unless [`set_executable`] has named another.
+///
+/// # Errors
+/// Where the system does not tell it.
+pub fn executable() -> Result<PathBuf> {
+    match EXECUTABLE.get() {
+        Some(file) => Ok(file.clone()),
+        None => std::env::current_exe().place("cannot find the pdk executable"),
+    }
+}
+
+/// The folder of the executable, without symbolic links.
 ///
 /// # Errors
 /// Where the system does not tell it.
 pub fn executable_folder() -> Result<PathBuf> {
     let unknown = "the folder of the pdk executable is not known";
-    let executable = std::env::current_exe().and_then(std::fs::canonicalize).place(unknown)?;
+    let executable = std::fs::canonicalize(executable()?).place(unknown)?;
     let folder = executable.parent().ok_or_else(|| Error::new(unknown))?;
     // Test executables lie one folder below the libraries.
     let folder = folder.parent().filter(|_| folder.ends_with("deps")).unwrap_or(folder);
@@ -59,8 +81,8 @@ fn libraries_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let names = names.collect::<Vec<_>>().join(", ");
     let shown = folder.display();
     Err(Error::new(format!(
-        "pdk is not complete: it does not find {} of its {} libraries in {shown} ({names}); unpack the whole archive again, copy them \
-         there together with the executable, or build them with `cargo build --release`",
+        "pdk is not complete: it does not find {} of its {} libraries in {shown} ({names}); unpack the whole archive or install the Python \
+         package again, copy them there together with the executable, or build them with `cargo build --release`",
         missing.len(),
         LIBRARIES.len()
     )))

@@ -38,6 +38,11 @@ impl Turns {
         Self { pace, period: None, seen: FrameBuf::default(), size: (0, 0) }
     }
 
+    /// Goes on with another sequence.
+    pub fn begin_again(&mut self) {
+        self.period = None;
+    }
+
     /// Which map a frame has.
     pub fn of(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Turn {
         let Pace { every, change, follow } = self.pace;
@@ -93,6 +98,11 @@ impl Maps {
         Ok(Self { method, label: format!("saliency `{}`", by.name), key, made: Vec::new(), now: Vec::new() })
     }
 
+    /// Draws from another key.
+    pub fn set_key(&mut self, key: Key) {
+        self.key = key;
+    }
+
     /// The map that a frame has, a value from 0 to 1 for each pixel, row by row.
     ///
     /// # Errors
@@ -132,6 +142,14 @@ impl Attended {
     pub fn new(registry: &Registry, attention: &Attention, key: Key) -> Result<Self> {
         let (turns, maps) = (Turns::new(attention.pace()), Maps::new(registry, &attention.by, key)?);
         Ok(Self { turns, maps, times: Vec::new(), values: Vec::new(), size: [0, 0] })
+    }
+
+    /// Goes on with another sequence, and draws from another key.
+    pub fn begin_again(&mut self, key: Key) {
+        self.turns.begin_again();
+        self.maps.set_key(key);
+        self.times.clear();
+        self.values.clear();
     }
 
     /// The map of a frame, and those of the sequence so far with it.

@@ -55,6 +55,15 @@ impl Selector {
         Ok(Self { selection: selection.clone(), turns, source, key, weights: Vec::new() })
     }
 
+    /// Goes on with another sequence, and draws from another key.
+    pub fn begin_again(&mut self, key: Key) {
+        self.turns.begin_again();
+        if let Source::Maps(maps) = &mut self.source {
+            maps.set_key(key);
+        }
+        self.key = key;
+    }
+
     /// How much of each pixel is changed, 0 to 255, row by row; `raw` is the frame as the camera saw it.
     ///
     /// # Errors

@@ -8,7 +8,7 @@
 use std::cell::Cell;
 use std::ffi::{c_int, c_void};
 use std::ptr;
-use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::{self, Thread};
 use std::time::{Duration, Instant};
@@ -107,6 +107,8 @@ unsafe fn slot_of(state: *mut ffi::lua_State) -> *mut c_void {
 /// Registers an alarm for as long as it lives. Has to be dropped before the virtual machine.
 pub(crate) struct Registration {
     alarm: Arc<Alarm>,
+    /// The process whose watchdog knows the alarm.
+    process: AtomicU32,
 }
 
 impl Registration {
@@ -127,7 +129,16 @@ impl Registration {
             slot,
         });
         watchdog.alarms().push(Arc::clone(&alarm));
-        Ok(Self { alarm })
+        Ok(Self { alarm, process: AtomicU32::new(watchdog.process) })
+    }
+
+    /// Tells the watchdog of this process of the alarm, where the virtual machine comes from before a fork.
+    fn follow(&self) {
+        if let Ok(watchdog) = watchdog()
+            && self.process.swap(watchdog.process, Ordering::Relaxed) != watchdog.process
+        {
+            watchdog.alarms().push(Arc::clone(&self.alarm));
+        }
     }
 
     /// Asks `stop` from now on, while a call runs. What was given first stays.
@@ -138,6 +149,7 @@ impl Registration {
     /// Starts the clock of a call; dropping the result stops it. A budget that is renewed begins anew after each
     /// [`without_clock`].
     pub(crate) fn start(&self, budget: Duration, renewed: bool) -> Running<'_> {
+        self.follow();
         let outer = CURRENT.replace(Arc::as_ptr(&self.alarm));
         let before = self.alarm.deadline.load(Ordering::Relaxed);
         if before == NEVER {
@@ -226,10 +238,8 @@ pub fn without_clock<R>(work: impl FnOnce() -> R) -> R {
 
 fn arm(alarm: &Alarm, deadline: u64) {
     alarm.deadline.store(deadline, Ordering::SeqCst);
-    if ASLEEP.load(Ordering::SeqCst)
-        && let Ok(watchdog) = watchdog()
-    {
-        watchdog.thread.unpark();
+    if let Ok(watchdog) = watchdog() {
+        watchdog.wake();
     }
 }
 
@@ -274,7 +284,12 @@ pub(crate) unsafe fn ask_interrupt(state: *mut ffi::lua_State) {
 
 struct Watchdog {
     alarms: Mutex<Vec<Arc<Alarm>>>,
-    thread: Thread,
+    /// Set before anybody else sees the watchdog.
+    thread: OnceLock<Thread>,
+    /// Whether the thread waits to be woken.
+    asleep: AtomicBool,
+    /// The process that the thread is in.
+    process: u32,
 }
 
 impl Watchdog {
@@ -299,44 +314,66 @@ impl Watchdog {
         }
         running
     }
+
+    /// What its thread does.
+    fn watch(&self) {
+        let mut idle = 0;
+        loop {
+            idle = if self.look() { 0 } else { idle + 1 };
+            if idle < IDLE_LOOKS {
+                thread::sleep(PERIOD);
+                continue;
+            }
+            // Say so first and look again: a call that starts in between either sees the flag or is seen.
+            self.asleep.store(true, Ordering::SeqCst);
+            if !self.look() {
+                thread::park();
+            }
+            self.asleep.store(false, Ordering::SeqCst);
+            idle = 0;
+        }
+    }
+
+    fn wake(&self) {
+        if self.asleep.load(Ordering::SeqCst)
+            && let Some(thread) = self.thread.get()
+        {
+            thread.unpark();
+        }
+    }
 }
 
-/// Whether the watchdog thread waits to be woken.
-static ASLEEP: AtomicBool = AtomicBool::new(false);
-static WATCHDOG: OnceLock<Watchdog> = OnceLock::new();
+/// The watchdog of the process; it lives until the process ends.
+static WATCHDOG: AtomicPtr<Watchdog> = AtomicPtr::new(ptr::null_mut());
 
-/// The one watchdog of the process, started when it is first needed.
+/// The one watchdog of this process, started when it is first needed. A process that was forked off another one has none of its
+/// threads, so it gets a watchdog of its own, and takes no lock of the other one's, which may be held for ever.
 fn watchdog() -> Result<&'static Watchdog> {
-    static STARTING: Mutex<()> = Mutex::new(());
-    if let Some(watchdog) = WATCHDOG.get() {
+    let process = std::process::id();
+    let found = WATCHDOG.load(Ordering::Acquire);
+    // SAFETY: what is stored there is never freed.
+    if let Some(watchdog) = unsafe { found.as_ref() }
+        && watchdog.process == process
+    {
         return Ok(watchdog);
     }
-    let _starting = STARTING.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(watchdog) = WATCHDOG.get() {
-        return Ok(watchdog);
-    }
-    let handle = thread::Builder::new().name("pdk-lua-watchdog".into()).spawn(watch).map_err(|error| {
+    let made: &'static Watchdog = Box::leak(Box::new(Watchdog {
+        alarms: Mutex::default(),
+        thread: OnceLock::new(),
+        asleep: AtomicBool::new(false),
+        process,
+    }));
+    let spawned = thread::Builder::new().name("pdk-lua-watchdog".into()).spawn(|| made.watch());
+    let handle = spawned.map_err(|error| {
         Error::new(format!("the thread that limits the time of scripts cannot be started: {error}"))
     })?;
-    Ok(WATCHDOG.get_or_init(|| Watchdog { alarms: Mutex::default(), thread: handle.thread().clone() }))
-}
-
-fn watch() {
-    let mut idle = 0;
-    loop {
-        let running = WATCHDOG.get().is_some_and(Watchdog::look);
-        idle = if running { 0 } else { idle + 1 };
-        if idle < IDLE_LOOKS {
-            thread::sleep(PERIOD);
-            continue;
-        }
-        // Say so first and look again: a call that starts in between either sees the flag or is seen.
-        ASLEEP.store(true, Ordering::SeqCst);
-        if !WATCHDOG.get().is_some_and(Watchdog::look) {
-            thread::park();
-        }
-        ASLEEP.store(false, Ordering::SeqCst);
-        idle = 0;
+    made.thread.get_or_init(|| handle.thread().clone());
+    let made = ptr::from_ref(made).cast_mut();
+    match WATCHDOG.compare_exchange(found, made, Ordering::AcqRel, Ordering::Acquire) {
+        // SAFETY: as above.
+        Ok(_) => Ok(unsafe { &*made }),
+        // SAFETY: as above. Another thread was faster; the one that was started here sleeps.
+        Err(first) => Ok(unsafe { &*first }),
     }
 }
 

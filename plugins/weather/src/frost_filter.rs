@@ -49,7 +49,8 @@ impl Perturbation for FrostFilter {
     }
 }
 
-fn draw(width: usize, height: usize) -> Vec<Texel> {
+/// The texture for a frame of this size.
+pub fn draw(width: usize, height: usize) -> Vec<Texel> {
     let mut random = KEY.sequence();
     let mut crystals = Canvas::new(width, height);
     let mut blurred = crystals.clone();

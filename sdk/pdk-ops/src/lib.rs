@@ -18,6 +18,7 @@ pub mod draw;
 pub mod elastic;
 pub mod equalise;
 pub mod false_color;
+pub mod float;
 pub mod fog;
 mod fourier;
 pub mod frame;

@@ -38,6 +38,15 @@ pub fn gaussian_noise(src: Frame<'_>, dst: FrameMut<'_>, sigma: f64, random: &mu
     each_block(src, dst, random, |from, normal, to| add_normal(from, normal, to, scale));
 }
 
+/// As [`gaussian_noise`], with the fraction dropped.
+///
+/// # Panics
+/// Where the sizes differ.
+pub fn gaussian_noise_truncated(src: Frame<'_>, dst: FrameMut<'_>, sigma: f64, random: &mut Random) {
+    let scale = (sigma * 255.0) as f32 * NORMAL_SCALE;
+    each_block(src, dst, random, |from, normal, to| add_normal_truncated(from, normal, to, scale));
+}
+
 /// Multiplies each value by a normal number with mean 1 and standard deviation `sigma`; clipped, the fraction dropped.
 ///
 /// # Panics
@@ -76,6 +85,21 @@ vectorised! {
     ) {
         for ((to, &from), &normal) in to.iter_mut().zip(from).zip(normal) {
             *to = round_to_byte(f32::from(from) + f32::from(normal) * scale);
+        }
+    }
+}
+
+vectorised! {
+    fn add_normal_truncated / add_normal_truncated_portable / add_normal_truncated_avx2 (
+        from: &[u8], normal: &[i16], to: &mut [u8], scale: f32,
+    ) {
+        for ((to, &from), &normal) in to.iter_mut().zip(from).zip(normal) {
+            let sum = f32::from(from) + f32::from(normal) * scale;
+            // Unlike `clamp`, this makes a number of what is none.
+            #[allow(clippy::manual_clamp)]
+            let clipped = sum.max(0.0).min(255.0);
+            // SAFETY: a number from 0 to 255 fits.
+            *to = unsafe { clipped.to_int_unchecked::<i32>() } as u8;
         }
     }
 }

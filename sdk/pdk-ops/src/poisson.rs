@@ -18,6 +18,8 @@ const THRESHOLD_BITS: u32 = 24;
 #[derive(Debug, Clone)]
 pub struct PoissonTable {
     count: f64,
+    /// Whether the fractions of outputs are dropped.
+    truncated: bool,
     /// For each value, for each of 256 outputs: the share with which it stays, in the upper 24 bits, and the output
     /// that comes instead, in the lower 8.
     entries: Box<[u32; 65536]>,
@@ -29,7 +31,17 @@ impl PoissonTable {
     /// # Panics
     /// Where `count` is not positive or larger than [`MAX_COUNT`].
     pub fn new(count: f64) -> Self {
-        let mut table = Self { count: 0.0, entries: Box::new([0; 65536]) };
+        let mut table = Self { count: 0.0, truncated: false, entries: Box::new([0; 65536]) };
+        table.set_count(count);
+        table
+    }
+
+    /// As [`PoissonTable::new`], for outputs whose fractions are dropped instead of rounded.
+    ///
+    /// # Panics
+    /// As [`PoissonTable::new`].
+    pub fn truncated(count: f64) -> Self {
+        let mut table = Self { count: 0.0, truncated: true, entries: Box::new([0; 65536]) };
         table.set_count(count);
         table
     }
@@ -44,7 +56,7 @@ impl PoissonTable {
             return;
         }
         for (value, entries) in self.entries.chunks_exact_mut(256).enumerate() {
-            alias_table(&output_probabilities(value as u8, count), entries);
+            alias_table(&output_probabilities(value as u8, count, self.truncated), entries);
         }
         self.count = count;
     }
@@ -59,13 +71,14 @@ impl PoissonTable {
 }
 
 /// How likely each output is: the count `n` is Poisson distributed with mean `value / 255 * count`, the output is
-/// `n / count * 255`, clipped and rounded half to even.
-fn output_probabilities(value: u8, count: f64) -> [f64; 256] {
+/// `n / count * 255`, clipped, and rounded half to even or with its fraction dropped.
+fn output_probabilities(value: u8, count: f64, truncated: bool) -> [f64; 256] {
     let mean = f64::from(value) / 255.0 * count;
     let mut outputs = [0.0; 256];
     let (mut probability, mut left, mut n) = (libm::exp(-mean), 1.0, 0.0);
     while n < count {
-        outputs[(n / count * 255.0).round_ties_even() as usize] += probability;
+        let output = n / count * 255.0;
+        outputs[if truncated { output } else { output.round_ties_even() } as usize] += probability;
         left -= probability;
         n += 1.0;
         probability *= mean / n;
@@ -148,7 +161,7 @@ mod tests {
         for count in [1.0, 30.0, 61.7, 120.0, 500.0, MAX_COUNT] {
             let table = PoissonTable::new(count);
             for value in [0u8, 1, 7, 100, 128, 254, 255] {
-                let wanted = output_probabilities(value, count);
+                let wanted = output_probabilities(value, count, false);
                 assert!((wanted.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{count} {value}");
                 for (output, (drawn, wanted)) in drawn(&table, value).iter().zip(wanted).enumerate() {
                     assert!((drawn - wanted).abs() < 1e-6, "{count} {value} {output}: {drawn} {wanted}");
@@ -160,13 +173,13 @@ mod tests {
     #[test]
     fn probabilities_are_those_of_a_poisson_distribution() {
         // Mean 30 * 51 / 255 = 6: exp(-6) * 6^n / n!, at n counts, which come out as n / 30 * 255.
-        let outputs = output_probabilities(51, 30.0);
+        let outputs = output_probabilities(51, 30.0, false);
         for (n, expected) in [(0, 0.002_478_752), (1, 0.014_872_513), (6, 0.160_623_141), (12, 0.011_264_480)]
         {
             let output = (f64::from(n) * 8.5).round_ties_even() as usize;
             assert!((outputs[output] - expected).abs() < 1e-9, "{n}: {}", outputs[output]);
         }
-        assert_eq!(output_probabilities(0, 30.0)[0], 1.0);
+        assert_eq!(output_probabilities(0, 30.0, false)[0], 1.0);
     }
 
     #[test]

@@ -1,0 +1,55 @@
+"""Perturbs camera images: arrays in, perturbed arrays out, with the bytes of `pdk perturb` on the command line.
+
+    import pdk
+
+    foggy = pdk.perturb(image, "fog_mapping@2", seed=7)
+
+An image is an array of height x width x 3, dtype uint8, RGB. A perturbation is a text as on the command line
+(`"fog_mapping@2,strength=0.3"`), a dictionary (`{"name": "fog_mapping", "level": 2}`), what a function of `pdk.perturbations`
+returns, or a list of such, which are applied one after the other.
+
+Components run in the interpreter's process. What one of them reports is a `pdk.Error`; one that crashes ends the interpreter, where
+the command line would name it. `pdk check PLUGIN.so` finds such plugins.
+"""
+
+import json as _json
+from pathlib import Path as _Path
+
+from pdk import _pdk
+from pdk._pdk import Error, Perturbation, __version__, identity, perturb, search, written
+
+__all__ = [
+    "Error",
+    "Perturbation",
+    "catalog",
+    "executable",
+    "identity",
+    "names",
+    "perturb",
+    "search",
+    "written",
+]
+
+
+def executable():
+    """The command `pdk` of this package, for `subprocess`."""
+    return _Path(__file__).parent / "installation" / "bin" / "pdk"
+
+
+_pdk.install(executable())
+
+
+def catalog(kind="perturbation"):
+    """What components say of themselves, a dictionary each: what `pdk list KIND --json` writes.
+
+    `kind` is perturbation, simulator, driver, dataset, saliency, mask or search; None for all. `description` has the name, the
+    parameters and what they mean, `file` where it comes from.
+    """
+    entries = _json.loads(_pdk.catalog())
+    return [entry for entry in entries if kind in (None, entry["description"]["kind"])]
+
+
+def names(default=False):
+    """The names of all perturbations; with `default` those of the default set only, which `pdk preview` shows."""
+    described = [entry["description"] for entry in catalog()]
+    return [each["name"] for each in described if each.get("default", True) or not default]

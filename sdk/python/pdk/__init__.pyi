@@ -1,0 +1,26 @@
+from pathlib import Path
+from typing import Any
+
+from pdk._pdk import Applied as Applied
+from pdk._pdk import Chain as Chain
+from pdk._pdk import Error as Error
+from pdk._pdk import Image as Image
+from pdk._pdk import Perturbation as Perturbation
+from pdk._pdk import __version__ as __version__
+from pdk._pdk import identity as identity
+from pdk._pdk import perturb as perturb
+from pdk._pdk import search as search
+from pdk._pdk import written as written
+
+def executable() -> Path:
+    """The command `pdk` of this package, for `subprocess`."""
+
+def catalog(kind: str | None = "perturbation") -> list[dict[str, Any]]:
+    """What components say of themselves, a dictionary each: what `pdk list KIND --json` writes.
+
+    `kind` is perturbation, simulator, driver, dataset, saliency, mask or search; None for all. `description` has the name, the
+    parameters and what they mean, `file` where it comes from.
+    """
+
+def names(default: bool = False) -> list[str]:
+    """The names of all perturbations; with `default` those of the default set only, which `pdk preview` shows."""

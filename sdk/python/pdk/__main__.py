@@ -1,0 +1,18 @@
+"""The command `pdk`: hands over to the executable of this package."""
+
+import os
+import sys
+
+from pathlib import Path
+
+
+def main():
+    executable = Path(__file__).parent / "installation" / "bin" / "pdk"
+    try:
+        os.execv(executable, [str(executable), *sys.argv[1:]])
+    except OSError as error:
+        sys.exit(f"pdk: error: {executable} cannot be started ({error.strerror}); install the package pdk again")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy
+from numpy.typing import NDArray
+
+Image: TypeAlias = NDArray[numpy.uint8]
+#: A perturbation: a text as on the command line, or a dictionary.
+Applied: TypeAlias = str | Mapping[str, Any]
+#: Perturbations that are applied one after the other.
+Chain: TypeAlias = Applied | Sequence[Applied]
+
+__version__: str
+
+class Error(RuntimeError):
+    """What went wrong, in one sentence."""
+
+    #: failed, late, lost, nonsense, configuration or panic.
+    kind: str
+
+class Perturbation:
+    """Perturbs the frames of a sequence, one after the other: what moves moves on, and what is drawn once a sequence stays.
+
+    The output of a frame follows from it, its number, its time and the seed. One object serves one thread at a time.
+    """
+
+    def __init__(self, perturbation: Chain, *, seed: int = 0, fps: float = 20.0, **parameters: Any) -> None:
+        """`fps` is the number of frames a second, from which their times follow."""
+
+    def __call__(
+        self,
+        image: Image,
+        *,
+        frame: int | None = None,
+        time: float | None = None,
+        speed: float | None = None,
+        labels: tuple[list[str], NDArray[numpy.uint8]] | None = None,
+        distances: NDArray[Any] | None = None,
+        out: Image | None = None,
+    ) -> Image:
+        """Perturbs the next frame, or the one of number `frame` at `time` seconds.
+
+        `speed` is the vehicle's in metres a second, for networks that want it. `labels` and `distances` are what `where` goes by:
+        names and the place of one for each pixel, and distances in metres. Writes to `out` where it is given.
+        """
+
+    def reset(self, seed: int | None = None) -> None:
+        """Begins another sequence at frame 0, with another seed where one is given. What was prepared is kept."""
+
+    @property
+    def perturbations(self) -> list[str]:
+        """The perturbations as they are written on the command line."""
+
+    @property
+    def seed(self) -> int:
+        """The seed of the sequence."""
+
+    @property
+    def frame(self) -> int:
+        """The number of the frame that comes next."""
+
+    @property
+    def fps(self) -> float:
+        """Frames a second."""
+
+def perturb(
+    image: Image,
+    perturbation: Chain,
+    *,
+    seed: int | Sequence[int] | None = None,
+    frame: int = 0,
+    time: float = 0.0,
+    labels: tuple[list[str], NDArray[numpy.uint8]] | None = None,
+    distances: NDArray[Any] | None = None,
+    out: Image | None = None,
+    threads: int = 1,
+    **parameters: Any,
+) -> Image:
+    """Perturbs an image: the bytes of `pdk perturb IMAGE --with PERTURBATION --seed SEED`.
+
+    `image` has height x width x 3 values, RGB. It is read in place where its pixels lie one behind the other, windows of larger
+    images included, and copied otherwise; it is never changed. The result is a new array, or `out`. Other threads of Python go on
+    meanwhile.
+
+    A batch has one dimension more in front. Its images have the seeds `seed`, `seed` + 1 and so on, or those of a list, and are
+    spread over `threads`.
+
+    `frame` and `time` say which moment of a sequence the image stands for. `labels` and `distances` are what `where` goes by: names and
+    the place of one for each pixel, and distances in metres. Further keyword arguments are parameters and modifiers of the
+    perturbation: `perturb(image, "fog_mapping", level=2, strength=0.3, probability=0.5)`.
+    """
+
+def search(plugins: Sequence[str | PathLike[str]] = (), overlays: Sequence[str | PathLike[str]] = ()) -> None:
+    """Looks for components in these folders, besides pdk's own and the usual places, from now on: as `--plugins` and `--overlays`.
+
+    `plugins` are folders with plugins and perturbations in Lua, or such files; `overlays` are folders with green-screen clips.
+    Files are looked at now: call it again after one has changed.
+    """
+
+def written(perturbation: Chain, **parameters: Any) -> list[str]:
+    """Perturbations as they are written on the command line, one text for each."""
+
+def identity(image: NDArray[numpy.uint8]) -> int:
+    """A number from 0 to 2^64 - 1 that follows from an array's shape and values alone: a seed that is the image's own."""
+
+def install(executable: str | PathLike[str]) -> None: ...
+def catalog() -> str: ...
+def searched() -> tuple[list[Path], list[Path]]: ...

@@ -1,0 +1,79 @@
+"""The interface of PerturbationDrive: its scripts switch by changing the import.
+
+    from pdk.perturbationdrive import ImagePerturbation, gaussian_noise
+
+    controller = ImagePerturbation(funcs=["gaussian_noise", "snow_filter"])
+    perturbed = controller.perturbation(image, "snow_filter", intensity=2)
+    noisy = gaussian_noise(3, image)
+
+Every perturbation of pdk is there under its name, as a function of intensity and image, and so is one of your own:
+`ImagePerturbation(funcs=[my_function])`. Unlike there, images are never written to, random numbers come from a seed, and what moves is
+drawn by its name and the number of calls, at 20 frames a second.
+"""
+
+import numpy
+
+import pdk
+
+__all__ = ["ImagePerturbation"]
+
+
+class ImagePerturbation:
+    """Perturbs the frames of a drive by name.
+
+    `funcs` are the names of perturbations, or functions of intensity and image; the default set where there are none. `attention_map`
+    and `image_size` are there so that calls need no change: limit perturbations with `where` (see `pdk show NAME`); frames keep
+    their size.
+    """
+
+    def __init__(self, funcs=(), attention_map=None, image_size=(240, 320), *, seed=0, fps=20.0):
+        if attention_map:
+            raise pdk.Error(
+                "attention maps of PerturbationDrive are Keras models in this process; name an ONNX file instead, as in "
+                "perturbation(image, 'fog_filter,where={\"top\":20,\"by\":\"hirescam,model=FILE.onnx\"}', 2)"
+            )
+        self.image_size = image_size
+        self.seed = seed
+        self.fps = fps
+        self._functions = {each.__name__: each for each in funcs if callable(each)}
+        self._funcs = [each.__name__ if callable(each) else each for each in funcs] or pdk.names(default=True)
+        self._sequences = {}
+        for name in self._funcs:
+            if name not in self._functions:
+                pdk.written(name)
+
+    @property
+    def funcs(self):
+        """The names of the perturbations, in order."""
+        return list(self._funcs)
+
+    def perturbation(self, image, perturbation_name="", intensity=0):
+        """Perturbs the next frame. Without a name it comes back as it is; an intensity is 0 to 4, any number in between."""
+        if not perturbation_name:
+            return image
+        if own := self._functions.get(perturbation_name):
+            return own(intensity, image)
+        key = (perturbation_name, intensity)
+        if key not in self._sequences:
+            self._sequences[key] = pdk.Perturbation(perturbation_name, level=intensity, seed=self.seed, fps=self.fps)
+        return self._sequences[key](numpy.ascontiguousarray(image))
+
+
+def __dir__():
+    return [*__all__, *pdk.names()]
+
+
+def __getattr__(name):
+    if name.startswith("_") or name not in pdk.names():
+        raise AttributeError(f"there is no perturbation `{name}`; `pdk list perturbation` names them")
+
+    def function(scale, image, *, seed=0):
+        # The tool's own documents have the two in either order.
+        if isinstance(scale, numpy.ndarray):
+            scale, image = image, scale
+        return pdk.perturb(image, name, level=scale, seed=seed)
+
+    function.__name__ = function.__qualname__ = name
+    function.__doc__ = f"`{name}` at an intensity from 0 to 4. Every call is a frame of its own."
+    globals()[name] = function
+    return function

@@ -1,0 +1,1589 @@
+# Written by stubs.py from what the perturbations say of themselves; changes here are lost.
+"""One function for each perturbation of pdk, with its parameters: they return what `pdk.perturb` and others take."""
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from typing import Any, Literal, TypeAlias
+
+#: A perturbation with its intensity, parameters and modifiers.
+Applied: TypeAlias = dict[str, Any]
+#: 0 to 4, any number in between, or a course over time.
+Level: TypeAlias = float | Mapping[str, Any]
+#: A number, or one for each of the five levels.
+ByLevel: TypeAlias = float | Sequence[float]
+
+MODIFIERS: tuple[str, ...]
+
+def banding(
+    level: Level = 2.0,
+    *,
+    depth: ByLevel | None = None,
+    flicker: float | None = None,
+    drift: float | None = None,
+    readout: float | None = None,
+    exposure: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Dark bands of flickering lamps under a rolling shutter, which roll with the beat of mains and frame rate.
+
+    depth: How much of the lamps' light is missing between two of their peaks (0 to 1; by level 0.15, 0.3, 0.45,
+        0.6, 0.75).
+    flicker: How often the lamps flicker nominally: twice the mains frequency (Hz; 0 to 1000; default 100.0).
+    drift: How far the flicker is from that at most; at least half of it (Hz; 0 to 10; default 0.4).
+    readout: How long the camera takes from the first row to the last (s; 0 to 1; default 0.03).
+    exposure: How long each row gathers light; the longer, the fainter the bands (s; 0 to 1; default 0.003).
+    Source: Light of lamps on the mains as a raised cosine, integrated over the exposure e of each row of a rolling
+        shutter.
+    """
+
+def canny_edges_mapping(
+    level: Level = 2.0,
+    *,
+    low_threshold: ByLevel | None = None,
+    high_threshold: ByLevel | None = None,
+    weight: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Darkens the frame and marks its edges in red; higher levels mark fewer, as published.
+
+    low_threshold: gradient (Sobel, |dx| + |dy|) above which a pixel continues an edge (0 to 2040; by level 51, 60,
+        75, 90, 120).
+    high_threshold: gradient above which a pixel starts an edge (0 to 2040; by level 151, 160, 175, 190, 220).
+    weight: share of the edges, red on black, in the result (0 to 1; by level 0.3, 0.3, 0.3, 0.3, 0.3).
+    Source: Canny, A computational approach to edge detection (1986).
+    """
+
+def contrast(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Spreads all values away from the middle grey.
+
+    factor: factor of the distance from the middle grey; below 1 it lowers contrast (0 to 10; by level 1.1, 1.2,
+        1.3, 1.5, 1.7).
+    Source: Linear map about 127.5, clipped.
+    """
+
+def cutout_filter(
+    level: Level = 2.0,
+    *,
+    rectangles: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Blackens rectangles, at places that stay for a sequence.
+
+    rectangles: number of rectangles, rounded to the nearest whole number; their sides are 5 % to 20 % of the
+        frame's (0 to 10000; by level 1, 2, 4, 6, 10).
+    Source: DeVries and Taylor, Improved regularization of convolutional neural networks with cutout (2017).
+    """
+
+def defocus_blur(
+    level: Level = 2.0,
+    *,
+    radius: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Replaces every pixel by the mean of the disc around it.
+
+    radius: radius of the disc; the disc grows pixel by pixel between whole numbers too (px; 0 to 100; by level 2,
+        5, 6, 9, 12).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    """
+
+def dirty_lens(
+    level: Level = 2.0,
+    *,
+    smudges: ByLevel | None = None,
+    opacity: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Blurred smudges of dirt on the lens.
+
+    smudges: How many smudges there are (0 to 200; by level 4, 7, 11, 16, 22).
+    opacity: How much of the picture the densest smudge hides (0 to 1; by level 0.45, 0.55, 0.65, 0.75, 0.85).
+    Source: Out-of-focus dirt as an opacity blurred by a Gaussian of about 1/40 of the frame's height.
+    """
+
+def dotted_lines_mapping(
+    level: Level = 2.0,
+    *,
+    severity: ByLevel | None = None,
+    variant: Literal["published", "corrected"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Draws dotted black lines, at places that stay for a sequence.
+
+    severity: s: dots lie 50 * (1 - s) pixels apart, at least 10, and have a radius of 5 * s pixels without its
+        fraction; the variant says how many lines there are (0 to 1; by level 0.1, 0.2, 0.3, 0.4, 0.5).
+    variant: published: 100 * s - 10 lines, none at level 0; corrected: 100 * s lines (default "published").
+    Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: dots along random lines.
+    """
+
+def dynamic_lightning_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    loop: Literal["repeat", "cross-fade", "ping-pong"] | None = None,
+    rate: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays bolts of lightning over the frame, moving in simulation time in a loop of 10 s, in 40 % of which one shows;
+    otherwise the frame stays as it is.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
+        repeat: it starts again (default "repeat").
+    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    Source: A loop over a green screen, drawn by this project.
+    """
+
+def dynamic_object_overlay(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    loop: Literal["repeat", "cross-fade", "ping-pong"] | None = None,
+    rate: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays birds in flight over the frame, moving in simulation time in a loop of 4 s.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
+        repeat: it starts again (default "repeat").
+    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    Source: A loop over a green screen, drawn by this project.
+    """
+
+def dynamic_rain_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    loop: Literal["repeat", "cross-fade", "ping-pong"] | None = None,
+    rate: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays streaks of rain over the frame, moving in simulation time in a loop of 3 s.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
+        repeat: it starts again (default "repeat").
+    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    Source: A loop over a green screen, drawn by this project.
+    """
+
+def dynamic_smoke_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    loop: Literal["repeat", "cross-fade", "ping-pong"] | None = None,
+    rate: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays swathes of smoke over the frame, moving in simulation time in a loop of 4 s.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
+        repeat: it starts again (default "repeat").
+    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    Source: A loop over a green screen, drawn by this project.
+    """
+
+def dynamic_snow_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    loop: Literal["repeat", "cross-fade", "ping-pong"] | None = None,
+    rate: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays flakes of snow over the frame, moving in simulation time in a loop of 4 s.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
+        repeat: it starts again (default "repeat").
+    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    Source: A loop over a green screen, drawn by this project.
+    """
+
+def dynamic_sun_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    loop: Literal["repeat", "cross-fade", "ping-pong"] | None = None,
+    rate: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays glare of a low sun over the frame, moving in simulation time in a loop of 4 s.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
+        repeat: it starts again (default "repeat").
+    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    Source: A loop over a green screen, drawn by this project.
+    """
+
+def elastic(
+    level: Level = 2.0,
+    *,
+    alpha: ByLevel | None = None,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Displaces every pixel at random, smoothly, anew in every frame; level 0 is stronger than 1 to 3.
+
+    alpha: largest displacement in each direction before smoothing (px; 0 to 1000; by level 2, 3, 5, 7, 10).
+    sigma: standard deviation of the Gaussian that smooths the displacements; the larger, the less is left of them
+        (px; 0.1 to 20; by level 0.4, 0.75, 0.9, 1.2, 1.5).
+    Source: Simard, Steinkraus and Platt, Best practices for convolutional neural networks applied to visual
+        document analysis (2003).
+    """
+
+def false_color_filter(
+    level: Level = 2.0,
+    *,
+    effect: ByLevel | None = None,
+    variant: Literal["published", "corrected"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Exchanges, inverts or adds channels; the levels are different effects, of which level 3 is the strongest.
+
+    effect: 0: green, blue, red; 1: green, red, blue; 2: blue, green, red; 3: inverted; 4: half the sums of
+        neighbouring channels; in between, a blend of two (0 to 4; by level 0, 1, 2, 3, 4).
+    variant: published: the sums of effect 4 wrap at 256, so what is bright comes out dark; corrected: they do not
+        (default "published").
+    Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: channels exchanged, inverted and added.
+    """
+
+def fog_filter(
+    level: Level = 2.0,
+    *,
+    strength: ByLevel | None = None,
+    noise: ByLevel | None = None,
+    variant: Literal["published", "corrected"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Blends the frame with white and some noise, drawn anew for every frame; it brightens more than it hides.
+
+    strength: share of the fog in the result (0 to 1; by level 0.1, 0.2, 0.3, 0.45, 0.65).
+    noise: share of the noise in the fog, and its standard deviation as a share of 255 (0 to 1; by level 0.05, 0.1,
+        0.2, 0.3, 0.45).
+    variant: published: noise below 0 wraps round to bright values; corrected: it is clipped to 0 (default
+        "published").
+    Source: Weighted sum of the frame, white and normal noise.
+    """
+
+def fog_mapping(
+    level: Level = 2.0,
+    *,
+    strength: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Blends the frame with a grey fractal field, the same one in all frames of a sequence.
+
+    strength: share of the field in the result (0 to 1; by level 0.05, 0.12, 0.22, 0.35, 0.6).
+    Source: Fournier, Fussell and Carpenter, Computer rendering of stochastic models (1982); randomness does not
+        decay with scale.
+    Not part of the default set.
+    """
+
+def frost_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    variant: Literal["published", "corrected"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays a texture of ice crystals over the frame, the same one always, and lowers saturation.
+
+    opacity: opacity of the texture where it covers what is behind it (0 to 1; by level 0.15, 0.19, 0.25, 0.32,
+        0.4).
+    variant: published: the texture is opaque, so the whole frame is blended with it; corrected: it covers as much
+        as there is of it (default "published").
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019), with a drawn texture.
+    """
+
+def gaussian_blur(
+    level: Level = 2.0,
+    *,
+    kernel_size: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Smooths with a Gaussian kernel.
+
+    kernel_size: width of the kernel, rounded to the nearest odd number (px; 1 to 99; by level 3, 7, 15, 25, 41).
+    Source: Gaussian filter with 8-bit weights and standard deviation 0.3 * ((size - 1) / 2 - 1) + 0.8.
+    """
+
+def gaussian_noise(
+    level: Level = 2.0,
+    *,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds normally distributed noise to every value, anew in every frame.
+
+    sigma: standard deviation of the noise (of full scale; 0 to 1; by level 0.03, 0.06, 0.12, 0.18, 0.22).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    """
+
+def glass_blur(
+    level: Level = 2.0,
+    *,
+    distance: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Gives every pixel the colour of a random pixel nearby, the same one in all frames of a sequence.
+
+    distance: largest distance in each direction, every whole number of pixels up to it equally likely (px; 0 to
+        1000; by level 2, 5, 6, 9, 12).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019), without its smoothing.
+    Not part of the default set.
+    """
+
+def grayscale_filter(
+    level: Level = 2.0,
+    *,
+    weight: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Blends the frame with its own grey.
+
+    weight: share of the grey in the result (0 to 1; by level 0.1, 0.2, 0.35, 0.55, 0.85).
+    Source: Luma of ITU-R BT.601.
+    """
+
+def high_pass_filter(
+    level: Level = 2.0,
+    *,
+    kernel_size: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Subtracts a Gaussian blur from twice the frame: an unsharp mask, which emphasises edges.
+
+    kernel_size: width of the blur's kernel, rounded to the nearest odd number (px; 1 to 301; by level 35, 59, 83,
+        107, 113).
+    Source: Unsharp mask; the blur's standard deviation is 0.3 * ((size - 1) / 2 - 1) + 0.8.
+    Not part of the default set.
+    """
+
+def histogram_equalisation(
+    level: Level = 2.0,
+    *,
+    clip_limit: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Equalises the histogram of the brightness in 8x8 tiles, under a limit of contrast.
+
+    clip_limit: largest share of a value in a tile, as a multiple of its share in a flat histogram (0 to 256; by
+        level 1, 3, 5, 7, 10).
+    Source: Zuiderveld, Contrast limited adaptive histogram equalization (1994).
+    """
+
+def imagenet_c_brightness(
+    level: Level = 2.0,
+    *,
+    added: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds to the brightness of every pixel, keeping its hue and saturation.
+
+    added: what is added, of full scale (-1 to 1; by level 0.1, 0.2, 0.3, 0.4, 0.5).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_contrast(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Draws the values of each channel together about their mean.
+
+    factor: what is left of the contrast (0 to 10; by level 0.4, 0.3, 0.2, 0.1, 0.05).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_defocus_blur(
+    level: Level = 2.0,
+    *,
+    radius: ByLevel | None = None,
+    edge: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Averages every pixel over a disc with soft edges.
+
+    radius: radius of the disc (px; 0 to 60; by level 3, 4, 6, 8, 10).
+    edge: standard deviation of what softens its edge (px; 0.01 to 5; by level 0.1, 0.5, 0.5, 0.5, 0.5).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_elastic_transform(
+    level: Level = 2.0,
+    *,
+    alpha: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Displaces every pixel at random, smoothly, in the same way in all frames of a sequence.
+
+    alpha: what displacements are multiplied by (0 to 1000; by level 12.5, 16.25, 21.25, 25, 30).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_fog(
+    level: Level = 2.0,
+    *,
+    thickness: ByLevel | None = None,
+    decay: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds a fractal field of grey, the same one in all frames of a sequence.
+
+    thickness: weight of the field (0 to 100; by level 1.5, 2, 2.5, 2.5, 3).
+    decay: how much weaker the field is at each finer scale (1 to 10; by level 2, 2, 1.7, 1.5, 1.4).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_frost(
+    level: Level = 2.0,
+    *,
+    weight: ByLevel | None = None,
+    ice: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds a window of a texture of ice to the darkened frame, the same one in all frames of a sequence.
+
+    weight: weight of the frame (0 to 1; by level 1, 0.8, 0.7, 0.65, 0.6).
+    ice: weight of the ice (0 to 1; by level 0.4, 0.6, 0.7, 0.7, 0.75).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_gaussian_blur(
+    level: Level = 2.0,
+    *,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Smooths with a Gaussian kernel.
+
+    sigma: standard deviation of the kernel (px; 0.1 to 50; by level 1, 2, 3, 4, 6).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_gaussian_noise(
+    level: Level = 2.0,
+    *,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds normally distributed noise to every value, anew in every frame.
+
+    sigma: standard deviation of the noise (of full scale; 0 to 1; by level 0.08, 0.12, 0.18, 0.26, 0.38).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_glass_blur(
+    level: Level = 2.0,
+    *,
+    sigma: ByLevel | None = None,
+    distance: ByLevel | None = None,
+    rounds: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Smooths, gives pixels the colours of random ones nearby, and smooths again.
+
+    sigma: standard deviation of both Gaussians (px; 0.1 to 20; by level 0.7, 0.9, 1, 1.1, 1.5).
+    distance: largest distance left and up; right and down one less (px; 1 to 100; by level 1, 2, 2, 3, 4).
+    rounds: how often pixels are scattered (1 to 20; by level 2, 1, 3, 2, 2).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_impulse_noise(
+    level: Level = 2.0,
+    *,
+    share: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Sets random values to 0 or 255, anew in every frame.
+
+    share: share of the values that are hit (0 to 1; by level 0.03, 0.06, 0.09, 0.17, 0.27).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_jpeg_compression(
+    level: Level = 2.0,
+    *,
+    quality: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Compresses the frame as JPEG and decompresses it again.
+
+    quality: quality, 1 for the coarsest (1 to 100; by level 25, 18, 15, 10, 7).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_motion_blur(
+    level: Level = 2.0,
+    *,
+    radius: ByLevel | None = None,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Blurs along a line at a random angle within 45 degrees of the horizontal.
+
+    radius: half the number of copies (px; 0 to 200; by level 10, 15, 15, 15, 20).
+    sigma: standard deviation of the weights along the line (px; 0.1 to 200; by level 3, 5, 8, 12, 15).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_pixelate(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Shrinks the frame and enlarges it to blocks.
+
+    factor: what width and height are shrunk by (0.01 to 1; by level 0.6, 0.5, 0.4, 0.3, 0.25).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_saturate(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    added: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Makes colours paler or more vivid; what is added to the saturation of grey makes it red.
+
+    factor: what saturation is multiplied by (0 to 100; by level 0.3, 0.1, 2, 5, 20).
+    added: what is added then (-1 to 1; by level 0, 0, 0, 0.1, 0.2).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_shot_noise(
+    level: Level = 2.0,
+    *,
+    k: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Replaces every value by a random photon count around it, anew in every frame.
+
+    k: photons that a white pixel counts (1 to 500; by level 60, 25, 12, 5, 3).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_snow(
+    level: Level = 2.0,
+    *,
+    mean: ByLevel | None = None,
+    deviation: ByLevel | None = None,
+    size: ByLevel | None = None,
+    threshold: ByLevel | None = None,
+    radius: ByLevel | None = None,
+    sigma: ByLevel | None = None,
+    weight: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays streaks of snow over the frame and whitens it, anew in every frame.
+
+    mean: mean of what flakes are drawn from (-5 to 5; by level 0.1, 0.2, 0.55, 0.55, 0.55).
+    deviation: standard deviation of that (0 to 5; by level 0.3, 0.3, 0.3, 0.3, 0.3).
+    size: how much flakes are enlarged (1 to 20; by level 3, 2, 4, 4.5, 2.5).
+    threshold: what is below it is no flake (-5 to 5; by level 0.5, 0.5, 0.9, 0.85, 0.85).
+    radius: half the length of a streak (px; 0 to 100; by level 10, 12, 12, 12, 12).
+    sigma: how far streaks fade (px; 0.1 to 100; by level 4, 4, 8, 8, 12).
+    weight: share of the frame as it was (0 to 1; by level 0.8, 0.7, 0.7, 0.65, 0.55).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_spatter(
+    level: Level = 2.0,
+    *,
+    mean: ByLevel | None = None,
+    deviation: ByLevel | None = None,
+    size: ByLevel | None = None,
+    threshold: ByLevel | None = None,
+    strength: ByLevel | None = None,
+    mud: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Drops of water (levels 0 to 2) or mud (3 and 4) on the lens, the same ones in all frames of a sequence.
+
+    mean: mean of what drops are drawn from (-5 to 5; by level 0.65, 0.65, 0.65, 0.65, 0.67).
+    deviation: standard deviation of that (0 to 5; by level 0.3, 0.3, 0.3, 0.3, 0.4).
+    size: standard deviation of what smooths it (px; 0.1 to 50; by level 4, 3, 2, 1, 1).
+    threshold: above it there is liquid (-5 to 5; by level 0.69, 0.68, 0.68, 0.65, 0.65).
+    strength: brightness of water at its brightest; of mud, what smooths its edges, in pixels (0.1 to 50; by level
+        0.6, 0.6, 0.5, 1.5, 1.5).
+    mud: 1 for mud, 0 for water (0 to 1; by level 0, 0, 0, 1, 1).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_speckle_noise(
+    level: Level = 2.0,
+    *,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Multiplies every value by a normally distributed number around 1, anew in every frame.
+
+    sigma: standard deviation of the factors (0 to 1; by level 0.15, 0.2, 0.35, 0.45, 0.6).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def imagenet_c_zoom_blur(
+    level: Level = 2.0,
+    *,
+    count: ByLevel | None = None,
+    step: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Averages the frame with its enlargements about the middle.
+
+    count: number of enlargements (0 to 200; by level 12, 16, 11, 13, 11).
+    step: from one factor to the next (0 to 1; by level 0.01, 0.01, 0.02, 0.02, 0.03).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """
+
+def impulse_noise(
+    level: Level = 2.0,
+    *,
+    fraction: ByLevel | None = None,
+    variant: Literal["published", "corrected"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Sets random values to 255 and as many to 0, anew in every frame.
+
+    fraction: share of the frame that is drawn, half of it for 255 and half for 0 (0 to 1; by level 0.01, 0.02,
+        0.04, 0.065, 0.1).
+    variant: published: single red and green values, never blue, the last row or the last column; corrected: whole
+        pixels anywhere (default "published").
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    """
+
+def increase_brightness(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Multiplies the brightness of every pixel, keeping its hue and saturation.
+
+    factor: factor of the brightness, which is clipped at 255; below 1 it darkens (0 to 10; by level 1.1, 1.2, 1.3,
+        1.5, 1.7).
+    Source: Smith, Color gamut transform pairs (1978), in 8 bits.
+    """
+
+def jpeg_filter(
+    level: Level = 2.0,
+    *,
+    quality: ByLevel | None = None,
+    variant: Literal["published", "corrected"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Compresses every frame as JPEG and decompresses it again.
+
+    quality: quality, 1 for the coarsest (1 to 100; by level 30, 18, 15, 10, 5).
+    variant: published: red and blue exchange their weights in the luma; corrected: they have the standard's
+        (default "published").
+    Source: ITU-T T.81 (1992), baseline with the tables of Annex K, chroma at half the resolution.
+    """
+
+def low_pass_filter(
+    level: Level = 2.0,
+    *,
+    kernel_size: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Smooths brightness with a Gaussian kernel, keeping hue and saturation.
+
+    kernel_size: width of the kernel, rounded to the nearest odd number (px; 1 to 99; by level 15, 23, 31, 37, 41).
+    Source: Gaussian filter on the value of hue, saturation and value, in 8 bits.
+    """
+
+def motion_blur(
+    level: Level = 2.0,
+    *,
+    size: ByLevel | None = None,
+    degrees: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Averages every pixel along a slanted line.
+
+    size: height of the line, rounded to whole rows; an even one also shifts the frame by half a pixel, which
+        between levels can outweigh the blur (px; 1 to 200; by level 2, 4, 6, 10, 15).
+    degrees: direction of the line, from vertical, positive from top left to bottom right (degrees; -45 to 45; by
+        level 5, 12, 20, 30, 45).
+    Source: Average over one pixel in each row of a square kernel, along a line through its middle.
+    """
+
+def object_overlay(
+    level: Level = 2.0,
+    *,
+    divisor: ByLevel | None = None,
+    variant: Literal["published", "corrected"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays the project's logo over the middle of the frame.
+
+    divisor: c: the frame's height over the logo's size, which the variant says more of (0.5 to 10000; by level 10,
+        5, 3, 2, 1.5).
+    variant: published: the width is 1 / c of the frame's height, and the logo is too flat; corrected: its height
+        is, in the right aspect, but no wider than the frame (default "published").
+    Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: an opaque logo in the middle.
+    """
+
+def overlay(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    loop: Literal["cross-fade", "ping-pong", "repeat"] | None = None,
+    rate: float | None = None,
+    clip: str | PathLike[str] | None = None,
+    key: str | None = None,
+    seconds: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays a green-screen clip of the user's over the frame.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
+        repeat: it starts again (default "cross-fade").
+    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    clip: video, animated or still picture, or folder of pictures; before a screen of one colour, or with an alpha
+        channel; or the name of a clip of pdk's own, such as built-in:birds.
+    key: colour of the screen, such as #05c142; `auto` or nothing: found in the clip.
+    seconds: what the clip has beyond this length is not used (s; 0.01 to 3600; default 30.0).
+    Source: Chroma keying by screen subtraction: Jack, Video Demystified.
+    Not part of the default set.
+    """
+
+def phase_scrambling(
+    level: Level = 2.0,
+    *,
+    strength: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Adds random angles to the phases of each channel's Fourier transform, anew in every frame.
+
+    strength: largest angle, as a share of half a turn; the frame darkens with it, because its mean has a phase too
+        (0 to 1; by level 0.05, 0.15, 0.26, 0.38, 0.55).
+    Source: Geirhos and others, Generalisation in humans and deep neural networks (2018): phase noise.
+    """
+
+def pixelate(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    variant: Literal["published", "corrected"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Shrinks the frame and enlarges it again.
+
+    factor: factor of width and height, which are rounded down to whole pixels (0.001 to 1; by level 0.85, 0.55,
+        0.35, 0.2, 0.1).
+    variant: published: linear interpolation both ways, which blurs and makes no blocks; corrected: means down,
+        repeated pixels up (default "published").
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    """
+
+def poisson_noise(
+    level: Level = 2.0,
+    *,
+    k: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Replaces every value by a random photon count around it, anew in every frame.
+
+    k: photons that a white pixel counts on average (photons; 1 to 500; by level 120, 105, 87, 55, 30).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    """
+
+def posterize_filter(
+    level: Level = 2.0,
+    *,
+    tones: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Reduces the number of tones of each channel.
+
+    tones: number of tones; need not be whole, it divides the range of values (2 to 256; by level 128, 64, 32, 8,
+        4).
+    Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: uniform quantisation of each channel.
+    """
+
+def raindrops_on_lens(
+    level: Level = 2.0,
+    *,
+    number: ByLevel | None = None,
+    size: ByLevel | None = None,
+    defocus: float | None = None,
+    veil: float | None = None,
+    speed: float | None = None,
+    since: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Drops of water sit on the lens out of focus, refract the scene, veil it, join and run down.
+
+    number: drops, small ones included, on a square of the lens as high as the frame (0 to 1008; by level 50, 110,
+        220, 400, 640).
+    size: radius of the largest drops (frame heights; 0 to 0.2; by level 0.026, 0.033, 0.041, 0.05, 0.06).
+    defocus: radius of the disc that a point of a drop becomes: drops are nearer than the focus (frame heights; 0 to
+        0.1; default 0.02).
+    veil: how much of the scene's mean brightness the drops scatter over the frame where they cover it (0 to 1;
+        default 0.35).
+    speed: typical speed of drops that run down at level 2, the same one at all levels: what a higher level adds is
+        faster, and what is there keeps its speed (frame heights per second; 0.001 to 2; default 0.23).
+    since: how long it has been raining when the sequence starts (s; 0 to 60; default 60.0).
+    Source: Particles with bounded lives; caps joined by a smooth maximum, refracted by their slope.
+    """
+
+def reflection_filter(
+    level: Level = 2.0,
+    *,
+    share: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Stacks the bottom of the frame, upside down, under the frame and squeezes both to its height.
+
+    share: share of the height that is reflected, rounded down to whole rows (0 to 1; by level 0.2, 0.3, 0.45, 0.6,
+        0.9).
+    Source: Linear interpolation without averaging.
+    Not part of the default set.
+    """
+
+def repaint(
+    level: Level = 2.0,
+    *,
+    model: str | PathLike[str] | None = None,
+    backend: Literal["auto", "tract", "onnxruntime"] | None = None,
+    layout: Literal["auto", "nchw", "nhwc"] | None = None,
+    scale: Literal["0..255", "0..1", "-1..1"] | None = None,
+    color: Literal["rgb", "bgr"] | None = None,
+    width: int | None = None,
+    height: int | None = None,
+    strength: ByLevel | None = None,
+    result: Literal["auto", "0..255", "0..1", "-1..1"] | None = None,
+    fit: Literal["scale", "tile"] | None = None,
+    overlap: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Repaints the frame with a network that makes of an image another one.
+
+    model: the ONNX file: an image of one or three channels in, and the result as its first output.
+    backend: who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes
+        ONNX Runtime where PDK_ONNXRUNTIME names it or a Python package brings it, else tract (default "auto").
+    layout: where the channels are: before or after height and width; auto reads it from the input's shape (default
+        "auto").
+    scale: the range of pixel values that the network was trained on (default "0..255").
+    color: the order of colours that the network was trained on (default "rgb").
+    width: width of the network's image where the file leaves it open (px; 1 to 4096; default 256).
+    height: height of the network's image where the file leaves it open (px; 1 to 4096; default 256).
+    strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    result: the range of the numbers that the network gives; auto finds it out from a picture with all colours
+        (default "auto").
+    fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
+        the frame piece by piece at its own resolution (default "scale").
+    overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
+    Source: Any image-to-image network, such as those of Zhu et al., CycleGAN, 2017, and Johnson et al., Perceptual
+        Losses, 2016.
+    Not part of the default set.
+    """
+
+def rotate_image(
+    level: Level = 2.0,
+    *,
+    degrees: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Rotates the frame counter-clockwise over black; half a turn (level 4) can be closer to the original than a
+    quarter.
+
+    degrees: angle, counter-clockwise; negative turns clockwise (degrees; -360 to 360; by level 10, 20, 45, 90,
+        180).
+    Source: Rotation about half the width and height with linear interpolation at 1/32 px.
+    Not part of the default set.
+    """
+
+def sample_pairing_filter(
+    level: Level = 2.0,
+    *,
+    weight: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Blends the frame with an enlarged window of half its size; the window's place is drawn once per sequence.
+
+    weight: share of the original in the result (0 to 1; by level 0.9, 0.7, 0.5, 0.3, 0.1).
+    Source: Inoue, Data augmentation by pairing samples for images classification (2018), with a part of the same
+        frame.
+    """
+
+def saturation_decrease_filter(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Makes colours paler, keeping their hue and brightness.
+
+    factor: factor of the saturation (0 to 1; by level 0.9, 0.85, 0.6, 0.35, 0.1).
+    Source: Smith, Color gamut transform pairs (1978), in 8 bits.
+    """
+
+def saturation_filter(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Makes colours more vivid, keeping their hue and brightness.
+
+    factor: factor of the saturation, which is clipped at 255 (0 to 10; by level 1.05, 1.15, 1.4, 1.65, 1.9).
+    Source: Smith, Color gamut transform pairs (1978), in 8 bits.
+    """
+
+def scale_image(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Shrinks the frame and puts it in the middle of black.
+
+    factor: factor of width and height, which are rounded down to whole pixels (0.01 to 1; by level 0.96, 0.9, 0.8,
+        0.68, 0.5).
+    Source: Linear interpolation without averaging.
+    """
+
+def sharpen_filter(
+    level: Level = 2.0,
+    *,
+    gain: ByLevel | None = None,
+    weight: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Blends the frame with a sharpened and brightened copy.
+
+    gain: sum of the kernel: how much brighter the sharpened copy is than the frame; what it clips loses structure
+        in steps (0 to 100; by level 1, 2, 3, 4, 5).
+    weight: share of the original in the result (0 to 1; by level 0.9, 0.8, 0.7, 0.6, 0.5).
+    Source: Laplacian with eight neighbours; its centre is larger by the gain, so it brightens too.
+    """
+
+def shear_image(
+    level: Level = 2.0,
+    *,
+    factor: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Moves rows to the right, the lower the further, over black.
+
+    factor: shift to the right for each pixel of height; negative shears to the left (px/px; -10 to 10; by level
+        0.12, 0.2, 0.32, 0.45, 0.6).
+    Source: Affine map x' = x + factor * y with linear interpolation at 1/32 px.
+    Not part of the default set.
+    """
+
+def snow_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    variant: Literal["published", "corrected"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays a texture of falling snow over the frame, the same one always, and lowers saturation.
+
+    opacity: opacity of the texture where it covers what is behind it (0 to 1; by level 0.15, 0.22, 0.3, 0.45, 0.6).
+    variant: published: the texture is opaque, so the whole frame is blended with it; corrected: it covers as much
+        as there is of it (default "published").
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019), with a drawn texture.
+    """
+
+def snow_on_lens(
+    level: Level = 2.0,
+    *,
+    number: ByLevel | None = None,
+    size: ByLevel | None = None,
+    speed: float | None = None,
+    since: float | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Flakes of snow land on the lens, creep down, pile up at the lower edge and melt.
+
+    number: flakes on a square of the lens as high as the frame (0 to 270; by level 16, 36, 64, 100, 145).
+    size: radius of the largest flakes (frame heights; 0 to 0.2; by level 0.03, 0.036, 0.043, 0.051, 0.06).
+    speed: typical speed of flakes that came loose at level 2, the same one at all levels: what a higher level adds
+        is faster, and what is there keeps its speed (frame heights per second; 0.001 to 2; default 0.04).
+    since: how long it has been snowing when the sequence starts (s; 0 to 60; default 60.0).
+    Source: Particles with bounded lives; stamps of clumps over water refracted by its slope.
+    """
+
+def speckle_noise_filter(
+    level: Level = 2.0,
+    *,
+    sigma: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Multiplies every value by a normally distributed number around 1, anew in every frame.
+
+    sigma: standard deviation of the multiplier (0 to 1; by level 0.02, 0.05, 0.09, 0.14, 0.2).
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    """
+
+def splatter_mapping(
+    level: Level = 2.0,
+    *,
+    discs: ByLevel | None = None,
+    largest_radius: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays black discs over the frame, at places that stay for a sequence.
+
+    discs: number of discs, rounded to the nearest whole number (0 to 10000; by level 5, 10, 15, 20, 25).
+    largest_radius: largest radius; each disc has a whole number from 5 to this one (px; 5 to 10000; by level 5, 9,
+        14, 19, 24).
+    Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: discs at random places.
+    """
+
+def static_lightning_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays bolts of lightning over the frame, standing still.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    Source: A loop over a green screen, drawn by this project.
+    """
+
+def static_object_overlay(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays birds in flight over the frame, standing still.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    Source: A loop over a green screen, drawn by this project.
+    """
+
+def static_rain_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays streaks of rain over the frame, standing still.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    Source: A loop over a green screen, drawn by this project.
+    """
+
+def static_smoke_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays swathes of smoke over the frame, standing still.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    Source: A loop over a green screen, drawn by this project.
+    Not part of the default set.
+    """
+
+def static_snow_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays flakes of snow over the frame, standing still.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    Source: A loop over a green screen, drawn by this project.
+    """
+
+def static_sun_filter(
+    level: Level = 2.0,
+    *,
+    opacity: ByLevel | None = None,
+    fit: Literal["cover", "stretch"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Lays glare of a low sun over the frame, standing still.
+
+    opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
+        of the frame, as published (default "cover").
+    Source: A loop over a green screen, drawn by this project.
+    """
+
+def translate_image(
+    level: Level = 2.0,
+    *,
+    shift: ByLevel | None = None,
+    share: ByLevel | None = None,
+    variant: Literal["published", "corrected"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Shifts the frame to the right and up, over black.
+
+    shift: shift to the right, and as far up; negative goes left and down; only with `variant=published` (px; -10000
+        to 10000; by level -0.1, 25, 40, 65, 90).
+    share: shift to the right as a share of the width, and up as a share of the height; only with
+        `variant=corrected` (-1 to 1; by level 0.04, 0.08, 0.125, 0.2, 0.28).
+    variant: published: shift in pixels, a tenth of a pixel in the other direction at level 0; corrected: shares of
+        the frame's size (default "published").
+    Source: Shift with linear interpolation at 1/32 px.
+    """
+
+def white_balance_filter(
+    level: Level = 2.0,
+    *,
+    weight: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Blends the frame with a version whose channels have equal means.
+
+    weight: share of the correction in the result (0 to 1; by level 0.1, 0.25, 0.5, 0.75, 0.99).
+    Source: Buchsbaum, A spatial processor model for object colour perception (1980): the grey-world assumption.
+    """
+
+def zigzag_mapping(
+    level: Level = 2.0,
+    *,
+    lines: ByLevel | None = None,
+    amplitude: ByLevel | None = None,
+    frequency: ByLevel | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Draws lines of black pixels that swing up and down, at places that stay for a sequence; level 4 changes fewer
+    pixels than level 3, as published.
+
+    lines: number of lines, rounded to the nearest whole number (0 to 10000; by level 1, 2, 3, 4, 6).
+    amplitude: largest swing of a step (px; 0 to 1000; by level 2, 4, 6, 8, 12).
+    frequency: how far the swing's phase moves in a step (rad; 0 to 100; by level 1, 2, 3, 4, 6).
+    Source: Leonhard, Lambertenghi and Stocco, PerturbationDrive: random lines with a sine added at every step.
+    """
+
+def zoom_blur(
+    level: Level = 2.0,
+    *,
+    count: ByLevel | None = None,
+    step: ByLevel | None = None,
+    variant: Literal["published", "corrected"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Averages the frame with its enlargements about the middle.
+
+    count: number of enlargements, the first of which is none; a fraction is the weight of the last (0 to 1000; by
+        level 2, 12, 8, 11, 11).
+    step: difference between the factors of one enlargement and the next (0 to 10; by level 0.01, 0.01, 0.02, 0.02,
+        0.03).
+    variant: published: enlargements of whole pixels, up to a pixel off the middle, whose last row or column may be
+        black; corrected: exactly about the middle (default "published").
+    Source: Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations
+        (2019).
+    Not part of the default set.
+    """

@@ -1,0 +1,141 @@
+//! The components of the process, and chains that are kept from one call to the next.
+
+use std::ffi::CString;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use pdk_core::chain::Chain;
+use pdk_core::output::printable;
+use pdk_core::registry::Registry;
+use pdk_core::search_path::SearchPath;
+use pdk_core::{inspection, installation};
+use pdk_lua::LuaScripts;
+use pdk_model::perturbation::AppliedPerturbation;
+use pyo3::exceptions::PyRuntimeWarning;
+use pyo3::prelude::*;
+
+use crate::failure::detached;
+
+/// Chains that are kept. Each may hold textures and clips at the size of the last image.
+const MOST_KEPT: usize = 64;
+
+/// What all calls share.
+struct State {
+    plugins: Vec<PathBuf>,
+    overlays: Vec<PathBuf>,
+    /// Found when it is first needed.
+    registry: Option<Arc<Registry>>,
+    /// Chains by what they are without their levels, the one that was used last at the end.
+    kept: Vec<(String, Chain)>,
+}
+
+static STATE: Mutex<State> =
+    Mutex::new(State { plugins: Vec::new(), overlays: Vec::new(), registry: None, kept: Vec::new() });
+
+/// Needs the interpreter, see the crate's documentation.
+fn state(_: Python<'_>) -> MutexGuard<'static, State> {
+    STATE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Says where the executable of pdk lies, beside whose folder everything else is found.
+#[pyfunction]
+pub fn install(executable: PathBuf) {
+    // It inspects plugins, so that one that crashes when it is opened is refused and does not end the interpreter.
+    inspection::enable();
+    installation::set_executable(executable);
+}
+
+/// Looks for components in these folders besides the usual places from now on.
+#[pyfunction]
+#[pyo3(signature = (plugins=Vec::new(), overlays=Vec::new()))]
+pub fn search(py: Python<'_>, plugins: Vec<PathBuf>, overlays: Vec<PathBuf>) -> PyResult<()> {
+    let registry = discover(py, &plugins, &overlays)?;
+    let dropped = {
+        let mut state = state(py);
+        (state.plugins, state.overlays) = (plugins, overlays);
+        state.registry = Some(registry);
+        std::mem::take(&mut state.kept)
+    };
+    // What a component does at its end takes its time.
+    py.detach(|| drop(dropped));
+    Ok(())
+}
+
+/// The folders of the last [`search`].
+#[pyfunction]
+pub fn searched(py: Python<'_>) -> (Vec<PathBuf>, Vec<PathBuf>) {
+    let state = state(py);
+    (state.plugins.clone(), state.overlays.clone())
+}
+
+/// All components as JSON: what `pdk list --json` writes.
+#[pyfunction]
+pub fn catalog(py: Python<'_>) -> PyResult<String> {
+    let registry = registry(py)?;
+    detached(py, || Ok(serde_json::to_string(registry.catalog())?))
+}
+
+/// All components, found when they are first needed.
+pub fn registry(py: Python<'_>) -> PyResult<Arc<Registry>> {
+    let (plugins, overlays) = {
+        let state = state(py);
+        if let Some(registry) = &state.registry {
+            return Ok(Arc::clone(registry));
+        }
+        (state.plugins.clone(), state.overlays.clone())
+    };
+    let found = discover(py, &plugins, &overlays)?;
+    // Another thread may have been faster.
+    Ok(Arc::clone(state(py).registry.get_or_insert(found)))
+}
+
+fn discover(py: Python<'_>, plugins: &[PathBuf], overlays: &[PathBuf]) -> PyResult<Arc<Registry>> {
+    let drop_ins = overlays.iter().map(|folder| ("overlays".to_owned(), folder.clone()));
+    let search = SearchPath { plugins: plugins.to_vec(), drop_ins: drop_ins.collect(), beside: Vec::new() };
+    let registry = detached(py, || Registry::discover(&search, Box::new(LuaScripts::new(&search))))?;
+    let refused = registry.refused().iter().map(ToString::to_string);
+    for sentence in refused.chain(registry.skipped().iter().cloned()) {
+        let sentence = CString::new(printable(&sentence).replace('\0', "")).unwrap_or_default();
+        PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &sentence, 2)?;
+    }
+    Ok(Arc::new(registry))
+}
+
+/// What tells chains apart that cannot be made from each other.
+fn key(perturbations: &[AppliedPerturbation]) -> String {
+    perturbations.iter().map(AppliedPerturbation::label).collect::<Vec<_>>().join("\n")
+}
+
+/// A chain for some calls: one that is kept, or a new one.
+pub fn take(py: Python<'_>, perturbations: &[AppliedPerturbation], seed: u64) -> PyResult<Chain> {
+    let key = key(perturbations);
+    let kept = {
+        let kept = &mut state(py).kept;
+        kept.iter().rposition(|(known, _)| *known == key).map(|place| kept.remove(place).1)
+    };
+    match kept {
+        Some(mut chain) => {
+            chain.begin_again(perturbations, seed);
+            Ok(chain)
+        }
+        None => make(py, perturbations, seed),
+    }
+}
+
+/// A new chain.
+pub fn make(py: Python<'_>, perturbations: &[AppliedPerturbation], seed: u64) -> PyResult<Chain> {
+    let registry = registry(py)?;
+    detached(py, || Chain::new(&registry, perturbations, seed))
+}
+
+/// Keeps a chain for later. One that has failed is not to be kept: its instances may be of no more use.
+pub fn keep(py: Python<'_>, perturbations: &[AppliedPerturbation], chain: Chain) {
+    let dropped = {
+        let kept = &mut state(py).kept;
+        kept.push((key(perturbations), chain));
+        (kept.len() > MOST_KEPT).then(|| kept.remove(0))
+    };
+    if dropped.is_some() {
+        py.detach(|| drop(dropped));
+    }
+}

@@ -1,0 +1,212 @@
+//! Images that count for themselves, alone or in batches.
+
+use numpy::ndarray::Ix4;
+use numpy::{Ix3, PyArray4, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pdk_core::chain::Chain;
+use pdk_core::moment::Moment;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_sdk::prelude::{Frame, FrameMut};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{self, Known};
+use crate::components;
+use crate::failure::{caught, detached, mistake};
+use crate::values;
+
+/// The furthest time in seconds: over 30 years, and still exact to less than a frame.
+const MAX_TIME: f64 = 1e9;
+
+/// Perturbs an image, or each image of a batch. See `pdk.perturb`.
+#[pyfunction]
+#[pyo3(signature = (
+    image, perturbation, *, seed=None, frame=0, time=0.0, labels=None, distances=None, out=None, threads=1, **parameters
+))]
+#[allow(clippy::too_many_arguments, reason = "they are the keyword arguments of a function in Python")]
+pub fn perturb<'py>(
+    py: Python<'py>,
+    image: &Bound<'py, PyAny>,
+    perturbation: &Bound<'py, PyAny>,
+    seed: Option<Bound<'py, PyAny>>,
+    frame: u64,
+    time: f64,
+    labels: Option<(Vec<String>, Bound<'py, PyAny>)>,
+    distances: Option<Bound<'py, PyAny>>,
+    out: Option<Bound<'py, PyAny>>,
+    threads: usize,
+    parameters: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let perturbations = values::chain(perturbation, parameters)?;
+    check_time(py, time)?;
+    let moment = Moment::new(frame, time).alone();
+    if let Ok(images) = image.cast::<PyArray4<u8>>() {
+        if labels.is_some() || distances.is_some() {
+            return Err(mistake(
+                py,
+                "`labels` and `distances` are those of one image; give the images of the batch one by one",
+            ));
+        }
+        return batch(py, images, &perturbations, seed.as_ref(), &moment, out, threads);
+    }
+    let seed = seed.map_or(Ok(0), |seed| seed.extract::<u64>())?;
+    let array = arrays::image(image)?;
+    let src = arrays::frame(py, &array)?;
+    let known = Known::new(py, labels, distances, [src.height(), src.width()])?;
+    let moment = known.at(moment);
+    let mut chain = components::take(py, &perturbations, seed)?;
+    let result = apply(py, &mut chain, src, &moment, out)?;
+    components::keep(py, &perturbations, chain);
+    Ok(result)
+}
+
+/// Perturbs a frame into a new array, or into `out`.
+pub fn apply<'py>(
+    py: Python<'py>,
+    chain: &mut Chain,
+    src: Frame<'_>,
+    moment: &Moment<'_>,
+    out: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (width, height) = (src.width(), src.height());
+    match out {
+        None => {
+            let made = arrays::made(py, [height, width, 3]);
+            // SAFETY: it was made here, and nobody else knows it yet.
+            let dst = arrays::frame_mut(py, unsafe { arrays::bytes(&made) }, width, height)?;
+            detached(py, || chain.apply(src, dst, moment))?;
+            Ok(made.into_any())
+        }
+        Some(out) => {
+            let mut target = arrays::target::<Ix3>(&out, &[height, width, 3])?;
+            let bytes = target.as_slice_mut().map_err(|error| mistake(py, error.to_string()))?;
+            let dst = arrays::frame_mut(py, bytes, width, height)?;
+            detached(py, || chain.apply(src, dst, moment))?;
+            Ok(out)
+        }
+    }
+}
+
+/// Refuses times that are none.
+pub fn check_time(py: Python<'_>, time: f64) -> PyResult<()> {
+    if (-MAX_TIME..=MAX_TIME).contains(&time) {
+        return Ok(());
+    }
+    Err(mistake(py, format!("`time` is {time:e}, but has to be a number of seconds within {MAX_TIME:e}")))
+}
+
+/// The images of a batch, each with a seed of its own, spread over threads.
+fn batch<'py>(
+    py: Python<'py>,
+    images: &Bound<'py, PyArray4<u8>>,
+    perturbations: &[AppliedPerturbation],
+    seed: Option<&Bound<'py, PyAny>>,
+    moment: &Moment<'_>,
+    out: Option<Bound<'py, PyAny>>,
+    threads: usize,
+) -> PyResult<Bound<'py, PyAny>> {
+    let shape: [usize; 4] = [images.shape()[0], images.shape()[1], images.shape()[2], images.shape()[3]];
+    let [count, height, width, channels] = shape;
+    let size = height * width * channels;
+    if channels != 3 || size == 0 {
+        return Err(arrays::unfit(images.as_any()));
+    }
+    let seeds = seeds(py, seed, count)?;
+    let packed = arrays::packed(py, images.as_any())?;
+    let packed = packed.cast::<PyArray4<u8>>().map_err(|_| arrays::unfit(images.as_any()))?;
+    let read = packed.try_readonly().map_err(|error| mistake(py, error.to_string()))?;
+    let src = read.as_slice().map_err(|error| mistake(py, error.to_string()))?;
+    let threads = threads.clamp(1, count.max(1));
+    let mut chains =
+        (0..threads).map(|_| components::take(py, perturbations, 0)).collect::<PyResult<Vec<Chain>>>()?;
+    let each = count.div_ceil(threads).max(1);
+    let mut work = |dst: &mut [u8]| {
+        let sources = seeds.chunks(each).zip(src.chunks(size * each)).zip(dst.chunks_mut(size * each));
+        let parts = chains.iter_mut().zip(sources);
+        let mut parts: Vec<Part<'_>> = parts
+            .map(|(chain, ((seeds, src), dst))| Part { chain, seeds, src, dst, width, height })
+            .collect();
+        detached(py, || {
+            std::thread::scope(|scope| {
+                let start = |part: &mut Part<'_>| caught(|| part.perturb(perturbations, moment));
+                let start = &start;
+                let started: Vec<_> = parts.iter_mut().map(|part| scope.spawn(move || start(part))).collect();
+                let lost = |_| Err(Error::of(ErrorKind::Panic, "a thread of the batch is lost"));
+                started.into_iter().try_for_each(|thread| thread.join().unwrap_or_else(lost))
+            })
+        })
+    };
+    let result = match out {
+        None => {
+            let made = arrays::made(py, shape);
+            // SAFETY: it was made here, and nobody else knows it yet.
+            work(unsafe { arrays::bytes(&made) })?;
+            made.into_any()
+        }
+        Some(out) => {
+            let mut target = arrays::target::<Ix4>(&out, &shape)?;
+            work(target.as_slice_mut().map_err(|error| mistake(py, error.to_string()))?)?;
+            out
+        }
+    };
+    for chain in chains {
+        components::keep(py, perturbations, chain);
+    }
+    Ok(result)
+}
+
+/// What one thread does of a batch: images one after the other, in `src` and `dst`, with a seed for each.
+struct Part<'a> {
+    chain: &'a mut Chain,
+    seeds: &'a [u64],
+    src: &'a [u8],
+    dst: &'a mut [u8],
+    width: usize,
+    height: usize,
+}
+
+impl Part<'_> {
+    fn perturb(&mut self, perturbations: &[AppliedPerturbation], moment: &Moment<'_>) -> Result<()> {
+        let (width, height) = (self.width, self.height);
+        let size = width * height * 3;
+        let images = self.src.chunks_exact(size).zip(self.dst.chunks_exact_mut(size));
+        for (seed, (src, dst)) in self.seeds.iter().zip(images) {
+            self.chain.begin_again(perturbations, *seed);
+            self.chain.apply(Frame::new(src, width, height)?, FrameMut::new(dst, width, height)?, moment)?;
+        }
+        Ok(())
+    }
+}
+
+/// A seed for each image: those that are given, or one after the other from the one that is.
+fn seeds(py: Python<'_>, seed: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<u64>> {
+    let Some(seed) = seed else { return Ok((0..count as u64).collect()) };
+    if let Ok(first) = seed.extract::<u64>() {
+        return Ok((0..count as u64).map(|number| first.wrapping_add(number)).collect());
+    }
+    let seeds: Vec<u64> = seed.extract()?;
+    if seeds.len() != count {
+        return Err(mistake(
+            py,
+            format!("there are {} seeds for {count} images; give one for each, or the first", seeds.len()),
+        ));
+    }
+    Ok(seeds)
+}
+
+/// A number that follows from the values of an array alone: for draws that are those of an image, wherever it comes from.
+#[pyfunction]
+pub fn identity(py: Python<'_>, image: &Bound<'_, PyAny>) -> PyResult<u64> {
+    let packed = arrays::packed(py, image)?;
+    let array: PyReadonlyArrayDyn<'_, u8> = packed.extract().map_err(|_| arrays::unfit(image))?;
+    let shape: Vec<u64> = array.shape().iter().map(|&length| length as u64).collect();
+    let values = array.as_slice().map_err(|error| mistake(py, error.to_string()))?;
+    detached(py, || {
+        let mut hasher = blake3::Hasher::new_derive_key("pdk identity of an image, version 1");
+        shape.iter().for_each(|length| _ = hasher.update(&length.to_le_bytes()));
+        hasher.update(values);
+        let mut number = [0; 8];
+        hasher.finalize_xof().fill(&mut number);
+        Ok(u64::from_le_bytes(number))
+    })
+}

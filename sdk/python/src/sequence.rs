@@ -1,0 +1,189 @@
+//! The frames of a sequence, one after the other.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use pdk_core::chain::Chain;
+use pdk_core::moment::Moment;
+use pdk_model::perturbation::AppliedPerturbation;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+use crate::arrays::{self, Known};
+use crate::failure::mistake;
+use crate::images::{apply, check_time};
+use crate::{components, values};
+
+/// Perturbations of the frames of a sequence. See `pdk.Perturbation`.
+#[pyclass(module = "pdk", frozen, subclass)]
+pub struct Perturbation {
+    perturbations: Vec<AppliedPerturbation>,
+    /// Frames a second.
+    fps: f64,
+    state: Mutex<State>,
+}
+
+struct State {
+    /// None while it is at work. One that has failed is made anew for the next frame.
+    chain: Option<Chain>,
+    is_at_work: bool,
+    seed: u64,
+    /// The number of the frame that comes next.
+    next: u64,
+}
+
+#[pymethods]
+impl Perturbation {
+    #[new]
+    #[pyo3(signature = (perturbation, *, seed=0, fps=20.0, **parameters))]
+    fn new(
+        py: Python<'_>,
+        perturbation: &Bound<'_, PyAny>,
+        seed: u64,
+        fps: f64,
+        parameters: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        if !fps.is_finite() || fps <= 0.0 {
+            return Err(mistake(
+                py,
+                format!("`fps` is {fps}, but has to be a number of frames a second above 0"),
+            ));
+        }
+        let perturbations = values::chain(perturbation, parameters)?;
+        // What is wrong with them is said here, not at the first frame.
+        let chain = Some(components::make(py, &perturbations, seed)?);
+        Ok(Self { perturbations, fps, state: Mutex::new(State { chain, is_at_work: false, seed, next: 0 }) })
+    }
+
+    /// Perturbs the next frame, or the one with this number.
+    #[pyo3(signature = (image, *, frame=None, time=None, speed=None, labels=None, distances=None, out=None))]
+    #[allow(clippy::too_many_arguments, reason = "they are the keyword arguments of a function in Python")]
+    fn __call__<'py>(
+        &self,
+        py: Python<'py>,
+        image: &Bound<'py, PyAny>,
+        frame: Option<u64>,
+        time: Option<f64>,
+        speed: Option<f64>,
+        labels: Option<(Vec<String>, Bound<'py, PyAny>)>,
+        distances: Option<Bound<'py, PyAny>>,
+        out: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let array = arrays::image(image)?;
+        let src = arrays::frame(py, &array)?;
+        let known = Known::new(py, labels, distances, [src.height(), src.width()])?;
+        let (taken, seed, number) = {
+            let mut state = self.idle(py)?;
+            state.is_at_work = true;
+            (state.chain.take(), state.seed, frame.unwrap_or(state.next))
+        };
+        let work = || {
+            let mut chain = match taken {
+                Some(chain) => chain,
+                None => components::make(py, &self.perturbations, seed)?,
+            };
+            let time = time.unwrap_or(number as f64 / self.fps);
+            check_time(py, time)?;
+            let moment = Moment { speed, ..known.at(Moment::new(number, time)) };
+            let result = apply(py, &mut chain, src, &moment, out)?;
+            Ok((result, chain))
+        };
+        let result: PyResult<_> = work();
+        let mut state = self.state(py);
+        state.is_at_work = false;
+        let (result, chain) = result?;
+        (state.chain, state.next) = (Some(chain), number.saturating_add(1));
+        Ok(result)
+    }
+
+    /// Begins another sequence: with its first frame, and with another seed where one is given.
+    #[pyo3(signature = (seed=None))]
+    fn reset(&self, py: Python<'_>, seed: Option<u64>) -> PyResult<()> {
+        let mut state = self.idle(py)?;
+        state.seed = seed.unwrap_or(state.seed);
+        state.next = 0;
+        let seed = state.seed;
+        if let Some(chain) = &mut state.chain {
+            chain.begin_again(&self.perturbations, seed);
+        }
+        Ok(())
+    }
+
+    /// The perturbations as they are written on the command line.
+    #[getter]
+    fn perturbations(&self) -> Vec<String> {
+        self.perturbations.iter().map(ToString::to_string).collect()
+    }
+
+    /// The seed of the sequence.
+    #[getter]
+    fn seed(&self, py: Python<'_>) -> u64 {
+        self.state(py).seed
+    }
+
+    /// The number of the frame that comes next.
+    #[getter]
+    fn frame(&self, py: Python<'_>) -> u64 {
+        self.state(py).next
+    }
+
+    /// Frames a second.
+    #[getter]
+    fn fps(&self) -> f64 {
+        self.fps
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!("pdk.Perturbation({:?}, seed={}, fps={})", self.perturbations(), self.seed(py), self.fps)
+    }
+
+    /// For other processes: they find the same components, and go on where this one is.
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (seed, next) = {
+            let state = self.state(py);
+            (state.seed, state.next)
+        };
+        let (plugins, overlays) = components::searched(py);
+        let resume = py.import("pdk._pdk")?.getattr("resume")?;
+        let arguments = (self.perturbations(), seed, self.fps, next, plugins, overlays);
+        Ok((resume, arguments.into_pyobject(py)?))
+    }
+}
+
+impl Perturbation {
+    /// Needs the interpreter, see the crate's documentation.
+    fn state(&self, _: Python<'_>) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The state, unless another thread is at work with it.
+    fn idle(&self, py: Python<'_>) -> PyResult<MutexGuard<'_, State>> {
+        let state = self.state(py);
+        if state.is_at_work {
+            return Err(mistake(
+                py,
+                "this sequence is at work in another thread; make a Perturbation for each",
+            ));
+        }
+        Ok(state)
+    }
+}
+
+/// A [`Perturbation`] from another process.
+#[pyfunction]
+pub fn resume(
+    py: Python<'_>,
+    perturbations: &Bound<'_, PyAny>,
+    seed: u64,
+    fps: f64,
+    next: u64,
+    plugins: Vec<PathBuf>,
+    overlays: Vec<PathBuf>,
+) -> PyResult<Perturbation> {
+    if components::searched(py) != (plugins.clone(), overlays.clone()) {
+        components::search(py, plugins, overlays)?;
+    }
+    let made = Perturbation::new(py, perturbations, seed, fps, None)?;
+    made.state(py).next = next;
+    Ok(made)
+}

@@ -1,0 +1,65 @@
+"""Scripts of PerturbationDrive run with another import."""
+
+import numpy
+import pytest
+
+import pdk
+from pdk import perturbationdrive
+
+#: The two scripts of the published documentation, with `pdk.` before `perturbationdrive`, and Pillow where they read with OpenCV.
+SCRIPT = """
+from pdk.perturbationdrive import ImagePerturbation, gaussian_noise, fog_filter
+
+perturbed = gaussian_noise(3, image.copy())
+save("gaussian", perturbed)
+
+perturbation_names = ["gaussian_noise", "snow_filter"]
+controller = ImagePerturbation(funcs=perturbation_names)
+for p in perturbation_names:
+    out = controller.perturbation(image.copy(), p, intensity=2)
+    save(p, out)
+"""
+
+
+def test_the_published_scripts_run(image):
+    saved = {}
+    exec(SCRIPT, {"image": image, "save": saved.__setitem__})
+    assert numpy.array_equal(saved["gaussian"], pdk.perturb(image, "gaussian_noise@3"))
+    assert numpy.array_equal(saved["snow_filter"], pdk.perturb(image, "snow_filter@2"))
+
+
+def test_every_perturbation_is_a_function(image):
+    for name in ["poisson_noise", "dynamic_snow_filter", "object_overlay", "imagenet_c_fog"]:
+        function = getattr(perturbationdrive, name)
+        assert name in dir(perturbationdrive) and function.__name__ == name
+        assert numpy.array_equal(function(1, image), function(image, 1))
+    with pytest.raises(AttributeError, match="there is no perturbation"):
+        perturbationdrive.power_equalisation
+
+
+def test_what_moves_moves_from_call_to_call(image):
+    controller = perturbationdrive.ImagePerturbation(funcs=["dynamic_rain_filter", "splatter_mapping"], image_size=(97, 131))
+    first, second = (controller.perturbation(image, "dynamic_rain_filter", 3) for _ in range(2))
+    assert not numpy.array_equal(first, second)
+    first, second = (controller.perturbation(image, "splatter_mapping", 3) for _ in range(2))
+    assert numpy.array_equal(first, second)
+    assert numpy.array_equal(controller.perturbation(image, "", 0), image)
+
+
+def test_functions_of_ones_own_are_called(image):
+    def invert(intensity, image):
+        return 255 - image
+
+    controller = perturbationdrive.ImagePerturbation(funcs=[invert, "contrast"])
+    assert controller.funcs == ["invert", "contrast"]
+    assert numpy.array_equal(controller.perturbation(image, "invert", 1), 255 - image)
+
+
+def test_mistakes_are_said(image):
+    with pytest.raises(pdk.Error, match="ONNX"):
+        perturbationdrive.ImagePerturbation(attention_map={"map": "grad_cam"})
+    controller = perturbationdrive.ImagePerturbation(funcs=["contrast"])
+    with pytest.raises(pdk.Error, match="there is no perturbation"):
+        controller.perturbation(image, "contrst", 1)
+    with pytest.raises(pdk.Error, match="from 0 to 4"):
+        controller.perturbation(image, "contrast", 5)
