@@ -4,7 +4,8 @@
 //! way whichever backend runs it later. [`backend`] chooses who runs it: [`tract`], which is part of this plugin, or
 //! [`onnxruntime`], a shared library that [`locate`] finds on the machine. [`pixels`] turns frames into the numbers that
 //! the model expects, [`selection`] says which of its outputs steer, and [`driver`] puts it all together. [`trained`] holds the
-//! networks that are part of the plugin. [`saliency`] shows what a network looks at. [`repaint`] and
+//! drivers that are part of the plugin. [`saliency`] shows what a network looks at. [`repaint`], [`painters`], whose networks are
+//! part of the plugin, and
 //! [`segmentation`] run networks that make of an image another [`picture`].
 
 mod backend;
@@ -13,6 +14,7 @@ mod locate;
 mod model_file;
 mod onnxruntime;
 mod picture;
+mod painters;
 mod pixels;
 mod repaint;
 mod saliency;
@@ -42,7 +44,7 @@ pub fn try_model(path: &std::path::Path) -> pdk_sdk::error::Result<()> {
 
 pdk_sdk::export! {
     drivers: [driver::Onnx, trained::Dave2, trained::Dave2Augmented],
-    perturbations: [repaint::Repaint],
+    perturbations: [repaint::Repaint, painters::Night, painters::Rainy, painters::Artistic],
     masks: [segmentation::Segmentation],
     saliencies: [
         saliency::GradCam,
