@@ -48,6 +48,7 @@ fn what_the_documents_point_to_is_there() {
         "docs/speed.md",
         "docs/adapter.md",
         "docs/external-drivers.md",
+        "docs/generative.md",
         "docs/simulators/donkey.md",
         "docs/simulators/udacity.md",
     ] {

@@ -4,17 +4,16 @@
 //! way whichever backend runs it later. [`backend`] chooses who runs it: [`tract`], which is part of this plugin, or
 //! [`onnxruntime`], a shared library that [`locate`] finds on the machine. [`pixels`] turns frames into the numbers that
 //! the model expects, [`selection`] says which of its outputs steer, and [`driver`] puts it all together. [`trained`] holds the
-//! drivers that are part of the plugin. [`saliency`] shows what a network looks at. [`repaint`], [`painters`], whose networks are
-//! part of the plugin, and
-//! [`segmentation`] run networks that make of an image another [`picture`].
+//! drivers that are part of the plugin. [`saliency`] shows what a network looks at. [`repaint`] and [`segmentation`] run networks
+//! that make of an image another [`picture`], and [`painters`] holds those that are part of the plugin.
 
 mod backend;
 mod driver;
 mod locate;
 mod model_file;
 mod onnxruntime;
-mod picture;
 mod painters;
+mod picture;
 mod pixels;
 mod repaint;
 mod saliency;

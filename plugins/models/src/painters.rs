@@ -18,7 +18,7 @@ pub const STYLES: [&str; 6] = ["brush", "dots", "ink", "mosaic", "pencil", "swir
 /// The number in a network's file that says in which of its styles it paints.
 const STYLE: &str = "style";
 
-/// Defines the perturbation of a network; the literals are its name, which is also that of its file in `scripts/models`, BLAKE3 of
+/// Defines the perturbation of a network; the literals are its name, which is also that of its file in `scripts/painters`, BLAKE3 of
 /// that file, what it does, and where that comes from.
 macro_rules! painters {
     ($($painter:ident: $name:literal, $hash:literal, $doc:literal, $source:literal $(, $styles:expr)?;)*) => {
@@ -29,13 +29,15 @@ macro_rules! painters {
             }
 
             impl $painter {
-                const CONTENT: &[u8] = include_bytes!(concat!("../../../scripts/models/", $name, ".onnx"));
+                const CONTENT: &[u8] = include_bytes!(concat!("../../../scripts/painters/", $name, ".onnx"));
             }
 
             impl Component for $painter {
                 fn description() -> Description {
                     let description = Description::perturbation($name, $doc)
                         .family("generative")
+                        // A frame takes ten times as long as with most others.
+                        .not_default()
                         .source($source)
                         .mathematics("(1 - strength) v + strength G(v)")
                         .blake3($hash);
@@ -63,11 +65,11 @@ macro_rules! painters {
 }
 
 painters! {
-    Night: "night", "", "Repaints a day as a night with headlights, by a network",
+    Night: "night", "9e5b8e1273b3a3d5baeb3631a6f925876a12a16e9c8d01d3e69d344552f51b27", "Repaints a day as a night with headlights, by a network",
         "Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020";
-    Rainy: "rainy", "", "Repaints a dry day as a rainy one, with thick air and a wet road, by a network",
+    Rainy: "rainy", "9e5b8e1273b3a3d5baeb3631a6f925876a12a16e9c8d01d3e69d344552f51b27", "Repaints a dry day as a rainy one, with thick air and a wet road, by a network",
         "Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020";
-    Artistic: "artistic", "", "Repaints the frame in one of six styles of art, by a network",
+    Artistic: "artistic", "9e5b8e1273b3a3d5baeb3631a6f925876a12a16e9c8d01d3e69d344552f51b27", "Repaints the frame in one of six styles of art, by a network",
         "Dumoulin et al., A Learned Representation for Artistic Style, 2017", STYLES;
 }
 
@@ -203,7 +205,8 @@ mod tests {
             }
         }
         let given = json!({"style": "mosaik"});
-        let error = Config::check(&Artistic::description(), given.as_object().unwrap()).unwrap_err().to_string();
+        let error =
+            Config::check(&Artistic::description(), given.as_object().unwrap()).unwrap_err().to_string();
         assert!(error.contains("style") && error.contains("mosaic"), "{error}");
         // The file says the same names in the same order.
         let text = String::from_utf8_lossy(Artistic::CONTENT);

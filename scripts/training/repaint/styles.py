@@ -1,7 +1,8 @@
 """Six styles, each a picture that is drawn here, and what makes a painter paint like them.
 
 What a style is, is said by how often the answers of filters occur together (Gatys et al., "Image Style Transfer Using Convolutional
-Neural Networks", 2016). The filters are random, of several sizes and on several scales, and nothing had to be trained: such
+Neural Networks", 2016), and by how strong they are (Heitz et al., "A Sliced Wasserstein Loss for Neural Texture Synthesis", 2021). The
+filters are random, of several sizes and on several scales, and nothing had to be trained: such
 filters tell textures apart about as well (Ustyuzhaninov et al., "Texture Synthesis Using Shallow Convolutional Networks with Random
 Filters", 2016). What is in the picture is said by its edges and its brightness on coarser scales, whatever their colour.
 """
@@ -16,9 +17,10 @@ from PIL import Image, ImageDraw, ImageFilter
 from torch import nn
 from torch.nn import functional
 
-from painter import Painter
+from painter import Painter, canvas
 
 SIDE = 256  # of a style's picture, in pixels
+PLACES = 512  # at which the strength of answers is compared
 
 
 def field(random, scale):
@@ -160,9 +162,9 @@ def pictures(seed):
 
 
 class Filters(nn.Module):
-    """Random filters of four sizes on three scales; each has no mean and answers to natural contrast with about one."""
+    """Random filters of five sizes on three scales. The smallest see colours, most others contrasts alone."""
 
-    SIZES = (3, 5, 7, 11)
+    SIZES = (1, 3, 5, 7, 11)
 
     def __init__(self, seed, each=16, scales=3):
         super().__init__()
@@ -172,43 +174,49 @@ class Filters(nn.Module):
         for size in self.SIZES:
             weight = torch.randn(each, 3, size, size, generator=random)
             window = torch.hann_window(size + 2, periodic=False)[1:-1]
-            weight = (weight - weight.mean((1, 2, 3), keepdim=True)) * window[:, None] * window
-            weight = weight - weight.mean((2, 3), keepdim=True) * (torch.rand(each, 3, 1, 1, generator=random) < 0.7)
+            weight = weight * window[:, None] * window
+            if size > 1:
+                weight = weight - weight.mean((2, 3), keepdim=True) * (torch.rand(each, 1, 1, 1, generator=random) < 0.8)
             self.weights.append(weight / weight.flatten(1).norm(dim=1)[:, None, None, None])
 
-    def forward(self, image):
-        """For each scale, how often filters answer together: (batch, filters, filters)."""
-        x, grams = image / 64 - 2, []
+    def forward(self, image, random):
+        """For each size and scale, how often filters answer together, (batch, filters, filters), and at some places how
+        strongly, in order, (batch, filters, places)."""
+        x, found = image / 64 - 2, []
         for scale in range(self.scales):
             if scale:
                 x = functional.avg_pool2d(x, 2)
-            answers = []
             for weight in self.weights:
-                y = functional.conv2d(x, weight, stride=1 if scale else 2)
-                y = functional.relu(torch.cat([y, -y], 1)).flatten(2)
-                answers.append(y @ y.transpose(1, 2) / y.shape[2])
-            colour = torch.cat([x, torch.ones_like(x[:, :1])], 1).flatten(2)
-            grams.append((answers, colour @ colour.transpose(1, 2) / colour.shape[2]))
-        return grams
+                with torch.autocast("cpu", torch.bfloat16):
+                    y = functional.conv2d(x, weight, stride=1 if scale else 2)
+                y = y.flatten(2).float()
+                if y.shape[2] < PLACES:
+                    places = torch.randint(y.shape[2], (PLACES,), generator=random)
+                else:
+                    places = torch.randperm(y.shape[2], generator=random)[:PLACES]
+                signed = functional.relu(torch.cat([y, -y], 1))
+                found.append((signed @ signed.transpose(1, 2) / y.shape[2], y[:, :, places].sort(2).values))
+        return found
 
 
-def unlike(grams, wanted, style):
-    """How far the Gram matrices of painted pictures are from those of their styles."""
+def unlike(found, wanted, style):
+    """How far painted pictures are from their styles; each filter counts as much as any other."""
     total = 0
-    for (answers, colour), (wanted_answers, wanted_colour) in zip(grams, wanted):
-        for found, goal in zip(answers, wanted_answers):
-            goal = goal[style]
-            total = total + ((found - goal) ** 2).sum((1, 2)) / (goal**2).sum((1, 2))
-        goal = wanted_colour[style]
-        total = total + 2 * ((colour - goal) ** 2).sum((1, 2)) / (goal**2).sum((1, 2))
-    return total / len(grams)
+    for (together, strength), (wanted_together, wanted_strength) in zip(found, wanted):
+        goal = wanted_together[style]
+        usual = goal.diagonal(dim1=1, dim2=2).sqrt() + 1e-3
+        apart = (together - goal) / (usual[:, :, None] * usual[:, None, :])
+        goal = wanted_strength[style]
+        away = (strength - goal) ** 2 / ((goal**2).mean(2, keepdim=True) + 1e-6)
+        total = total + (apart**2).mean((1, 2)) + 2 * away.mean((1, 2))
+    return total / len(found)
 
 
 def content(image):
     """Brightness on coarser scales, and its edges, each with no mean and a deviation of one in every picture."""
     luma = (image * torch.tensor([0.3, 0.59, 0.11])[None, :, None, None]).sum(1, keepdim=True)
     found = []
-    for size in (2, 4, 8):
+    for size in (4, 8):
         small = functional.avg_pool2d(luma, size)
         small = small - small.mean((2, 3), keepdim=True)
         small = small / (small.std((2, 3), keepdim=True) + 4)
@@ -216,16 +224,18 @@ def content(image):
     return found
 
 
-def train(images, steps, seed, likeness=1.0, structure=6.0, smoothness=0.0, crop=128, show=None):
+def train(images, steps, seed, likeness=1.0, structure=2.0, crop=128, show=None):
     """A painter with all styles, from pictures as (count, 3, height, width) of bytes."""
     torch.manual_seed(seed)
     random = torch.Generator().manual_seed(seed)
     count = len(STYLES)
-    painter, filters = Painter(styles=count), Filters(seed)
+    painter, filters = Painter(styles=count, detail=12).to(memory_format=torch.channels_last), Filters(seed)
     average = copy.deepcopy(painter)
     with torch.no_grad():
-        wanted = filters(pictures(seed).float())
-    rate = 2e-3
+        # Of many draws of places: a picture's own few would be a rough measure.
+        drawn = [filters(pictures(seed).float(), random) for _ in range(16)]
+    wanted = [(them[0][0], torch.stack([strength for _, strength in them]).mean(0)) for them in zip(*drawn)]
+    rate = 3e-3
     optimiser = torch.optim.Adam(painter.parameters(), rate, (0.9, 0.99))
     everything = torch.arange(count)
     sums, began = torch.zeros(2), time.process_time()
@@ -237,10 +247,12 @@ def train(images, steps, seed, likeness=1.0, structure=6.0, smoothness=0.0, crop
             frame = images[torch.randint(len(images), (), generator=random)]
             top, left = (torch.randint(side - crop + 1, (), generator=random) for side in frame.shape[1:])
             found.append(frame[:, top:top + crop, left:left + crop].float())
-        original = torch.stack(found)
-        painted = painter(original, everything)
-        of_style = unlike(filters(painted), wanted, everything).mean()
-        of_content = sum(functional.mse_loss(a, b) for a, b in zip(content(painted), content(original))) / 9
+        original = torch.stack(found).contiguous(memory_format=torch.channels_last)
+        # Half the digits, until it comes to all of them: faster on processors that can.
+        with torch.autocast("cpu", torch.bfloat16, enabled=not painter.exact):
+            painted = painter(original, everything, canvas(crop, crop, random, count)).float()
+        of_style = unlike(filters(painted, random), wanted, everything).mean()
+        of_content = sum(functional.mse_loss(a, b) for a, b in zip(content(painted), content(original))) / 6
         optimiser.zero_grad()
         (likeness * of_style + structure * of_content).backward()
         torch.nn.utils.clip_grad_norm_(painter.parameters(), 1.0)
@@ -255,4 +267,4 @@ def train(images, steps, seed, likeness=1.0, structure=6.0, smoothness=0.0, crop
             sums.zero_()
             if show:
                 show(average, step + 1)
-    return average
+    return average.to(memory_format=torch.contiguous_format)

@@ -59,7 +59,7 @@ class Recognition(nn.Module):
             batch, _, height, width = here.shape
             chosen = torch.randperm(height * width, generator=random)[:PLACES]
             here, there = (
-                functional.normalize(head(f.flatten(2)[:, :, chosen].transpose(1, 2)), dim=2) for f in (here, there.detach())
+                functional.normalize(head(f.flatten(2)[:, :, chosen].transpose(1, 2).float()), dim=2) for f in (here, there.detach())
             )
             alike = here @ there.transpose(1, 2) / TEMPERATURE
             right = torch.arange(len(chosen)).expand(batch, -1)
@@ -82,14 +82,18 @@ def crops(images, random, count=BATCH):
         left = torch.randint(images.shape[3] - CROP + 1, (), generator=random)
         crop = frame[:, :, left:left + CROP].float()
         found.append(crop.flip(2) if torch.rand((), generator=random) < 0.5 else crop)
-    return torch.stack(found)
+    return torch.stack(found).contiguous(memory_format=torch.channels_last)
 
 
-def train(before, after, steps, seed, recognition=1.0, identity=0.05, tone=4.0, show=None):
-    """A painter that turns the first kind of pictures into the second; both as (count, 3, height, width) of bytes."""
+def train(before, after, steps, seed, recognition=1.0, identity=0.05, tone=4.0, toned=1.0, show=None):
+    """A painter that turns the first kind of pictures into the second; both as (count, 3, height, width) of bytes.
+
+    `recognition`, `identity` and `tone` say how much what is recognised, what is kept and the colours count, and `toned` for which
+    share of the steps colours do.
+    """
     torch.manual_seed(seed)
     random = torch.Generator().manual_seed(seed)
-    painter, judge = Painter(), Discriminator()
+    painter, judge = (network.to(memory_format=torch.channels_last) for network in (Painter(), Discriminator()))
     places = Recognition([3, 16, 32, 32])
     average = copy.deepcopy(painter)
     rate = 1e-3
@@ -102,25 +106,32 @@ def train(before, after, steps, seed, recognition=1.0, identity=0.05, tone=4.0, 
         for optimiser, full in ((painting, rate), (judging, rate / 4)):
             optimiser.param_groups[0]["lr"] = full * min(1, 2 * (1 - step / steps))
         original, true = crops(before, random), crops(after, random)
-        painted = painter(original)
+        # Half the digits, until it comes to all of them: faster on processors that can.
+        with torch.autocast("cpu", torch.bfloat16, enabled=not painter.exact):
+            painted = painter(original).float()
 
         judge.requires_grad_(True)
         noise = max(0, 1 - 2 * step / steps) * NOISE
         both = torch.cat([true, painted.detach()])
-        of_true, of_painted = judge(both + noise * torch.randn(both.shape, generator=random)).chunk(2)
+        with torch.autocast("cpu", torch.bfloat16):
+            of_true, of_painted = judge(both + noise * torch.randn(both.shape, generator=random)).float().chunk(2)
         judged = ((of_true - 1) ** 2).mean() + (of_painted**2).mean()
         judging.zero_grad()
         judged.backward()
         judging.step()
 
         judge.requires_grad_(False)
-        passes = ((judge(painted + noise * torch.randn(painted.shape, generator=random)) - 1) ** 2).mean()
-        known = places(painter.features(painted), painter.features(original), random)
-        # A picture that is of the second kind already has nothing to change.
-        kept = (painter(true[:1]) - true[:1]).abs().mean()
+        with torch.autocast("cpu", torch.bfloat16, enabled=not painter.exact):
+            passes = ((judge(painted + noise * torch.randn(painted.shape, generator=random)) - 1) ** 2).mean()
+            there = painter.features(painted)
+            with torch.no_grad():
+                here = painter.features(original)
+            # A picture that is of the second kind already has nothing to change.
+            kept = (painter(true[:1]) - true[:1]).abs().mean()
+        known = places(there, here, random)
         apart = sum((a - b).abs().mean() for a, b in zip(colours(painted), wanted))
         painting.zero_grad()
-        (passes + recognition * known + identity * kept + tone * apart).backward()
+        (passes + recognition * known + identity * kept + tone * (step < toned * steps) * apart).backward()
         painting.step()
         with torch.no_grad():
             for mean, now in zip(average.parameters(), painter.parameters()):
@@ -132,4 +143,4 @@ def train(before, after, steps, seed, recognition=1.0, identity=0.05, tone=4.0, 
             sums.zero_()
             if show:
                 show(average, step + 1)
-    return average
+    return average.to(memory_format=torch.contiguous_format)
