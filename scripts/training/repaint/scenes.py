@@ -60,14 +60,14 @@ def rain(images):
     dark = 1 - smooth_step(v.mean(1, keepdim=True), 105, 135)
     road = functional.avg_pool2d(grey * dark, 3, 1, 1) * (rows(v) > HORIZON)
     luma = (v * torch.tensor([0.3, 0.59, 0.11])[None, :, None, None]).sum(1, keepdim=True)
-    wet = (0.45 * luma + 0.55 * v) * 0.74
-    # What is mirrored: upside down, and drawn out towards the camera by the rough surface.
+    wet = (0.45 * luma + 0.55 * v) * (0.76 - 0.14 * road)
+    # The rough surface mirrors the clouds, and what stands upright as wide dark bands that are drawn out towards the camera.
     mirrored = v[:, :, (2 * horizon - y).clamp(0, height - 1).long()]
-    drawn_out = functional.avg_pool2d(functional.pad(mirrored, (4, 4, 12, 12), mode="replicate"), (25, 9), 1)
-    fresnel = 0.07 + 0.63 * torch.exp(-(y - horizon).clamp(min=0) / (0.22 * height))
-    wet = wet + road * fresnel[None, None, :, None] * (0.92 * drawn_out - wet)
+    drawn_out = functional.avg_pool2d(functional.pad(mirrored, (12, 12, 20, 20), mode="replicate"), (41, 25), 1)
+    air = torch.tensor([146.0, 152.0, 160.0])[None, :, None, None]
+    fresnel = 0.05 + 0.6 * torch.exp(-(y - horizon).clamp(min=0) / (0.2 * height))
+    wet = wet + road * fresnel[None, None, :, None] * (0.5 * drawn_out + 0.42 * air - wet)
     # Drops between the camera and what is far away.
     near = torch.exp(-(y - horizon).clamp(min=0) / (0.06 * height)) * torch.where(y < horizon, 0.5, 0.62)
-    air = torch.tensor([146.0, 152.0, 160.0])[None, :, None, None]
     wet = wet + near[None, None, :, None] * (air - wet)
     return wet.round().clamp(0, 255).to(torch.uint8)

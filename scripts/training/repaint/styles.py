@@ -20,7 +20,7 @@ from torch.nn import functional
 from painter import Painter, canvas
 
 SIDE = 256  # of a style's picture, in pixels
-PLACES = 512  # at which the strength of answers is compared
+PLACES = 256  # at which the strength of answers is compared
 
 
 def field(random, scale):
@@ -166,7 +166,7 @@ class Filters(nn.Module):
 
     SIZES = (1, 3, 5, 7, 11)
 
-    def __init__(self, seed, each=16, scales=3):
+    def __init__(self, seed, each=12, scales=3):
         super().__init__()
         random = torch.Generator().manual_seed(seed)
         self.scales = scales
@@ -179,9 +179,9 @@ class Filters(nn.Module):
                 weight = weight - weight.mean((2, 3), keepdim=True) * (torch.rand(each, 1, 1, 1, generator=random) < 0.8)
             self.weights.append(weight / weight.flatten(1).norm(dim=1)[:, None, None, None])
 
-    def forward(self, image, random):
-        """For each size and scale, how often filters answer together, (batch, filters, filters), and at some places how
-        strongly, in order, (batch, filters, places)."""
+    def forward(self, image, random, draws=1):
+        """For each size and scale, how often filters answer together, (batch, filters, filters), and how strongly at random
+        places, in order, (batch, filters, places); the mean of so many draws."""
         x, found = image / 64 - 2, []
         for scale in range(self.scales):
             if scale:
@@ -190,12 +190,10 @@ class Filters(nn.Module):
                 with torch.autocast("cpu", torch.bfloat16):
                     y = functional.conv2d(x, weight, stride=1 if scale else 2)
                 y = y.flatten(2).float()
-                if y.shape[2] < PLACES:
-                    places = torch.randint(y.shape[2], (PLACES,), generator=random)
-                else:
-                    places = torch.randperm(y.shape[2], generator=random)[:PLACES]
                 signed = functional.relu(torch.cat([y, -y], 1))
-                found.append((signed @ signed.transpose(1, 2) / y.shape[2], y[:, :, places].sort(2).values))
+                together = signed @ signed.transpose(1, 2) / y.shape[2]
+                places = torch.randint(y.shape[2], (draws, PLACES), generator=random)
+                found.append((together, sum(y[:, :, them].sort(2).values for them in places) / draws))
         return found
 
 
@@ -224,7 +222,7 @@ def content(image):
     return found
 
 
-def train(images, steps, seed, likeness=1.0, structure=2.0, crop=128, show=None):
+def train(images, steps, seed, likeness=1.0, structure=2.0, crop=96, show=None):
     """A painter with all styles, from pictures as (count, 3, height, width) of bytes."""
     torch.manual_seed(seed)
     random = torch.Generator().manual_seed(seed)
@@ -232,9 +230,7 @@ def train(images, steps, seed, likeness=1.0, structure=2.0, crop=128, show=None)
     painter, filters = Painter(styles=count, detail=12).to(memory_format=torch.channels_last), Filters(seed)
     average = copy.deepcopy(painter)
     with torch.no_grad():
-        # Of many draws of places: a picture's own few would be a rough measure.
-        drawn = [filters(pictures(seed).float(), random) for _ in range(16)]
-    wanted = [(them[0][0], torch.stack([strength for _, strength in them]).mean(0)) for them in zip(*drawn)]
+        wanted = filters(pictures(seed).float(), random, draws=16)
     rate = 3e-3
     optimiser = torch.optim.Adam(painter.parameters(), rate, (0.9, 0.99))
     everything = torch.arange(count)
