@@ -9,8 +9,8 @@ Propagating Gradients Through Stochastic Neurons for Conditional Computation", 2
 Its shape is that of the networks of Johnson et al., "Perceptual Losses for Real-Time Style Transfer" (2016): two convolutions
 that halve the size, residual blocks, two that double it, as nearest neighbours and a convolution, which leaves no checkerboard
 (Odena et al., "Deconvolution and Checkerboard Artifacts", 2016). What each half saw goes on to its counterpart, so that edges stay
-where they are. With several styles each layer has a factor and an offset a channel for each of them, and all else is shared
-(Dumoulin et al., "A Learned Representation for Artistic Style", 2017). Its residual blocks then see a canvas too, random numbers that
+where they are. With several styles each layer has a factor and an offset a channel for each of them, and its weights are shared
+(Dumoulin et al., "A Learned Representation for Artistic Style", 2017), but for the last two, which are small. Its residual blocks then see a canvas too, random numbers that
 are the same for every picture: strokes have to begin somewhere, also on a plain road, and stay there from frame to frame.
 """
 
@@ -37,14 +37,15 @@ def snapped(values, step):
 
 
 class Layer(nn.Module):
-    """A convolution that keeps the size or halves it, with a factor and an offset for each style."""
+    """A convolution that keeps the size or halves it, with a factor and an offset for each style, or weights of its own."""
 
-    def __init__(self, before, after, size, stride=1, styles=0, gain=1.0):
+    def __init__(self, before, after, size, stride=1, styles=0, gain=1.0, own=False):
         super().__init__()
-        self.stride, self.padding = stride, size // 2
-        self.weight = nn.Parameter(torch.randn(after, before, size, size) * gain * math.sqrt(2 / (before * size * size)))
-        self.bias = nn.Parameter(torch.zeros(after))
-        if styles:
+        self.stride, self.padding, self.own = stride, size // 2, own and styles > 0
+        each = (styles,) if self.own else ()
+        self.weight = nn.Parameter(torch.randn(*each, after, before, size, size) * gain * math.sqrt(2 / (before * size * size)))
+        self.bias = nn.Parameter(torch.zeros(*each, after))
+        if styles and not own:
             self.factor = nn.Parameter(1 + 0.4 * torch.randn(styles, after, 1, 1))
             self.offset = nn.Parameter(0.3 * torch.randn(styles, after, 1, 1))
         else:
@@ -52,7 +53,7 @@ class Layer(nn.Module):
 
     def exact(self):
         """Weights and bias such that no sum needs more digits than a float has."""
-        most = (self.weight.abs().sum((1, 2, 3)) * (LARGEST + STEP) + self.bias.abs() + 1).max().item()
+        most = (self.weight.abs().sum((-3, -2, -1)) * (LARGEST + STEP) + self.bias.abs() + 1).max().item()
         step = 2.0 ** math.ceil(math.log2(most / STEP / MANTISSA))
         return snapped(self.weight, step), snapped(self.bias, STEP)
 
@@ -61,7 +62,11 @@ class Layer(nn.Module):
 
     def forward(self, x, style, exact):
         weight, bias = self.exact() if exact else (self.weight, self.bias)
-        y = functional.conv2d(x, weight, bias, self.stride, self.padding)
+        if self.own:
+            convolved = [functional.conv2d(x[i:i + 1], weight[s], bias[s], self.stride, self.padding) for i, s in enumerate(style)]
+            y = torch.cat(convolved)
+        else:
+            y = functional.conv2d(x, weight, bias, self.stride, self.padding)
         if exact:
             y = snapped(y, STEP)
         if self.factor is not None:
@@ -74,7 +79,10 @@ class Layer(nn.Module):
 
 def canvas(height, width, random, count=1):
     """Random numbers for pictures of a size in pixels, as activations: (count, 2, height / 4, width / 4)."""
-    return torch.randint(0, 512, (count, CANVAS, height // 4, width // 4), generator=random) * STEP
+    numbers = torch.rand((count, CANVAS, height // 4 + 2, width // 4 + 2), generator=random)
+    # Neighbours are alike, so that strokes are wider than a place.
+    numbers = 0.5 + 1.5 * (functional.avg_pool2d(numbers, 3, 1) - 0.5)
+    return torch.round(numbers.clamp(0, 1) * 512) * STEP
 
 
 def rectified(x):
@@ -101,11 +109,11 @@ class Painter(nn.Module):
             for _ in range(blocks)
         ])
         self.up = Layer(2 * width, width, 3, 1, styles)
-        self.detail = Layer(width + 3, detail, 3, 1, styles)
-        self.paint = Layer(detail + 3, 3, 3, 1, styles, 0.3)
+        self.detail = Layer(width + 3, detail, 3, 1, styles, own=True)
+        self.paint = Layer(detail + 3, 3, 3, 1, styles, 0.3, own=True)
         with torch.no_grad():
             for channel in range(3):  # it begins with the picture itself
-                self.paint.weight[channel, detail + channel, 1, 1] += 1
+                self.paint.weight[..., channel, detail + channel, 1, 1] += 1
             self.paint.bias += 2
         self.exact = False
 
@@ -152,17 +160,19 @@ class Exporter:
         weight, bias = (t.detach().double().numpy().copy() for t in layer.exact())
         bias = np.round(bias / STEP)
         if image_channels:
-            weight[:, -image_channels:] *= 4  # of pixels, of which each is four steps
+            weight[..., -image_channels:, :, :] *= 4  # of pixels, of which each is four steps
+        weight, bias = (self.constant(f"{name}.{what}", values.astype(np.float32)) for what, values in [("weight", weight), ("bias", bias)])
+        if layer.own:
+            weight, bias = (self.node("Gather", [values, "style"], f"{values}.chosen") for values in (weight, bias))
         y = self.node(
-            "Conv",
-            [x, self.constant(f"{name}.weight", weight.astype(np.float32)), self.constant(f"{name}.bias", bias.astype(np.float32))],
-            name, kernel_shape=weight.shape[2:], strides=[layer.stride] * 2, pads=[layer.padding] * 4,
+            "Conv", [x, weight, bias],
+            name, kernel_shape=layer.weight.shape[-2:], strides=[layer.stride] * 2, pads=[layer.padding] * 4,
         )
         y = self.node("Round", [y], f"{name}.round")
         if layer.factor is not None:
             factor, offset = (t.detach().double().numpy() for t in layer.exact_style())
-            factors = self.constant(f"{name}.factors", factor.astype(np.float32))
-            offsets = self.constant(f"{name}.offsets", np.round(offset / STEP).astype(np.float32))
+            factors = self.constant(f"{name}.factors", factor[:, None].astype(np.float32))
+            offsets = self.constant(f"{name}.offsets", np.round(offset[:, None] / STEP).astype(np.float32))
             y = self.node("Mul", [y, self.node("Gather", [factors, "style"], f"{name}.factor")], f"{name}.scaled")
             y = self.node("Add", [y, self.node("Gather", [offsets, "style"], f"{name}.offset")], f"{name}.shifted")
             y = self.node("Round", [y], f"{name}.snapped")
@@ -183,7 +193,7 @@ class Exporter:
                              ("grey", np.float32(128)), ("quarter", np.float32(0.25)), ("double", np.float32([1, 1, 2, 2]))]:
             self.constant(name, values)
         if styles:
-            self.constant("style", np.int64([0]))
+            self.constant("style", np.int64(0))
             self.constant("canvas", (ground / STEP).numpy().astype(np.float32))
         x = self.node("Sub", ["image", "grey"], "centred")
         first = self.rectified(self.layer(painter.down[0], x, "down_1", 3), "down_1.out")
@@ -227,7 +237,7 @@ def export(painter, path, height, width, styles=()):
         small = Exporter(painter).model(32, 64, styles, corner)
         for tensor in small.graph.initializer:
             if tensor.name == "style":
-                tensor.CopyFrom(numpy_helper.from_array(np.int64([style]), "style"))
+                tensor.CopyFrom(numpy_helper.from_array(np.array(style, np.int64), "style"))
         found = ReferenceEvaluator(small).run(None, {"image": image.numpy().astype(np.float32)})[0]
         with torch.no_grad():
             expected = painter(image.double(), torch.tensor([style]) if styles else None, corner).numpy()

@@ -67,9 +67,9 @@ def main():
     arguments.out.mkdir(parents=True, exist_ok=True)
     shown = day[:: max(1, len(day) // 4)][:4]
 
-    for name, after in [("night", scenes.night(dusk)), ("rainy", scenes.rain(overcast))]:
+    for name, after, steps, memory in [("night", scenes.night(dusk), 3000, 1.0), ("rainy", scenes.rain(overcast), 1800, 0.1)]:
         if arguments.only in (None, name):
-            painter = weather.train(day, after, 3000, SEED, show=watcher(arguments.pictures, name, shown))
+            painter = weather.train(day, after, steps, SEED, memory=memory, show=watcher(arguments.pictures, name, shown))
             export(painter, arguments.out / f"{name}.onnx", HEIGHT, WIDTH)
     if arguments.only in (None, "artistic"):
         show = watcher(arguments.pictures, "artistic", shown, len(styles.STYLES))

@@ -85,11 +85,11 @@ def crops(images, random, count=BATCH):
     return torch.stack(found).contiguous(memory_format=torch.channels_last)
 
 
-def train(before, after, steps, seed, recognition=1.0, identity=0.05, tone=4.0, toned=1.0, show=None):
+def train(before, after, steps, seed, recognition=1.0, identity=0.05, tone=4.0, memory=1.0, show=None):
     """A painter that turns the first kind of pictures into the second; both as (count, 3, height, width) of bytes.
 
-    `recognition`, `identity` and `tone` say how much what is recognised, what is kept and the colours count, and `toned` for which
-    share of the steps colours do.
+    `recognition`, `identity` and `tone` say how much what is recognised, what is kept and the colours count. Colours are those of the
+    pictures painted last, of which the newest count for `memory`: the less, the less do they follow what a few pictures happen to show.
     """
     torch.manual_seed(seed)
     random = torch.Generator().manual_seed(seed)
@@ -99,7 +99,7 @@ def train(before, after, steps, seed, recognition=1.0, identity=0.05, tone=4.0, 
     rate = 1e-3
     painting = torch.optim.Adam([*painter.parameters(), *places.parameters()], rate, (0.5, 0.99))
     judging = torch.optim.Adam(judge.parameters(), rate / 4, (0.5, 0.99))
-    wanted = colours(after.float())
+    wanted, lately = colours(after.float()), colours(before.float())
     sums, began = torch.zeros(5), time.process_time()
     for step in range(steps):
         painter.exact = step >= EXACT_FROM * steps
@@ -129,13 +129,15 @@ def train(before, after, steps, seed, recognition=1.0, identity=0.05, tone=4.0, 
             # A picture that is of the second kind already has nothing to change.
             kept = (painter(true[:1]) - true[:1]).abs().mean()
         known = places(there, here, random)
-        apart = sum((a - b).abs().mean() for a, b in zip(colours(painted), wanted))
+        lately = [(1 - memory) * old + memory * new for old, new in zip(lately, colours(painted))]
+        apart = sum((found - goal).abs().mean() for found, goal in zip(lately, wanted))
         painting.zero_grad()
-        (passes + recognition * known + identity * kept + tone * (step < toned * steps) * apart).backward()
+        (passes + recognition * known + identity * kept + tone / memory * apart).backward()
         painting.step()
         with torch.no_grad():
             for mean, now in zip(average.parameters(), painter.parameters()):
                 mean.lerp_(now, 1 - min(AVERAGE, step / (step + 10)))
+            lately = [now.detach() for now in lately]
             sums += torch.tensor([judged, passes, known, kept, apart])
         if (step + 1) % 200 == 0:
             means = ", ".join(f"{name} {value:.3f}" for name, value in zip(("judged", "passes", "known", "kept", "apart"), sums / 200))
