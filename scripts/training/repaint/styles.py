@@ -227,7 +227,7 @@ def train(images, steps, seed, likeness=1.0, structure=2.0, crop=96, show=None):
     torch.manual_seed(seed)
     random = torch.Generator().manual_seed(seed)
     count = len(STYLES)
-    painter, filters = Painter(styles=count, detail=12).to(memory_format=torch.channels_last), Filters(seed)
+    painter, filters = Painter(styles=count, detail=12), Filters(seed)
     average = copy.deepcopy(painter)
     with torch.no_grad():
         wanted = filters(pictures(seed).float(), random, draws=16)
@@ -263,4 +263,4 @@ def train(images, steps, seed, likeness=1.0, structure=2.0, crop=96, show=None):
             sums.zero_()
             if show:
                 show(average, step + 1)
-    return average.to(memory_format=torch.contiguous_format)
+    return average
