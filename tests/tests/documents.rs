@@ -49,6 +49,7 @@ fn what_the_documents_point_to_is_there() {
         "docs/adapter.md",
         "docs/external-drivers.md",
         "docs/python.md",
+        "docs/generative.md",
         "docs/simulators/donkey.md",
         "docs/simulators/udacity.md",
     ] {

@@ -4,14 +4,15 @@
 //! way whichever backend runs it later. [`backend`] chooses who runs it: [`tract`], which is part of this plugin, or
 //! [`onnxruntime`], a shared library that [`locate`] finds on the machine. [`pixels`] turns frames into the numbers that
 //! the model expects, [`selection`] says which of its outputs steer, and [`driver`] puts it all together. [`trained`] holds the
-//! networks that are part of the plugin. [`saliency`] shows what a network looks at. [`repaint`] and
-//! [`segmentation`] run networks that make of an image another [`picture`].
+//! drivers that are part of the plugin. [`saliency`] shows what a network looks at. [`repaint`] and [`segmentation`] run networks
+//! that make of an image another [`picture`], and [`painters`] holds those that are part of the plugin.
 
 mod backend;
 mod driver;
 mod locate;
 mod model_file;
 mod onnxruntime;
+mod painters;
 mod picture;
 mod pixels;
 mod repaint;
@@ -42,7 +43,7 @@ pub fn try_model(path: &std::path::Path) -> pdk_sdk::error::Result<()> {
 
 pdk_sdk::export! {
     drivers: [driver::Onnx, trained::Dave2, trained::Dave2Augmented],
-    perturbations: [repaint::Repaint],
+    perturbations: [repaint::Repaint, painters::Night, painters::Rainy, painters::Artistic],
     masks: [segmentation::Segmentation],
     saliencies: [
         saliency::GradCam,

@@ -78,8 +78,8 @@ const LARGEST: u64 = 2 << 30;
 pub enum Source {
     /// A file.
     File(PathBuf),
-    /// The content of a file that is part of this plugin.
-    BuiltIn(&'static [u8]),
+    /// The content of a file that is part of this plugin, or what was made of it.
+    BuiltIn(Cow<'static, [u8]>),
 }
 
 impl Source {
@@ -87,7 +87,7 @@ impl Source {
     ///
     /// # Errors
     /// Where the file cannot be read, or is too large.
-    pub fn content(&self) -> Result<Cow<'static, [u8]>> {
+    pub fn content(&self) -> Result<Cow<'_, [u8]>> {
         match self {
             Self::File(path) => Ok(Cow::Owned(file::read(path, LARGEST)?)),
             Self::BuiltIn(bytes) => Ok(Cow::Borrowed(bytes)),
@@ -152,9 +152,8 @@ impl ModelFile {
     /// # Errors
     /// As for [`Self::read`].
     pub fn read_at(source: Source, layout: &str, open: Option<Size>) -> Result<Self> {
-        let bytes = source.content()?;
         let proto = tract_onnx::onnx()
-            .proto_model_for_read(&mut &*bytes)
+            .proto_model_for_read(&mut &*source.content()?)
             .map_err(|_| Error::new("the file is not an ONNX model, or is damaged"))?;
         let graph = proto
             .graph

@@ -60,16 +60,24 @@ pub fn parameters(description: Description) -> Description {
 }
 
 impl PictureNetwork {
-    /// Opens the network and runs it once.
+    /// Opens the network that `model` names and runs it once.
     ///
     /// # Errors
     /// Where it is no such network, or the backend cannot run it.
     pub fn open(config: &Config) -> Result<Self> {
+        Self::of(Source::File(config.text("model").into()), config)
+    }
+
+    /// Opens a network, which messages call by `model`, and runs it once.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn of(source: Source, config: &Config) -> Result<Self> {
         let name = config.text("model");
         let open = || {
             let size =
                 Size { width: config.integer("width") as usize, height: config.integer("height") as usize };
-            let model = ModelFile::read_at(Source::File(name.into()), config.text("layout"), Some(size))?;
+            let model = ModelFile::read_at(source, config.text("layout"), Some(size))?;
             let mut session = backend::open(&model.network(), config.text("backend"))?;
             let mut outputs = vec![Vec::new(); model.outputs.len()];
             let values = vec![0.0; model.input.len()];

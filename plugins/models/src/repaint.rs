@@ -75,31 +75,48 @@ impl Component for Repaint {
             .not_default()
             .source("Any image-to-image network, such as those of Zhu et al., CycleGAN, 2017, and Johnson et al., Perceptual Losses, 2016")
             .mathematics("(1 - strength) v + strength G(v)");
-        parameters(description)
-            .parameter(
-                Parameter::by_level("strength", [0.2, 0.4, 0.6, 0.8, 1.0], "how much of the result is the network's")
-                    .range(0.0, 1.0),
-            )
-            .parameter(Parameter::choice(
-                "result",
-                &Range::NAMES,
-                "the range of the numbers that the network gives; auto finds it out from a picture with all colours",
-            ))
-            .parameter(Parameter::choice(
-                "fit",
-                &["scale", "tile"],
-                "scale: the frame is brought to the size of the network's image and the result back; tile: the network sees the frame \
-                 piece by piece at its own resolution",
-            ))
-            .parameter(
-                Parameter::number("overlap", 0.25, "the share of a tile by which it reaches into the next")
-                    .range(0.0, 0.5)
-                    .only_for("fit", "tile"),
-            )
+        laying(parameters(description).parameter(Parameter::choice(
+            "result",
+            &Range::NAMES,
+            "the range of the numbers that the network gives; auto finds it out from a picture with all colours",
+        )))
     }
 
     fn new(config: &Config) -> Result<Self> {
-        let mut network = PictureNetwork::open(config)?;
+        Self::of(PictureNetwork::open(config)?, config)
+    }
+}
+
+/// Adds the parameters that say how what a network paints is laid over the frame.
+pub fn laying(description: Description) -> Description {
+    description
+        .parameter(
+            Parameter::by_level(
+                "strength",
+                [0.2, 0.4, 0.6, 0.8, 1.0],
+                "how much of the result is the network's",
+            )
+            .range(0.0, 1.0),
+        )
+        .parameter(Parameter::choice(
+            "fit",
+            &["scale", "tile"],
+            "scale: the frame is brought to the size of the network's image and the result back; tile: the network sees the frame \
+             piece by piece at its own resolution",
+        ))
+        .parameter(
+            Parameter::number("overlap", 0.25, "the share of a tile by which it reaches into the next")
+                .range(0.0, 0.5)
+                .only_for("fit", "tile"),
+        )
+}
+
+impl Repaint {
+    /// Repaints with a network.
+    ///
+    /// # Errors
+    /// Where its result is no picture.
+    pub fn of(mut network: PictureNetwork, config: &Config) -> Result<Self> {
         let channels = network.channels()?;
         if channels != 1 && channels != 3 {
             return Err(Error::new(format!(

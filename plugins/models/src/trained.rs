@@ -33,7 +33,7 @@ macro_rules! networks {
                     let mut values = config.values().clone();
                     values.insert("model".to_owned(), $name.into());
                     let config = Config::check(&Onnx::description(), &values)?;
-                    let network = Onnx::open(Source::BuiltIn(Self::CONTENT), $name, &config)?;
+                    let network = Onnx::open(Source::BuiltIn(Self::CONTENT.into()), $name, &config)?;
                     Ok(Self { network })
                 }
             }

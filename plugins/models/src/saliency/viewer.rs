@@ -59,7 +59,7 @@ pub fn parameters(description: Description) -> Description {
 /// Where the model of this name is: in a file, or part of this plugin.
 fn source(name: &str) -> Source {
     match trained::content(name) {
-        Some(content) => Source::BuiltIn(content),
+        Some(content) => Source::BuiltIn(content.into()),
         None => Source::File(name.into()),
     }
 }
