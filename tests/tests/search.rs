@@ -215,7 +215,7 @@ fn candidates_that_cannot_be_evaluated_are_recorded() {
             "the road leaves the map",
         ),
         ("nothing", "return nil", "what `evaluate` returns"),
-        ("field", "return { objectives = { g = 1 } }", "`g` is no objective"),
+        ("field", "return { objectives = { g = 1 } }", "`g` is not an objective"),
     ] {
         let folder = temp();
         let out = folder.path().join("out");
@@ -277,7 +277,7 @@ fn what_cannot_be_searched_is_said_in_one_sentence() {
         ),
         ("settings.strategy,", "\"nsga3\",", "nsga3"),
         ("settings.strategy,", "{ name = \"nsga2\", populaton = 3 },", "has no parameter `populaton`"),
-        ("settings.strategy,", "{ name = \"map_elites\", features = { \"z\" } },", "`z` is no variable"),
+        ("settings.strategy,", "{ name = \"map_elites\", features = { \"z\" } },", "`z` is not a variable"),
         ("return { objectives", "return { objektives", "none of the first 20 candidates could be evaluated"),
         ("settings.strategy,", "{ ask = function() error('gone') end },", "gone"),
         (

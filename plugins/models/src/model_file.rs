@@ -388,8 +388,8 @@ mod tests {
             std::fs::write(file.path(), content).unwrap();
             model_in(file.path(), "auto").err().unwrap().to_string()
         };
-        assert!(error(b"").contains("no ONNX model"));
-        assert!(error(b"PK\x03\x04 an archive of something else").contains("no ONNX model"));
+        assert!(error(b"").contains("not an ONNX model"));
+        assert!(error(b"PK\x03\x04 an archive of something else").contains("not an ONNX model"));
         let whole = Pilot::new(&["1", "3", "4", "6"]).bytes();
         assert!(error(&whole[..whole.len() / 2]).contains("damaged"));
         let missing = model_in(Path::new("/no/such.onnx"), "auto").err().unwrap();

@@ -104,14 +104,14 @@ impl Rule for MapElites {
         let unknown = |what: &str, name: &str| {
             Error::of(
                 ErrorKind::Configuration,
-                format!("`{name}` is no {what} of the search; name one that is"),
+                format!("`{name}` is not {what} of the search; name one that is"),
             )
         };
         self.features = (0..domain.len().min(FEATURES)).collect();
         if !self.wanted.is_empty() {
             let place = |name: &String| {
                 let place = problem.space.variables.iter().position(|variable| variable.name == *name);
-                place.ok_or_else(|| unknown("variable", name))
+                place.ok_or_else(|| unknown("a variable", name))
             };
             self.features = self.wanted.iter().map(place).collect::<Result<_>>()?;
         }
@@ -121,7 +121,7 @@ impl Rule for MapElites {
                 .objectives
                 .iter()
                 .position(|objective| objective == name)
-                .ok_or_else(|| unknown("objective", name))?,
+                .ok_or_else(|| unknown("an objective", name))?,
         };
         (self.elites, self.mapped, self.seen) = (BTreeMap::new(), 0, Seen::default());
         self.rest.clear();

@@ -393,7 +393,7 @@ mod tests {
             "`perturbation` is \"x\", but has to be one of fog, rain, snow"
         );
         assert_eq!(error(json!({"level": null})).message(), "it has no value for `level`");
-        assert!(error(json!({"other": 1})).message().contains("no variable of the space"));
+        assert!(error(json!({"other": 1})).message().contains("not a variable of the space"));
     }
 
     #[test]
