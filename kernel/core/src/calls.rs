@@ -65,6 +65,10 @@ pub enum Function {
     Weights,
     /// What the pixels of a simulator's frame show.
     Labels,
+    /// What a simulator will be asked for besides frames.
+    Annotate,
+    /// How far away the pixels of a simulator's frame are.
+    Depth,
     /// The beginning of a search.
     Start,
     /// Candidates of a search.
@@ -76,7 +80,7 @@ pub enum Function {
 }
 
 impl Function {
-    const ALL: [Self; 21] = [
+    const ALL: [Self; 23] = [
         Self::Load,
         Self::New,
         Self::Camera,
@@ -94,6 +98,8 @@ impl Function {
         Self::Map,
         Self::Weights,
         Self::Labels,
+        Self::Annotate,
+        Self::Depth,
         Self::Start,
         Self::Ask,
         Self::Tell,
@@ -120,6 +126,8 @@ impl Function {
             Self::Map => "map",
             Self::Weights => "weights",
             Self::Labels => "labels",
+            Self::Annotate => "annotate",
+            Self::Depth => "depth",
             Self::Start => "start",
             Self::Ask => "ask",
             Self::Tell => "tell",

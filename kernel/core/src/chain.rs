@@ -7,7 +7,7 @@ use pdk_model::perturbation::{AppliedPerturbation, Draws};
 use pdk_sdk::config::{self, Config};
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, ErrorKind, Result};
-use pdk_sdk::prelude::{Context, Frame, FrameBuf, FrameMut, Key, Perturbation};
+use pdk_sdk::prelude::{Annotations, Context, Frame, FrameBuf, FrameMut, Key, Perturbation};
 use pdk_sdk::seed;
 
 use crate::calls::{self, Function};
@@ -95,9 +95,13 @@ impl Chain {
         Ok(Self { links, between: [FrameBuf::default(), FrameBuf::default()] })
     }
 
-    /// Whether frames have to come with what their pixels show.
-    pub fn needs_labels(&self) -> bool {
-        self.links.iter().any(|link| link.selector.as_ref().is_some_and(Selector::needs_labels))
+    /// What frames have to come with.
+    pub fn annotations(&self) -> Annotations {
+        let selectors = || self.links.iter().filter_map(|link| link.selector.as_ref());
+        Annotations {
+            labels: selectors().any(Selector::needs_labels),
+            depth: selectors().any(Selector::needs_depth),
+        }
     }
 
     /// Writes the perturbed `src` to `dst`; without perturbations it is a copy.

@@ -57,13 +57,15 @@ pub const WHERE: Modifier = Modifier {
               A map is made of every frame, of one in `every`, or whenever a frame differs from that of the \
               last map by more than `change` on average, of 255; with `follow` it moves with the image until the next one. `close` closes gaps, `smallest` leaves out spots of fewer \
               pixels, and `soft` blends the edges, all in pixels. \
-              `label` is what a simulator's own labels say that pixels show, such as those of `lane`, and `mask` a component that \
+              `label` is what a simulator's own labels say that pixels show, such as those of `lane`, `nearer` and `farther` are distances in metres along the \
+              camera's axis, from a simulator that knows them, and `mask` is a component that \
               `pdk list mask` names, or a Lua file of one's own. Together with `region`, what both leave is perturbed.",
     examples: &[
         r#"{"top":20,"by":"hirescam,model=FILE.onnx"}"#,
         r#"{"bottom":20,"by":"rise,model=FILE.onnx","every":10,"follow":true,"soft":3}"#,
         r#"{"random":20}"#,
         r#"{"label":["road","vehicle"]}"#,
+        r#"{"farther":20,"nearer":60}"#,
         r#"{"mask":"segmentation,model=FILE.onnx,classes=7"}"#,
         r#"{"above":0.5,"by":"grad-cam,model=FILE.onnx,layer=conv_5","close":2,"smallest":30}"#,
     ],

@@ -14,6 +14,8 @@ pub struct Moment<'a> {
     pub alone: bool,
     /// What its pixels show, where the simulator says so.
     pub labels: Option<Labels<'a>>,
+    /// How far away each pixel is in metres, row by row, where the simulator says so and somebody needs it.
+    pub depth: Option<&'a [f32]>,
 }
 
 /// What the pixels of a frame show.
@@ -28,7 +30,7 @@ pub struct Labels<'a> {
 impl<'a> Moment<'a> {
     /// The moment of a frame of which nothing else is known.
     pub fn new(frame_index: u64, time: f64) -> Self {
-        Self { frame_index, time, speed: None, alone: false, labels: None }
+        Self { frame_index, time, speed: None, alone: false, labels: None, depth: None }
     }
 
     /// The moment of a frame that counts for itself.
@@ -44,5 +46,10 @@ impl<'a> Moment<'a> {
     /// The same moment with what the pixels show.
     pub fn with_labels(self, labels: Option<Labels<'a>>) -> Self {
         Self { labels, ..self }
+    }
+
+    /// The same moment with how far away the pixels are.
+    pub fn with_depth(self, depth: Option<&'a [f32]>) -> Self {
+        Self { depth, ..self }
     }
 }

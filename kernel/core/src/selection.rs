@@ -18,6 +18,8 @@ enum Source {
     Maps(Maps),
     /// The labels that come with a frame.
     Labels,
+    /// The distances that come with a frame.
+    Depth,
     /// A mask, with what messages call it.
     Mask(Box<dyn Mask>, String),
 }
@@ -46,6 +48,7 @@ impl Selector {
                 Source::Mask(instance, format!("mask `{}`", mask.name))
             }
             (None, None) if selection.random.is_some() => Source::Chance,
+            (None, None) if matches!(selection.choice(), Choice::Between(..)) => Source::Depth,
             (None, None) => Source::Labels,
         };
         let turns = Turns::new(selection.pace());
@@ -67,6 +70,7 @@ impl Selector {
                 Source::Chance => choose(selection, &vec![0.0; width * height], key, turn.period),
                 // What labels and masks say of the frame at hand is never moved: there is no need to.
                 Source::Labels => labelled(&selection.label, moment.labels, width * height)?,
+                Source::Depth => between(selection.choice(), moment.depth, width * height)?,
                 Source::Mask(mask, label) => {
                     let mut values = vec![0.0; width * height];
                     let cx = context(moment, key);
@@ -87,6 +91,24 @@ impl Selector {
     pub fn needs_labels(&self) -> bool {
         matches!(self.source, Source::Labels)
     }
+
+    /// Whether frames have to come with distances.
+    pub fn needs_depth(&self) -> bool {
+        matches!(self.source, Source::Depth)
+    }
+}
+
+/// The pixels whose distance is in a range.
+fn between(choice: Choice, depth: Option<&[f32]>, pixels: usize) -> Result<Vec<u8>> {
+    let (Choice::Between(least, most), Some(depth)) = (choice, depth.filter(|depth| depth.len() == pixels))
+    else {
+        return Err(Error::of(
+            ErrorKind::Configuration,
+            "`nearer` and `farther` need a simulator that tells how far away pixels are, and these frames come without; use a mask instead",
+        ));
+    };
+    let range = least as f32..=most as f32;
+    Ok(depth.iter().map(|distance| if range.contains(distance) { 255 } else { 0 }).collect())
 }
 
 /// The pixels that show something of these names.
@@ -118,7 +140,7 @@ fn choose(selection: &Selection, map: &[f32], key: &Key, period: u64) -> Vec<u8>
         Choice::Above(least) => {
             return map.iter().map(|&value| if value > least as f32 { 255 } else { 0 }).collect();
         }
-        Choice::Labelled | Choice::Masked => 0.0,
+        Choice::Labelled | Choice::Masked | Choice::Between(..) => 0.0,
     };
     let count = (share * map.len() as f64).round() as usize;
     if count == 0 || count >= map.len() {
@@ -307,6 +329,11 @@ mod tests {
             labelled(&wanted, labels, 4).map_err(|error| error.to_string())
         };
         assert_eq!(choose(&["road"], labels).unwrap(), [0, 255, 255, 0]);
+        let depth = [0.5, 5.0, 30.0, f32::INFINITY];
+        let within = |least, most| between(Choice::Between(least, most), Some(&depth), 4).unwrap();
+        assert_eq!(within(5.0, 30.0), [0, 255, 255, 0]);
+        assert_eq!(within(6.0, f64::INFINITY), [0, 0, 255, 255]);
+        assert!(between(Choice::Between(0.0, 1.0), None, 4).unwrap_err().message().contains("come without"));
         assert_eq!(choose(&["sky", "road"], labels).unwrap(), [255, 255, 255, 0]);
         assert_eq!(
             choose(&["rode"], labels).unwrap_err(),

@@ -81,13 +81,15 @@ const REGION: ApiRecord = ApiRecord {
 
 const SELECTION: ApiRecord = ApiRecord {
     name: "Selection",
-    doc: "Pixels that are chosen: by one of the first six fields, and how they are taken.",
+    doc: "Pixels that are chosen: by one of the first fields (`nearer` and `farther` go together), and how they are taken.",
     fields: &[
         field("top", "number?", "The share of the frame that matters most, in percent."),
         field("bottom", "number?", "The share of the frame that matters least, in percent."),
         field("random", "number?", "A share of the frame at random, in percent."),
         field("above", "number?", "All pixels whose value, from 0 to 1, is above this one."),
         field("label", "(string | { string })?", "What the simulator's own labels say that pixels show."),
+        field("nearer", "number?", "What is at most so many metres away, as the simulator says."),
+        field("farther", "number?", "What is at least so many metres away, as the simulator says."),
         field(
             "mask",
             "(string | Component)?",

@@ -6,6 +6,7 @@ use pdk_bus::{Bus, FrameSample, Stamp, Topic};
 use pdk_core::calls::Function;
 use pdk_core::chain::Chain;
 use pdk_core::moment::{Labels, Moment};
+use pdk_core::view::View;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::{Mode, Scenario};
 use pdk_sdk::describe::Clock;
@@ -62,6 +63,8 @@ pub struct Instances<'a> {
     pub driver: &'a mut Held<dyn Driver>,
     /// The topics.
     pub bus: &'a Bus,
+    /// Shows what the driver's network looks at, where somebody wants to see it.
+    pub view: Option<&'a mut View>,
 }
 
 /// What looks on.
@@ -95,6 +98,8 @@ pub struct Run<'a> {
     last: Option<(u64, f64, [FrameSample; 2])>,
     /// What the simulator can tell apart and what the pixels of the frame show, where perturbations need it.
     labels: Option<(Vec<String>, Vec<u8>)>,
+    /// How far away the pixels of the frame are, where perturbations need it.
+    depth: Option<Vec<f32>>,
     /// The number of the latest image that was recorded.
     last_image: Option<u64>,
     cause: Cause,
@@ -117,6 +122,7 @@ impl<'a> Run<'a> {
             control: Control::default(),
             last: None,
             labels: None,
+            depth: None,
             last_image: None,
             cause: Cause::Error,
             under_way: false,
@@ -140,6 +146,13 @@ impl<'a> Run<'a> {
         witnesses.stopwatch.start(paced.then_some(period));
         witnesses.recent.clear();
         let slot = self.slot;
+        let annotations = with.chain.annotations();
+        with.simulator
+            .call(Function::Annotate, None, |simulator| {
+                simulator.annotate(annotations);
+                Ok(())
+            })
+            .map_err(Fault::Simulator)?;
         with.simulator
             .call(Function::Reset, None, |simulator| simulator.reset(scenario, slot))
             .map_err(Fault::Simulator)?;
@@ -155,11 +168,12 @@ impl<'a> Run<'a> {
                 recorder.road(waypoint_string(&waypoints));
             }
         }
-        if with.chain.needs_labels() {
+        let pixels = with.camera.width as usize * with.camera.height as usize;
+        if annotations.labels {
             let names = with.simulator.call(Function::Labels, None, |simulator| Ok(simulator.label_names()));
-            let pixels = vec![0; with.camera.width as usize * with.camera.height as usize];
-            self.labels = Some((names.map_err(Fault::Component)?, pixels));
+            self.labels = Some((names.map_err(Fault::Component)?, vec![0; pixels]));
         }
+        self.depth = annotations.depth.then(|| vec![0.0; pixels]);
         self.began = Instant::now();
         loop {
             witnesses.stopwatch.start_step();
@@ -179,7 +193,7 @@ impl<'a> Run<'a> {
         with: &mut Instances<'_>,
         witnesses: &mut Witnesses<'_>,
     ) -> Result<Option<Cause>, Fault> {
-        let Instances { simulator, camera, chain, driver, bus, .. } = with;
+        let Instances { simulator, camera, chain, driver, bus, view, .. } = with;
         let stopwatch = &mut *witnesses.stopwatch;
         let (width, height) = (camera.width as usize, camera.height as usize);
         let sequence = self.sequence;
@@ -206,7 +220,17 @@ impl<'a> Run<'a> {
                 .map_err(Fault::Component)?;
         }
         let labels = self.labels.as_ref().map(|(names, pixels)| Labels { names, pixels });
-        let moment = Moment::new(sequence, state.time).at_speed(state.speed).with_labels(labels);
+        if let Some(depth) = self.depth.as_mut() {
+            stopwatch
+                .measure(Stage::Simulator, || {
+                    simulator.call(Function::Depth, Some(sequence), |s| s.depth(depth))
+                })
+                .map_err(Fault::Component)?;
+        }
+        let moment = Moment::new(sequence, state.time)
+            .at_speed(state.speed)
+            .with_labels(labels)
+            .with_depth(self.depth.as_deref());
 
         let mut loan = bus.loan_frame(Topic::Perturbed, stamp)?;
         let target = FrameMut::new(&mut loan, width, height).map_err(wrong_size)?;
@@ -233,6 +257,11 @@ impl<'a> Run<'a> {
             let every = self.drive.images_every;
             if every > 0 && sequence.is_multiple_of(every) {
                 recorder.image(ImageTopic::Raw, sequence, state.time, raw_frame);
+                if let Some(view) = view {
+                    let picture = view.picture(perturbed_frame, &moment).map_err(Fault::Component)?;
+                    recorder.image(ImageTopic::Attention, sequence, state.time, picture.as_ref());
+                }
+                // It comes last, so that whoever reads the trace has the other ones then.
                 recorder.image(ImageTopic::Perturbed, sequence, state.time, perturbed_frame);
                 self.last_image = Some(sequence);
             }

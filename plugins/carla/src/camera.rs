@@ -66,6 +66,11 @@ impl Camera {
         }
     }
 
+    /// Red, green and blue of the latest frame, row by row.
+    pub fn pixels(&self) -> &[u8] {
+        self.picture.pixels()
+    }
+
     /// Writes the latest frame.
     ///
     /// # Errors

@@ -36,6 +36,8 @@ impl Version {
 
     /// Since then a sensor's token has to be asked for.
     const TOKENS: Self = Self([0, 9, 14]);
+    /// Since then what pixels show has the tags of Cityscapes.
+    pub const CITYSCAPES: Self = Self([0, 9, 14]);
     /// Since then an actor can be fixed to a named place of another.
     const SOCKETS: Self = Self([0, 9, 16]);
 }

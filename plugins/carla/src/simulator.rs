@@ -5,7 +5,10 @@ use pdk_road::traffic::Wanted;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Map, Value};
 
+use crate::annotation;
 use crate::episode::Episode;
+use crate::sensors::Sensors;
+use crate::stage::Stage;
 use crate::weather::Weather;
 
 /// What users call it.
@@ -34,6 +37,8 @@ pub struct Options {
     pub camera_height: f64,
     /// By how much it looks down, in degrees.
     pub camera_pitch: f64,
+    /// What is wanted besides frames.
+    pub annotations: Annotations,
     /// Other attributes of the camera.
     pub camera_attributes: Vec<(String, String)>,
     /// What is driven.
@@ -128,6 +133,7 @@ impl Component for Carla {
             camera_ahead: config.number("camera_ahead"),
             camera_height: config.number("camera_height"),
             camera_pitch: config.number("camera_pitch"),
+            annotations: Annotations::default(),
             camera_attributes: attributes(config.value("camera_attributes"))?,
             vehicle: vehicle.to_owned(),
             initial_speed: config.number("initial_speed"),
@@ -139,6 +145,16 @@ impl Component for Carla {
             },
         };
         Ok(Self { settings: Settings::read(TITLE, config)?, options, episode: None })
+    }
+}
+
+impl Carla {
+    fn stage(&self) -> Result<&Stage> {
+        self.episode.as_ref().and_then(Episode::stage).ok_or_else(not_started)
+    }
+
+    fn sensors(&self) -> Result<&Sensors> {
+        self.stage()?.sensors().ok_or_else(not_started)
     }
 }
 
@@ -180,9 +196,24 @@ impl Simulator for Carla {
     }
 
     fn frame(&mut self, into: FrameMut<'_>) -> Result<State> {
-        let stage = self.episode.as_ref().and_then(Episode::stage).ok_or_else(not_started)?;
-        stage.write(into)?;
-        Ok(stage.state())
+        self.sensors()?.write(into)?;
+        Ok(self.stage()?.state())
+    }
+
+    fn annotate(&mut self, annotations: Annotations) {
+        self.options.annotations = annotations;
+    }
+
+    fn label_names(&self) -> Vec<String> {
+        annotation::NAMES.map(str::to_owned).to_vec()
+    }
+
+    fn labels(&mut self, into: &mut [u8]) -> Result<()> {
+        self.sensors()?.labels(into)
+    }
+
+    fn depth(&mut self, into: &mut [f32]) -> Result<()> {
+        self.sensors()?.depth(into)
     }
 
     fn act(&mut self, control: Control) -> Result<State> {
@@ -192,8 +223,7 @@ impl Simulator for Carla {
     }
 
     fn waypoints(&self) -> Vec<[f64; 3]> {
-        let stage = self.episode.as_ref().and_then(Episode::stage);
-        stage.map(|stage| stage.waypoints().to_vec()).unwrap_or_default()
+        self.stage().map(|stage| stage.waypoints().to_vec()).unwrap_or_default()
     }
 
     fn info(&self) -> Vec<(String, String)> {

@@ -4,20 +4,17 @@ use std::time::Duration;
 
 use pdk_adapter::{Deadline, Place, Station, Track};
 use pdk_road::traffic;
-use pdk_sdk::prelude::{Control, Error, ErrorKind, FrameMut, Result, State};
-use rmpv::Value;
+use pdk_sdk::prelude::{Control, Error, ErrorKind, Result, State};
 
 use crate::axes::Transform;
-use crate::blueprint::{Actor, Blueprints, ROLE};
-use crate::camera::Camera;
-use crate::collisions::Collisions;
+use crate::blueprint::{Actor, Blueprints};
 use crate::ground::Lane;
+use crate::sensors::Sensors;
 use crate::server::{Pedals, Server};
 use crate::simulator::Options;
 use crate::snapshot::{self, Motion};
 use crate::stream::Stream;
 use crate::traffic::Fleet;
-use crate::value::{element, text};
 
 /// So much higher than the road the vehicle is spawned, in metres: one that touches it is refused.
 const DROP: f64 = 0.5;
@@ -29,8 +26,6 @@ const SETTLE: (f64, f64) = (0.2, 5.0);
 const FIRST_FRAME: Duration = Duration::from_millis(250);
 /// So many frames are asked for until the first comes.
 const FIRST_FRAMES: u32 = 40;
-/// A subscription that was renewed is given so long to reach the server.
-const RENEWED: Duration = Duration::from_millis(100);
 /// A scenario under way.
 #[derive(Debug)]
 pub struct Stage {
@@ -41,17 +36,11 @@ pub struct Stage {
     fleet: Fleet,
     /// From the middle of the vehicle to its front in metres.
     front: f64,
-    sensors: Option<Sensors>,
+    /// The vehicle's number and what it senses.
+    ego: Option<(u32, Sensors)>,
     /// The server's number of the scenario's first frame.
     first: u64,
     state: State,
-}
-
-#[derive(Debug)]
-struct Sensors {
-    vehicle: u32,
-    camera: Camera,
-    collisions: Collisions,
 }
 
 impl Stage {
@@ -68,7 +57,7 @@ impl Stage {
             half_width: lane.half_width,
             track: Track::new(lane.waypoints)?,
             options,
-            sensors: None,
+            ego: None,
             first: 0,
             state: State::default(),
         })
@@ -84,15 +73,9 @@ impl Stage {
         self.state
     }
 
-    /// Writes the latest frame.
-    ///
-    /// # Errors
-    /// Where it is of another size, or there is none.
-    pub fn write(&self, into: FrameMut<'_>) -> Result<()> {
-        match &self.sensors {
-            Some(sensors) => sensors.camera.write(into),
-            None => Err(Error::new("it has no camera yet: call reset first")),
-        }
+    /// What the vehicle senses, once it is there.
+    pub fn sensors(&self) -> Option<&Sensors> {
+        self.ego.as_ref().map(|(_, sensors)| sensors)
     }
 
     /// Spawns the vehicle with what it senses, and waits until it stands.
@@ -117,42 +100,8 @@ impl Stage {
         let vehicle = server.id_of(&vehicle)?;
         self.fleet.spawn(server, kinds, &self.options.vehicle)?;
 
-        let options = &self.options;
-        let mut attributes = vec![
-            ("image_size_x", options.camera.width.to_string()),
-            ("image_size_y", options.camera.height.to_string()),
-            ("fov", options.field_of_view.to_string()),
-            // A frame of the camera for each of the simulator's.
-            ("sensor_tick", "0.0".to_owned()),
-            ("role_name", ROLE.to_owned()),
-        ];
-        attributes
-            .extend(options.camera_attributes.iter().map(|(name, value)| (name.as_str(), value.clone())));
-        const CAMERA: &str = "sensor.camera.rgb";
-        if let Some((name, _)) = options.camera_attributes.iter().find(|(name, _)| !kinds.has(CAMERA, name)) {
-            return Err(Error::of(
-                ErrorKind::Configuration,
-                format!(
-                    "`camera_attributes` says `{name}`, but the camera of CARLA {} has no such attribute",
-                    server.version()
-                ),
-            ));
-        }
-        let mounted = Transform {
-            location: [options.camera_ahead, 0.0, options.camera_height],
-            rotation: [-options.camera_pitch, 0.0, 0.0],
-        };
-        let camera = server.spawn_on(kinds.describe(CAMERA, &attributes)?, mounted, vehicle)?;
-        let role = [("role_name", ROLE.to_owned())];
-        let described = kinds.describe("sensor.other.collision", &role)?;
-        let collisions = server.spawn_on(described, Transform::default(), vehicle)?;
-
-        let size = [self.options.camera.width, self.options.camera.height];
-        let token = server.token(stream_of(&camera)?)?;
-        let camera = Camera::subscribe(station, token, size, deadline)?;
-        let token = server.token(stream_of(&collisions)?)?;
-        let collisions = Collisions::subscribe(station, token, deadline)?;
-        self.sensors = Some(Sensors { vehicle, camera, collisions });
+        let sensors = Sensors::mount(station, server, kinds, &self.options, vehicle, deadline)?;
+        self.ego = Some((vehicle, sensors));
         self.settle(station, server, world, deadline)
     }
 
@@ -161,12 +110,7 @@ impl Stage {
     /// # Errors
     /// Where one that is to be renewed cannot be.
     pub fn keep(&mut self, station: &mut Station, deadline: &Deadline) -> Result<bool> {
-        let Some(sensors) = &mut self.sensors else { return Ok(true) };
-        if !sensors.camera.stream().is_open() || !sensors.collisions.is_open() {
-            return Ok(false);
-        }
-        sensors.collisions.renew(station, deadline)?;
-        Ok(true)
+        self.ego.as_mut().map_or(Ok(true), |(_, sensors)| sensors.keep(station, deadline))
     }
 
     /// Subscribes to the streams again, which the server has closed because it had nothing to send over them.
@@ -179,15 +123,7 @@ impl Stage {
         server: &mut Server,
         deadline: &Deadline,
     ) -> Result<()> {
-        let Some(sensors) = &mut self.sensors else { return Ok(()) };
-        let size = [self.options.camera.width, self.options.camera.height];
-        let token = server.token(sensors.camera.stream().token())?;
-        sensors.camera = Camera::subscribe(station, token, size, deadline)?;
-        let token = server.token(sensors.collisions.token())?;
-        sensors.collisions = Collisions::subscribe(station, token, deadline)?;
-        // The server does not say when it has taken a subscription.
-        std::thread::sleep(RENEWED);
-        Ok(())
+        self.ego.as_mut().map_or(Ok(()), |(_, sensors)| sensors.subscribe_again(station, server, deadline))
     }
 
     /// Moves the scenario on by one frame under a control.
@@ -201,17 +137,17 @@ impl Stage {
         world: &mut Stream,
         deadline: &Deadline,
     ) -> Result<State> {
-        let Some(sensors) = &mut self.sensors else {
+        let Some((vehicle, sensors)) = &mut self.ego else {
             return Err(Error::new("it has no scenario yet: call reset first"));
         };
         let number = frames(self.state.time, self.options.camera.rate) + 1;
         let expected = self.first + number;
         self.fleet.place(server, number as f64 / self.options.camera.rate)?;
-        server.control(sensors.vehicle, Pedals::of(control.checked()?))?;
+        server.control(*vehicle, Pedals::of(control.checked()?))?;
         let request = server.tick()?;
         // What belongs to the frame may come before the answer.
-        let motion = motion(world, sensors.vehicle, expected, deadline)?;
-        sensors.camera.look(expected, deadline)?;
+        let motion = motion(world, *vehicle, expected, deadline)?;
+        sensors.look(expected, deadline)?;
         let frame = server.ticked(request)?;
         if frame != expected {
             return Err(Error::of(
@@ -222,7 +158,7 @@ impl Stage {
                 ),
             ));
         }
-        let collision = sensors.collisions.look(deadline)?;
+        let collision = sensors.collided(deadline)?;
         Ok(self.arrive(motion, frame, collision))
     }
 
@@ -234,8 +170,8 @@ impl Stage {
         world: &mut Stream,
         deadline: &Deadline,
     ) -> Result<State> {
-        let Some(sensors) = &mut self.sensors else { return Err(Error::new("nothing was spawned")) };
-        let vehicle = sensors.vehicle;
+        let Some((vehicle, sensors)) = &mut self.ego else { return Err(Error::new("nothing was spawned")) };
+        let vehicle = *vehicle;
         let rate = self.options.camera.rate;
         server.control(vehicle, Pedals::PARKED)?;
         self.fleet.place(server, 0.0)?;
@@ -246,7 +182,7 @@ impl Stage {
             let frame = server.ticked(request)?;
             let patience = Deadline::new(FIRST_FRAME, "answer_seconds");
             let seen = motion(world, vehicle, frame, &patience).and_then(|moves| {
-                sensors.camera.look(frame, &patience)?;
+                sensors.look(frame, &patience)?;
                 Ok(moves)
             });
             tries += 1;
@@ -265,17 +201,17 @@ impl Stage {
         let began = frame;
         let elapsed = |frame: u64| (frame - began) as f64 / rate;
         while elapsed(frame) < SETTLE.0 || (moves.speed() > REST && elapsed(frame) < SETTLE.1) {
-            (frame, moves) = next(server, world, sensors, deadline)?;
+            (frame, moves) = next(server, world, (vehicle, sensors), deadline)?;
         }
         let speed = self.options.initial_speed;
         if speed > 0.0 {
             let ahead = [self.heading.cos() * speed, self.heading.sin() * speed, 0.0];
             server.control(vehicle, Pedals::of(Control::default()))?;
             server.set_velocity(vehicle, ahead)?;
-            (frame, moves) = next(server, world, sensors, deadline)?;
+            (frame, moves) = next(server, world, (vehicle, sensors), deadline)?;
         }
         // Falling on the road was no collision.
-        sensors.collisions.look(deadline)?;
+        sensors.collided(deadline)?;
         self.first = frame;
         Ok(self.arrive(moves, frame, false))
     }
@@ -309,13 +245,13 @@ fn frames(time: f64, rate: f64) -> u64 {
 fn next(
     server: &mut Server,
     world: &mut Stream,
-    sensors: &mut Sensors,
+    (vehicle, sensors): (u32, &mut Sensors),
     deadline: &Deadline,
 ) -> Result<(u64, Motion)> {
     let request = server.tick()?;
     let frame = server.ticked(request)?;
-    let moves = motion(world, sensors.vehicle, frame, deadline)?;
-    sensors.camera.look(frame, deadline)?;
+    let moves = motion(world, vehicle, frame, deadline)?;
+    sensors.look(frame, deadline)?;
     Ok((frame, moves))
 }
 
@@ -333,11 +269,4 @@ fn motion(world: &mut Stream, vehicle: u32, frame: u64, deadline: &Deadline) -> 
             )
         });
     }
-}
-
-fn stream_of(actor: &Value) -> Result<crate::stream::Token> {
-    Actor(actor).stream().ok_or_else(|| {
-        let kind = text(element(element(actor, 2), 1));
-        Error::of(ErrorKind::Nonsense, format!("the server has spawned `{kind}` without a stream"))
-    })
 }

@@ -54,6 +54,13 @@ impl GroundRow {
     }
 }
 
+impl GroundRow {
+    /// How far away it is along the optical axis, in metres.
+    pub fn depth(&self, projection: &Projection) -> f32 {
+        self.pixel_width * projection.focal as f32
+    }
+}
+
 /// What the ground is drawn with.
 pub struct Ground<'a> {
     pub scene: &'a Scene,

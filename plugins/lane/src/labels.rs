@@ -1,4 +1,4 @@
-//! What the pixels of a frame show, for those who perturb the road alone, or the vehicles.
+//! What the pixels of a frame show and how far away it is, for those who perturb the road alone, the vehicles, or what is far.
 
 use pdk_sdk::prelude::FrameMut;
 
@@ -36,7 +36,7 @@ impl Label {
     }
 }
 
-/// What pictures of upright things are drawn into: a frame, or the labels of one.
+/// What pictures of upright things are drawn into: a frame, or the labels or distances of one.
 pub trait Canvas {
     /// Draws a picture of something, or of a shadow, which is nothing of its own.
     fn paint(&mut self, picture: &Sprite, at: Placement, label: Option<Label>);
@@ -65,6 +65,29 @@ impl Canvas for Labels<'_> {
         picture.covered(width, height, &at, |x, y, cover| {
             if cover >= 0.5 {
                 self.pixels[y * width + x] = label.number();
+            }
+        });
+    }
+}
+
+/// The distances of a frame along the optical axis in metres, row by row.
+pub struct Distances<'a> {
+    /// One for each pixel.
+    pub pixels: &'a mut [f32],
+    /// Pixels in a row.
+    pub width: usize,
+}
+
+impl Canvas for Distances<'_> {
+    /// As for labels: a shadow lies on the ground and leaves its distance as it is.
+    fn paint(&mut self, picture: &Sprite, at: Placement, label: Option<Label>) {
+        if label.is_none() {
+            return;
+        }
+        let (width, height) = (self.width, self.pixels.len() / self.width);
+        picture.covered(width, height, &at, |x, y, cover| {
+            if cover >= 0.5 {
+                self.pixels[y * width + x] = at.depth;
             }
         });
     }

@@ -12,7 +12,7 @@ use pdk_sdk::prelude::{Frame, FrameMut, Random};
 use crate::artwork;
 use crate::camera::Projection;
 use crate::ground::{Ground, GroundRow, Room};
-use crate::labels::{Canvas, Label, Labels};
+use crate::labels::{Canvas, Distances, Label, Labels};
 use crate::profile::Profile;
 use crate::scene::{Object, ObjectKind, Scene};
 use crate::section::{Markings, Section};
@@ -181,6 +181,19 @@ impl Renderer {
         self.draw_things(world, &view, pose, &mut labels);
     }
 
+    /// Says how far away the pixels of the frame are that was drawn last, of the same world and pose, row by row.
+    pub fn depth(&mut self, world: World<'_, impl Iterator<Item = Seen>>, pose: Pose, into: &mut [f32]) {
+        let view = view(world.scene, pose);
+        for (row, distances) in self.rows.iter().zip(into.chunks_exact_mut(self.width)) {
+            distances.fill(match row {
+                Row::Sky(_) => f32::INFINITY,
+                Row::Ground(strip) => strip.depth(&self.projection),
+            });
+        }
+        let mut distances = Distances { pixels: into, width: self.width };
+        self.draw_things(world, &view, pose, &mut distances);
+    }
+
     /// The same operations in the same order, compiled for AVX2: the same bytes, faster.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
@@ -287,6 +300,7 @@ impl Renderer {
             left: (x - width / 2.0) as f32,
             top: (foot - tall) as f32,
             size: [width as f32, tall as f32],
+            depth: (self.projection.focal / scale) as f32,
             // Things come into sight gradually.
             opacity: ((FARTHEST_OBJECT - ahead) / 40.0).min(1.0) as f32,
             tint: [0, 1, 2].map(|c| tint[c] * ambient[c]),

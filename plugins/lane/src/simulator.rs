@@ -167,6 +167,19 @@ impl Component for Lane {
     }
 }
 
+impl Lane {
+    /// Whether there is room for one value a pixel.
+    fn check_room(&self, given: usize, what: &str) -> Result<()> {
+        let pixels = self.camera.width as usize * self.camera.height as usize;
+        match given == pixels {
+            true => Ok(()),
+            false => Err(Error::new(format!(
+                "it was given room for {given} {what}, but its frames have {pixels} pixels"
+            ))),
+        }
+    }
+}
+
 #[cfg(test)]
 impl Lane {
     /// The point of the driven lane so many metres ahead of the vehicle.
@@ -219,14 +232,15 @@ impl Simulator for Lane {
 
     fn labels(&mut self, into: &mut [u8]) -> Result<()> {
         let drive = self.drive.as_ref().ok_or_else(not_started)?;
-        let pixels = self.camera.width as usize * self.camera.height as usize;
-        if into.len() != pixels {
-            return Err(Error::new(format!(
-                "it was given room for {} labels, but its frames have {pixels} pixels",
-                into.len()
-            )));
-        }
+        self.check_room(into.len(), "labels")?;
         self.renderer.label(drive.world(self.camera.rate), drive.pose(), into);
+        Ok(())
+    }
+
+    fn depth(&mut self, into: &mut [f32]) -> Result<()> {
+        let drive = self.drive.as_ref().ok_or_else(not_started)?;
+        self.check_room(into.len(), "distances")?;
+        self.renderer.depth(drive.world(self.camera.rate), drive.pose(), into);
         Ok(())
     }
 

@@ -28,6 +28,8 @@ pub struct Placement {
     pub top: f32,
     /// Width and height.
     pub size: [f32; 2],
+    /// How far away it is along the optical axis, in metres.
+    pub depth: f32,
     /// Opacity, 0 to 1.
     pub opacity: f32,
     /// What the picture's colours are multiplied with.

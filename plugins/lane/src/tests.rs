@@ -496,16 +496,46 @@ fn labels_say_what_the_pixels_show() {
     let at = |x: usize, y: usize| names[usize::from(labels[y * width + x])].as_str();
     assert_eq!(at(width / 2, 0), "sky");
     assert!(["road", "marking"].contains(&at(width / 2, height - 1)));
-    // What is green is no asphalt, and asphalt is grey.
-    for (at, label) in labels.iter().enumerate() {
+    // Grass is green and asphalt is grey, but for the pixels that show some of both.
+    let near = labels.iter().enumerate().filter(|(at, _)| at / width > height * 3 / 4);
+    let road: Vec<_> = near.filter(|(_, label)| names[usize::from(**label)] == "road").collect();
+    let grey = road.iter().filter(|(at, _)| {
         let [red, green, blue] = frame.as_ref().pixel(at % width, at / width).map(i32::from);
-        if at / width > height * 3 / 4 && names[usize::from(*label)] == "road" {
-            assert!((green - red).abs() < 40 && (green - blue).abs() < 40, "{at}: {red} {green} {blue}");
-        }
-    }
+        (green - red).abs() < 40 && (green - blue).abs() < 40
+    });
+    assert!(grey.count() * 100 > road.len() * 98, "{}", road.len());
     // To ask for labels changes nothing.
     let mut again = FrameBuf::new(width, height);
     assert_eq!(simulator.frame(again.as_mut()).unwrap(), state);
     assert!(again == frame);
     assert!(simulator.labels(&mut [0; 3]).unwrap_err().message().contains("room for 3 labels"));
+}
+
+#[test]
+fn distances_are_those_of_the_camera() {
+    let parameters = json!({"vehicle_ahead": 12, "oncoming": 0});
+    let mut simulator = lane_with(parameters).unwrap();
+    let (width, height) = (simulator.camera().width as usize, simulator.camera().height as usize);
+    simulator.reset(&scenario(Value::Null, 3), 0).unwrap();
+    let mut frame = FrameBuf::new(width, height);
+    simulator.frame(frame.as_mut()).unwrap();
+    let (mut labels, mut depth) = (vec![0; width * height], vec![0.0; width * height]);
+    simulator.labels(&mut labels).unwrap();
+    simulator.depth(&mut depth).unwrap();
+    let names = simulator.label_names();
+    let of = |name: &str| -> Vec<f32> {
+        let shown = |label: u8| names[usize::from(label)] == name;
+        depth.iter().zip(&labels).filter(|(_, label)| shown(**label)).map(|(depth, _)| *depth).collect()
+    };
+    assert!(of("sky").iter().all(|depth| *depth == f32::INFINITY));
+    // The vehicle's rear is 12 m ahead of the bumper, and its other end a vehicle's length farther.
+    let vehicle = of("vehicle");
+    assert!(!vehicle.is_empty() && vehicle.iter().all(|depth| (11.0..22.0).contains(depth)), "{vehicle:?}");
+    // On flat ground a row's distance follows from the camera alone: height over the tangent of the row's angle.
+    let road = of("road");
+    let nearest = road.iter().copied().fold(f32::INFINITY, f32::min);
+    assert!((1.0..6.0).contains(&nearest), "{nearest}");
+    let column: Vec<f32> = (height * 2 / 3..height).map(|y| depth[y * width + width / 2]).collect();
+    assert!(column.is_sorted_by(|far, near| far > near), "{column:?}");
+    assert!(simulator.depth(&mut [0.0; 3]).unwrap_err().message().contains("room for 3 distances"));
 }

@@ -57,6 +57,16 @@ pub mod status {
     }
 }
 
+/// What a simulator can be asked for besides frames; a simulator leaves out what it does not know.
+pub mod annotation {
+    crate::declare::numbers! {
+        /// What each pixel shows.
+        pub const LABELS = 1;
+        /// How far away it is.
+        pub const DEPTH = 2;
+    }
+}
+
 /// The kinds of components. A host says of a kind that it does not know that it leaves it out.
 pub mod kind {
     crate::declare::numbers! {

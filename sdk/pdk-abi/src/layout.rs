@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use crate::{VERSION, fixed, header, map_flag, sized, state_flag};
+use crate::{VERSION, annotation, fixed, header, map_flag, sized, state_flag};
 
 /// The variable that has the layout recorded.
 const RECORD: &str = "PDK_BLESS";
@@ -61,6 +61,7 @@ fn present() -> Layout {
         ("kind", fixed::kind::ALL),
         ("state_flag", state_flag::ALL),
         ("map_flag", map_flag::ALL),
+        ("annotation", annotation::ALL),
     ] {
         let lines = numbers.iter().map(|(name, number)| format!("{number} {name}"));
         layout.insert(format!("numbers {name}"), lines.collect());

@@ -26,7 +26,7 @@ mod layout;
 mod prefix;
 mod sized;
 
-pub use fixed::{Status, Text, kind, status};
+pub use fixed::{Status, Text, annotation, kind, status};
 pub use header::Header;
 pub use prefix::{Prefix, empty, load, store};
 pub use sized::{

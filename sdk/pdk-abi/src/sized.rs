@@ -209,6 +209,20 @@ sized! {
             length: usize,
             error: *const Sink,
         ) -> Status>,
+        /// Says before a scenario what will be asked for besides frames: numbers of [`annotation`](crate::annotation), added up.
+        pub annotate: Option<unsafe extern "C" fn(
+            object: *mut c_void,
+            annotations: u64,
+            error: *const Sink,
+        ) -> Status>,
+        /// Writes for each pixel of the frame that was rendered last its distance along the optical axis in metres, row by row;
+        /// infinite for the sky.
+        pub depth: Option<unsafe extern "C" fn(
+            object: *mut c_void,
+            into: *mut f32,
+            length: usize,
+            error: *const Sink,
+        ) -> Status>,
     }
 
     /// What a driver knows besides the frame.

@@ -42,6 +42,11 @@ impl Picture {
         }
     }
 
+    /// Red, green and blue, row by row.
+    pub fn pixels(&self) -> &[u8] {
+        &self.pixels
+    }
+
     /// Writes it to a frame of the loop.
     ///
     /// # Errors

@@ -26,6 +26,12 @@ pub struct Selection {
     /// What a simulator's own labels say that a pixel shows, such as `road`: one or several of its names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub label: Vec<String>,
+    /// What is at most so many metres away, as the simulator says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nearer: Option<f64>,
+    /// What is at least so many metres away, as the simulator says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub farther: Option<f64>,
     /// A mask, which says itself how much of each pixel is perturbed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<ComponentSpec>,
@@ -79,6 +85,8 @@ pub enum Choice {
     Labelled,
     /// What a mask says.
     Masked,
+    /// What is between these distances in metres.
+    Between(f64, f64),
 }
 
 /// The largest number of pixels for `close` and `soft`.
@@ -104,14 +112,20 @@ impl Selection {
         let selection: Self = serde_json::from_value(Value::Object(table)).map_err(|_| wrong(FORM))?;
         let choices = [selection.top, selection.bottom, selection.random, selection.above];
         let shares = [selection.top, selection.bottom, selection.random].into_iter().flatten();
-        let by_content = usize::from(!selection.label.is_empty()) + usize::from(selection.mask.is_some());
+        let distances: Vec<_> = selection.farther.into_iter().chain(selection.nearer).collect();
+        let by_content = [!selection.label.is_empty(), selection.mask.is_some(), !distances.is_empty()];
+        let by_content = by_content.into_iter().filter(|given| *given).count();
         let by_map = [selection.top, selection.bottom, selection.above].iter().flatten().count() == 1;
         let mistake = if choices.iter().flatten().count() + by_content != 1 {
-            "it has to have one of top, bottom, random, above, label and mask"
+            "it has to have one of top, bottom, random, above, label, mask and a distance (nearer, farther or both)"
         } else if shares.into_iter().any(|share| !(0.0..=100.0).contains(&share)) {
             "its share has to be from 0 to 100 percent"
         } else if selection.above.is_some_and(|above| !(0.0..=1.0).contains(&above)) {
             "what it is above has to be from 0 to 1"
+        } else if distances.iter().any(|distance| !(0.0..=1e6).contains(distance)) {
+            "its distances have to be from 0 to 1,000,000 metres"
+        } else if !distances.is_sorted() {
+            "nothing is both farther and nearer than these"
         } else if by_map != selection.by.is_some() {
             if selection.by.is_some() {
                 return Err(wrong("`by` goes with top, bottom and above alone"));
@@ -140,6 +154,9 @@ impl Selection {
             (_, _, Some(share), _) => Choice::Random(share / 100.0),
             (.., Some(above)) => Choice::Above(above),
             _ if self.mask.is_some() => Choice::Masked,
+            _ if self.nearer.is_some() || self.farther.is_some() => {
+                Choice::Between(self.farther.unwrap_or(0.0), self.nearer.unwrap_or(f64::INFINITY))
+            }
             _ => Choice::Labelled,
         }
     }
@@ -160,8 +177,8 @@ pub(crate) fn component(kind: &str, key: &str, value: &Value) -> Result<Componen
 }
 
 /// How a selection is written.
-const FORM: &str = "has to be { top = 20, by = \"METHOD,model=FILE.onnx\" }, with bottom or above in place of top; { random = 20 }, { label = \"road\" } \
-                    or { mask = \"MASK\" }; and every or change, follow, close, smallest and soft where they are wanted";
+const FORM: &str = "has to be { top = 20, by = \"METHOD,model=FILE.onnx\" }, with bottom or above in place of top; { random = 20 }, { label = \"road\" }, \
+                    { farther = 20, nearer = 60 } or { mask = \"MASK\" }; and every or change, follow, close, smallest and soft where they are wanted";
 
 #[cfg(test)]
 mod tests {
@@ -188,7 +205,11 @@ mod tests {
         assert_eq!(read(json!({"label": ["road", "sky"]})).label.len(), 2);
         let masked = read(json!({"mask": "segmentation,model=a.onnx,classes=7"}));
         assert_eq!(masked.choice(), Choice::Masked);
-        for selection in [road, masked] {
+        let between = read(json!({"farther": 5, "nearer": 30.5}));
+        assert_eq!(between.choice(), Choice::Between(5.0, 30.5));
+        assert_eq!(read(json!({"farther": 5})).choice(), Choice::Between(5.0, f64::INFINITY));
+        assert_eq!(read(json!({"nearer": 0})).choice(), Choice::Between(0.0, 0.0));
+        for selection in [road, masked, between] {
             assert_eq!(read(serde_json::to_value(&selection).unwrap()), selection);
         }
     }
@@ -200,13 +221,16 @@ mod tests {
         assert!(error(json!({"left": 3})).contains("has to be { top = 20"));
         assert!(
             error(json!({"top": 3, "bottom": 3, "by": "rise"}))
-                .contains("one of top, bottom, random, above, label and mask")
+                .contains("one of top, bottom, random, above, label, mask")
         );
         assert!(error(json!({"top": 101, "by": "rise"})).contains("0 to 100 percent"));
         assert!(error(json!({"above": 2, "by": "rise"})).contains("from 0 to 1"));
         assert!(error(json!({"top": 10})).contains("by which saliency method"));
         assert!(error(json!({"label": []})).contains("one of top"));
         assert!(error(json!({"label": "road", "by": "rise"})).contains("`by` goes with"));
+        assert!(error(json!({"nearer": 5, "label": "road"})).contains("one of top"));
+        assert!(error(json!({"nearer": 5, "farther": 6})).contains("both farther and nearer"));
+        assert!(error(json!({"nearer": -5})).contains("0 to 1,000,000 metres"));
         assert!(error(json!({"random": 10, "every": 0})).contains("every 0 frames"));
         assert!(error(json!({"random": 10, "every": 2, "change": 3})).contains("either for `every`"));
         assert!(error(json!({"random": 10, "follow": true})).contains("nothing to follow"));

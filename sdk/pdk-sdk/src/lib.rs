@@ -74,6 +74,6 @@ pub mod prelude {
     pub use crate::perturbation::{Context, EarlierMaps, Perturbation};
     pub use crate::saliency::{HeatmapMut, MapContext, Saliency};
     pub use crate::search::{Candidate, Evaluated, Problem, Range, Search, Space, Variable};
-    pub use crate::simulator::{Camera, Scenario, Simulator, State};
+    pub use crate::simulator::{Annotations, Camera, Scenario, Simulator, State};
     pub use pdk_ops::{Frame, FrameBuf, FrameMut, Key, Random};
 }

@@ -6,7 +6,16 @@ pub use pdk_model::state::State;
 use pdk_ops::FrameMut;
 
 use crate::driver::Control;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
+
+/// What a simulator is asked for besides frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Annotations {
+    /// [`labels`](Simulator::labels).
+    pub labels: bool,
+    /// [`depth`](Simulator::depth).
+    pub depth: bool,
+}
 
 /// Renders what the ego vehicle's camera sees and moves the vehicle.
 ///
@@ -54,6 +63,12 @@ pub trait Simulator: Send {
         Vec::new()
     }
 
+    /// Says which annotations will be asked for in the scenarios that follow, before [`reset`](Simulator::reset): a simulator that
+    /// needs a sensor of its own for them has time to make one. Where nothing is said, none are asked for.
+    fn annotate(&mut self, annotations: Annotations) {
+        let _ = annotations;
+    }
+
     /// What the simulator can tell apart in its frames, 256 at most; empty where it labels nothing. Where it fits, the names are
     /// `sky`, `road`, `marking`, `vehicle`, `pedestrian`, `vegetation`, `building` and `ground`, so that users find the same ones
     /// everywhere. They do not change while the instance lives.
@@ -70,4 +85,22 @@ pub trait Simulator: Send {
         let _ = into;
         Err(Error::new("it does not label its frames"))
     }
+
+    /// Writes for each pixel of the frame that was rendered last how far away it is along the optical axis, in metres, row by row;
+    /// infinite for the sky. It is called behind [`frame`](Simulator::frame) where somebody needs it.
+    ///
+    /// # Errors
+    /// Where the simulator does not know depths, or fails.
+    fn depth(&mut self, into: &mut [f32]) -> Result<()> {
+        let _ = into;
+        Err(no_depth())
+    }
+}
+
+/// What is said of a simulator that does not know depths.
+pub(crate) fn no_depth() -> Error {
+    Error::of(
+        ErrorKind::Configuration,
+        "it does not tell how far away pixels are, which `nearer` and `farther` need; use a simulator that does, such as `lane`",
+    )
 }

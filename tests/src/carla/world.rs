@@ -90,6 +90,7 @@ pub(super) struct World {
     pub(super) town: String,
     drive: Option<Drive>,
     pub(super) calls: Vec<String>,
+    pub(super) spawned: Vec<String>,
     pub(super) subscribers: Vec<(u32, TcpStream)>,
     pub(super) connections: Vec<TcpStream>,
     pub(super) hanging: bool,
@@ -161,6 +162,7 @@ impl World {
             town: "Town01".to_owned(),
             drive: None,
             calls: Vec::new(),
+            spawned: Vec::new(),
             subscribers: Vec::new(),
             connections: Vec::new(),
             hanging: false,
@@ -380,6 +382,8 @@ impl World {
         array([
             definition(1, "vehicle.tesla.model3", vec![attribute("color", 4, "180,180,180"), role()]),
             definition(2, "sensor.camera.rgb", camera()),
+            definition(4, "sensor.camera.semantic_segmentation", camera()),
+            definition(5, "sensor.camera.depth", camera()),
             definition(3, "sensor.other.collision", vec![role()]),
         ])
     }
@@ -402,6 +406,7 @@ impl World {
             rotation: vector(at(place, 1)),
             velocity: [0.0; 3],
         };
+        self.spawned.push(actor.kind.clone());
         self.actors.insert(id, actor);
         self.told(id)
     }
@@ -487,6 +492,10 @@ impl World {
                         self.push(stream, &message);
                     }
                 }
+                "sensor.camera.semantic_segmentation" | "sensor.camera.depth" => {
+                    let message = self.annotated(&actor);
+                    self.push(stream, &message);
+                }
                 "sensor.other.collision"
                     if self.drive.as_ref().is_some_and(|drive| drive.state.collision) =>
                 {
@@ -543,6 +552,38 @@ impl World {
         bytes
     }
 
+    /// What the pixels show, as a tag in red, or how far away it is, in all colours.
+    fn annotated(&mut self, actor: &Actor) -> Vec<u8> {
+        let mut bytes = self.header(14);
+        let number = |name: &str| actor.attributes[name].parse::<f64>().unwrap();
+        let size = [number("image_size_x") as usize, number("image_size_y") as usize];
+        let pixels = size[0] * size[1];
+        size.iter().for_each(|length| bytes.extend((*length as u32).to_le_bytes()));
+        bytes.extend((number("fov") as f32).to_le_bytes());
+        let Some(drive) = &mut self.drive else {
+            bytes.resize(bytes.len() + 4 * pixels, 0);
+            return bytes;
+        };
+        if actor.kind == "sensor.camera.depth" {
+            let mut depth = vec![0.0; pixels];
+            drive.simulator.depth(&mut depth).unwrap();
+            let largest = f64::from((1 << 24) - 1);
+            let colours =
+                depth.iter().map(|metres| (f64::from(metres / 1000.0).min(1.0) * largest).round() as u32);
+            // In memory blue comes first, and red has the lowest bits.
+            bytes.extend(
+                colours.flat_map(|number| [(number >> 16) as u8, (number >> 8) as u8, number as u8, 255]),
+            );
+        } else {
+            let names = drive.simulator.label_names();
+            let mut labels = vec![0; pixels];
+            drive.simulator.labels(&mut labels).unwrap();
+            let tags: Vec<u8> = names.iter().map(|name| tag(name, self.setup.version)).collect();
+            bytes.extend(labels.iter().flat_map(|label| [0, 0, tags[usize::from(*label)], 255]));
+        }
+        bytes
+    }
+
     fn push(&mut self, stream: u32, message: &[u8]) {
         let whole = [&(message.len() as u32).to_le_bytes()[..], message].concat();
         self.send(stream, &whole);
@@ -551,6 +592,22 @@ impl World {
     fn send(&mut self, stream: u32, bytes: &[u8]) {
         self.subscribers.retain_mut(|(id, socket)| *id != stream || socket.write_all(bytes).is_ok());
     }
+}
+
+/// CARLA's tag for what the embedded simulator calls by this name.
+fn tag(name: &str, version: &str) -> u8 {
+    let [until_0_9_13, since] = match name {
+        "sky" => [13, 11],
+        "ground" => [22, 10],
+        "road" => [7, 1],
+        "marking" => [6, 24],
+        "vehicle" => [10, 14],
+        "vegetation" => [9, 9],
+        "building" => [1, 3],
+        "post" => [5, 6],
+        other => panic!("CARLA has no tag for {other}"),
+    };
+    if version == "0.9.13" { until_0_9_13 } else { since }
 }
 
 /// The lane without what the document has behind the road of the scenario.

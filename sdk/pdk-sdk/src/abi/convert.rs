@@ -1,12 +1,14 @@
 //! Values of the SDK as they cross the boundary, and back.
 
-use pdk_abi::{Prefix, Sink, State as RawState, Status, Text, empty, load, map_flag, state_flag, status};
+use pdk_abi::{
+    Prefix, Sink, State as RawState, Status, Text, annotation, empty, load, map_flag, state_flag, status,
+};
 use pdk_ops::{Frame, FrameMut, Key};
 
 use crate::driver::{Control, DriveContext};
 use crate::error::{Error, ErrorKind, Result};
 use crate::saliency::MapContext;
-use crate::simulator::{Camera, State};
+use crate::simulator::{Annotations, Camera, State};
 
 /// What a call returns for each kind of error.
 const STATUSES: [(ErrorKind, u64); ErrorKind::ALL.len()] = [
@@ -108,6 +110,19 @@ pub(super) unsafe fn target<'a>(from: *const pdk_abi::FrameMut) -> Result<FrameM
 pub(super) unsafe fn slice_mut<'a, V>(data: *mut V, length: usize) -> &'a mut [V] {
     // SAFETY: the caller's promise.
     if data.is_null() { &mut [] } else { unsafe { std::slice::from_raw_parts_mut(data, length) } }
+}
+
+/// What a simulator is asked for, as it crosses.
+pub(super) fn annotations(annotations: Annotations) -> u64 {
+    [(annotations.labels, annotation::LABELS), (annotations.depth, annotation::DEPTH)]
+        .into_iter()
+        .filter_map(|(wanted, number)| wanted.then_some(number))
+        .sum()
+}
+
+/// What a simulator is asked for; what is not known here is left out.
+pub(super) fn read_annotations(numbers: u64) -> Annotations {
+    Annotations { labels: numbers & annotation::LABELS != 0, depth: numbers & annotation::DEPTH != 0 }
 }
 
 /// What a saliency method knows, as it crosses.

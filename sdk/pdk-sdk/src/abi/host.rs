@@ -15,7 +15,7 @@ use crate::mask::Mask;
 use crate::perturbation::{Context, Perturbation};
 use crate::saliency::{HeatmapMut, MapContext, Saliency};
 use crate::search::{Candidate, Evaluated, Problem, Search};
-use crate::simulator::{Camera, Scenario, Simulator, State};
+use crate::simulator::{Annotations, Camera, Scenario, Simulator, State, no_depth};
 
 /// The functions of a plugin.
 #[derive(Clone, Copy)]
@@ -288,6 +288,8 @@ struct HostSimulator {
     /// None in a plugin of an SDK that did not have it yet.
     info: Option<unsafe extern "C" fn(*mut c_void, *const Sink, *const Sink) -> Status>,
     labels: Option<LabelFunction>,
+    annotate: Option<unsafe extern "C" fn(*mut c_void, u64, *const Sink) -> Status>,
+    depth: Option<unsafe extern "C" fn(*mut c_void, *mut f32, usize, *const Sink) -> Status>,
     label_names: Vec<String>,
     camera: Camera,
     waypoints: Vec<[f64; 3]>,
@@ -328,6 +330,8 @@ impl HostSimulator {
             calls: RefCell::new(calls),
             info: table.info,
             labels: table.labels,
+            annotate: table.annotate,
+            depth: table.depth,
             label_names,
             camera,
             waypoints: Vec::new(),
@@ -403,7 +407,22 @@ impl Simulator for HostSimulator {
         let labels = needed(self.labels, "labels")?;
         // SAFETY: everything lives through the call.
         call(|error| unsafe {
-            labels(self.calls.borrow_mut().object.pointer, into.as_mut_ptr(), into.len(), error)
+            labels(self.calls.get_mut().object.pointer, into.as_mut_ptr(), into.len(), error)
+        })
+    }
+
+    fn annotate(&mut self, annotations: Annotations) {
+        let Some(annotate) = self.annotate else { return };
+        let annotations = convert::annotations(annotations);
+        // SAFETY: everything lives through the call. What a simulator does not take, it refuses when it is asked for it.
+        let _ = call(|error| unsafe { annotate(self.calls.get_mut().object.pointer, annotations, error) });
+    }
+
+    fn depth(&mut self, into: &mut [f32]) -> Result<()> {
+        let Some(depth) = self.depth else { return Err(no_depth()) };
+        // SAFETY: everything lives through the call.
+        call(|error| unsafe {
+            depth(self.calls.get_mut().object.pointer, into.as_mut_ptr(), into.len(), error)
         })
     }
 }

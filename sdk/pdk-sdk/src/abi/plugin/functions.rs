@@ -52,7 +52,7 @@ macro_rules! registrations {
 
 registrations! {
     perturbations: Perturbation, PERTURBATION, PerturbationFunctions { apply };
-    simulators: Simulator, SIMULATOR, SimulatorFunctions { camera, reset, frame, act, waypoints, info, label_names, labels };
+    simulators: Simulator, SIMULATOR, SimulatorFunctions { camera, reset, frame, act, waypoints, info, label_names, labels, annotate, depth };
     drivers: Driver, DRIVER, DriverFunctions { reset, drive, info };
     saliencies: Saliency, SALIENCY, SaliencyFunctions { map_size, map };
     masks: Mask, MASK, MaskFunctions { weights };
@@ -157,6 +157,13 @@ functions! { simulators: Simulator;
     }
     fn labels(component, _, into: *mut u8, length: usize) {
         component.labels(convert::slice_mut(into, length))
+    }
+    fn annotate(component, _, annotations: u64) {
+        component.annotate(convert::read_annotations(annotations));
+        Ok(())
+    }
+    fn depth(component, _, into: *mut f32, length: usize) {
+        component.depth(convert::slice_mut(into, length))
     }
 }
 
