@@ -226,8 +226,8 @@ def content(image):
     return found
 
 
-def train(images, steps, seed, until=None, likeness=1.0, structure=2.0, crop=112, margin=16, show=None):
-    """A painter with all styles, from pictures as (count, 3, height, width) of bytes; `until` ends the training early."""
+def train(images, steps, seed, likeness=1.0, structure=2.0, crop=112, margin=16, show=None):
+    """A painter with all styles, from pictures as (count, 3, height, width) of bytes."""
     torch.manual_seed(seed)
     random = torch.Generator().manual_seed(seed)
     count = len(STYLES)
@@ -239,7 +239,7 @@ def train(images, steps, seed, until=None, likeness=1.0, structure=2.0, crop=112
     optimiser = torch.optim.Adam(painter.parameters(), rate, (0.9, 0.99))
     everything = torch.arange(count)
     sums, began = torch.zeros(2), time.process_time()
-    for step in range(until or steps):
+    for step in range(steps):
         painter.exact = step >= 0.8 * steps
         optimiser.param_groups[0]["lr"] = rate * min(1, (step + 1) / 50, 1.5 * (1 - step / steps) + 0.02)
         found = []

@@ -67,7 +67,7 @@ def main():
             export(painter, arguments.out / f"{name}.onnx", HEIGHT, WIDTH)
     if arguments.only in (None, "artistic"):
         show = watcher(arguments.pictures, "artistic", shown, len(styles.STYLES))
-        painter = styles.train(torch.cat([day, overcast, dusk[::2]]), 800, SEED, until=400, show=show)
+        painter = styles.train(torch.cat([day, overcast, dusk[::2]]), 800, SEED, show=show)
         export(painter, arguments.out / "artistic.onnx", HEIGHT, WIDTH, tuple(styles.STYLES))
 
 
