@@ -69,7 +69,7 @@ painters! {
         "Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020";
     Rainy: "rainy", "46ba8d284b04dbfa88670b49929e37a37d654c116e3bb61e2c404facb33830f6", "Repaints a dry day as a rainy one, with thick air and a wet road, by a network",
         "Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020";
-    Artistic: "artistic", "6139599c0de00071bb96ec5c0aa9a79d6e7236c3b873648707d59a84a21a4ea9", "Repaints the frame in one of six styles of art, by a network",
+    Artistic: "artistic", "98caf1702b6a576bb006ce9adc85a9a90a9b4e91ca9c4eb886a8d010f8ad7be3", "Repaints the frame in one of six styles of art, by a network",
         "Dumoulin et al., A Learned Representation for Artistic Style, 2017", STYLES;
 }
 

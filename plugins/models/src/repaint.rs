@@ -111,6 +111,28 @@ pub fn laying(description: Description) -> Description {
         )
 }
 
+impl Perturbation for Repaint {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let [width, height] = self.network.size;
+        match self.overlap.filter(|_| src.width() > width || src.height() > height) {
+            Some(overlap) if src.width() >= width && src.height() >= height => {
+                self.paint_tiles(src, overlap)?
+            }
+            _ => self.paint_whole(src)?,
+        }
+        let strength = cx.number("strength");
+        for y in 0..src.height() {
+            let painted = self.painted.as_ref();
+            let pairs = src.row(y).iter().zip(painted.row(y));
+            for ((from, to), into) in pairs.zip(dst.row_mut(y)) {
+                let value = f64::from(*from) + (f64::from(*to) - f64::from(*from)) * strength;
+                *into = (value + 0.5) as u8;
+            }
+        }
+        Ok(())
+    }
+}
+
 impl Repaint {
     /// Repaints with a network.
     ///
@@ -141,31 +163,7 @@ impl Repaint {
             range,
         })
     }
-}
 
-impl Perturbation for Repaint {
-    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let [width, height] = self.network.size;
-        match self.overlap.filter(|_| src.width() > width || src.height() > height) {
-            Some(overlap) if src.width() >= width && src.height() >= height => {
-                self.paint_tiles(src, overlap)?
-            }
-            _ => self.paint_whole(src)?,
-        }
-        let strength = cx.number("strength");
-        for y in 0..src.height() {
-            let painted = self.painted.as_ref();
-            let pairs = src.row(y).iter().zip(painted.row(y));
-            for ((from, to), into) in pairs.zip(dst.row_mut(y)) {
-                let value = f64::from(*from) + (f64::from(*to) - f64::from(*from)) * strength;
-                *into = (value + 0.5) as u8;
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Repaint {
     /// Brings the frame to the network's size, and the result back.
     fn paint_whole(&mut self, src: Frame<'_>) -> Result<()> {
         let [width, height] = self.network.size;

@@ -10,8 +10,7 @@ Its shape is that of the networks of Johnson et al., "Perceptual Losses for Real
 that halve the size, residual blocks, two that double it, as nearest neighbours and a convolution, which leaves no checkerboard
 (Odena et al., "Deconvolution and Checkerboard Artifacts", 2016). What each half saw goes on to its counterpart, so that edges stay
 where they are. With several styles each layer has a factor and an offset a channel for each of them, and its weights are shared
-(Dumoulin et al., "A Learned Representation for Artistic Style", 2017), but for the last two, which are small. Its residual blocks then see a canvas too, random numbers that
-are the same for every picture: strokes have to begin somewhere, also on a plain road, and stay there from frame to frame.
+(Dumoulin et al., "A Learned Representation for Artistic Style", 2017), but for the last two, which are small.
 """
 
 import math
@@ -28,7 +27,6 @@ LARGEST = 1023 * STEP  # activation
 FACTOR_STEP = 1 / 64  # between two factors of a style
 MANTISSA = 2.0**24
 OPSET = 17
-CANVAS = 2  # random numbers for every four by four pixels
 
 
 def snapped(values, step):
@@ -77,14 +75,6 @@ class Layer(nn.Module):
         return y
 
 
-def canvas(height, width, random, count=1):
-    """Random numbers for pictures of a size in pixels, as activations: (count, 2, height / 4, width / 4)."""
-    numbers = torch.rand((count, CANVAS, height // 4 + 2, width // 4 + 2), generator=random)
-    # Neighbours are alike, so that strokes are wider than a place.
-    numbers = 0.5 + 1.5 * (functional.avg_pool2d(numbers, 3, 1) - 0.5)
-    return torch.round(numbers.clamp(0, 1) * 512) * STEP
-
-
 def rectified(x):
     return x.clamp(0, LARGEST)
 
@@ -103,7 +93,7 @@ class Painter(nn.Module):
         ])
         self.blocks = nn.ModuleList([
             nn.ModuleList([
-                Layer(2 * width + (CANVAS if styles else 0), 2 * width, 3, 1, styles),
+                Layer(2 * width, 2 * width, 3, 1, styles),
                 Layer(2 * width, 2 * width, 3, 1, styles, 0.3),
             ])
             for _ in range(blocks)
@@ -117,21 +107,19 @@ class Painter(nn.Module):
             self.paint.bias += 2
         self.exact = False
 
-    def features(self, image, style=None, ground=None):
+    def features(self, image, style=None):
         """What the first half sees, in three sizes, and the image as it takes it."""
         x = image / 64 - 2
         first = rectified(self.down[0](x, style, self.exact))
         second = rectified(self.down[1](first, style, self.exact))
         h = second
         for inner, outer in self.blocks:
-            seen = h if ground is None else torch.cat([h, ground], 1)
-            h = rectified(h + outer(rectified(inner(seen, style, self.exact)), style, self.exact))
+            h = rectified(h + outer(rectified(inner(h, style, self.exact)), style, self.exact))
         return x, first, second, h
 
-    def forward(self, image, style=None, ground=None):
-        """An image of 0 to 255 as (batch, 3, height, width), both multiples of four; with styles, the number of one for each and
-        a canvas."""
-        x, first, _, h = self.features(image, style, ground)
+    def forward(self, image, style=None):
+        """An image of 0 to 255 as (batch, 3, height, width), both multiples of four; with styles, the number of one for each."""
+        x, first, _, h = self.features(image, style)
         h = rectified(first + self.up(doubled(h), style, self.exact))
         h = rectified(self.detail(torch.cat([doubled(h), x], 1), style, self.exact))
         y = self.paint(torch.cat([h, x], 1), style, self.exact)
@@ -187,20 +175,18 @@ class Exporter:
     def doubled(self, x, name):
         return self.node("Resize", [x, "", "double"], name, mode="nearest", coordinate_transformation_mode="asymmetric", nearest_mode="floor")
 
-    def model(self, height, width, styles=(), ground=None):
+    def model(self, height, width, styles=()):
         painter = self.painter
         for name, values in [("zero", np.float32(0)), ("largest", np.float32(1023)), ("white", np.float32(255)),
                              ("grey", np.float32(128)), ("quarter", np.float32(0.25)), ("double", np.float32([1, 1, 2, 2]))]:
             self.constant(name, values)
         if styles:
             self.constant("style", np.int64(0))
-            self.constant("canvas", (ground / STEP).numpy().astype(np.float32))
         x = self.node("Sub", ["image", "grey"], "centred")
         first = self.rectified(self.layer(painter.down[0], x, "down_1", 3), "down_1.out")
         h = self.rectified(self.layer(painter.down[1], first, "down_2"), "down_2.out")
         for number, (inner, outer) in enumerate(painter.blocks, 1):
-            seen = self.node("Concat", [h, "canvas"], f"block_{number}.in", axis=1) if styles else h
-            inside = self.rectified(self.layer(inner, seen, f"block_{number}.inner"), f"block_{number}.between")
+            inside = self.rectified(self.layer(inner, h, f"block_{number}.inner"), f"block_{number}.between")
             outside = self.layer(outer, inside, f"block_{number}.outer")
             h = self.rectified(self.node("Add", [h, outside], f"block_{number}.sum"), f"block_{number}.out")
         h = self.layer(painter.up, self.doubled(h, "up.doubled"), "up")
@@ -231,18 +217,16 @@ def export(painter, path, height, width, styles=()):
     painter = painter.double()
     random = torch.Generator().manual_seed(1)
     image = torch.randint(0, 256, (1, 3, 32, 64), generator=random)
-    ground = canvas(height, width, random) if styles else None
-    corner = ground[:, :, :8, :16] if styles else None
     for style in range(max(len(styles), 1)):
-        small = Exporter(painter).model(32, 64, styles, corner)
+        small = Exporter(painter).model(32, 64, styles)
         for tensor in small.graph.initializer:
             if tensor.name == "style":
                 tensor.CopyFrom(numpy_helper.from_array(np.array(style, np.int64), "style"))
         found = ReferenceEvaluator(small).run(None, {"image": image.numpy().astype(np.float32)})[0]
         with torch.no_grad():
-            expected = painter(image.double(), torch.tensor([style]) if styles else None, corner).numpy()
+            expected = painter(image.double(), torch.tensor([style]) if styles else None).numpy()
         if not np.array_equal(found, expected):
             raise SystemExit(f"{path}: the file paints other pictures than the network, by up to {np.abs(found - expected).max()}")
-    onnx.save(Exporter(painter).model(height, width, styles, ground), path)
+    onnx.save(Exporter(painter).model(height, width, styles), path)
     parameters = sum(p.numel() for p in painter.parameters())
     print(f"{path}: {path.stat().st_size / 1e3:.0f} kB, {parameters} parameters", flush=True)

@@ -20,7 +20,7 @@ from PIL import Image
 import scenes
 import styles
 import weather
-from painter import canvas, export
+from painter import export
 
 HEIGHT, WIDTH = 160, 320
 SEED = 1
@@ -34,14 +34,8 @@ def watcher(folder, name, images, count=1):
 
     def show(painter, step):
         exact, painter.exact = painter.exact, True
-        painted = []
-        for style in range(count):
-            given = ()
-            if count > 1:
-                ground = canvas(*images.shape[2:], torch.Generator().manual_seed(SEED))
-                given = (torch.full((len(images),), style), ground.expand(len(images), -1, -1, -1))
-            with torch.no_grad():
-                painted.append(painter(images.float(), *given))
+        with torch.no_grad():
+            painted = [painter(images.float(), torch.full((len(images),), style) if count > 1 else None) for style in range(count)]
         painter.exact = exact
         rows = [torch.cat(list(row), 2) for row in [images, *painted]]
         pixels = torch.cat(rows, 1).round().to(torch.uint8).permute(1, 2, 0)
@@ -73,7 +67,7 @@ def main():
             export(painter, arguments.out / f"{name}.onnx", HEIGHT, WIDTH)
     if arguments.only in (None, "artistic"):
         show = watcher(arguments.pictures, "artistic", shown, len(styles.STYLES))
-        painter = styles.train(torch.cat([day, overcast, dusk[::2]]), 1000, SEED, show=show)
+        painter = styles.train(torch.cat([day, overcast, dusk[::2]]), 800, SEED, show=show)
         export(painter, arguments.out / "artistic.onnx", HEIGHT, WIDTH, tuple(styles.STYLES))
 
 
