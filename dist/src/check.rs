@@ -12,7 +12,7 @@ use pdk_model::error::{Error, Place, Result};
 use serde_json::Value;
 
 use crate::Profile;
-use crate::compile::GLIBC;
+use crate::compile::{DRIVER_LIBRARY, GLIBC};
 use crate::project::{Project, output};
 use crate::tree::{EXECUTABLE, LIBRARIES};
 
@@ -46,7 +46,7 @@ pub fn run(project: &Project, tree: &Path, profile: Profile) -> Result<String> {
 fn files(project: &Project, tree: &Path) -> Vec<PathBuf> {
     let library = |name: &str| tree.join(LIBRARIES).join(format!("lib{}.so", name.replace('-', "_")));
     let libraries = project.plugins().into_iter().map(|plugin| library(&plugin.name));
-    [tree.join(EXECUTABLE)].into_iter().chain(libraries).collect()
+    [tree.join(EXECUTABLE), tree.join("lib").join(DRIVER_LIBRARY)].into_iter().chain(libraries).collect()
 }
 
 /// Asks pdk itself, in an environment without anything of the user's.

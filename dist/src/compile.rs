@@ -15,12 +15,17 @@ use crate::project::{EXECUTABLE, Project, TARGET, output, succeed};
 /// The glibc of Debian 10, Ubuntu 18.10 and RHEL 8.
 pub const GLIBC: &str = "2.28";
 
+/// The library for drivers in C and C++, as the linker looks for it.
+pub const DRIVER_LIBRARY: &str = "libpdkdriver.so";
+
 /// What was compiled.
 pub struct Compiled {
     /// The executable.
     pub executable: PathBuf,
     /// The libraries with the built-in components.
     pub libraries: Vec<PathBuf>,
+    /// The library for drivers in C and C++.
+    pub driver_library: PathBuf,
 }
 
 /// Compiles everything.
@@ -41,7 +46,7 @@ pub fn run(project: &Project, profile: Profile) -> Result<Compiled> {
         Profile::Dist => {
             require_tools()?;
             command.args(["zigbuild", "--profile", "dist", "--target", &format!("{TARGET}.{GLIBC}")]);
-            command.args(["--package", EXECUTABLE]);
+            command.args(["--package", EXECUTABLE, "--package", "pdk-driver-c"]);
             for plugin in project.plugins() {
                 command.args(["--package", plugin.name.as_str()]);
             }
@@ -51,7 +56,11 @@ pub fn run(project: &Project, profile: Profile) -> Result<Compiled> {
     succeed(&mut command)?;
     let library = |name: &str| folder.join(format!("lib{}.so", name.replace('-', "_")));
     let libraries = project.plugins().iter().map(|plugin| library(&plugin.name)).collect();
-    Ok(Compiled { executable: folder.join(EXECUTABLE), libraries })
+    Ok(Compiled {
+        executable: folder.join(EXECUTABLE),
+        libraries,
+        driver_library: folder.join(DRIVER_LIBRARY),
+    })
 }
 
 /// Makes sure that everything is there before the first file is compiled.

@@ -3,6 +3,7 @@
 //! ```text
 //! bin/pdk
 //! lib/pdk/                             the libraries with the built-in components
+//! lib/libpdkdriver.so                  drivers in C and C++, with include/pdk_driver.h
 //! share/pdk/sdk/                       the SDK's source, and the Lua types in sdk/lua
 //! share/doc/pdk/                       licences, changes, the worker protocol, the recipe of the networks
 //! share/man/man1/
@@ -16,7 +17,7 @@ use std::process::Command;
 
 use pdk_model::error::{Place, Result};
 
-use crate::compile::Compiled;
+use crate::compile::{Compiled, DRIVER_LIBRARY};
 use crate::project::{Project, output, succeed};
 use crate::{Profile, licences, sdk};
 
@@ -24,6 +25,9 @@ use crate::{Profile, licences, sdk};
 pub const EXECUTABLE: &str = "bin/pdk";
 /// The folder of the libraries.
 pub const LIBRARIES: &str = "lib/pdk";
+
+/// What a driver in C or C++ includes, in the workspace.
+const DRIVER_HEADER: &str = "sdk/pdk-driver-c/include/pdk_driver.h";
 
 /// Completions by shell, and where each looks for them.
 const COMPLETIONS: [(&str, &str); 3] = [
@@ -56,6 +60,8 @@ pub fn lay_out(project: &Project, compiled: &Compiled, profile: Profile) -> Resu
     for library in &compiled.libraries {
         put(library, &tree.join(LIBRARIES).join(library.file_name().unwrap_or_default()), 0o644)?;
     }
+    put(&compiled.driver_library, &tree.join("lib").join(DRIVER_LIBRARY), 0o644)?;
+    put(&project.root().join(DRIVER_HEADER), &tree.join("include/pdk_driver.h"), 0o644)?;
     sdk::copy(project.root(), &tree.join("share/pdk/sdk"))?;
     let documents = tree.join("share/doc/pdk");
     for (from, to) in DOCUMENTS {

@@ -1,4 +1,5 @@
-//! What the adapters add to a frame, at 320x240: from a control to the picture that follows it, less the time that the simulator takes.
+//! What the adapters add to a frame, at 320x240: from a control to the picture that follows it, less the time that the simulator takes;
+//! and what the way to a driver in another process and back takes.
 //!
 //! ```sh
 //! cargo build --release && cargo bench -p pdk-tests --bench adapters
@@ -12,6 +13,8 @@
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
@@ -28,6 +31,7 @@ use pdk_sdk::prelude::*;
 use pdk_tests::carla::{CarlaServer, Setup};
 use pdk_tests::pictures;
 use pdk_tests::stand_in::free_ports;
+use pdk_tests::{repository, target_folder, temp};
 use serde_json::{Value, json};
 use tungstenite::Message;
 
@@ -136,6 +140,69 @@ fn measure(registry: &Registry, what: &str, parameters: Value, mut own: impl FnM
     println!("{what:<28} median {:.3} ms, 99 % {:.3} ms", milliseconds(0.5), milliseconds(0.99));
 }
 
+/// A driver that answers without looking.
+const ANSWER_PYTHON: &str = "import pdk_driver\npdk_driver.serve(lambda frame, context: (0.0, 0.2))\n";
+const ANSWER_CPP: &str = r#"
+#include "pdk_driver.h"
+int main() {
+    pdk_driver *driver = pdk_driver_open(nullptr);
+    pdk_frame frame;
+    while (driver != nullptr && pdk_driver_next(driver, &frame) == 1 && pdk_driver_answer(driver, 0.0, 0.2) == 1) {}
+    pdk_driver_close(driver);
+}
+"#;
+
+/// The commands of drivers in other processes, as far as this machine has what they need.
+fn external_drivers(folder: &Path) -> Vec<(&'static str, Value)> {
+    let mut found = Vec::new();
+    let works = |command: &mut Command| command.status().is_ok_and(|status| status.success());
+    if works(Command::new("python3").args(["-c", "import iceoryx2, numpy"]).stderr(Stdio::null())) {
+        let script = folder.join("answer.py");
+        std::fs::write(&script, ANSWER_PYTHON).unwrap();
+        let path = format!("PYTHONPATH={}", repository().join("sdk/python").display());
+        found.push(("a driver in Python", json!(["env", path, "python3", script])));
+    } else {
+        println!("a driver in Python: not measured, since python3 has no iceoryx2 and numpy");
+    }
+    let (source, program) = (folder.join("answer.cpp"), folder.join("answer"));
+    std::fs::write(&source, ANSWER_CPP).unwrap();
+    let mut compile = Command::new("c++");
+    compile.arg("-O2").arg("-I").arg(repository().join("sdk/pdk-driver-c/include")).arg(&source);
+    compile.arg("-L").arg(target_folder()).arg("-lpdkdriver");
+    compile.arg(format!("-Wl,-rpath,{}", target_folder().display())).arg("-o").arg(&program);
+    match works(&mut compile) {
+        true => found.push(("a driver in C++", json!([program]))),
+        false => println!("a driver in C++: not measured, since c++ cannot compile it"),
+    }
+    found
+}
+
+/// Asks a driver in another process, and prints what the way to it and back takes.
+fn measure_driver(registry: &Registry, what: &str, command: &Value) {
+    let values = json!({"command": command, "start_seconds": 40}).as_object().unwrap().clone();
+    let (mut driver, _) = registry.driver("process", &values).unwrap();
+    let frame = FrameBuf::new(WIDTH as usize, HEIGHT as usize);
+    driver.reset().unwrap();
+    let mut took = Vec::with_capacity(FRAMES);
+    for frame_index in 0..FRAMES as u64 {
+        let cx = DriveContext { frame_index, time: frame_index as f64 / 20.0, speed: 8.0 };
+        let began = Instant::now();
+        driver.drive(frame.as_ref(), &cx).unwrap();
+        took.push(began.elapsed());
+    }
+    // The first frame waits for the program.
+    took.remove(0);
+    let total: Duration = took.iter().sum();
+    took.sort();
+    let microseconds = |share: f64| took[((took.len() - 1) as f64 * share) as usize].as_secs_f64() * 1e6;
+    println!(
+        "{what:<28} median {:.0} us, 99 % {:.0} us, {:.0} frames a second",
+        microseconds(0.5),
+        microseconds(0.99),
+        took.len() as f64 / total.as_secs_f64()
+    );
+}
+
 fn main() {
     let search = SearchPath::default();
     let registry = Registry::discover(&search, Box::new(LuaScripts::new(&search))).unwrap();
@@ -161,4 +228,10 @@ fn main() {
     let server = CarlaServer::start(Setup::default());
     let parameters = json!({"name": "carla", "port": server.port(), "width": WIDTH, "height": HEIGHT});
     measure(&registry, "carla", parameters, || server.own_time());
+
+    println!("from a frame of {WIDTH}x{HEIGHT} to the answer of a driver in another process:");
+    let folder = temp();
+    for (what, command) in external_drivers(folder.path()) {
+        measure_driver(&registry, what, &command);
+    }
 }

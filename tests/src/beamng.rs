@@ -16,7 +16,7 @@ use pdk_sdk::prelude::{Control, FrameBuf, Scenario, Simulator, State};
 use rmpv::Value;
 use serde_json::json;
 
-use crate::stand_in::free_ports;
+use crate::stand_in::{self, free_ports};
 
 /// What a game does at some step, counted from the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -100,8 +100,8 @@ impl BeamNgGame {
     /// Where its ports are taken.
     pub fn start(setup: Setup) -> Self {
         let port = free_ports(2);
-        let engine = TcpListener::bind(("127.0.0.1", port)).unwrap();
-        let vehicle = TcpListener::bind(("127.0.0.1", port + 1)).unwrap();
+        let engine = stand_in::listen(port);
+        let vehicle = stand_in::listen(port + 1);
         let world = World {
             setup,
             port,

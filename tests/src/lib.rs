@@ -11,6 +11,7 @@ pub mod datasets;
 pub mod installation;
 pub mod onnx;
 pub mod pictures;
+pub mod pixels;
 pub mod process;
 pub mod processes;
 pub mod random;

@@ -83,3 +83,73 @@ pub fn mirror(path: &Path, height: u64, width: u64) {
     let model = [number(1, 8), bytes(7, &graph), bytes(8, &number(2, 17))].concat();
     std::fs::write(path, model).unwrap();
 }
+
+/// A small network with a convolution, and what is unusual about it.
+#[derive(Debug, Clone, Copy)]
+pub struct Convolution<'a> {
+    /// The version of the operator set.
+    pub opset: u64,
+    /// Batch, channels, height and width of the image: numbers, or names of what is left open.
+    pub image: [&'a str; 4],
+    /// The type of the image: 1 for 32-bit floats, 10 for 16-bit ones.
+    pub element: u64,
+    /// Whether two rows are cut off above by a negative Pad.
+    pub cut: bool,
+    /// Whether nothing has an influence on the output.
+    pub indifferent: bool,
+}
+
+impl Default for Convolution<'_> {
+    fn default() -> Self {
+        Self { opset: 17, image: ["1", "3", "16", "32"], element: 1, cut: false, indifferent: false }
+    }
+}
+
+impl Convolution<'_> {
+    /// Writes the network: a convolution of 3 x 3 over an image of 16 x 32 pixels, Relu, steering and throttle.
+    ///
+    /// # Panics
+    /// Where it cannot be written.
+    pub fn write(&self, path: &Path) {
+        let floats = |name: &str, shape: &[u64], factor: f32| {
+            let count = shape.iter().product::<u64>();
+            let content: Vec<u8> =
+                (0..count).flat_map(|i| (((i * 7 % 23) as f32 - 11.0) * factor).to_le_bytes()).collect();
+            let shape: Vec<u8> = shape.iter().flat_map(|&length| number(1, length)).collect();
+            bytes(5, &[shape, number(2, 1), bytes(8, name.as_bytes()), bytes(9, &content)].concat())
+        };
+        let pads: Vec<u8> = [0, 0, -2, 0, 0, 0, 0, 0].into_iter().flat_map(i64::to_le_bytes).collect();
+        let pads = bytes(5, &[number(1, 8), number(2, 7), bytes(8, b"pads"), bytes(9, &pads)].concat());
+        let rows = if self.cut { 12 } else { 14 };
+        let (from, cut) = match self.cut {
+            true => ("cut", bytes(1, &node("Pad", ["image", "pads"], "cut"))),
+            false => ("image", Vec::new()),
+        };
+        let influence = if self.indifferent { 0.0 } else { 0.0001 };
+        let shape: Vec<u8> = self
+            .image
+            .iter()
+            .flat_map(|side| match side.parse() {
+                Ok(length) => bytes(1, &number(1, length)),
+                Err(_) => bytes(1, &bytes(2, side.as_bytes())),
+            })
+            .collect();
+        let tensor = [number(1, self.element), bytes(2, &shape)].concat();
+        let graph = [
+            cut,
+            bytes(1, &node("Conv", [from, "kernel"], "convolved")),
+            bytes(1, &node("Relu", ["convolved", ""], "lit")),
+            bytes(1, &node("Flatten", ["lit", ""], "flat")),
+            bytes(1, &node("MatMul", ["flat", "weights"], "control")),
+            bytes(2, b"convolution"),
+            floats("kernel", &[4, 3, 3, 3], 0.01),
+            floats("weights", &[4 * rows * 30, 2], influence),
+            if self.cut { pads } else { Vec::new() },
+            bytes(11, &[bytes(1, b"image"), bytes(2, &bytes(1, &tensor))].concat()),
+            bytes(12, &value("control", &[1, 2])),
+        ]
+        .concat();
+        let model = [number(1, 8), bytes(7, &graph), bytes(8, &number(2, self.opset))].concat();
+        std::fs::write(path, model).unwrap();
+    }
+}

@@ -4,6 +4,7 @@ use std::net::TcpListener;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU16, Ordering};
+use std::time::{Duration, Instant};
 
 use crate::built;
 
@@ -55,4 +56,19 @@ pub fn free_ports(count: u16) -> u16 {
         }
     }
     panic!("no free ports");
+}
+
+/// Listens at a port of [`free_ports`]. A process that another test is just starting may have it open until it runs its program.
+///
+/// # Panics
+/// Where the port stays taken.
+pub fn listen(port: u16) -> TcpListener {
+    let began = Instant::now();
+    loop {
+        match TcpListener::bind(("127.0.0.1", port)) {
+            Ok(listener) => return listener,
+            Err(error) => assert!(began.elapsed() < Duration::from_secs(5), "port {port}: {error}"),
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
 }

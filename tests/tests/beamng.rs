@@ -82,7 +82,7 @@ fn what_goes_wrong_is_said() {
         (Fault::Half, "lost", "closed the connection in the middle"),
         // It still hangs when it is connected to again.
         (Fault::Hang, "late", "within 3 s"),
-        (Fault::Garbage, "nonsense", "no MessagePack map"),
+        (Fault::Garbage, "nonsense", "not a MessagePack map"),
         (Fault::Huge, "nonsense", "a message of more than"),
     ] {
         let game = BeamNgGame::start(Setup { fault: Some((fault, 12)), ..Setup::default() });

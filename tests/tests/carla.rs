@@ -12,7 +12,7 @@ use pdk_tests::carla::{CarlaServer, Fault, Setup};
 use pdk_tests::process::{json_file, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, ended_within, signal};
 use pdk_tests::stand_in::free_ports;
-use pdk_tests::{Finished, Pdk, repository, temp};
+use pdk_tests::{Finished, Pdk, pixels, repository, temp};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
@@ -114,41 +114,40 @@ fn labels_and_distances_have_cameras_where_they_are_needed() {
         local settings = pdk.settings({ simulator = "carla" })
         local scenarios = {}
         for name, where in { plain = {}, road = { label = { "road", "marking" } }, far = { farther = 20 }, wrong = { label = "rode" } } do
-            local noise = { name = "gaussian_noise", level = 4, where = where }
+            local inverted = { name = "false_color_filter", level = 3, where = where }
             table.insert(scenarios, {
                 name = name,
                 seed = 5,
                 road = { angles = { 0, 5, -5, 0 } },
-                perturbations = if name == "plain" then {} else { noise },
+                perturbations = if name == "plain" then {} else { inverted },
             })
         end
         table.sort(scenarios, function(a, b) return a.name < b.name end)
         pdk.drive({ simulator = settings.simulator, driver = "lane_keeper", duration = 0.5, scenarios = scenarios })
     "#;
-    let run = |simulator: &str| {
+    for version in ["0.9.13", "0.9.16"] {
         let folder = temp();
-        let source = pipeline(folder.path(), MASKED);
+        let server = CarlaServer::start(Setup { version, ..Setup::default() });
         let finished = Pdk::new(["run", "--out"])
             .arg(folder.path().join("record"))
-            .arg(source)
-            .set("simulator", simulator)
+            .arg(pipeline(folder.path(), MASKED))
+            .set("simulator", simulator(server.port(), json!({})))
             .set("workers", 1)
             .run();
-        (outcomes(folder.path()), finished)
-    };
-    let embedded = json!({"name": "lane", "width": 80, "height": 60, "initial_speed": 8, "oncoming": 0});
-    let (expected, _) = run(&embedded.to_string());
-    for version in ["0.9.13", "0.9.16"] {
-        let server = CarlaServer::start(Setup { version, seed: 5, ..Setup::default() });
-        let (found, finished) = run(&simulator(server.port(), json!({})));
-        for (expected, found) in expected.iter().zip(&found) {
-            // The digest is that of all frames as the driver saw them, and of what it made of them.
-            for field in ["name", "cause", "digest"] {
-                assert_eq!(found[field], expected[field], "{version}: {expected}\n{found}\n{finished:?}");
-            }
-        }
+        let found = outcomes(folder.path());
+        let causes: Vec<_> = found.iter().map(|outcome| outcome["cause"].as_str().unwrap()).collect();
+        assert_eq!(causes, ["time_out", "time_out", "time_out", "error"], "{version}: {finished:?}");
         let error = found[3]["error"].to_string();
         assert!(error.contains("has no label `rode`; it has `other`, `road`, `sidewalk`"), "{error}");
+        // The sky, and the asphalt in front of the vehicle, of 60 rows.
+        let [far, plain, road] = [0, 1, 2].map(|scenario| {
+            let trace = format!("record/traces/{}.mcap", found[scenario]["id"].as_str().unwrap());
+            let changes = pixels::changes(&folder.path().join(trace));
+            [0..10, 50..60].map(|rows| pixels::changed(&changes, rows))
+        });
+        assert!(far[0] > 0.5 && far[1] == 0.0, "{version}: {far:?}");
+        assert_eq!(plain, [0.0, 0.0], "{version}");
+        assert!(road[0] == 0.0 && road[1] > 0.5, "{version}: {road:?}");
         let count = |kind: &str| server.spawned().iter().filter(|spawned| *spawned == kind).count();
         let cameras = ["sensor.camera.rgb", "sensor.camera.semantic_segmentation", "sensor.camera.depth"];
         assert_eq!(cameras.map(count), [4, 2, 1], "{version}");
@@ -376,7 +375,7 @@ fn one_that_is_no_server_of_these_versions_is_said() {
 
     // Something that answers otherwise, and something that does not answer.
     for (what, said, part) in [
-        ("another program", &b"HTTP/1.1 400 Bad Request\r\n\r\n"[..], "what is no MessagePack-RPC"),
+        ("another program", &b"HTTP/1.1 400 Bad Request\r\n\r\n"[..], "what is not MessagePack-RPC"),
         ("silence", b"", "has not answered `version` within 5 s"),
     ] {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -415,7 +414,7 @@ fn a_server_that_breaks_in_mid_scenario_is_said() {
         (Fault::Hang, &["late"], "has not"),
         (Fault::HalfAnswer, &["lost"], "closed the connection"),
         (Fault::HalfFrame, &["late"], "has not sent a camera frame"),
-        (Fault::Garbage, &["nonsense"], "no MessagePack-RPC"),
+        (Fault::Garbage, &["nonsense"], "not MessagePack-RPC"),
         (Fault::Huge, &["nonsense"], "more than"),
         (Fault::HugeFrame, &["nonsense"], "a message of 100000000 bytes as a camera frame"),
         (Fault::Steps, &["nonsense"], "another client of CARLA steps the same server"),

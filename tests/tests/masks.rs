@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use pdk_tests::process::json_lines;
-use pdk_tests::{Pdk, pictures, temp};
+use pdk_tests::{Pdk, pictures, pixels, temp};
 
 /// Which pixels of an image a perturbation changes, row by row.
 fn changed(folder: &Path, with: &str) -> Vec<bool> {
@@ -79,6 +79,32 @@ fn the_labels_of_the_simulator_limit_a_perturbation() {
     let line = &json_lines(&out.join("scenarios.jsonl"))[0];
     let error = line["error"].as_str().unwrap();
     assert!(error.contains("the simulator has no label `moon`; it has `sky`, `ground`, `road`"), "{error}");
+}
+
+#[test]
+fn distances_limit_a_perturbation() {
+    let folder = temp();
+    let changes = |name: &str, distances: &str| {
+        let (out, source) = (folder.path().join(name), folder.path().join(format!("{name}.lua")));
+        let text = format!(
+            r#"pdk.drive({{ simulator = {{ name = "lane", width = 160, height = 80, oncoming = 0 }}, driver = "lane_keeper", duration = 0.2,
+                images_every = 1,
+                scenarios = {{ {{ perturbations = {{ {{ name = "false_color_filter", level = 3, where = {distances} }} }} }} }} }})"#
+        );
+        fs::write(&source, text).unwrap();
+        Pdk::new(["run", "--out"]).arg(&out).arg(&source).succeed();
+        let traces: Vec<_> = fs::read_dir(out.join("traces")).unwrap().collect();
+        pixels::changes(&traces[0].as_ref().unwrap().path())
+    };
+    // The camera stands 1.35 m high: the lowest rows are some metres away, and the sky is farther than anything.
+    let far = changes("far", "{ farther = 30 }");
+    let near = changes("near", "{ nearer = 15 }");
+    let between = changes("between", "{ farther = 4, nearer = 15 }");
+    let shares = |changes: &_| [0..10, 40..55, 78..80].map(|rows| pixels::changed(changes, rows));
+    let [far, near, between] = [&far, &near, &between].map(shares);
+    assert!(far[0] > 0.5 && far[1..] == [0.0, 0.0], "{far:?}");
+    assert!(near[0] == 0.0 && near[1] > 0.5 && near[2] > 0.5, "{near:?}");
+    assert!(between[0] == 0.0 && between[1] > 0.3 && between[2] < 0.1, "{between:?}");
 }
 
 #[test]

@@ -275,7 +275,7 @@ fn whatever_is_done_to_the_process_does_not_reach_the_next_scenario() {
         "which signals are blocked",
         "how floating-point numbers are rounded",
     ] {
-        let said = format!("pdk: warning: a component changed {changed}, 3 times");
+        let said = format!("pdk: warning: a component changed {changed}, which was put back, 3 times");
         assert!(stderr.contains(&said), "no `{said}`: {}", last_lines(&stderr));
     }
     assert!(

@@ -307,7 +307,7 @@ fn a_pipeline_has_the_statistics_of_the_report() {
 fn attention_compares_where_it_matters_with_where_it_does_not() {
     let folder = temp();
     let out = folder.path().join("attention");
-    let run = |out: &Path| tiny("attention.lua", out).set("roads", 2).set("duration", 20).set("levels", "4");
+    let run = |out: &Path| tiny("attention.lua", out).set("roads", 2).set("duration", 40).set("levels", "4");
     run(&out)
         .set("drivers", r#"["dave2"]"#)
         .set("perturbations", "[\"gaussian_noise\"]")
@@ -327,7 +327,7 @@ fn attention_compares_where_it_matters_with_where_it_does_not() {
         assert_eq!(entry["conditions"][condition]["failures"], failures);
         for line in named {
             let where_ = &line["scenario"]["perturbations"][0]["where"];
-            assert_eq!(where_[condition], 20, "{line}");
+            assert_eq!(where_[condition], 20.0, "{line}");
             assert_eq!(
                 where_["by"]["parameters"]["model"].as_str(),
                 (condition != "random").then_some("dave2")

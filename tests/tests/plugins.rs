@@ -218,13 +218,13 @@ fn who_hangs_or_ends_the_process_is_named_and_the_run_goes_on() {
         (
             "hang_in_apply",
             "late",
-            "has not come back for 0.4 s (the limit is raised with --set patience=SECONDS)",
+            "has not come back for 2 s (the limit is raised with --set patience=SECONDS)",
         ),
         ("exit_in_apply", "lost", "ended the process with exit code 0 (a component has to return an error"),
         ("segfault_in_apply", "lost", "was ended by signal 11 (SIGSEGV, memory that it may not use)"),
         ("abort_in_apply", "lost", "was ended by signal 6 (SIGABRT, it aborted)"),
     ] {
-        let run = three_scenarios("perturbation", how, &[("perturbation.at", "7"), ("patience", "0.4")]);
+        let run = three_scenarios("perturbation", how, &[("perturbation.at", "7"), ("patience", "2")]);
         let who = format!("in `apply` at frame 7 {said}");
         says(&run, 1, &["1 of 3 scenarios", "scenario 1 `second`: perturbation `misbehave@0", &who]);
         assert_eq!(causes(&run), ["finished", "error", "finished"], "{how}");
@@ -238,7 +238,7 @@ fn who_hangs_or_ends_the_process_is_named_and_the_run_goes_on() {
     for (who, how) in
         [("driver", "exit_in_drive"), ("simulator", "hang_in_frame"), ("simulator", "exit_in_act")]
     {
-        let run = three_scenarios(who, how, &[("patience", "0.4")]);
+        let run = three_scenarios(who, how, &[("patience", "2")]);
         let function = how.split_once("_in_").unwrap().1;
         says(&run, 1, &["3 of 3 scenarios", &format!("{who} `misbehave` in `{function}` at frame 0 ")]);
         assert_eq!(causes(&run), ["error"; 3], "{who} {how}");

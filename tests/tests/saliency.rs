@@ -5,6 +5,7 @@
 
 use std::path::Path;
 
+use pdk_tests::onnx::Convolution;
 use pdk_tests::{Pdk, datasets, pictures, temp};
 
 /// Height, width and numbers of a file for NumPy.
@@ -111,7 +112,55 @@ fn mistakes_are_sentences() {
     saliency("nobody", &[]).fail(1, &["nobody"]);
     let damaged = dir.path().join("damaged.onnx");
     std::fs::write(&damaged, b"no network").unwrap();
-    Pdk::new(["show"]).arg(&damaged).fail(1, &["the file is no ONNX model"]);
+    Pdk::new(["show"]).arg(&damaged).fail(1, &["the file is not an ONNX model"]);
+}
+
+/// Each is a sentence or works, and none is a crash.
+#[test]
+fn unusual_networks_work_or_say_why_not() {
+    let dir = temp();
+    let image = dir.path().join("road.png");
+    pictures::write(&image, 64, 48);
+    let file = dir.path().join("network.onnx");
+    let saliency = || {
+        let driver = format!("onnx,backend=tract,model={}", file.display());
+        Pdk::new(["saliency"])
+            .arg(&image)
+            .args(["--with", "hirescam", "--with", "gradient", "--driver", &driver, "-o"])
+            .arg(dir.path().join("maps"))
+    };
+    let usual = Convolution::default();
+    for works in [
+        usual,
+        Convolution { opset: 7, ..usual },
+        Convolution { opset: 21, ..usual },
+        Convolution { image: ["N", "3", "16", "32"], ..usual },
+    ] {
+        works.write(&file);
+        let said = saliency().succeed().stderr;
+        assert!(!said.contains("warning"), "{works:?}: {said}");
+    }
+    Convolution { indifferent: true, ..usual }.write(&file);
+    let said = saliency().succeed().stderr;
+    assert_eq!(said.matches("is the same everywhere, so it marks nothing").count(), 2, "{said}");
+    for (refused, part) in [
+        (
+            Convolution { image: ["1", "3", "H", "W"], ..usual },
+            "(1, 3, H, W) without a fixed height and width",
+        ),
+        (Convolution { element: 10, ..usual }, "is FLOAT16, but has to be FLOAT (32 bit)"),
+        (Convolution { cut: true, ..usual }, "cannot compute the model; ONNX Runtime may be able to"),
+    ] {
+        refused.write(&file);
+        saliency().fail(1, &["saliency `hirescam`", part]);
+    }
+    usual.write(&file);
+    let whole = std::fs::read(&file).unwrap();
+    std::fs::write(&file, &whole[..whole.len() / 2]).unwrap();
+    saliency().fail(1, &["the file is not an ONNX model, or is damaged"]);
+    pdk_tests::onnx::pilot(&file, 3, 16, 32);
+    saliency()
+        .fail(1, &["it has no convolution whose cells have a place on the image", "a layer has to be named"]);
 }
 
 #[test]
@@ -166,4 +215,62 @@ fn a_perturbation_is_limited_to_what_a_map_marks() {
         .arg(&image)
         .args(["--with", r#"false_color_filter@3,where={"top":20}"#, "-o", "x.png"])
         .fail(1, &["perturbation `false_color_filter`", "by which saliency method"]);
+}
+
+/// A drive that fails, with a network and with a driver that is none.
+const FAILURE: &str = r#"
+    local settings = pdk.settings({ driver = "dave2" })
+    pdk.drive({
+        simulator = { name = "lane", width = 160, height = 80 }, driver = settings.driver, duration = 1, images_every = 10,
+        failure = { lane_departure = 0.001 },
+        scenarios = { { perturbations = { "gaussian_noise@4" } } },
+    })
+"#;
+
+#[test]
+fn heat_maps_stand_beside_the_frames_of_clips_and_reports() {
+    let folder = temp();
+    let source = folder.path().join("failure.lua");
+    std::fs::write(&source, FAILURE).unwrap();
+    let record = |driver: &str| {
+        let out = folder.path().join(if driver.starts_with('{') { "network" } else { "other" });
+        Pdk::new(["run", "--out"]).arg(&out).arg(&source).set("driver", driver).run();
+        assert!(out.join("scenarios.jsonl").exists());
+        out
+    };
+    let network = record(r#"{"name":"dave2","backend":"tract"}"#);
+    let page = |out: &Path, more: &[&str]| {
+        let said = Pdk::new(["report"]).arg(out).args(more).succeed();
+        (std::fs::read_to_string(out.join("report.html")).unwrap(), said.stderr)
+    };
+    let shown = "What its network looked at";
+    assert!(!page(&network, &[]).0.contains(shown));
+    let (text, warnings) = page(&network, &["--saliency"]);
+    assert!(text.contains(shown) && !warnings.contains("warning"), "{warnings}");
+    assert_eq!(text.matches(shown).count(), text.matches("What the driver saw at").count());
+    Pdk::new(["report", "--saliency=hirescan"]).arg(&network).fail(1, &["hirescan"]);
+
+    let clip = |name: &str, more: &[&str]| {
+        let path = folder.path().join(name);
+        Pdk::new(["replay", "--scenario", "0", "--clip"]).arg(&path).args(more).arg(&network).succeed();
+        let mut reader = pdk_video::Reader::open_file(&path).unwrap();
+        let (mut planes, mut frames) = (pdk_video::Yuv420::default(), 0);
+        while reader.next(&mut planes).unwrap() {
+            frames += 1;
+        }
+        (planes.width, frames)
+    };
+    let (two, three) = (clip("two.mp4", &[]), clip("three.mp4", &["--saliency=gradient"]));
+    assert_eq!(two.1, three.1);
+    assert!(three.0 > two.0 + 400, "{three:?} is not wider than {two:?}");
+    let alone = Pdk::new(["replay", "--saliency"]).arg(&network).run();
+    assert!(alone.code == Some(2) && alone.stderr.contains("--clip"), "{alone:?}");
+
+    let other = record("lane_keeper");
+    let (text, warnings) = page(&other, &["--saliency"]);
+    assert!(!text.contains(shown) && warnings.contains("`lane_keeper` is not a network"), "{warnings}");
+    Pdk::new(["replay", "--scenario", "0", "--saliency", "--clip", "x.mp4"])
+        .arg(&other)
+        .folder(folder.path())
+        .fail(1, &["`lane_keeper` is not a network"]);
 }

@@ -12,6 +12,7 @@
 //! | [`catalog`] | what there is, as plain data that can be sent to another process |
 //! | [`chain`] | the perturbations that a frame goes through, each with a key of its own; `mask` limits them to a region, `selection` to what a saliency map marks |
 //! | [`maps`] | the saliency maps of a sequence: when one is made, and how long it is used; `motion` moves it with the image |
+//! | [`view`] | what a driver's network looks at, as pictures |
 //! | [`moment`] | what is known of a frame besides its pixels |
 //! | [`modifiers`] | what every perturbation takes besides its own parameters |
 //! | [`calls`] | what this process is calling, told to the one that supervises it |
@@ -52,5 +53,6 @@ pub mod search_path;
 mod selection;
 pub mod suggest;
 pub mod supervisor;
+pub mod view;
 
 pub use description::check as check_description;

@@ -171,8 +171,8 @@ mod tests {
         assert_eq!(plugin(driver(|_| ())).skipped, Vec::<String>::new());
         assert_eq!(plugin(driver(|driver| driver["future"] = json!([]))).skipped, Vec::<String>::new());
         assert_eq!(
-            word(driver(|driver| driver["kind"] = json!("mask")), false),
-            "`pilot` is left out, because it is of the kind `mask`, which this pdk does not know"
+            word(driver(|driver| driver["kind"] = json!("referee")), false),
+            "`pilot` is left out, because it is of the kind `referee`, which this pdk does not know"
         );
         let unknown = driver(|driver| {
             driver["since"] = json!(2030);

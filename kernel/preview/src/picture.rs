@@ -4,7 +4,7 @@ use std::path::Path;
 
 use image::{Rgb, RgbImage, imageops};
 use pdk_sdk::error::{Error, Place, Result};
-use pdk_sdk::prelude::{Frame, FrameBuf};
+use pdk_sdk::prelude::FrameBuf;
 
 use crate::text::{self, LINE_HEIGHT};
 
@@ -38,24 +38,6 @@ pub fn to_image(frame: &FrameBuf) -> RgbImage {
 pub fn to_frame(image: RgbImage) -> Result<FrameBuf> {
     let (width, height) = (image.width() as usize, image.height() as usize);
     Ok(FrameBuf::from_vec(image.into_raw(), width, height)?)
-}
-
-/// The colours of a saliency map from 0 to 1: what matters is lit from blue over green to red.
-fn heat_color(value: f32) -> [f32; 3] {
-    let ramp = |middle: f32| (1.5 - (4.0 * value - middle).abs()).clamp(0.0, 1.0) * 255.0;
-    [ramp(3.0), ramp(2.0), ramp(1.0)]
-}
-
-/// A frame with a saliency map of its size laid over, through which it shows.
-pub fn heat(frame: Frame<'_>, values: &[f32]) -> FrameBuf {
-    let mut picture = FrameBuf::new(frame.width(), frame.height());
-    let mut view = picture.as_mut();
-    for (at, value) in values.iter().enumerate().take(frame.width() * frame.height()) {
-        let (x, y) = (at % frame.width(), at / frame.width());
-        let (lit, from) = (heat_color(*value), frame.pixel(x, y));
-        view.set_pixel(x, y, [0, 1, 2].map(|c| (f32::from(from[c]) * 0.5 + lit[c] * 0.5 + 0.5) as u8));
-    }
-    picture
 }
 
 /// A picture over another one of the same width.
@@ -146,13 +128,11 @@ mod tests {
     }
 
     #[test]
-    fn what_matters_most_is_red_and_what_does_not_is_blue() {
-        let frame = FrameBuf::new(3, 1);
-        let heat = heat(frame.as_ref(), &[0.0, 0.5, 1.0]);
-        let [least, middle, most] = [0, 1, 2].map(|x| heat.as_ref().pixel(x, 0));
-        assert!(least[2] > 50 && least[0] == 0 && most[0] > 50 && most[2] == 0 && middle[1] > 120);
-        let both = stacked(&to_image(&heat), &to_image(&frame));
-        assert_eq!((both.width(), both.height(), both.get_pixel(2, 1)), (3, 2, &Rgb([0; 3])));
+    fn a_picture_stands_over_another_one() {
+        let picture = |grey, height| RgbImage::from_pixel(3, height, Rgb([grey; 3]));
+        let both = stacked(&picture(9, 1), &picture(0, 1));
+        assert_eq!((both.width(), both.height()), (3, 2));
+        assert_eq!((both.get_pixel(2, 0), both.get_pixel(2, 1)), (&Rgb([9; 3]), &Rgb([0; 3])));
     }
 
     #[test]

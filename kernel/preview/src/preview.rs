@@ -6,16 +6,15 @@ use image::RgbImage;
 use indicatif::ProgressBar;
 use pdk_core::catalog::{Catalog, Entry};
 use pdk_core::chain::Chain;
-use pdk_core::maps;
 use pdk_core::moment::Moment;
 use pdk_core::registry::Registry;
+use pdk_core::view::View;
 use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind, LEVELS, Temporal};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{FrameBuf, Saliency};
-use pdk_sdk::seed;
+use pdk_sdk::prelude::FrameBuf;
 use serde_json::{Map, Value};
 
 use crate::picture::{self, Block};
@@ -38,28 +37,6 @@ pub struct Options {
     pub picture_width: u32,
     /// The saliency method whose maps stand below the pictures, where they are wanted.
     pub maps: Option<ComponentSpec>,
-}
-
-/// A saliency method that shows what a network looks at in a picture.
-struct View {
-    method: Box<dyn Saliency>,
-    label: String,
-}
-
-impl View {
-    fn new(registry: &Registry, by: &ComponentSpec) -> Result<Self> {
-        let (method, _) = registry.saliency(&by.name, &by.parameters)?;
-        Ok(Self { method, label: format!("saliency `{}`", by.name) })
-    }
-
-    /// The picture of a frame, with its map below.
-    fn below(&mut self, picture: &RgbImage, frame: &FrameBuf, seed: u64) -> Result<RgbImage> {
-        let key = seed::key(seed, "maps", 0);
-        let cx = maps::context(&Moment::new(0, MOMENT).alone(), &key);
-        let map = maps::map(&mut *self.method, &self.label, frame.as_ref(), &cx)?;
-        let heat = picture::heat(frame.as_ref(), &map);
-        Ok(picture::stacked(picture, &picture::scaled(&heat, picture.width())))
-    }
 }
 
 /// A perturbation that is shown, as the user names it.
@@ -169,7 +146,7 @@ pub fn rows(
     let mut rows: Vec<(usize, Result<Vec<RgbImage>>)> = std::thread::scope(|scope| {
         let work = || {
             let mut rows = Vec::new();
-            let mut view = options.maps.as_ref().map(|by| View::new(registry, by));
+            let mut view = options.maps.as_ref().map(|by| View::new(registry, by, options.seed));
             loop {
                 let index = next.fetch_add(1, Ordering::Relaxed);
                 let Some(shown) = chosen.get(index) else { return rows };
@@ -178,7 +155,10 @@ pub fn rows(
                     let picture = picture::scaled(&frame, options.picture_width);
                     match &mut view {
                         None => Ok(picture),
-                        Some(Ok(view)) => view.below(&picture, &frame, options.seed),
+                        Some(Ok(view)) => {
+                            let heat = view.picture(frame.as_ref(), &Moment::new(0, MOMENT).alone())?;
+                            Ok(picture::stacked(&picture, &picture::scaled(&heat, picture.width())))
+                        }
                         Some(Err(error)) => Err(Error::of(error.kind(), error.to_string())),
                     }
                 });

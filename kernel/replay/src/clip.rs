@@ -1,4 +1,5 @@
-//! Films a scenario: what the camera saw and what the driver saw side by side, and below it what the vehicle did.
+//! Films a scenario: what the camera saw and what the driver saw side by side, beside it what its network looked at where that was
+//! recorded, and below it what the vehicle did.
 
 use std::path::Path;
 
@@ -64,15 +65,15 @@ struct Layout {
     shown: (u32, u32),
     /// How many times it is enlarged; 0 where it is reduced.
     factor: u32,
-    /// Left edges of the two frames.
-    left: [u32; 2],
+    /// How many frames stand side by side.
+    panels: u32,
     /// Size of the video.
     size: (u32, u32),
 }
 
 impl Layout {
-    /// The layout for frames of this size.
-    fn new(width: u32, height: u32) -> Self {
+    /// The layout for so many frames of this size side by side.
+    fn new(width: u32, height: u32, panels: u32) -> Self {
         let (width, height) = (width.max(1), height.max(1));
         let (shown, factor) = if width > WIDEST || height > TALLEST {
             let scale = (f64::from(WIDEST) / f64::from(width)).min(f64::from(TALLEST) / f64::from(height));
@@ -81,12 +82,16 @@ impl Layout {
             let factor = NARROWEST.div_ceil(width).min(TALLEST / height).max(1);
             ((width * factor, height * factor), factor)
         };
-        let left = [MARGIN, 2 * MARGIN + shown.0];
         // The curves need room beside narrow frames.
-        let width = (3 * MARGIN + 2 * shown.0).max(2 * NARROWEST);
+        let width = (MARGIN + panels * (MARGIN + shown.0)).max(2 * NARROWEST);
         let height = HEADER + shown.1 + MARGIN + LINE_HEIGHT + Gauge::HEIGHT + MARGIN;
         // The encoder takes even sizes.
-        Self { shown, factor, left, size: (width.next_multiple_of(2), height.next_multiple_of(2)) }
+        Self { shown, factor, panels, size: (width.next_multiple_of(2), height.next_multiple_of(2)) }
+    }
+
+    /// The left edge of a frame.
+    fn left(&self, panel: u32) -> u32 {
+        MARGIN + panel * (MARGIN + self.shown.0)
     }
 
     /// The top of the text below the frames.
@@ -106,7 +111,8 @@ pub fn film(path: &Path, recorded: &Recorded, driven: &Driven, trace: &Path) -> 
         Error::new(format!("frame {} has no pictures in the trace {}", step.sequence, trace.display()))
     };
     let mut film: Option<Film> = None;
-    let (mut step, mut raw): (Option<Step>, Option<FrameBuf>) = (None, None);
+    let (mut step, mut raw, mut attention): (Option<Step>, Option<FrameBuf>, Option<FrameBuf>) =
+        (None, None, None);
     for entry in TraceReader::open(trace)? {
         match entry? {
             Entry::Step(next) => {
@@ -115,13 +121,16 @@ pub fn film(path: &Path, recorded: &Recorded, driven: &Driven, trace: &Path) -> 
                 }
             }
             Entry::Image(image) if image.topic == ImageTopic::Raw => raw = Some(image.decode()?),
+            Entry::Image(image) if image.topic == ImageTopic::Attention => attention = Some(image.decode()?),
             Entry::Image(image) => {
                 let (Some(step), Some(raw)) = (step.take(), raw.take()) else { continue };
+                let pictures: Vec<FrameBuf> =
+                    [raw, image.decode()?].into_iter().chain(attention.take()).collect();
                 if film.is_none() {
-                    film = Some(Film::start(path, recorded, driven, &steps, &raw)?);
+                    film = Some(Film::start(path, recorded, driven, &steps, &pictures)?);
                 }
                 if let Some(film) = &mut film {
-                    film.step(&step, raw.as_ref(), image.decode()?.as_ref())?;
+                    film.step(&step, &pictures)?;
                 }
             }
             Entry::Event(_) | Entry::Road(_) => {}
@@ -139,20 +148,24 @@ pub fn film(path: &Path, recorded: &Recorded, driven: &Driven, trace: &Path) -> 
 }
 
 impl Film {
-    /// Begins the video of a scenario with these steps, whose frames have the size of this one.
+    /// Begins the video of a scenario with these steps, whose frames stand side by side as these do.
     fn start(
         path: &Path,
         recorded: &Recorded,
         driven: &Driven,
         steps: &[Step],
-        frame: &FrameBuf,
+        pictures: &[FrameBuf],
     ) -> Result<Self> {
         let Driven { outcome, rate, .. } = driven;
-        let layout = Layout::new(frame.width() as u32, frame.height() as u32);
+        let (width, height) = (pictures[0].width() as u32, pictures[0].height() as u32);
+        let layout = Layout::new(width, height, pictures.len() as u32);
         let (width, height) = layout.size;
         let writer = Writer::create(path, width as usize, height as usize, *rate)?;
         let mut base = RgbImage::from_pixel(width, height, BACKGROUND);
-        draw_in(&mut base, layout.left[0], 4, "what the camera saw", INK);
+        draw_in(&mut base, layout.left(0), 4, "what the camera saw", INK);
+        if layout.panels > 2 {
+            draw_in(&mut base, layout.left(2), 4, "what its network looked at", INK);
+        }
         let largest = |value: fn(&Step) -> f64| steps.iter().map(value).fold(0.0, |a: f64, b| a.max(b.abs()));
         let speed = (largest(|step| step.state.speed) * 1.1).max(1.0);
         let error = (largest(|step| step.state.cross_track_error) * 1.1).max(0.5);
@@ -189,7 +202,7 @@ impl Film {
     }
 
     /// Adds a frame, and before it those that were skipped in real time: the one before stays.
-    fn step(&mut self, step: &Step, raw: Frame<'_>, perturbed: Frame<'_>) -> Result<()> {
+    fn step(&mut self, step: &Step, pictures: &[FrameBuf]) -> Result<()> {
         let Step { sequence, state, control, .. } = step;
         self.repeat_to(*sequence)?;
         let values = [control.steering, control.throttle, state.speed, state.cross_track_error];
@@ -199,10 +212,10 @@ impl Film {
         let seen = self.seen(state.time);
         let picture = &mut self.last;
         picture.copy_from_slice(&self.base);
-        for (left, frame) in self.layout.left.into_iter().zip([raw, perturbed]) {
-            self.layout.show(picture, left, frame);
+        for (panel, frame) in (0..self.layout.panels).zip(pictures) {
+            self.layout.show(picture, self.layout.left(panel), frame.as_ref());
         }
-        let (left, right) = (self.layout.left[0], self.layout.left[1]);
+        let (left, right) = (self.layout.left(0), self.layout.left(1));
         draw_in(picture, right, 4, &seen, INK);
         draw_in(picture, left, self.layout.text(), &self.title, INK);
         let clock = format!("{:.2} s    frame {sequence}", state.time);
@@ -298,15 +311,15 @@ impl Layout {
     /// Marks a picture of the last moments before a failure.
     fn mark(&self, picture: &mut RgbImage, cause: &str) {
         let (width, height) = self.shown;
-        for left in self.left {
+        for left in (0..self.panels).map(|panel| self.left(panel)) {
             fill(picture, [left, HEADER], [width, MARK], FAILURE);
             fill(picture, [left, HEADER + height - MARK], [width, MARK], FAILURE);
             fill(picture, [left, HEADER], [MARK, height], FAILURE);
             fill(picture, [left + width - MARK, HEADER], [MARK, height], FAILURE);
         }
         let bottom = HEADER + height - MARK - LINE_HEIGHT - 4;
-        fill(picture, [self.left[1], bottom], [width, LINE_HEIGHT + 4], FAILURE);
-        draw_in(picture, self.left[1] + MARGIN, bottom + 2, cause, WHITE);
+        fill(picture, [self.left(1), bottom], [width, LINE_HEIGHT + 4], FAILURE);
+        draw_in(picture, self.left(1) + MARGIN, bottom + 2, cause, WHITE);
     }
 }
 
@@ -320,29 +333,33 @@ mod tests {
 
     #[test]
     fn small_cameras_are_enlarged_and_large_ones_reduced_to_even_sizes() {
-        let layout = Layout::new;
+        let layout = |width, height| Layout::new(width, height, 2);
         assert_eq!((layout(80, 60).factor, layout(80, 60).shown), (6, (480, 360)));
         assert_eq!((layout(321, 241).factor, layout(321, 241).shown), (2, (642, 482)));
         assert_eq!((layout(1920, 1080).factor, layout(1920, 1080).shown), (0, (960, 540)));
         for (width, height) in [(80, 60), (321, 241), (640, 481), (961, 333), (1920, 1080)] {
-            let Layout { size, left, shown, .. } = layout(width, height);
-            assert!(size.0 % 2 == 0 && size.1 % 2 == 0 && left[1] + shown.0 + MARGIN <= size.0);
+            for panels in [2, 3] {
+                let layout = Layout::new(width, height, panels);
+                let Layout { size, shown, .. } = layout;
+                assert!(size.0 % 2 == 0 && size.1 % 2 == 0);
+                assert!(layout.left(panels - 1) + shown.0 + MARGIN <= size.0);
+            }
         }
     }
 
     #[test]
     fn frames_are_shown_pixel_by_pixel() {
-        let layout = Layout::new(240, 2);
+        let layout = Layout::new(240, 2, 2);
         let data: Vec<u8> = (0..240 * 2 * 3).map(|value| (value % 251) as u8).collect();
         let frame = Frame::new(&data, 240, 2).unwrap();
         let mut picture = RgbImage::from_pixel(layout.size.0, layout.size.1, BACKGROUND);
-        layout.show(&mut picture, layout.left[1], frame);
+        layout.show(&mut picture, layout.left(1), frame);
         for (x, y) in [(0, 0), (1, 1), (479, 3), (240, 2)] {
-            let shown = picture.get_pixel(layout.left[1] + x, HEADER + y).0;
+            let shown = picture.get_pixel(layout.left(1) + x, HEADER + y).0;
             assert_eq!(shown, frame.pixel(x as usize / 2, y as usize / 2));
         }
         let around =
-            [(layout.left[1] - 1, HEADER), (layout.left[1] + 480, HEADER), (layout.left[1], HEADER + 4)];
+            [(layout.left(1) - 1, HEADER), (layout.left(1) + 480, HEADER), (layout.left(1), HEADER + 4)];
         assert!(around.iter().all(|&(x, y)| *picture.get_pixel(x, y) == BACKGROUND));
     }
 

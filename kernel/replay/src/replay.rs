@@ -9,6 +9,8 @@ use pdk_core::directory::{RESULTS, RunDirectory, SCENARIOS};
 use pdk_core::ledger::{self, Line};
 use pdk_core::manifest::Manifest;
 use pdk_core::search_path::SearchPath;
+use pdk_core::view;
+use pdk_model::component::ComponentSpec;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_session::interrupt::{self, Wish};
@@ -113,12 +115,12 @@ impl Replay {
         names.into_iter().filter(own).map(said).collect()
     }
 
-    /// Drives the scenarios again and compares; `clip` is the video to write of the one scenario that there is then. The session
+    /// Drives the scenarios again and compares; `film` is the video to write of the one scenario that there is then. The session
     /// is over afterwards. Ctrl-C ends it as it ends a run, so that the traces in the temporary folder do not stay.
     ///
     /// # Errors
     /// Where the session cannot go on, or the video cannot be written. What is wrong with a recorded trace is said of its scenario.
-    pub fn drive(&self, session: Session, clip: Option<&Path>, progress: &ProgressBar) -> Result<Replayed> {
+    pub fn drive(&self, session: Session, film: Option<&Film>, progress: &ProgressBar) -> Result<Replayed> {
         interrupt::watch()?;
         let folder = tempfile::Builder::new()
             .prefix("pdk-replay-")
@@ -128,7 +130,7 @@ impl Replay {
         let mut session = session;
         let own_clock = self.own_clock(session.catalog());
         let replayed =
-            Driving { replay: self, session: &mut session, folder: folder.path(), clip }.drive(progress);
+            Driving { replay: self, session: &mut session, folder: folder.path(), film }.drive(progress);
         let troubles = session.end();
         let replayed = replayed.map(|mut replayed| {
             replayed.warnings.extend(troubles);
@@ -184,6 +186,7 @@ impl Replay {
             trace: Some(trace.clone()),
             images_every: 1,
             skips: None,
+            view: None,
         });
         let Reply::Driven(driven) = session.wait(ticket, &mut |_| progress.tick())? else {
             return Err(Error::new("driving a scenario gave something else, which is a defect in pdk"));
@@ -197,13 +200,22 @@ impl Replay {
     }
 }
 
+/// A video that is wanted.
+#[derive(Debug)]
+pub struct Film {
+    /// Where it goes.
+    pub path: PathBuf,
+    /// The saliency method that shows what the driver's network looks at beside what the driver saw.
+    pub saliency: Option<ComponentSpec>,
+}
+
 /// Scenarios while they are driven.
 struct Driving<'a> {
     replay: &'a Replay,
     session: &'a mut Session,
     /// Where the new traces go.
     folder: &'a Path,
-    clip: Option<&'a Path>,
+    film: Option<&'a Film>,
 }
 
 impl Driving<'_> {
@@ -216,12 +228,18 @@ impl Driving<'_> {
             // Read again when there is something to compare with: all traces together may be large.
             match read_steps(&self.recorded_trace(recorded)) {
                 Ok(steps) => {
+                    let method = self.film.and_then(|film| film.saliency.as_ref());
+                    let driver = &recorded.line.scenario.driver;
+                    let view = method
+                        .map(|method| view::of_driver(self.session.catalog(), driver, method))
+                        .transpose()?;
                     let ticket = self.session.drive(Drive {
                         scenario: recorded.line.scenario.clone(),
                         name: recorded.line.name.clone(),
                         trace: Some(self.new_trace(recorded)),
-                        images_every: u64::from(self.clip.is_some()),
+                        images_every: u64::from(self.film.is_some()),
                         skips: recorded.skips(&steps),
+                        view,
                     });
                     tickets.insert(ticket, recorded);
                     progress.inc_length(recorded.line.outcome.frames);
@@ -271,7 +289,7 @@ impl Driving<'_> {
             )));
         }
         let again = read_steps(&path)?;
-        if let Some(clip) = self.clip {
+        if let Some(Film { path: clip, .. }) = self.film {
             film(clip, recorded, driven, &path)?;
         }
         // What is compared is not needed any more, and traces of many scenarios may be more than the disk has room for.

@@ -120,6 +120,7 @@ impl Shrinking<'_> {
                 trace: None,
                 images_every: 0,
                 skips: None,
+                view: None,
             }));
         }
         let progress = self.progress;

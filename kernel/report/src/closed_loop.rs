@@ -66,6 +66,7 @@ struct Shot {
     time: String,
     raw: String,
     perturbed: String,
+    attention: String,
 }
 
 #[derive(Debug, Serialize)]
@@ -421,6 +422,7 @@ fn failure(scenario: &Scenario) -> Failure {
                 time: format!("{:.2}", shot.time),
                 raw: picture(&shot.raw),
                 perturbed: picture(&shot.perturbed),
+                attention: picture(&shot.attention),
             })
             .collect(),
         replay: scenario.replay.clone(),

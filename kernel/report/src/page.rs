@@ -149,7 +149,9 @@ mod tests {
             replay: nasty(),
             clip: crate::text::address(NASTY),
             shots: match verdict {
-                Verdict::Unsafe => vec![Shot { time: 1.0, raw: vec![1, 2, 3], perturbed: vec![] }],
+                Verdict::Unsafe => {
+                    vec![Shot { time: 1.0, raw: vec![1, 2, 3], perturbed: vec![], attention: vec![] }]
+                }
                 _ => vec![],
             },
         };
@@ -179,6 +181,7 @@ mod tests {
             },
             drives: vec![Drive {
                 simulator: nasty(),
+                driver_spec: None,
                 driver: nasty(),
                 mode: nasty(),
                 roads: vec![vec![[0.0, 0.0], [0.0, 30.0]]],

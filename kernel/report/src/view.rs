@@ -1,5 +1,6 @@
 //! What a page is about, as plain data. Texts may hold anything: they are escaped when the page is made.
 
+use pdk_model::component::ComponentSpec;
 pub use pdk_model::outcome::{Measures, Verdict};
 use serde::Serialize;
 
@@ -77,6 +78,9 @@ pub struct Drive {
     pub simulator: String,
     /// The driver with its parameters.
     pub driver: String,
+    /// The same as data.
+    #[serde(skip)]
+    pub driver_spec: Option<ComponentSpec>,
     /// What happens while the driver is at work, such as "lockstep".
     pub mode: String,
     /// The centre lines of the roads: points of x to the right and z ahead, in metres.
@@ -152,6 +156,8 @@ pub struct Shot {
     pub raw: Vec<u8>,
     /// As the driver saw it.
     pub perturbed: Vec<u8>,
+    /// As the driver saw it, with what its network looked at laid over; empty where nobody asked for it.
+    pub attention: Vec<u8>,
 }
 
 /// What perturbations do to predictions on a recording. Errors are means of absolute differences.

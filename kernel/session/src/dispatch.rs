@@ -279,7 +279,14 @@ impl Dispatch {
         }
         let Submission { scenario, name, images_every } = submission.clone();
         let trace = Some(std::path::absolute(&trace).unwrap_or(trace));
-        Ok(Some(Work::Drive(Box::new(Drive { scenario, name, trace, images_every, skips: None }))))
+        Ok(Some(Work::Drive(Box::new(Drive {
+            scenario,
+            name,
+            trace,
+            images_every,
+            skips: None,
+            view: None,
+        }))))
     }
 
     /// Gives what waits to slots that have nothing to do, and starts workers while there are too few.

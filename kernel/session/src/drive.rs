@@ -6,6 +6,7 @@ use pdk_bus::{Bus, FrameSample, Stamp, Topic};
 use pdk_core::calls::Function;
 use pdk_core::chain::Chain;
 use pdk_core::moment::{Labels, Moment};
+use pdk_core::view::View;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::scenario::{Mode, Scenario};
 use pdk_sdk::describe::Clock;
@@ -62,6 +63,8 @@ pub struct Instances<'a> {
     pub driver: &'a mut Held<dyn Driver>,
     /// The topics.
     pub bus: &'a Bus,
+    /// Shows what the driver's network looks at, where somebody wants to see it.
+    pub view: Option<&'a mut View>,
 }
 
 /// What looks on.
@@ -190,7 +193,7 @@ impl<'a> Run<'a> {
         with: &mut Instances<'_>,
         witnesses: &mut Witnesses<'_>,
     ) -> Result<Option<Cause>, Fault> {
-        let Instances { simulator, camera, chain, driver, bus, .. } = with;
+        let Instances { simulator, camera, chain, driver, bus, view, .. } = with;
         let stopwatch = &mut *witnesses.stopwatch;
         let (width, height) = (camera.width as usize, camera.height as usize);
         let sequence = self.sequence;
@@ -254,6 +257,11 @@ impl<'a> Run<'a> {
             let every = self.drive.images_every;
             if every > 0 && sequence.is_multiple_of(every) {
                 recorder.image(ImageTopic::Raw, sequence, state.time, raw_frame);
+                if let Some(view) = view {
+                    let picture = view.picture(perturbed_frame, &moment).map_err(Fault::Component)?;
+                    recorder.image(ImageTopic::Attention, sequence, state.time, picture.as_ref());
+                }
+                // It comes last, so that whoever reads the trace has the other ones then.
                 recorder.image(ImageTopic::Perturbed, sequence, state.time, perturbed_frame);
                 self.last_image = Some(sequence);
             }

@@ -7,6 +7,7 @@ use pdk_bus::Bus;
 use pdk_core::calls::Function;
 use pdk_core::chain::Chain;
 use pdk_core::registry::Registry;
+use pdk_core::view::View;
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Outcome;
 use pdk_sdk::describe::{Description, Kind};
@@ -261,10 +262,13 @@ impl<'a> Engine<'a> {
         .map_err(Fault::Component)?;
         let mut chain =
             Chain::new(registry, &scenario.perturbations, scenario.seed).map_err(Fault::Component)?;
+        let by = drive.view.as_ref();
+        let mut view =
+            by.map(|by| View::new(registry, by, scenario.seed)).transpose().map_err(Fault::Component)?;
         let bus = topics(&mut self.bus, &self.run, slot, camera)?;
         let recorder = self.recorder.as_ref().filter(|_| drive.trace.is_some());
         run.drive(
-            &mut Instances { simulator, camera, clock, chain: &mut chain, driver, bus },
+            &mut Instances { simulator, camera, clock, chain: &mut chain, driver, bus, view: view.as_mut() },
             &mut Witnesses { recorder, recent: &mut self.recent, stopwatch: &mut self.stopwatch, progress },
         )
     }

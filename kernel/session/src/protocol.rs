@@ -87,6 +87,9 @@ pub struct Drive {
     /// In real time: which frames to skip, instead of those that the clock says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skips: Option<Vec<Skip>>,
+    /// The saliency method whose maps of what the driver saw go into the trace with the images.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<ComponentSpec>,
 }
 
 /// Frames that were skipped in real time.

@@ -282,6 +282,7 @@ impl Topic {
             "/control" => Some(Topic::Control),
             "/raw" => Some(Topic::Image(ImageTopic::Raw)),
             "/perturbed" => Some(Topic::Image(ImageTopic::Perturbed)),
+            "/attention" => Some(Topic::Image(ImageTopic::Attention)),
             "/event" => Some(Topic::Event),
             "/road" => Some(Topic::Road),
             _ => None,

@@ -15,11 +15,13 @@ pub struct Step {
     pub frame_hash: u64,
 }
 
-/// Which of the two image topics.
+/// Which of the image topics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImageTopic {
     /// What the camera saw.
     Raw,
     /// What the driver saw.
     Perturbed,
+    /// What its network looked at: the frame that it saw, with a saliency map laid over.
+    Attention,
 }

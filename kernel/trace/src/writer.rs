@@ -35,6 +35,8 @@ struct Channels {
     state: u16,
     road: u16,
     event: u16,
+    /// Made when the first image for it comes, which few traces have.
+    attention: Option<u16>,
 }
 
 /// The fields of a state: those of the model, and a hash of the frame that the driver saw.
@@ -69,6 +71,7 @@ impl Trace {
             state: add_own(&mut writer, "/state", "State", &state_fields(), path)?,
             road: add_own(&mut writer, "/road", "Road", &[Field::Text(WAYPOINTS)], path)?,
             event: add_channel::<Log>(&mut writer, "/event", path)?,
+            attention: None,
         };
         Ok(Self { path: path.to_owned(), writer, channels, sequence: 0, message: Vec::new() })
     }
@@ -125,6 +128,13 @@ impl Trace {
         let channel = match topic {
             ImageTopic::Raw => self.channels.raw,
             ImageTopic::Perturbed => self.channels.perturbed,
+            ImageTopic::Attention => match self.channels.attention {
+                Some(channel) => channel,
+                None => {
+                    let made = add_channel::<CompressedImage>(&mut self.writer, "/attention", &self.path)?;
+                    *self.channels.attention.insert(made)
+                }
+            },
         };
         let message = CompressedImage {
             timestamp: Some(timestamp(time)),

@@ -105,7 +105,7 @@ impl Messages {
             let bytes = self.connection.bytes(length, deadline, &waiting)?;
             let answer = rmpv::decode::read_value(&mut &bytes[..]).ok().filter(Value::is_map);
             let Some(answer) = answer else {
-                return Err(self.nonsense(format!("answers `{what}` with what is no MessagePack map")));
+                return Err(self.nonsense(format!("answers `{what}` with what is not a MessagePack map")));
             };
             // Answers that nobody waits for any more are dropped.
             if field(&answer, "_id").as_u64() != Some(number) {

@@ -113,7 +113,7 @@ impl Rpc {
             Some([Some(number), Some(refused), Some(result)]) if number.is_u64() => {
                 Ok(array([1.into(), number, refused, result]))
             }
-            _ => Err(self.nonsense(format!("answers `{name}` with what is no MessagePack-RPC"))),
+            _ => Err(self.nonsense(format!("answers `{name}` with what is not MessagePack-RPC"))),
         }
     }
 
@@ -125,7 +125,7 @@ impl Rpc {
             (Value::Integer(kind), [_, value]) if kind.as_u64() == Some(1) => return Ok(value.clone()),
             (Value::Boolean(true), [_, refusal]) => refusal,
             (Value::Integer(_), [_, refusal]) => refusal,
-            _ => return Err(self.nonsense(format!("answers `{name}` with what is no answer of CARLA"))),
+            _ => return Err(self.nonsense(format!("answers `{name}` with what is not an answer of CARLA"))),
         };
         let reason = said(element(refusal, 0));
         Err(Error::new(format!("{} refused `{name}`: {reason}", self.peer())))

@@ -94,7 +94,7 @@ pub fn read<'a>(line: &'a [u8], repaired: &'a mut Vec<u8>, peer: &str) -> Result
                 let begin: String = String::from_utf8_lossy(&line[..line.len().min(60)]).into_owned();
                 Error::of(
                     ErrorKind::Nonsense,
-                    format!("{peer} sends what is no message of its protocol ({first}): `{begin}`; is another program at this port?"),
+                    format!("{peer} sends what is not a message of its protocol ({first}): `{begin}`; is another program at this port?"),
                 )
             })
         }

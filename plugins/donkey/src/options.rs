@@ -80,8 +80,6 @@ pub fn describe() -> Description {
         .external()
         .own_clock()
         .source("https://github.com/tawnkramer/sdsandbox")
-        // A check is not to wait for a simulator that is not there.
-        .example(json!({ "start_seconds": 5 }))
         .parameter(Parameter::choice(
             "build",
             &Build::NAMES,

@@ -141,7 +141,7 @@ impl ModelFile {
     /// Reads a model. `layout` is `nchw`, `nhwc` or `auto`.
     ///
     /// # Errors
-    /// Where the file cannot be read, is no ONNX model, or takes anything but one float image of a fixed size and
+    /// Where the file cannot be read, is not an ONNX model, or takes anything but one float image of a fixed size and
     /// maybe `speed`, one float.
     pub fn read(source: Source, layout: &str) -> Result<Self> {
         Self::read_at(source, layout, None)
@@ -155,12 +155,12 @@ impl ModelFile {
         let bytes = source.content()?;
         let proto = tract_onnx::onnx()
             .proto_model_for_read(&mut &*bytes)
-            .map_err(|_| Error::new("the file is no ONNX model, or is damaged"))?;
+            .map_err(|_| Error::new("the file is not an ONNX model, or is damaged"))?;
         let graph = proto
             .graph
             .as_ref()
             .filter(|graph| !graph.node.is_empty())
-            .ok_or_else(|| Error::new("the file is no ONNX model: it contains no graph"))?;
+            .ok_or_else(|| Error::new("the file is not an ONNX model: it contains no graph"))?;
         if let Source::File(path) = &source {
             check_external(graph, path.parent().unwrap_or(Path::new("")))?;
         }

@@ -220,7 +220,7 @@ impl Repaint {
 fn starts(length: usize, tile: usize, fade: usize) -> Vec<usize> {
     let last = length.saturating_sub(tile);
     let count = last.div_ceil(tile - fade);
-    (0..=count).map(|place| if count == 0 { 0 } else { last * place / count }).collect()
+    (0..=count).map(|place| (last * place).checked_div(count).unwrap_or(0)).collect()
 }
 
 /// How much a tile counts at a place along an axis: less towards its ends, and never nothing.

@@ -224,6 +224,6 @@ mod tests {
         let mut strategy: Strategy<MapElites> =
             make(&[("features", pdk_sdk::serde_json::json!(["x1", "y"]))]);
         let error = strategy.start(&problem(reals(2)), &key(0)).unwrap_err();
-        assert_eq!(error.message(), "`y` is no variable of the search; name one that is");
+        assert_eq!(error.message(), "`y` is not a variable of the search; name one that is");
     }
 }

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::fmt;
+use std::ops::Deref;
 
 use pdk_sdk::serde_json;
 use serde::de::{self, Deserialize, Deserializer, Visitor};
@@ -29,18 +30,30 @@ pub enum Packet<'a> {
 pub struct Telemetry<'a> {
     /// The picture, in base64.
     #[serde(borrow)]
-    pub image: Option<Cow<'a, str>>,
+    pub image: Option<Text<'a>>,
     /// What was hit; "none" for nothing, or a count.
     #[serde(borrow)]
-    pub hit: Option<Cow<'a, str>>,
+    pub hit: Option<Text<'a>>,
     /// The road that is there.
     #[serde(borrow)]
-    pub track: Option<Cow<'a, str>>,
+    pub track: Option<Text<'a>>,
     pub speed: Number,
     pub cte: Number,
     pub pos_x: Number,
     pub pos_y: Number,
     pub pos_z: Number,
+}
+
+/// A text, which is that of the message itself where nothing in it is escaped: a picture is not copied.
+#[derive(Debug, Default, serde::Deserialize)]
+pub struct Text<'a>(#[serde(borrow)] Cow<'a, str>);
+
+impl Deref for Text<'_> {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        &self.0
+    }
 }
 
 /// A number in a text; none where there is none.
@@ -87,13 +100,15 @@ impl<'de> Deserialize<'de> for Number {
 /// # Errors
 /// A clause that says why it is none.
 pub fn read(text: &str) -> Result<Packet<'_>, String> {
-    match text.as_bytes().first() {
-        Some(b'2') => Ok(Packet::Ping(&text[1..])),
-        Some(b'1') => Ok(Packet::Close),
-        // A greeting, a pong, an upgrade and nothing at all.
-        Some(b'0' | b'3' | b'5' | b'6') => Ok(Packet::Other),
-        Some(b'4') => message(&text[1..]),
-        _ => Err(format!("`{}` is no packet of Engine.IO", begin(text))),
+    match text {
+        "2" | "2probe" => Ok(Packet::Ping(&text[1..])),
+        "1" => Ok(Packet::Close),
+        // Pongs, an upgrade and nothing at all.
+        "3" | "3probe" | "5" | "6" => Ok(Packet::Other),
+        // A greeting.
+        _ if text.starts_with("0{") => Ok(Packet::Other),
+        _ if text.starts_with('4') => message(&text[1..]),
+        _ => Err(format!("`{}`, which is not a packet of Engine.IO", begin(text))),
     }
 }
 
@@ -104,7 +119,7 @@ fn message(text: &str) -> Result<Packet<'_>, String> {
             // It may ask for an acknowledgement by a number, which this protocol does not use.
             let event = text[1..].trim_start_matches(|c: char| c.is_ascii_digit());
             let Event(name, telemetry) = serde_json::from_str(event)
-                .map_err(|error| format!("`{}` is no event ({error})", begin(text)))?;
+                .map_err(|error| format!("`{}`, which is not an event ({error})", begin(text)))?;
             Ok(match (name.as_ref(), telemetry) {
                 ("telemetry", Some(telemetry)) if telemetry.image.is_some() => Packet::Telemetry(telemetry),
                 ("telemetry", _) => Packet::Manual,
@@ -112,7 +127,7 @@ fn message(text: &str) -> Result<Packet<'_>, String> {
             })
         }
         Some(b'0' | b'3' | b'4') => Ok(Packet::Other),
-        _ => Err(format!("`4{}` is no message of Socket.IO", begin(text))),
+        _ => Err(format!("`4{}`, which is not a message of Socket.IO", begin(text))),
     }
 }
 
@@ -130,8 +145,8 @@ mod tests {
         let Ok(Packet::Telemetry(telemetry)) = read(text) else { panic!("no telemetry") };
         assert_eq!((telemetry.speed, telemetry.cte), (Number(Some(1234.5)), Number(Some(-0.0213))));
         assert_eq!((telemetry.pos_x, telemetry.pos_z), (Number(Some(1.5)), Number(Some(-3.25))));
-        assert_eq!(telemetry.track.unwrap(), "0,0,0@0,0,10");
-        assert!(matches!(telemetry.image, Some(Cow::Borrowed("/9j/4AAQ"))));
+        assert_eq!(telemetry.track.as_deref(), Some("0,0,0@0,0,10"));
+        assert!(matches!(telemetry.image, Some(Text(Cow::Borrowed("/9j/4AAQ")))));
     }
 
     #[test]
@@ -156,11 +171,13 @@ mod tests {
             assert!(matches!(read(other), Ok(Packet::Other)), "{other}");
         }
         for (wrong, part) in [
-            ("", "no packet"),
-            ("GET /", "no packet"),
-            ("49", "no message"),
+            ("", "not a packet"),
+            ("GET /", "not a packet"),
+            ("220 mail.example.org", "not a packet"),
+            ("500 error", "not a packet"),
+            ("49", "not a message"),
             (r#"42["telemetry",{"speed":"fast","image":""}]"#, "`fast` is not a number"),
-            ("42{}", "no event"),
+            ("42{}", "not an event"),
         ] {
             let error = read(wrong).unwrap_err();
             assert!(error.contains(part), "{error}");

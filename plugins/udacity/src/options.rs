@@ -2,7 +2,6 @@
 
 use pdk_adapter::Settings;
 use pdk_sdk::prelude::*;
-use pdk_sdk::serde_json::json;
 
 /// Which build of the simulator it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,8 +49,6 @@ pub fn describe() -> Description {
             .external()
             .own_clock()
             .source("https://github.com/udacity/self-driving-car-sim")
-            // A check is not to wait for a simulator that is not there.
-            .example(json!({ "start_seconds": 5 }))
             .parameter(Parameter::choice(
                 "build",
                 &Build::NAMES,

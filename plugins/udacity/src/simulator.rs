@@ -359,7 +359,7 @@ fn taken(packet: Packet<'_>, options: &Options) -> Heard {
         cross_track_error: told.cte.0,
         position,
         hit,
-        track: told.track.filter(|track| !track.is_empty()).map(|track| track.into_owned()),
+        track: told.track.filter(|track| !track.is_empty()).map(|track| track.to_string()),
         picture,
     })
 }

@@ -69,7 +69,7 @@ impl Launched {
         let (wait, leash) = std::io::pipe().map_err(cannot)?;
         let (output, input) = std::io::pipe().map_err(cannot)?;
         let mut command = Command::new("/bin/sh");
-        command.args(["-c", GUARDED, "pdk-guarded", program]).args(arguments);
+        command.args(["-c", GUARDED, "guard", program]).args(arguments);
         command.envs(environment.iter().copied());
         command.stdin(wait).stdout(input.try_clone().map_err(cannot)?).stderr(input).process_group(0);
         let child = command.spawn().map_err(cannot)?;

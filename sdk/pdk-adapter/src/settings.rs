@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use pdk_sdk::prelude::{Config, Description, Error, ErrorKind, Parameter, Result};
-use pdk_sdk::serde_json::Value;
+use pdk_sdk::serde_json::{Value, json};
 
 use crate::deadline::Deadline;
 
@@ -66,6 +66,8 @@ impl Settings {
                     .range(0.1, 3600.0)
                     .unit("s"),
             )
+            // A check does not wait as long for a simulator that is not there.
+            .example(json!({ "start_seconds": 5 }))
     }
 
     /// Reads the parameters.
@@ -140,7 +142,6 @@ fn mistake(sentence: String) -> Error {
 
 #[cfg(test)]
 mod tests {
-    use pdk_sdk::serde_json::json;
 
     use super::*;
 

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use pdk_sdk::prelude::{Error, ErrorKind, Result};
 
@@ -14,6 +14,8 @@ use crate::settings::Settings;
 
 /// How often it is looked whether something has come true.
 const TICK: Duration = Duration::from_millis(20);
+/// How long after the loss of its connection a process that was started here may still be seen to end.
+const LAST_MOMENTS: Duration = Duration::from_millis(300);
 
 /// The simulator of one worker.
 #[derive(Debug)]
@@ -90,9 +92,17 @@ impl Station {
 
     /// An error that came while talking to the simulator; where its process is gone, that is why.
     pub fn blame(&mut self, error: Error) -> Error {
-        match error.kind() {
-            ErrorKind::Lost => self.check().err().unwrap_or(error),
-            _ => error,
+        if error.kind() != ErrorKind::Lost || self.process.is_none() {
+            return error;
+        }
+        // Its connections are closed before its end can be seen.
+        let began = Instant::now();
+        loop {
+            match self.check() {
+                Err(ended) => return ended,
+                Ok(()) if began.elapsed() > LAST_MOMENTS => return error,
+                Ok(()) => std::thread::sleep(TICK),
+            }
         }
     }
 

@@ -143,7 +143,7 @@ impl Space {
                 match variable.map(|variable| &variable.range) {
                     None => {
                         return Err(mistake(format!(
-                            "a constraint names `{name}`, which is no variable of the space"
+                            "a constraint names `{name}`, which is not a variable of the space"
                         )));
                     }
                     Some(Range::Choice { .. }) => {
@@ -185,7 +185,7 @@ impl Space {
     pub fn positions(&self, values: &Map<String, Value>) -> Result<Vec<f64>> {
         if let Some(unknown) = values.keys().find(|name| self.variables.iter().all(|v| v.name != **name)) {
             return Err(nonsense(format!(
-                "it has a value for `{unknown}`, which is no variable of the space"
+                "it has a value for `{unknown}`, which is not a variable of the space"
             )));
         }
         let position = |variable: &Variable| match values.get(&variable.name) {

@@ -75,7 +75,7 @@ pub fn image_layer(graph: &Graph, image: Image<'_>) -> Result<Layer> {
     let looks = looks(graph, image.input, image.height, image.width);
     let axes = looks.get(image.input).and_then(|looks| axes(looks, &shape));
     let (rows, columns) =
-        axes.ok_or_else(|| Error::new(format!("`{}` is no image of several pixels", image.input)))?;
+        axes.ok_or_else(|| Error::new(format!("`{}` is not an image of several pixels", image.input)))?;
     Ok(Layer {
         name: image.input.to_owned(),
         operator: "image".to_owned(),

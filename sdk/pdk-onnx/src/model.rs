@@ -15,7 +15,7 @@ const MAX_BYTES: u64 = 1 << 31;
 /// Reads a model with the weights that lie in files beside it.
 ///
 /// # Errors
-/// Where a file cannot be read, is none, or is no ONNX model.
+/// Where a file cannot be read, is none, or is not an ONNX model.
 pub fn read(path: &Path) -> Result<ModelProto> {
     let mut model = decode(&file::read(path, MAX_BYTES)?)?;
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -31,13 +31,13 @@ pub fn read(path: &Path) -> Result<ModelProto> {
 /// Reads a model from the content of its file.
 ///
 /// # Errors
-/// Where it is no ONNX model or holds no graph.
+/// Where it is not an ONNX model or holds no graph.
 pub fn decode(bytes: &[u8]) -> Result<ModelProto> {
     let model =
-        ModelProto::decode(bytes).map_err(|_| Error::new("the file is no ONNX model, or is damaged"))?;
+        ModelProto::decode(bytes).map_err(|_| Error::new("the file is not an ONNX model, or is damaged"))?;
     match &model.graph {
         Some(graph) if !graph.node.is_empty() => Ok(model),
-        _ => Err(Error::new("the file is no ONNX model: it contains no graph")),
+        _ => Err(Error::new("the file is not an ONNX model: it contains no graph")),
     }
 }
 
@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn what_is_no_model_is_refused() {
         for bytes in [&b""[..], b"PK\x03\x04 an archive of something else", &[0x0a; 40]] {
-            assert!(decode(bytes).unwrap_err().to_string().starts_with("the file is no ONNX model"));
+            assert!(decode(bytes).unwrap_err().to_string().starts_with("the file is not an ONNX model"));
         }
         assert!(
             read(Path::new("/dev/zero")).unwrap_err().to_string().contains("only regular files are read")

@@ -17,7 +17,7 @@ use rmpv::Value;
 pub use world::{Fault, Setup, lane_simulator};
 use world::{World, array, at};
 
-use crate::stand_in::free_ports;
+use crate::stand_in::{self, free_ports};
 
 /// A running server. It ends when it is dropped.
 pub struct CarlaServer {
@@ -34,8 +34,8 @@ impl CarlaServer {
     /// Where its ports are taken.
     pub fn start(setup: Setup) -> Self {
         let port = if setup.port == 0 { free_ports(2) } else { setup.port };
-        let rpc = TcpListener::bind(("127.0.0.1", port)).unwrap();
-        let streams = TcpListener::bind(("127.0.0.1", port + 1)).unwrap();
+        let rpc = stand_in::listen(port);
+        let streams = stand_in::listen(port + 1);
         let world = Arc::new(Mutex::new(World::new(setup, port)));
         let stop = Arc::new(AtomicBool::new(false));
         let mut threads = vec![

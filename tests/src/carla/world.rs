@@ -568,9 +568,12 @@ impl World {
             let mut depth = vec![0.0; pixels];
             drive.simulator.depth(&mut depth).unwrap();
             let largest = f64::from((1 << 24) - 1);
-            let colours = depth.iter().map(|metres| (f64::from(metres / 1000.0).min(1.0) * largest).round() as u32);
+            let colours =
+                depth.iter().map(|metres| (f64::from(metres / 1000.0).min(1.0) * largest).round() as u32);
             // In memory blue comes first, and red has the lowest bits.
-            bytes.extend(colours.flat_map(|number| [(number >> 16) as u8, (number >> 8) as u8, number as u8, 255]));
+            bytes.extend(
+                colours.flat_map(|number| [(number >> 16) as u8, (number >> 8) as u8, number as u8, 255]),
+            );
         } else {
             let names = drive.simulator.label_names();
             let mut labels = vec![0; pixels];

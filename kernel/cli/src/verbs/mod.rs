@@ -161,7 +161,8 @@ impl Verb {
             Verb::New(_) | Verb::Doctor(_) | Verb::Plugin(_) => true,
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
             Verb::Run(_) | Verb::Replay(_) | Verb::Shrink(_) | Verb::Check(_) | Verb::Worker(_) => false,
-            Verb::Report(_) | Verb::Road(_) | Verb::Export(_) => false,
+            Verb::Report(arguments) => arguments.calls_components(),
+            Verb::Road(_) | Verb::Export(_) => false,
             Verb::Inspect { .. } | Verb::Completions { .. } | Verb::Man { .. } => false,
         }
     }

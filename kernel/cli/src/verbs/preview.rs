@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use pdk_core::view::DEFAULT_METHOD;
 use pdk_core::{eprintln, output, println};
 use pdk_model::component::ComponentSpec;
 use pdk_preview::picture;
@@ -11,7 +12,6 @@ use pdk_sdk::describe::Temporal;
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::json;
 
-use super::saliency::DEFAULT_METHOD;
 use super::{Global, print_json};
 
 /// Arguments of `pdk preview`

@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use pdk_core::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
+use pdk_core::view::DEFAULT_METHOD;
 use pdk_core::{eprintln, output, println};
+use pdk_model::component::ComponentSpec;
 use pdk_replay::compare::{Compared, Finding};
-use pdk_replay::replay::{Replay, Replayed};
+use pdk_replay::replay::{Film, Replay, Replayed};
 use pdk_sdk::error::{Error, Result};
 use pdk_session::connection::Pool;
 use pdk_session::session::Session;
@@ -39,10 +41,17 @@ pub struct Arguments {
     /// Write a video of the scenario, of which there has to be one: original and perturbed frames and what the driver did
     #[arg(long, value_name = "FILE.mp4")]
     clip: Option<PathBuf>,
+    /// Show in the video what the driver's network looks at, by this saliency method [default: hirescam]
+    #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", requires = "clip", num_args = 0..=1, require_equals = true,
+          default_missing_value = DEFAULT_METHOD)]
+    saliency: Option<String>,
 }
 
 /// Replays and says for each scenario whether it is equal, or where it first differs.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    let method = arguments.saliency.as_deref();
+    let saliency = method.map(|method| ComponentSpec::parse("saliency method", method)).transpose()?;
+    let film = arguments.clip.clone().map(|path| Film { path, saliency });
     let replay = Replay::open(&arguments.record, &arguments.scenarios)?;
     if let Some(clip) = &arguments.clip {
         check_clip(clip, replay.count())?;
@@ -56,7 +65,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         eprintln!("pdk: warning: since the run was recorded, {change}, so the replay may come out otherwise");
     }
     let progress = output::progress(global.json, "{pos}/{len} frames, {per_sec}, {eta} left");
-    let replayed = replay.drive(session, arguments.clip.as_deref(), &progress)?;
+    let replayed = replay.drive(session, film.as_ref(), &progress)?;
     for warning in &replayed.warnings {
         eprintln!("pdk: warning: {warning}");
     }

@@ -62,7 +62,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     }
     let patience = Duration::try_from_secs_f64(arguments.patience).ok().filter(|limit| !limit.is_zero());
     let patience = patience.ok_or_else(|| {
-        Error::new(format!("--patience: {} is no positive number of seconds", arguments.patience))
+        Error::new(format!("--patience: {} is not a positive number of seconds", arguments.patience))
     })?;
     let replay = Replay::open(record, std::slice::from_ref(scenario))?;
     let workers = arguments.workers.or_else(|| std::thread::available_parallelism().ok());

@@ -115,7 +115,7 @@ fn wrong_declarations_are_refused_with_the_field_and_the_remedy() {
         ),
         (
             "return { doc = 'x', apply = print, speed = 1 }",
-            "the perturbation has an unknown field `speed`; there is doc, apply, name, family, source, mathematics, \
+            "the perturbation has an unknown field `speed`; there is doc, apply, mask, name, family, source, mathematics, \
              draws_per_sequence, draws_per_frame, divergence, grows_with, version, temporal, default, parameters",
         ),
         (

@@ -42,14 +42,14 @@ impl Verdict {
         let given = fields.any("objectives");
         let given = given.as_object();
         if let Some(unknown) = given.and_then(|given| given.keys().find(|name| !objectives.contains(name))) {
-            return Err(Error::new(format!("{place}: `{unknown}` is no objective of the search")));
+            return Err(Error::new(format!("{place}: `{unknown}` is not an objective of the search")));
         }
         let value = |name: &String| {
             let own = given.and_then(|given| given.get(name));
             let own = own.map(|own| own.as_f64()).or_else(|| Some(measured(outcome.as_ref()?, name)));
             own.flatten().ok_or_else(|| match &outcome {
                 Some(outcome) => Error::new(format!(
-                    "{PLACE}: `{name}` is no number of an outcome, which has {}; name one, or return it from a function `outcome`",
+                    "{PLACE}: `{name}` is not a number of an outcome, which has {}; name one, or return it from a function `outcome`",
                     numbers(outcome).join(", ")
                 )),
                 None => Error::new(format!("{place}: the objective `{name}` is missing, or no number")),

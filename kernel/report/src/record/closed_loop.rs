@@ -24,7 +24,8 @@ pub fn drives(lines: &[Line], folder: &Path, clips: &ClipFolder) -> Vec<Drive> {
         let same =
             |drive: &Drive| drive.simulator == simulator && drive.driver == driver && drive.mode == mode;
         let place = drives.iter().position(same).unwrap_or_else(|| {
-            drives.push(Drive { simulator, driver, mode: mode.to_owned(), ..Drive::default() });
+            let driver_spec = Some(line.scenario.driver.clone());
+            drives.push(Drive { simulator, driver, driver_spec, mode: mode.to_owned(), ..Drive::default() });
             drives.len() - 1
         });
         drives[place].scenarios.push(scenario(number, line, folder, clips));

@@ -89,7 +89,7 @@ pub fn add(directory: &RunDirectory, lines: &[Line], drives: &mut [Drive], most:
 }
 
 fn bytes(shots: &[Shot]) -> usize {
-    shots.iter().map(|shot| shot.raw.len() + shot.perturbed.len()).sum()
+    shots.iter().map(|shot| shot.raw.len() + shot.perturbed.len() + shot.attention.len()).sum()
 }
 
 /// The centre line of a road, seen from above; none where the simulator did not tell.
@@ -145,6 +145,7 @@ fn keep(recent: &mut VecDeque<(u64, Shot)>, image: TraceImage) {
         match image.topic {
             ImageTopic::Raw => shot.raw = image.jpeg,
             ImageTopic::Perturbed => shot.perturbed = image.jpeg,
+            ImageTopic::Attention => shot.attention = image.jpeg,
         }
     }
 }

@@ -180,9 +180,10 @@ impl Viewer {
         ran?;
         match self.outputs[self.output.0].get(self.number) {
             Some(value) if value.is_finite() => Ok(f64::from(*value)),
-            _ => {
-                Err(Error::new(format!("its output `{}` is no finite number for this frame", self.output.1)))
-            }
+            _ => Err(Error::new(format!(
+                "its output `{}` is not a finite number for this frame",
+                self.output.1
+            ))),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The Donkey simulator: a TCP server.
 
 use std::io::{Read, Write};
-use std::net::{Shutdown, TcpListener, TcpStream};
+use std::net::{Shutdown, TcpStream};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 
@@ -40,7 +40,7 @@ struct Session<'a> {
 pub fn run(mut options: Options) {
     let mut world = World::new(options.seeds.as_deref(), options.rate.unwrap_or(20.0));
     loop {
-        let listener = TcpListener::bind(("127.0.0.1", options.port)).unwrap();
+        let listener = pdk_tests::stand_in::listen(options.port);
         let (stream, _) = listener.accept().unwrap();
         stream.set_nodelay(true).unwrap();
         let (sender, parts) = channel();
@@ -96,7 +96,7 @@ impl Session<'_> {
             if let Some(rate) = self.options.rate {
                 if due <= Instant::now() {
                     if self.has_car {
-                        self.world.go_on(self.control);
+                        self.world.go_on(self.control, is_held(self.control));
                         if let Some(end) = self.tell() {
                             return end;
                         }
@@ -202,7 +202,7 @@ impl Session<'_> {
                 let throttle = if brake > 0.0 { -brake } else { throttle };
                 self.control = Control { steering: number("steering"), throttle };
                 if self.options.rate.is_none() && self.has_car {
-                    self.world.go_on(self.control);
+                    self.world.go_on(self.control, is_held(self.control));
                     return self.tell();
                 }
             }
@@ -297,4 +297,9 @@ impl Session<'_> {
     fn write(&mut self, bytes: &[u8]) {
         let _ = self.stream.write_all(bytes);
     }
+}
+
+/// Whether this is what the adapter sends to hold the vehicle: the whole brake, and nothing else.
+fn is_held(control: Control) -> bool {
+    (control.steering, control.throttle) == (0.0, -1.0)
 }

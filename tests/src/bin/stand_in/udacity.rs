@@ -81,7 +81,7 @@ impl Session<'_> {
         loop {
             if !self.is_stock() {
                 if due <= Instant::now() {
-                    self.world.go_on(self.control);
+                    self.world.go_on(self.control, is_held(self.control));
                     if let Some(end) = self.tell() {
                         return end;
                     }
@@ -121,7 +121,7 @@ impl Session<'_> {
                 self.control = Control { steering: number("steering_angle"), throttle: number("throttle") };
                 self.commands += 1;
                 if self.is_stock() {
-                    self.world.go_on(self.control);
+                    self.world.go_on(self.control, is_held(self.control));
                     return self.tell();
                 }
             }
@@ -194,4 +194,9 @@ impl Session<'_> {
             }
         }
     }
+}
+
+/// Whether this may be what the adapter sends to hold the vehicle: this protocol has no brake of its own.
+fn is_held(control: Control) -> bool {
+    control.steering == 0.0 && control.throttle <= 0.0
 }

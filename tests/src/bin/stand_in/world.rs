@@ -104,12 +104,13 @@ impl World {
         frame
     }
 
-    /// Moves on by a frame. A vehicle that is braked at the start stands there, and no time passes.
-    pub fn go_on(&mut self, control: Control) {
+    /// Moves on by a frame. While the adapter holds the vehicle at the start, no time passes; a driver that wants to stand there is told
+    /// the time.
+    pub fn go_on(&mut self, control: Control, held: bool) {
         if self.simulator.is_none() {
             self.start();
         }
-        if self.controls == 0 && control.throttle <= 0.0 {
+        if self.controls == 0 && held {
             return;
         }
         self.controls += 1;

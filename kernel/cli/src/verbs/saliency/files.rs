@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pdk_preview::picture;
+use pdk_core::view;
 use pdk_sdk::error::{Place, Result};
 use pdk_sdk::prelude::Frame;
 
@@ -36,7 +36,7 @@ pub fn write_npy(path: &Path, values: &[f32], width: usize) -> Result<()> {
 /// # Errors
 /// Where the file cannot be written.
 pub fn write_picture(path: &Path, frame: Frame<'_>, values: &[f32]) -> Result<()> {
-    pdk_image::write(path, picture::heat(frame, values).as_ref())
+    pdk_image::write(path, view::heat(frame, values).as_ref())
 }
 
 #[cfg(test)]

@@ -9,19 +9,17 @@ use std::path::PathBuf;
 use indicatif::ProgressBar;
 use pdk_core::calls::{self, Function};
 use pdk_core::registry::Registry;
+use pdk_core::view::{self, DEFAULT_METHOD};
 use pdk_core::{eprintln, maps, output, println};
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::{Frame, HeatmapMut, MapContext, Saliency};
 use pdk_sdk::seed;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{Global, print_json};
 use frames::Frames;
-
-/// The method that is used where none is named.
-pub const DEFAULT_METHOD: &str = "hirescam";
 
 /// Arguments of `pdk saliency`
 #[derive(clap::Args)]
@@ -148,29 +146,19 @@ fn method(
     before: &[Method],
 ) -> Result<Method> {
     let spec = ComponentSpec::parse("saliency method", text)?;
-    let description = &registry.catalog().get(Kind::Saliency, &spec.name)?.description;
-    let takes = |name: &str| description.parameters.iter().any(|parameter| parameter.name == name);
     if spec.parameters.contains_key("size") {
         return Err(Error::new(format!(
             "`size` cannot be set for {} here: numbers are written for each cell, and with --full for each pixel",
             spec.name
         )));
     }
-    let entry = registry.catalog().get(Kind::Driver, &driver.name)?;
-    let mut parameters = driver.parameters.clone();
-    if takes("model") && !parameters.contains_key("model") {
-        // A network that was dropped into a folder, or one that is part of pdk.
-        let model =
-            entry.base.as_ref().map_or_else(|| driver.name.clone(), |_| entry.file.display().to_string());
-        parameters.insert("model".to_owned(), model.into());
+    let description = &registry.catalog().get(Kind::Saliency, &spec.name)?.description;
+    let takes = |name: &str| description.parameters.iter().any(|parameter| parameter.name == name);
+    let mut parameters = view::of_driver(registry.catalog(), driver, &spec)?.parameters;
+    let given = [("number", Value::from(arguments.number)), ("speed", Value::from(arguments.speed))];
+    for (name, value) in given.into_iter().filter(|(name, _)| takes(name)) {
+        parameters.entry(name).or_insert(value);
     }
-    if let Some(output) = parameters.shift_remove("steering_output").filter(|_| takes("output")) {
-        parameters.insert("output".to_owned(), output);
-    }
-    parameters.insert("number".to_owned(), arguments.number.into());
-    parameters.insert("speed".to_owned(), arguments.speed.into());
-    parameters.retain(|name, _| takes(name));
-    parameters.extend(spec.parameters.clone());
     let make = |size: &str| {
         let mut parameters = parameters.clone();
         if takes("size") {
