@@ -74,7 +74,7 @@ fn the_package_passes_its_tests() {
     succeed(Command::new("python3").args(pip).arg(&site).arg(wheel));
     let tests: &Path = &repository().join("sdk/python/tests");
     let options = ["-m", "pytest", "-q", "-p", "no:cacheprovider"];
-    succeed(
-        Command::new("python3").args(options).arg(tests).env("PYTHONPATH", &site).current_dir(folder.path()),
-    );
+    let mut command = Command::new("python3");
+    command.args(options).arg(tests).current_dir(folder.path());
+    succeed(command.env("PYTHONPATH", &site).env("PYTHONDONTWRITEBYTECODE", "1"));
 }
