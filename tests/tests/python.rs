@@ -44,17 +44,23 @@ fn the_declarations_have_all_modifiers() {
     }
 }
 
-/// The wheel that `pdk-dist` made last.
+/// The wheel that `pdk-dist` made of what is built.
 fn wheel() -> Option<PathBuf> {
+    const REMEDY: &str =
+        "make one with `cargo run --release -p pdk-dist -- --profile release --no-package --wheel`";
+    let changed = |file: &Path| file.metadata().and_then(|file| file.modified()).ok();
     let folder = repository().join("target/pdk-dist");
     let wheels = std::fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
     let newest = wheels
         .filter(|file| file.extension().is_some_and(|ending| ending == "whl"))
-        .max_by_key(|file| file.metadata().and_then(|file| file.modified()).ok());
-    if newest.is_none() {
-        eprintln!(
-            "skipped: there is no wheel; make one with `cargo run --release -p pdk-dist -- --profile release --wheel`"
-        );
+        .max_by_key(|file| changed(file));
+    match &newest {
+        None => eprintln!("skipped: there is no wheel; {REMEDY}"),
+        Some(file) if changed(file) < changed(&built("pdk")) => {
+            eprintln!("skipped: {} is older than what is built; {REMEDY}", file.display());
+            return None;
+        }
+        Some(_) => {}
     }
     newest
 }
@@ -68,7 +74,7 @@ fn the_package_passes_its_tests() {
     succeed(Command::new("python3").args(pip).arg(&site).arg(wheel));
     let tests: &Path = &repository().join("sdk/python/tests");
     let options = ["-m", "pytest", "-q", "-p", "no:cacheprovider"];
-    succeed(
-        Command::new("python3").args(options).arg(tests).env("PYTHONPATH", &site).current_dir(folder.path()),
-    );
+    let mut command = Command::new("python3");
+    command.args(options).arg(tests).current_dir(folder.path());
+    succeed(command.env("PYTHONPATH", &site).env("PYTHONDONTWRITEBYTECODE", "1"));
 }

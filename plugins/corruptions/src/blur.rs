@@ -269,7 +269,8 @@ mod tests {
                 perturbed::<MotionBlur>(&grey, level, 1),
                 perturbed::<GlassBlur>(&grey, level, 1),
             ] {
-                assert!(blurred.data().iter().all(|v| (99..=100).contains(v)), "{level}");
+                // Fractions are dropped, by glass blur twice.
+                assert!(blurred.data().iter().all(|v| (98..=100).contains(v)), "{level}");
             }
         }
     }

@@ -39,6 +39,7 @@ impl Perturbation for JpegCompression {
 pub struct Pixelate {
     narrow: FrameBuf,
     small: FrameBuf,
+    sums: Vec<u32>,
 }
 
 impl Component for Pixelate {
@@ -66,26 +67,31 @@ impl Perturbation for Pixelate {
         let (width, height) = (shrunk(src.width()), shrunk(src.height()));
         // Rows first, rounded in between, as Pillow does.
         let columns = spans(src.width(), width);
+        let means = means(
+            columns.iter().chain(&spans(src.height(), height)).map(|span| span.len()).max().unwrap_or(1),
+        );
         self.narrow.resize(width, src.height());
         let mut narrow = self.narrow.as_mut();
         for (from, to) in src.rows().zip(narrow.rows_mut()) {
             for (span, to) in columns.iter().zip(to.chunks_exact_mut(3)) {
-                let pixels = from[span.start * 3..span.end * 3].chunks_exact(3);
-                let mut sum = [0u32; 3];
-                pixels.for_each(|pixel| {
-                    sum.iter_mut().zip(pixel).for_each(|(sum, &value)| *sum += u32::from(value))
-                });
-                to.iter_mut().zip(sum).for_each(|(to, sum)| *to = mean(sum, span.len()));
+                let mut sum = [0; 3];
+                for pixel in from[span.start * 3..span.end * 3].chunks_exact(3) {
+                    sum.iter_mut().zip(pixel).for_each(|(sum, &value)| *sum += usize::from(value));
+                }
+                to.iter_mut().zip(sum).for_each(|(to, sum)| *to = means[span.len()][sum]);
             }
         }
         self.small.resize(width, height);
         let mut small = self.small.as_mut();
+        self.sums.resize(width * 3, 0);
         for (span, to) in spans(src.height(), height).into_iter().zip(small.rows_mut()) {
-            let count = span.len();
-            for (place, to) in to.iter_mut().enumerate() {
-                let sum = span.clone().map(|y| u32::from(self.narrow.as_ref().row(y)[place])).sum();
-                *to = mean(sum, count);
+            let means = &means[span.len()];
+            self.sums.fill(0);
+            for y in span {
+                let row = self.narrow.as_ref().row(y);
+                self.sums.iter_mut().zip(row).for_each(|(sum, &value)| *sum += u32::from(value));
             }
+            to.iter_mut().zip(&self.sums).for_each(|(to, &sum)| *to = means[sum as usize]);
         }
         let mut dst = dst;
         let [across, down] =
@@ -124,10 +130,10 @@ fn spans(from: usize, to: usize) -> Vec<std::ops::Range<usize>> {
     (0..to).map(span).collect()
 }
 
-/// Rounded half up.
-fn mean(sum: u32, count: usize) -> u8 {
-    let count = count as u32;
-    ((2 * sum + count) / (2 * count)) as u8
+/// For each count of bytes up to `most`, and each sum of them, their mean, rounded half up.
+fn means(most: usize) -> Vec<Vec<u8>> {
+    let of = |count: usize| (0..=255 * count).map(|sum| ((2 * sum + count) / (2 * count)) as u8).collect();
+    std::iter::once(Vec::new()).chain((1..=most).map(of)).collect()
 }
 
 /// Displaces every pixel at random, smoothly.
@@ -170,15 +176,13 @@ impl Perturbation for ElasticTransform {
         }
         self.image.read(src);
         let alpha = cx.number("alpha") as f32;
-        let edge = Edge::Symmetric;
         for (y, to) in dst.rows_mut().enumerate() {
             let moved = self.right.row(y).iter().zip(self.down.row(y));
             for ((x, to), (right, down)) in to.chunks_exact_mut(3).enumerate().zip(moved) {
-                let (across, along) = (x as f32 + alpha * right, y as f32 + alpha * down);
-                let (left, top) = (across.floor(), along.floor());
-                let (share_x, share_y) = (across - left, along - top);
-                let columns = [0, 1].map(|next| edge.place(left as isize + next, width) * 3);
-                let rows = [0, 1].map(|next| self.image.row(edge.place(top as isize + next, height)));
+                let (left, share_x) = whole(x as f32 + alpha * right);
+                let (top, share_y) = whole(y as f32 + alpha * down);
+                let columns = [0, 1].map(|next| mirrored(left + next, width) * 3);
+                let rows = [0, 1].map(|next| self.image.row(mirrored(top + next, height)));
                 for (channel, to) in to.iter_mut().enumerate() {
                     let between = |row: &[f32]| {
                         let (a, b) = (row[columns[0] + channel], row[columns[1] + channel]);
@@ -190,6 +194,21 @@ impl Perturbation for ElasticTransform {
             }
         }
         Ok(())
+    }
+}
+
+/// The whole part of a number, which goes down also below 0, and the rest.
+fn whole(value: f32) -> (isize, f32) {
+    let cut = value as isize;
+    let whole = if value < cut as f32 { cut - 1 } else { cut };
+    (whole, value - whole as f32)
+}
+
+/// A place in a row that goes on mirrored.
+fn mirrored(index: isize, length: usize) -> usize {
+    match usize::try_from(index) {
+        Ok(inside) if inside < length => inside,
+        _ => Edge::Symmetric.place(index, length),
     }
 }
 

@@ -5,7 +5,7 @@ use pdk_sdk::ops::float::{Edge, Image, Workspace, separable};
 use pdk_sdk::prelude::*;
 
 use crate::blur::weights;
-use crate::chamfer::{distances, edges};
+use crate::chamfer::{bordered, distances, edges};
 use crate::suite::{MadeFor, corruption};
 
 /// Pale turquoise, and brown.
@@ -113,37 +113,32 @@ impl Spatter {
 
 /// The mean of 3 x 3 values, mirrored at the edges.
 fn box_blur(values: &[f32], width: usize, height: usize) -> Vec<f32> {
-    each_place(width, height, |x, y| {
-        let mut sum = 0.0;
-        around(|right, down| sum += values[reflect(y + down, height) * width + reflect(x + right, width)]);
-        sum / 9.0
+    around(values, width, height, |[above, here, below]| {
+        let sum = |x: usize| above[x] + here[x] + below[x];
+        (sum(0) + sum(1) + sum(2)) / 9.0
     })
 }
 
 /// A relief lit from the lower right.
 fn emboss(values: &[u8], width: usize, height: usize) -> Vec<u8> {
-    const KERNEL: [[i32; 3]; 3] = [[-2, -1, 0], [-1, 1, 1], [0, 1, 2]];
-    each_place(width, height, |x, y| {
-        let mut sum = 0;
-        around(|right, down| {
-            let value = values[reflect(y + down, height) * width + reflect(x + right, width)];
-            sum += i32::from(value) * KERNEL[(down + 1) as usize][(right + 1) as usize];
-        });
+    around(values, width, height, |[above, here, below]| {
+        let [above, here, below] = [above, here, below].map(|row| [0, 1, 2].map(|x| i32::from(row[x])));
+        let sum = here[1] + here[2] + below[1] + 2 * below[2] - 2 * above[0] - above[1] - here[0];
         sum.clamp(0, 255) as u8
     })
 }
 
-fn each_place<T>(width: usize, height: usize, at: impl Fn(isize, isize) -> T) -> Vec<T> {
-    let rows = 0..height as isize;
-    rows.flat_map(|y| (0..width as isize).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect()
-}
-
-fn around(mut each: impl FnMut(isize, isize)) {
-    for down in -1..=1 {
-        for right in -1..=1 {
-            each(right, down);
-        }
+/// A value for each place, from the 3 x 3 around it, three of each row; mirrored at the edges.
+fn around<T: Copy, R>(values: &[T], width: usize, height: usize, work: impl Fn([&[T]; 3]) -> R) -> Vec<R> {
+    let beyond = |x: isize, y: isize| values[reflect(y, height) * width + reflect(x, width)];
+    let wide = bordered(values, width, height, 1, beyond);
+    let line = width + 2;
+    let mut found = Vec::with_capacity(width * height);
+    for y in 0..height {
+        let rows = [0, 1, 2].map(|down| &wide[(y + down) * line..][..line]);
+        found.extend((0..width).map(|x| work(rows.map(|row| &row[x..x + 3]))));
     }
+    found
 }
 
 /// Values with a histogram that is as even as it can be.

@@ -36,6 +36,10 @@ def executable():
     return _Path(__file__).parent / "installation" / "bin" / "pdk"
 
 
+if not executable().is_file():
+    raise ImportError(
+        f"the package pdk is not complete: {executable()} is missing; install the wheel that `cargo run --release -p pdk-dist -- --wheel` makes"
+    )
 _pdk.install(executable())
 
 

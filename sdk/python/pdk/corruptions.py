@@ -10,9 +10,16 @@ They are the perturbations `imagenet_c_NAME`, whose levels 0 to 4 are the severi
 pipelines. docs/python.md tells where they agree with imagecorruptions and where they differ.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy
 
 import pdk
+
+if TYPE_CHECKING:
+    from pdk import Image
 
 #: The name and version of the suite, for papers. A change of an output raises the version.
 SUITE = "imagenet_c, version 1"
@@ -24,14 +31,14 @@ _SUBSETS = {
     "digital": ("contrast", "elastic_transform", "pixelate", "jpeg_compression"),
     "validation": ("speckle_noise", "gaussian_blur", "spatter", "saturate"),
 }
-_COMMON = sum((_SUBSETS[subset] for subset in ("noise", "blur", "weather", "digital")), ())
+_COMMON = tuple(name for subset in ("noise", "blur", "weather", "digital") for name in _SUBSETS[subset])
 _ALL = _COMMON + _SUBSETS["validation"]
 
 #: The smallest height and width.
 _SMALLEST = 32
 
 
-def get_corruption_names(subset="common"):
+def get_corruption_names(subset: str = "common") -> list[str]:
     """The names of a subset: common (15), validation (4), all, noise, blur, weather or digital."""
     names = {**_SUBSETS, "common": _COMMON, "all": _ALL}
     if subset not in names:
@@ -39,7 +46,14 @@ def get_corruption_names(subset="common"):
     return list(names[subset])
 
 
-def corrupt(image, severity=1, corruption_name=None, corruption_number=-1, *, seed=None):
+def corrupt(
+    image: Image,
+    severity: int = 1,
+    corruption_name: str | None = None,
+    corruption_number: int = -1,
+    *,
+    seed: int | None = None,
+) -> Image:
     """Corrupts an image of height x width x 3, height x width x 1 or height x width bytes; the result has three channels.
 
     `severity` is 1 to 5. The corruption is named, or has a number from 0 to 18 in the order of `get_corruption_names("all")`. Without
@@ -59,7 +73,7 @@ def corrupt(image, severity=1, corruption_name=None, corruption_number=-1, *, se
     return pdk.perturb(image, f"imagenet_c_{corruption_name}", level=severity - 1, seed=seed)
 
 
-def _with_channels(image):
+def _with_channels(image: Image) -> Image:
     if not isinstance(image, numpy.ndarray) or image.dtype != numpy.uint8:
         raise TypeError("the image has to be an array of numpy, dtype uint8")
     if image.ndim == 2:

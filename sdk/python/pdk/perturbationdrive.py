@@ -11,9 +11,17 @@ Every perturbation of pdk is there under its name, as a function of intensity an
 drawn by its name and the number of calls, at 20 frames a second.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
 import numpy
 
 import pdk
+
+if TYPE_CHECKING:
+    from pdk import Image
 
 __all__ = ["ImagePerturbation"]
 
@@ -26,7 +34,15 @@ class ImagePerturbation:
     their size.
     """
 
-    def __init__(self, funcs=(), attention_map=None, image_size=(240, 320), *, seed=0, fps=20.0):
+    def __init__(
+        self,
+        funcs: Sequence[str | Callable[[float, Image], Image]] = (),
+        attention_map: dict[str, Any] | None = None,
+        image_size: tuple[int, int] = (240, 320),
+        *,
+        seed: int = 0,
+        fps: float = 20.0,
+    ) -> None:
         if attention_map:
             raise pdk.Error(
                 "attention maps of PerturbationDrive are Keras models in this process; name an ONNX file instead, as in "
@@ -35,19 +51,19 @@ class ImagePerturbation:
         self.image_size = image_size
         self.seed = seed
         self.fps = fps
-        self._functions = {each.__name__: each for each in funcs if callable(each)}
+        self._functions: dict[str, Callable[[float, Image], Image]] = {each.__name__: each for each in funcs if callable(each)}
         self._funcs = [each.__name__ if callable(each) else each for each in funcs] or pdk.names(default=True)
-        self._sequences = {}
+        self._sequences: dict[tuple[str, float], pdk.Perturbation] = {}
         for name in self._funcs:
             if name not in self._functions:
                 pdk.written(name)
 
     @property
-    def funcs(self):
+    def funcs(self) -> list[str]:
         """The names of the perturbations, in order."""
         return list(self._funcs)
 
-    def perturbation(self, image, perturbation_name="", intensity=0):
+    def perturbation(self, image: Image, perturbation_name: str = "", intensity: float = 0) -> Image:
         """Perturbs the next frame. Without a name it comes back as it is; an intensity is 0 to 4, any number in between."""
         if not perturbation_name:
             return image
@@ -59,11 +75,11 @@ class ImagePerturbation:
         return self._sequences[key](numpy.ascontiguousarray(image))
 
 
-def __dir__():
+def __dir__() -> list[str]:
     return [*__all__, *pdk.names()]
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Callable[..., Image]:
     if name.startswith("_") or name not in pdk.names():
         raise AttributeError(f"there is no perturbation `{name}`; `pdk list perturbation` names them")
 

@@ -14,13 +14,20 @@ or as those of albumentations, `transform(image=image, mask=mask)["image"]`. The
 the one that is given (`transform(image, sample=17)`), else the image's own content.
 """
 
+from __future__ import annotations
+
 import hashlib
 import multiprocessing.sharedctypes
 import threading
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy
 
 import pdk
+
+if TYPE_CHECKING:
+    from pdk import Chain
 
 __all__ = ["Indexed", "OneOf", "Transform"]
 
@@ -34,7 +41,7 @@ class OneOf:
     With `weights` some are drawn more often than others.
     """
 
-    def __init__(self, *alternatives, weights=None):
+    def __init__(self, *alternatives: Chain | None, weights: Sequence[float] | None = None) -> None:
         if not alternatives:
             raise ValueError("OneOf needs alternatives to choose from")
         weights = [1.0] * len(alternatives) if weights is None else [float(weight) for weight in weights]
@@ -67,7 +74,14 @@ class Transform:
     rotate_image, reflection_filter) do not move them.
     """
 
-    def __init__(self, perturbation, *, level=None, p=1.0, seed=0):
+    def __init__(
+        self,
+        perturbation: Chain | OneOf,
+        *,
+        level: float | tuple[float, float] | None = None,
+        p: float = 1.0,
+        seed: int = 0,
+    ) -> None:
         if not 0.0 <= p <= 1.0:
             raise ValueError(f"`p` is {p}, but has to be a number from 0 to 1")
         self.perturbation = perturbation
@@ -88,11 +102,11 @@ class Transform:
     def __repr__(self):
         return f"Transform({self.perturbation!r}, level={self.level}, p={self.p}, seed={self.seed})"
 
-    def set_epoch(self, epoch):
+    def set_epoch(self, epoch: int) -> None:
         """Says which epoch it is, also to workers that run already. `Indexed.set_epoch` counts more where there is one."""
         self._epoch.set(epoch)
 
-    def __call__(self, *arguments, sample=None, **targets):
+    def __call__(self, *arguments: Any, sample: int | None = None, **targets: Any) -> Any:
         if arguments:
             if len(arguments) > 1 or targets:
                 raise TypeError("call it with one image, transform(image), or by keyword, transform(image=image, mask=mask)")
@@ -124,15 +138,15 @@ class Indexed:
     `set_epoch` reaches workers that run already, persistent ones among them.
     """
 
-    def __init__(self, dataset):
+    def __init__(self, dataset: Any) -> None:
         self.dataset = dataset
         self._epoch = _Epoch()
 
-    def set_epoch(self, epoch):
+    def set_epoch(self, epoch: int) -> None:
         """Says which epoch it is, before its first sample is asked for."""
         self._epoch.set(epoch)
 
-    def __getitem__(self, index):
+    def __getitem__(self, index: int) -> Any:
         before = getattr(_current, "sample", None)
         _current.sample = (int(index), self._epoch.get())
         try:
@@ -140,7 +154,7 @@ class Indexed:
         finally:
             _current.sample = before
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.dataset)
 
     def __getattr__(self, name):

@@ -128,9 +128,9 @@ fn batch<'py>(
             .collect();
         detached(py, || {
             std::thread::scope(|scope| {
-                let start = |part: &mut Part<'_>| caught(|| part.perturb(perturbations, moment));
-                let start = &start;
-                let started: Vec<_> = parts.iter_mut().map(|part| scope.spawn(move || start(part))).collect();
+                let work = |part: &mut Part<'_>| part.perturb(perturbations, moment);
+                let started: Vec<_> =
+                    parts.iter_mut().map(|part| scope.spawn(move || caught(|| work(part)))).collect();
                 let lost = |_| Err(Error::of(ErrorKind::Panic, "a thread of the batch is lost"));
                 started.into_iter().try_for_each(|thread| thread.join().unwrap_or_else(lost))
             })
