@@ -79,8 +79,13 @@ function study.roads(settings, repeats: number, drivers)
 				table.insert(of, road)
 			end
 		end
-		for i, outcome in study.drive(settings, scenarios, driver) do
+		local outcomes = study.drive(settings, scenarios, driver)
+		local broken = {}
+		for i, outcome in outcomes do
 			local number = of[i].number
+			if outcome.error then
+				table.insert(broken, outcome.error)
+			end
 			if outcome.success then
 				if place == 1 then
 					table.insert(of[i].nominal, outcome.mean_cross_track_error)
@@ -90,6 +95,10 @@ function study.roads(settings, repeats: number, drivers)
 				print(`Road {number} is left out: without perturbation it ended with {outcome.cause}.`)
 				table.insert(left_out, { road = number, cause = outcome.cause })
 			end
+		end
+		-- That is not the driver's doing.
+		if #broken == #outcomes and #broken > 0 then
+			error(broken[1], 0)
 		end
 	end
 	local driven = {}

@@ -129,8 +129,7 @@ class _Link:
             # A view of shared memory: nothing is copied.
             frame = numpy.asarray(sample.payload().as_memory_view()).reshape(header.height, header.width, 3)
             frame.flags.writeable = False
-            steering, throttle = drive(frame, context)
-            self._last = (stamp, _Control(float(steering), float(throttle)))
+            self._last = (stamp, _control(drive(frame, context)))
         answer = self._answers.loan_uninit()
         ctypes.memmove(answer.user_header_ptr, ctypes.byref(header), ctypes.sizeof(_Header))
         answer.write_payload(self._last[1]).send()
@@ -155,6 +154,17 @@ class _Link:
             return False
         except OSError:
             return True
+
+
+def _control(answer):
+    """Steering and throttle that a function has returned."""
+    try:
+        steering, throttle = answer
+        if isinstance(steering, str) or isinstance(throttle, str):
+            raise TypeError
+        return _Control(float(steering), float(throttle))
+    except (TypeError, ValueError):
+        raise SystemExit(f"the function returned {answer!r}, but has to return two numbers, steering and throttle") from None
 
 
 def _base():

@@ -136,7 +136,12 @@ fn what_is_missing_is_said_by_every_verb() {
             &["new", "perturbation", "mine"],
         ] {
             let count = format!("1 of its {} libraries", LIBRARIES.len());
-            let parts = [count.as_str(), "libpdk_models.so", lies, "unpack the whole archive or install the Python package again"];
+            let parts = [
+                count.as_str(),
+                "libpdk_models.so",
+                lies,
+                "unpack the whole archive or install the Python package again",
+            ];
             installation.pdk().args(arguments).folder(folder.path()).fail(1, &parts);
         }
         let doctor = installation.pdk().arg("doctor").run();

@@ -123,7 +123,7 @@ fn default(parameter: &Parameter) -> String {
     match parameter.default.as_str() {
         Some("") => String::new(),
         Some(text) => format!("`{text}`"),
-        None if parameter.default.is_null() => "required".to_owned(),
+        None if parameter.is_required() => "required".to_owned(),
         None => parameter.default.to_string(),
     }
 }

@@ -155,12 +155,16 @@ fn first_other(was: &[f64], is: &[f64]) -> Option<usize> {
 /// The first field of the outcome that differs.
 fn outcome_difference(recorded: &Outcome, replayed: &Outcome) -> Result<Option<Difference>> {
     let found = difference("", &serde_json::to_value(recorded)?, &serde_json::to_value(replayed)?);
-    Ok(found.map(|(what, was, is)| Difference {
-        frame: None,
-        time: None,
-        what,
-        recorded: was.to_string(),
-        replayed: is.to_string(),
+    Ok(found.map(|(what, was, is)| {
+        // Why it cannot be driven any more says more than that it cannot.
+        let why = replayed.error.as_ref().map_or_else(String::new, |error| format!(" ({error})"));
+        Difference {
+            frame: None,
+            time: None,
+            what,
+            recorded: was.to_string(),
+            replayed: format!("{is}{why}"),
+        }
     }))
 }
 

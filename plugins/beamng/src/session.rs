@@ -26,7 +26,7 @@ const FACING: f64 = 0.98;
 /// What the damage grows by without anything having been hit.
 const WEAR: f64 = 1.0;
 /// How long taking leave may take for each answer.
-const LEAVE: Duration = Duration::from_secs(1);
+const LEAVE: Duration = Duration::from_secs(5);
 
 /// A running game as a worker uses it.
 #[derive(Debug)]
@@ -146,7 +146,8 @@ impl Session {
             }
         };
         let mut track = Track::new(waypoints)?;
-        self.tidy(deadline)?;
+        let answering = self.station.settings().answer;
+        self.tidy(|| Deadline::new(answering, "answer_seconds"))?;
         self.load(track.waypoints(), deadline)?;
         let motion = self.settle(track.waypoints())?;
         track.restart();
@@ -323,31 +324,41 @@ impl Session {
         Ok(picture)
     }
 
-    /// Ends the scenario before.
-    fn tidy(&mut self, deadline: &Deadline) -> Result<()> {
+    /// Ends the scenario before. Each call has a deadline of its own; what the game refuses, because it is not there any more, need
+    /// not be ended.
+    fn tidy(&mut self, deadline: impl Fn() -> Deadline) -> Result<()> {
         (self.drive, self.vehicle) = (None, None);
         let Some(path) = self.path.take() else { return Ok(()) };
-        self.ask("CloseCamera", vec![("name", CAMERA.into())], "ClosedCamera")?;
-        self.engine.call("StopScenario", Vec::new(), "ScenarioStopped", deadline)?;
-        self.ask("DeleteScenario", vec![("path", path)], "DeleteScenario").map(drop)
+        for (what, fields, expected) in [
+            ("CloseCamera", vec![("name", CAMERA.into())], "ClosedCamera"),
+            ("StopScenario", Vec::new(), "ScenarioStopped"),
+            ("DeleteScenario", vec![("path", path)], "DeleteScenario"),
+        ] {
+            match self.engine.call(what, fields, expected, &deadline()) {
+                Err(error) if error.kind() != ErrorKind::Failed => return Err(error),
+                _ => {}
+            }
+        }
+        Ok(())
     }
 }
 
 impl Drop for Session {
     /// Leaves the game as it was found; what cannot be put back is not, since nobody can do anything about it.
     fn drop(&mut self) {
-        let limit = Deadline::new(LEAVE, "answer_seconds");
-        if self.path.is_none() || self.tidy(&limit).is_err() {
+        let limit = || Deadline::new(LEAVE, "answer_seconds");
+        if self.path.is_none() {
             return;
         }
-        let rest = [
+        // A game that is gone or hangs does not answer the rest either.
+        let mut answers = self.tidy(limit).is_ok();
+        for (what, expected) in [
             ("SetPhysicsNonDeterministic", "SetPhysicsNonDeterministic"),
             ("RemoveFPSLimit", "RemovedFPSLimit"),
             ("Resume", "Resumed"),
-        ];
-        for (what, expected) in rest {
-            if self.engine.call(what, Vec::new(), expected, &limit).is_err() {
-                return;
+        ] {
+            if answers && let Err(error) = self.engine.call(what, Vec::new(), expected, &limit()) {
+                answers = error.kind() == ErrorKind::Failed;
             }
         }
     }

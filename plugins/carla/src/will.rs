@@ -86,7 +86,7 @@ impl Will {
         }
     }
 
-    /// From now on these are the words. What has no room is left out, which is said.
+    /// From now on these are the words.
     ///
     /// # Errors
     /// Where they have no room.

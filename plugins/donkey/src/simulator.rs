@@ -116,7 +116,7 @@ impl Simulator for Donkey {
         let deadline = self.options.settings.answering();
         // What came while the driver was at work shows a world without this control. It is looked at, because it may say
         // that the car hit something, and not shown.
-        while link.wire.has_message()? {
+        while link.wire.has_message()? && deadline.left().is_some() {
             if link.hear(&self.options, drive, &deadline)? && ends(&drive.state, &drive.criteria) {
                 return Ok(drive.state);
             }
@@ -124,7 +124,7 @@ impl Simulator for Donkey {
         link.control(control, &deadline)?;
         while !link.hear(&self.options, drive, &deadline)? {}
         // Where several came at once, the driver gets the newest.
-        while !ends(&drive.state, &drive.criteria) && link.wire.has_message()? {
+        while !ends(&drive.state, &drive.criteria) && link.wire.has_message()? && deadline.left().is_some() {
             link.hear(&self.options, drive, &deadline)?;
         }
         Ok(drive.state)
@@ -191,7 +191,9 @@ impl Link {
                 return Err(menu::other_build(&self.wire, options.build));
             }
         }
+        self.wire.keep_apart();
         self.wire.send("reset_car", &[], &deadline)?;
+        self.wire.keep_apart();
         let track = self.build_road(road, &deadline)?;
         let (telemetry, picture) = self.stand(options, &deadline)?;
         let mut drive = Drive {
@@ -235,8 +237,11 @@ impl Link {
         let began = Instant::now();
         let mut standing = 0;
         loop {
-            self.brake(deadline)?;
-            let (telemetry, picture) = self.telemetry(deadline, options)?;
+            // As long as telemetry comes, what is said in the end is where the car is.
+            let each = options.settings.answering();
+            self.wire.keep_apart();
+            self.brake(&each)?;
+            let (telemetry, picture) = self.telemetry(&each, options)?;
             let away = match (telemetry.position, self.home) {
                 (Some(position), Some(home)) => ground_distance(position, home),
                 _ => 0.0,

@@ -28,6 +28,8 @@ pub struct Wire {
     peer: String,
     /// When the last message was sent; none where something was heard since.
     unheard: Option<Instant>,
+    /// When the last message was sent.
+    sent: Option<Instant>,
     repaired: Vec<u8>,
 }
 
@@ -40,7 +42,7 @@ impl Wire {
         let stream = station.connect(0, deadline)?;
         let peer = station.to_string();
         let connection = Connection::new(stream, peer.clone(), LONGEST)?;
-        Ok(Self { station, connection, peer, unheard: None, repaired: Vec::new() })
+        Ok(Self { station, connection, peer, unheard: None, sent: None, repaired: Vec::new() })
     }
 
     /// Sends a message.
@@ -53,8 +55,15 @@ impl Wire {
         }
         let text = print(kind, fields)?;
         self.connection.send(text.as_bytes(), deadline).map_err(|error| self.station.blame(error))?;
-        self.unheard = Some(Instant::now());
+        (self.unheard, self.sent) = (Some(Instant::now()), Some(Instant::now()));
         Ok(())
+    }
+
+    /// Lets the simulator read what was sent before anything follows: telemetry that was on its way already does not show that it has.
+    pub fn keep_apart(&mut self) {
+        if let Some(sent) = self.sent {
+            std::thread::sleep(GAP.saturating_sub(sent.elapsed()));
+        }
     }
 
     /// Waits for the next message, and looks at it.

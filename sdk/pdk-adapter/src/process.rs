@@ -61,8 +61,14 @@ impl Launched {
             return Err(mistake(format!("`{parameter}` names no program")));
         };
         if !is_there(program) {
+            let remedy = match program.contains(' ') && arguments.is_empty() {
+                true => format!(
+                    "write `{parameter}` as a list of the program and its arguments, such as [\"python3\", \"pilot.py\"]"
+                ),
+                false => format!("correct `{parameter}`"),
+            };
             return Err(mistake(format!(
-                "cannot start the {what}: there is no program `{program}`; correct `{parameter}`"
+                "cannot start the {what}: there is no program `{program}`; {remedy}"
             )));
         }
         let cannot = |error: std::io::Error| Error::new(format!("cannot start `{program}`: {error}"));
@@ -111,8 +117,12 @@ impl Launched {
     fn last_words(&self) -> String {
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
         let text = String::from_utf8_lossy(&said);
-        let text =
-            text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join(" / ");
+        let text = text
+            .lines()
+            .map(str::trim)
+            .filter(|line| line.contains(|c: char| !matches!(c, '^' | '~' | ' ')))
+            .collect::<Vec<_>>()
+            .join(" / ");
         let skipped = text.chars().count().saturating_sub(QUOTED);
         match text.is_empty() {
             true => ", and wrote nothing".to_owned(),

@@ -194,6 +194,10 @@ impl Station {
                 "it was started {:.0} s ago; raise `start_seconds` if it is slow",
                 deadline.elapsed().as_secs_f64()
             ),
+            false if self.slot > 0 => format!(
+                "worker {} needs a simulator of its own there: start one, let pdk start it with `launch`, or set --workers 1",
+                self.slot
+            ),
             false => "start it, correct `host` and `port`, or let pdk start it with `launch`".to_owned(),
         };
         Error::of(

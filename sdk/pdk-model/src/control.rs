@@ -37,7 +37,7 @@ impl Control {
             return Err(Error::of(
                 ErrorKind::Nonsense,
                 format!(
-                    "it steers {} with throttle {}, which is not a control; look at its output layer",
+                    "it steers {} with throttle {}, but both have to be finite numbers",
                     self.steering, self.throttle
                 ),
             ));
@@ -73,7 +73,7 @@ mod tests {
         }
         assert_eq!(
             Control::from_numbers([f64::NAN, 0.5]).checked().unwrap_err().message(),
-            "it steers NaN with throttle 0.5, which is not a control; look at its output layer"
+            "it steers NaN with throttle 0.5, but both have to be finite numbers"
         );
     }
 }

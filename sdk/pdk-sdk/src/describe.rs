@@ -448,6 +448,11 @@ impl Parameter {
         Self::of(name, doc, ParameterType::Path, Value::Null)
     }
 
+    /// Whether the user has to set it: it has no default, unless null is a value like any other.
+    pub fn is_required(&self) -> bool {
+        self.default.is_null() && self.levels.is_none() && !matches!(self.kind, ParameterType::Json)
+    }
+
     /// Any JSON value, with a default.
     pub fn json(name: &str, default: Value, doc: &str) -> Self {
         Self::of(name, doc, ParameterType::Json, default)

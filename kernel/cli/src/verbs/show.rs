@@ -106,7 +106,7 @@ fn default_text(parameter: &Parameter) -> String {
             let levels: Vec<_> = levels.iter().map(f64::to_string).collect();
             format!("by level: {}", levels.join("  "))
         }
-        None if parameter.default.is_null() => "required".to_owned(),
+        None if parameter.is_required() => "required".to_owned(),
         None => match parameter.default.as_str() {
             Some("") => String::new(),
             Some(text) => text.to_owned(),

@@ -142,7 +142,8 @@ mod tests {
             error("evaluate", json!({"objectives": {}}), None).contains("the objective `speed` is missing")
         );
         assert!(
-            error("evaluate", json!({"objectives": {"sped": 1}}), None).contains("`sped` is not an objective")
+            error("evaluate", json!({"objectives": {"sped": 1}}), None)
+                .contains("`sped` is not an objective")
         );
         assert!(
             error("outcome", json!({}), Some(outcome(true, 1.0)))
