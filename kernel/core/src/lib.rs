@@ -24,7 +24,7 @@
 //! | [`output`] | lines and progress bars for people |
 //!
 //! Two rules hold throughout. A component is only ever called in a process that another one supervises, since its code may do
-//! anything. And what decides an outcome is a value (`pdk_model::scenario::Scenario`): nothing is drawn from a clock, a counter or
+//! anything; only the Python package gives that up, which calls perturbations in the interpreter's process. And what decides an outcome is a value (`pdk_model::scenario::Scenario`): nothing is drawn from a clock, a counter or
 //! a place in a list.
 
 pub mod calls;
