@@ -76,7 +76,7 @@ impl Wire {
         what: &str,
         look: impl FnOnce(&Message<'_>) -> R,
     ) -> Result<R> {
-        let Self { station, connection, peer, unheard, repaired } = self;
+        let Self { station, connection, peer, unheard, repaired, .. } = self;
         let line = connection.line(deadline, what).map_err(|error| station.blame(error))?;
         let message = message::read(line, repaired, peer)?;
         *unheard = None;
