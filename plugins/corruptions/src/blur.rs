@@ -269,8 +269,8 @@ mod tests {
                 perturbed::<MotionBlur>(&grey, level, 1),
                 perturbed::<GlassBlur>(&grey, level, 1),
             ] {
-                // Fractions are dropped, by glass blur twice.
-                assert!(blurred.data().iter().all(|v| (98..=100).contains(v)), "{level}");
+                // Fractions are dropped, by glass blur twice; the softened disc of radius 10 weighs a little more than 1, as published.
+                assert!(blurred.data().iter().all(|v| (98..=101).contains(v)), "{level}");
             }
         }
     }
