@@ -14,6 +14,33 @@ ByLevel: TypeAlias = float | Sequence[float]
 
 MODIFIERS: tuple[str, ...]
 
+def artistic(
+    level: Level = 2.0,
+    *,
+    style: Literal["brush", "dots", "ink", "mosaic", "pencil", "swirls"] | None = None,
+    strength: ByLevel | None = None,
+    fit: Literal["scale", "tile"] | None = None,
+    overlap: float | None = None,
+    backend: Literal["auto", "tract", "onnxruntime"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Repaints the frame in one of six styles of art, by a network.
+
+    style: the style, each after a picture that the recipe draws (default "brush").
+    strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
+        the frame piece by piece at its own resolution (default "scale").
+    overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
+    backend: who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes
+        ONNX Runtime where PDK_ONNXRUNTIME names it or a Python package brings it, else tract (default "auto").
+    Source: Dumoulin et al., A Learned Representation for Artistic Style, 2017.
+    Not part of the default set.
+    """
+
 def banding(
     level: Level = 2.0,
     *,
@@ -973,6 +1000,31 @@ def motion_blur(
     Source: Average over one pixel in each row of a square kernel, along a line through its middle.
     """
 
+def night(
+    level: Level = 2.0,
+    *,
+    strength: ByLevel | None = None,
+    fit: Literal["scale", "tile"] | None = None,
+    overlap: float | None = None,
+    backend: Literal["auto", "tract", "onnxruntime"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Repaints a day as a night with headlights, by a network.
+
+    strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
+        the frame piece by piece at its own resolution (default "scale").
+    overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
+    backend: who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes
+        ONNX Runtime where PDK_ONNXRUNTIME names it or a Python package brings it, else tract (default "auto").
+    Source: Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020.
+    Not part of the default set.
+    """
+
 def object_overlay(
     level: Level = 2.0,
     *,
@@ -1127,6 +1179,31 @@ def raindrops_on_lens(
     Source: Particles with bounded lives; caps joined by a smooth maximum, refracted by their slope.
     """
 
+def rainy(
+    level: Level = 2.0,
+    *,
+    strength: ByLevel | None = None,
+    fit: Literal["scale", "tile"] | None = None,
+    overlap: float | None = None,
+    backend: Literal["auto", "tract", "onnxruntime"] | None = None,
+    probability: float | None = None,
+    region: Mapping[str, Any] | Sequence[float] | None = None,
+    where: Mapping[str, Any] | None = None,
+    attention: str | Mapping[str, Any] | None = None,
+    draws: Literal["per_frame", "per_sequence"] | None = None,
+) -> Applied:
+    """Repaints a dry day as a rainy one, with thick air and a wet road, by a network.
+
+    strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
+    fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
+        the frame piece by piece at its own resolution (default "scale").
+    overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
+    backend: who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes
+        ONNX Runtime where PDK_ONNXRUNTIME names it or a Python package brings it, else tract (default "auto").
+    Source: Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020.
+    Not part of the default set.
+    """
+
 def reflection_filter(
     level: Level = 2.0,
     *,
@@ -1155,8 +1232,8 @@ def repaint(
     color: Literal["rgb", "bgr"] | None = None,
     width: int | None = None,
     height: int | None = None,
-    strength: ByLevel | None = None,
     result: Literal["auto", "0..255", "0..1", "-1..1"] | None = None,
+    strength: ByLevel | None = None,
     fit: Literal["scale", "tile"] | None = None,
     overlap: float | None = None,
     probability: float | None = None,
@@ -1176,9 +1253,9 @@ def repaint(
     color: the order of colours that the network was trained on (default "rgb").
     width: width of the network's image where the file leaves it open (px; 1 to 4096; default 256).
     height: height of the network's image where the file leaves it open (px; 1 to 4096; default 256).
-    strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     result: the range of the numbers that the network gives; auto finds it out from a picture with all colours
         (default "auto").
+    strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
         the frame piece by piece at its own resolution (default "scale").
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
