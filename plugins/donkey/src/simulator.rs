@@ -92,22 +92,9 @@ impl Simulator for Donkey {
         Ok(state)
     }
 
-    fn frame(&mut self, mut into: FrameMut<'_>) -> Result<State> {
+    fn frame(&mut self, into: FrameMut<'_>) -> Result<State> {
         let (Some(drive), Some(link)) = (&self.drive, &self.link) else { return Err(not_started()) };
-        let peer = &link.wire.station;
-        let picture = pdk_image::decode(&drive.picture)
-            .map_err(|error| {
-                Error::of(ErrorKind::Nonsense, format!("{peer} sends a picture that cannot be used: {error}"))
-            })?
-            .into_rgb8();
-        let (width, height) = (picture.width() as usize, picture.height() as usize);
-        if (width, height) != (into.width(), into.height()) {
-            return Err(Error::of(
-                ErrorKind::Configuration,
-                format!("{peer} sends pictures of {width}x{height}; set width={width} and height={height}"),
-            ));
-        }
-        into.copy_from(Frame::new(picture.as_raw(), width, height)?);
+        pdk_adapter::picture::decode(&drive.picture, &link.wire.station, into)?;
         Ok(drive.state)
     }
 

@@ -107,21 +107,9 @@ impl Simulator for Udacity {
         Ok(state)
     }
 
-    fn frame(&mut self, mut into: FrameMut<'_>) -> Result<State> {
+    fn frame(&mut self, into: FrameMut<'_>) -> Result<State> {
         let (Some(drive), Some(link)) = (&self.drive, &self.link) else { return Err(not_started()) };
-        let peer = link.server.peer();
-        let picture = pdk_image::decode(&drive.picture)
-            .map_err(|error| {
-                Error::of(ErrorKind::Nonsense, format!("{peer} sends a picture that cannot be used: {error}"))
-            })?
-            .into_rgb8();
-        let (width, height) = (picture.width() as usize, picture.height() as usize);
-        if (width, height) != (into.width(), into.height()) {
-            return Err(mistake(format!(
-                "{peer} sends pictures of {width}x{height}; set width={width} and height={height}"
-            )));
-        }
-        into.copy_from(Frame::new(picture.as_raw(), width, height)?);
+        pdk_adapter::picture::decode(&drive.picture, link.server.peer(), into)?;
         Ok(drive.state)
     }
 
@@ -306,10 +294,9 @@ impl Link {
 
     /// Takes all telemetry that has come already, until one ends the scenario; whether one did.
     fn catch_up(&mut self, drive: &mut Drive, options: &Options, deadline: &Deadline) -> Result<bool> {
-        while let Some(heard) = self.server.take(deadline, |packet| taken(packet, options))? {
-            if deadline.left().is_none() {
-                break;
-            }
+        while deadline.left().is_some()
+            && let Some(heard) = self.server.take(deadline, |packet| taken(packet, options))?
+        {
             match heard {
                 Heard::Telemetry(telemetry) => {
                     drive.go_on(telemetry, options, self.server.peer())?;

@@ -1,6 +1,8 @@
-//! Pictures that come as raw pixels.
+//! Pictures that come as raw pixels, or encoded as JPEG or PNG.
 
-use pdk_sdk::prelude::{Error, FrameMut, Result};
+use std::fmt::Display;
+
+use pdk_sdk::prelude::{Error, ErrorKind, Frame, FrameMut, Result};
 
 /// The order in which a simulator sends the colours of a pixel, which has four bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,6 +68,27 @@ impl Picture {
         }
         Ok(())
     }
+}
+
+/// Decodes a picture of the simulator `peer` into a frame of the loop.
+///
+/// # Errors
+/// Where it cannot be decoded, or has another size than the frame.
+pub fn decode(encoded: &[u8], peer: impl Display, mut into: FrameMut<'_>) -> Result<()> {
+    let picture = pdk_image::decode(encoded)
+        .map_err(|error| {
+            Error::of(ErrorKind::Nonsense, format!("{peer} sends a picture that cannot be used: {error}"))
+        })?
+        .into_rgb8();
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    if (width, height) != (into.width(), into.height()) {
+        return Err(Error::of(
+            ErrorKind::Configuration,
+            format!("{peer} sends pictures of {width}x{height}; set width={width} and height={height}"),
+        ));
+    }
+    into.copy_from(Frame::new(picture.as_raw(), width, height)?);
+    Ok(())
 }
 
 #[cfg(test)]
