@@ -32,6 +32,7 @@ pub mod catalog;
 pub mod chain;
 mod description;
 pub mod directory;
+mod edges;
 pub mod elf;
 pub mod float;
 mod hash;

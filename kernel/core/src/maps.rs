@@ -8,7 +8,7 @@ use pdk_sdk::prelude::{EarlierMaps, Frame, FrameBuf, HeatmapMut, Key, MapContext
 
 use crate::calls::{self, Function};
 use crate::moment::Moment;
-use crate::motion;
+use crate::motion::{self, Motion};
 use crate::registry::Registry;
 
 /// Says for which frames a map is made, from the raw frames alone.
@@ -16,9 +16,10 @@ pub struct Turns {
     pace: Pace,
     /// Which map is in use: the number of its frame where it stays until a change, else that divided by how long it stays.
     period: Option<u64>,
-    /// The frame whose map is in use, where it is needed again.
+    /// The frame whose map is in use, where others are compared with it.
     seen: FrameBuf,
     size: (usize, usize),
+    motion: Motion,
 }
 
 /// The map that a frame is to have.
@@ -35,7 +36,7 @@ pub struct Turn {
 impl Turns {
     /// For a sequence.
     pub fn new(pace: Pace) -> Self {
-        Self { pace, period: None, seen: FrameBuf::default(), size: (0, 0) }
+        Self { pace, period: None, seen: FrameBuf::default(), size: (0, 0), motion: Motion::default() }
     }
 
     /// Goes on with another sequence.
@@ -59,12 +60,15 @@ impl Turns {
         let new = moment.alone || self.period != Some(period) || !same_size;
         if new {
             (self.period, self.size) = (Some(period), size);
-            if follow || change.is_some() {
+            if change.is_some() {
                 self.seen.resize(raw.width(), raw.height());
                 self.seen.as_mut().copy_from(raw);
             }
+            if follow {
+                self.motion.begin(raw);
+            }
         }
-        let moved = if follow && !new { motion::shift(self.seen.as_ref(), raw) } else { [0, 0] };
+        let moved = if follow && !new { self.motion.since(raw) } else { [0, 0] };
         Turn { period, new, moved }
     }
 }
@@ -82,7 +86,8 @@ pub struct Maps {
     /// What messages call the method.
     label: String,
     key: Key,
-    /// The map that was made last.
+    /// The map that was made last: by cells as the method gave it, and for each pixel.
+    cells: Vec<f32>,
     made: Vec<f32>,
     /// The same where the image is by now.
     now: Vec<f32>,
@@ -95,7 +100,11 @@ impl Maps {
     /// Where there is no such method, or it refuses its parameters.
     pub fn new(registry: &Registry, by: &ComponentSpec, key: Key) -> Result<Self> {
         let (method, _) = registry.saliency(&by.name, &by.parameters)?;
-        Ok(Self { method, label: format!("saliency `{}`", by.name), key, made: Vec::new(), now: Vec::new() })
+        Ok(Self::from_method(method, format!("saliency `{}`", by.name), key))
+    }
+
+    fn from_method(method: Box<dyn Saliency>, label: String, key: Key) -> Self {
+        Self { method, label, key, cells: Vec::new(), made: Vec::new(), now: Vec::new() }
     }
 
     /// Draws from another key.
@@ -109,12 +118,13 @@ impl Maps {
     /// Where the method fails.
     pub fn of(&mut self, raw: Frame<'_>, moment: &Moment<'_>, turn: Turn) -> Result<&[f32]> {
         if turn.new {
-            self.made = map(&mut *self.method, &self.label, raw, &context(moment, &self.key))?;
+            let cx = context(moment, &self.key);
+            map_into(&mut *self.method, &self.label, raw, &cx, &mut self.cells, &mut self.made)?;
         }
         if turn.moved == [0, 0] {
             return Ok(&self.made);
         }
-        self.now = motion::moved(&self.made, raw.width(), turn.moved);
+        motion::moved(&self.made, raw.width(), turn.moved, &mut self.now);
         Ok(&self.now)
     }
 }
@@ -212,13 +222,28 @@ pub fn map(
     frame: Frame<'_>,
     cx: &MapContext<'_>,
 ) -> Result<Vec<f32>> {
+    let (mut cells, mut into) = (Vec::new(), Vec::new());
+    map_into(method, label, frame, cx, &mut cells, &mut into)?;
+    Ok(into)
+}
+
+/// As [`map`], with memory for the map by cells and for that of each pixel.
+fn map_into(
+    method: &mut dyn Saliency,
+    label: &str,
+    frame: Frame<'_>,
+    cx: &MapContext<'_>,
+    cells: &mut Vec<f32>,
+    into: &mut Vec<f32>,
+) -> Result<()> {
     let size = [frame.width(), frame.height()];
     let work = || {
         let [width, height] = method.map_size(size[0], size[1])?;
-        let mut values = vec![0.0; width * height];
-        method.map(frame, cx, HeatmapMut::new(&mut values, width, height)?)?;
-        match values.iter().all(|value| value.is_finite()) {
-            true => Ok((values, [width, height])),
+        cells.clear();
+        cells.resize(width * height, 0.0);
+        method.map(frame, cx, HeatmapMut::new(cells, width, height)?)?;
+        match cells.iter().all(|value| value.is_finite()) {
+            true => Ok([width, height]),
             false => {
                 let sentence =
                     format!("its map of frame {} holds numbers that are not finite", cx.frame_index);
@@ -226,15 +251,21 @@ pub fn map(
             }
         }
     };
-    let (values, made) =
+    let made =
         calls::call_at(label, Function::Map, cx.frame_index, work).map_err(|error: Error| error.at(label))?;
-    Ok(if made == size { values } else { stretch(&values, made, size) })
+    match made == size {
+        true => std::mem::swap(cells, into),
+        false => stretch(cells, made, size, into),
+    }
+    Ok(())
 }
 
 /// A map in another size, each part as large as all others.
-fn stretch(values: &[f32], [width, height]: [usize; 2], to: [usize; 2]) -> Vec<f32> {
-    let rows = (0..to[1]).map(|y| y * height / to[1]);
-    rows.flat_map(|row| (0..to[0]).map(move |x| values[row * width + x * width / to[0]])).collect()
+fn stretch(values: &[f32], [width, height]: [usize; 2], to: [usize; 2], into: &mut Vec<f32>) {
+    into.clear();
+    for row in (0..to[1]).map(|y| y * height / to[1]) {
+        into.extend((0..to[0]).map(|x| values[row * width + x * width / to[0]]));
+    }
 }
 
 #[cfg(test)]
@@ -300,13 +331,7 @@ mod tests {
     fn the_maps_of_a_sequence_are_kept_and_those_of_single_frames_are_not() {
         let attended = || Attended {
             turns: Turns::new(pace(1, None)),
-            maps: Maps {
-                method: Box::new(Bright),
-                label: "bright".to_owned(),
-                key: Key([1; 32]),
-                made: Vec::new(),
-                now: Vec::new(),
-            },
+            maps: Maps::from_method(Box::new(Bright), "bright".to_owned(), Key([1; 32])),
             times: Vec::new(),
             values: Vec::new(),
             size: [0, 0],
@@ -338,6 +363,8 @@ mod tests {
 
     #[test]
     fn a_map_by_cells_is_stretched() {
-        assert_eq!(stretch(&[1.0, 2.0], [2, 1], [5, 2]), [1.0, 1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 1.0, 2.0, 2.0]);
+        let mut stretched = vec![7.0];
+        stretch(&[1.0, 2.0], [2, 1], [5, 2], &mut stretched);
+        assert_eq!(stretched, [1.0, 1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 1.0, 2.0, 2.0]);
     }
 }

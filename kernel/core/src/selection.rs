@@ -1,11 +1,11 @@
-//! Which pixels of a frame are chosen: by saliency maps, by a simulator's labels, by masks or at random; and how the edges of what
-//! is chosen are treated.
+//! Which pixels of a frame are chosen: by saliency maps, by a simulator's labels, by masks or at random.
 
 use pdk_model::selection::{Choice, Selection};
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Frame, HeatmapMut, Key, Mask};
 
 use crate::calls::{self, Function};
+use crate::edges::Edges;
 use crate::maps::{Maps, Turns, context};
 use crate::moment::{Labels, Moment};
 use crate::registry::Registry;
@@ -33,6 +33,20 @@ pub struct Selector {
     key: Key,
     /// How much of each pixel is changed, for the map and place of the image that they were made for.
     weights: Vec<u8>,
+    edges: Edges,
+    scratch: Scratch,
+}
+
+/// Memory that is kept from frame to frame.
+#[derive(Default)]
+struct Scratch {
+    /// What a mask says.
+    values: Vec<f32>,
+    /// What pixels are ordered by, and the same in order as far as needed.
+    order: Vec<f32>,
+    sorted: Vec<f32>,
+    /// The pixels among which it is drawn.
+    equal: Vec<usize>,
 }
 
 impl Selector {
@@ -51,8 +65,13 @@ impl Selector {
             (None, None) if matches!(selection.choice(), Choice::Between(..)) => Source::Depth,
             (None, None) => Source::Labels,
         };
+        Ok(Self::from_source(selection.clone(), source, key))
+    }
+
+    fn from_source(selection: Selection, source: Source, key: Key) -> Self {
         let turns = Turns::new(selection.pace());
-        Ok(Self { selection: selection.clone(), turns, source, key, weights: Vec::new() })
+        let (weights, edges, scratch) = (Vec::new(), Edges::default(), Scratch::default());
+        Self { selection, turns, source, key, weights, edges, scratch }
     }
 
     /// Goes on with another sequence, and draws from another key.
@@ -73,25 +92,37 @@ impl Selector {
         // What follows the image is chosen again, so that it is as many pixels as before.
         if turn.new || turn.moved != [0, 0] {
             let (width, height) = (raw.width(), raw.height());
-            let Self { selection, source, key, .. } = self;
-            let weights = match source {
-                Source::Maps(maps) => choose(selection, maps.of(raw, moment, turn)?, key, turn.period),
-                Source::Chance => choose(selection, &vec![0.0; width * height], key, turn.period),
+            let pixels = width * height;
+            let Self { selection, source, key, weights, edges, scratch, .. } = self;
+            weights.clear();
+            match source {
+                Source::Maps(maps) => {
+                    choose(selection, maps.of(raw, moment, turn)?, key, turn.period, scratch, weights);
+                }
+                Source::Chance => {
+                    let mut nothing = std::mem::take(&mut scratch.values);
+                    nothing.clear();
+                    nothing.resize(pixels, 0.0);
+                    choose(selection, &nothing, key, turn.period, scratch, weights);
+                    scratch.values = nothing;
+                }
                 // What labels and masks say of the frame at hand is never moved: there is no need to.
-                Source::Labels => labelled(&selection.label, moment.labels, width * height)?,
-                Source::Depth => between(selection.choice(), moment.depth, width * height)?,
+                Source::Labels => labelled(&selection.label, moment.labels, pixels, weights)?,
+                Source::Depth => between(selection.choice(), moment.depth, pixels, weights)?,
                 Source::Mask(mask, label) => {
-                    let mut values = vec![0.0; width * height];
+                    let values = &mut scratch.values;
+                    values.clear();
+                    values.resize(pixels, 0.0);
                     let cx = context(moment, key);
                     calls::call_at(label, Function::Weights, moment.frame_index, || {
-                        mask.weights(raw, &cx, HeatmapMut::new(&mut values, width, height)?)
+                        mask.weights(raw, &cx, HeatmapMut::new(values, width, height)?)
                     })
                     .map_err(|error: Error| error.at(&*label))?;
                     // What is not a number becomes 0.
-                    values.into_iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect()
+                    weights.extend(values.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
                 }
-            };
-            self.weights = finish(weights, (width, height), &self.selection);
+            }
+            edges.treat(weights, (width, height), selection);
         }
         Ok(&self.weights)
     }
@@ -108,7 +139,7 @@ impl Selector {
 }
 
 /// The pixels whose distance is in a range.
-fn between(choice: Choice, depth: Option<&[f32]>, pixels: usize) -> Result<Vec<u8>> {
+fn between(choice: Choice, depth: Option<&[f32]>, pixels: usize, weights: &mut Vec<u8>) -> Result<()> {
     let (Choice::Between(least, most), Some(depth)) = (choice, depth.filter(|depth| depth.len() == pixels))
     else {
         return Err(Error::of(
@@ -117,11 +148,17 @@ fn between(choice: Choice, depth: Option<&[f32]>, pixels: usize) -> Result<Vec<u
         ));
     };
     let range = least as f32..=most as f32;
-    Ok(depth.iter().map(|distance| if range.contains(distance) { 255 } else { 0 }).collect())
+    weights.extend(depth.iter().map(|distance| if range.contains(distance) { 255 } else { 0 }));
+    Ok(())
 }
 
 /// The pixels that show something of these names.
-fn labelled(names: &[String], labels: Option<Labels<'_>>, pixels: usize) -> Result<Vec<u8>> {
+fn labelled(
+    names: &[String],
+    labels: Option<Labels<'_>>,
+    pixels: usize,
+    weights: &mut Vec<u8>,
+) -> Result<()> {
     let wrong = |sentence: String| Err(Error::of(ErrorKind::Configuration, sentence));
     let Some(labels) = labels.filter(|labels| !labels.names.is_empty() && labels.pixels.len() == pixels)
     else {
@@ -139,133 +176,48 @@ fn labelled(names: &[String], labels: Option<Labels<'_>>, pixels: usize) -> Resu
             }
         }
     }
-    Ok(labels.pixels.iter().map(|label| wanted[usize::from(*label)]).collect())
+    weights.extend(labels.pixels.iter().map(|label| wanted[usize::from(*label)]));
+    Ok(())
 }
 
 /// 255 for each pixel that is chosen by a map. Among equal ones it is drawn.
-fn choose(selection: &Selection, map: &[f32], key: &Key, period: u64) -> Vec<u8> {
+fn choose(
+    selection: &Selection,
+    map: &[f32],
+    key: &Key,
+    period: u64,
+    scratch: &mut Scratch,
+    weights: &mut Vec<u8>,
+) {
     let share = match selection.choice() {
         Choice::Top(share) | Choice::Bottom(share) | Choice::Random(share) => share,
         Choice::Above(least) => {
-            return map.iter().map(|&value| if value > least as f32 { 255 } else { 0 }).collect();
+            weights.extend(map.iter().map(|&value| if value > least as f32 { 255 } else { 0 }));
+            return;
         }
         Choice::Labelled | Choice::Masked | Choice::Between(..) => 0.0,
     };
     let count = (share * map.len() as f64).round() as usize;
     if count == 0 || count >= map.len() {
-        return vec![if count > 0 { 255 } else { 0 }; map.len()];
+        weights.resize(map.len(), if count > 0 { 255 } else { 0 });
+        return;
     }
+    let Scratch { order, sorted, equal, .. } = scratch;
     let bottom = matches!(selection.choice(), Choice::Bottom(_));
-    let order: Vec<f32> = map.iter().map(|value| if bottom { *value } else { -value }).collect();
-    let mut sorted = order.clone();
+    order.clear();
+    order.extend(map.iter().map(|value| if bottom { *value } else { -value }));
+    sorted.clone_from(order);
     let (_, last, _) = sorted.select_nth_unstable_by(count - 1, f32::total_cmp);
-    let mut chosen: Vec<u8> = order.iter().map(|value| if value < last { 255 } else { 0 }).collect();
-    let mut equal: Vec<usize> = (0..order.len()).filter(|&at| order[at] == *last).collect();
-    let missing = count - chosen.iter().filter(|chosen| **chosen > 0).count();
+    weights.extend(order.iter().map(|value| if value < last { 255 } else { 0 }));
+    equal.clear();
+    equal.extend((0..order.len()).filter(|&at| order[at] == *last));
+    let missing = count - weights.iter().filter(|chosen| **chosen > 0).count();
     let mut random = key.frame(period);
     for place in 0..missing {
         let other = place + random.below((equal.len() - place) as u32) as usize;
         equal.swap(place, other);
-        chosen[equal[place]] = 255;
+        weights[equal[place]] = 255;
     }
-    chosen
-}
-
-/// Closes gaps, leaves out small spots, and softens the edges, in this order.
-fn finish(mut weights: Vec<u8>, (width, height): (usize, usize), selection: &Selection) -> Vec<u8> {
-    if selection.close > 0 || selection.smallest > 0 {
-        let mut chosen: Vec<bool> = weights.iter().map(|weight| *weight > 127).collect();
-        if selection.close > 0 {
-            let reach = selection.close as usize;
-            // What lies beyond the frame is neither chosen nor left out.
-            chosen = spread(&chosen, width, height, reach, true);
-            chosen = spread(&chosen, width, height, reach, false);
-        }
-        if selection.smallest > 0 {
-            leave_out_small(&mut chosen, width, height, selection.smallest as usize);
-        }
-        weights = chosen.into_iter().map(|chosen| u8::from(chosen) * 255).collect();
-    }
-    match selection.soft {
-        0 => weights,
-        soft => soften(weights, width, height, soft as usize),
-    }
-}
-
-/// Spreads `value` to all pixels within a square of `reach` pixels around those that have it.
-fn spread(pixels: &[bool], width: usize, height: usize, reach: usize, value: bool) -> Vec<bool> {
-    let along = |from: &[bool], length: usize, lines: usize, at: &dyn Fn(usize, usize) -> usize| {
-        let mut to = vec![!value; from.len()];
-        for line in 0..lines {
-            // How far back the last pixel of that value is, forwards and backwards.
-            for backwards in [false, true] {
-                let mut since = usize::MAX;
-                for step in 0..length {
-                    let place = at(line, if backwards { length - 1 - step } else { step });
-                    since = if from[place] == value { 0 } else { since.saturating_add(1) };
-                    if since <= reach {
-                        to[place] = value;
-                    }
-                }
-            }
-        }
-        to
-    };
-    let rows = along(pixels, width, height, &|row, column| row * width + column);
-    along(&rows, height, width, &|column, row| row * width + column)
-}
-
-/// Leaves out spots, joined by their sides, of fewer pixels.
-fn leave_out_small(chosen: &mut [bool], width: usize, height: usize, smallest: usize) {
-    let mut seen = vec![false; chosen.len()];
-    let mut spot = Vec::new();
-    for start in 0..chosen.len() {
-        if !chosen[start] || std::mem::replace(&mut seen[start], true) {
-            continue;
-        }
-        spot.clear();
-        spot.push(start);
-        let mut next = 0;
-        while let Some(&at) = spot.get(next) {
-            next += 1;
-            let (x, y) = (at % width, at / width);
-            let sides = [
-                (x > 0).then(|| at - 1),
-                (x + 1 < width).then(|| at + 1),
-                (y > 0).then(|| at - width),
-                (y + 1 < height).then(|| at + width),
-            ];
-            for side in sides.into_iter().flatten() {
-                if chosen[side] && !std::mem::replace(&mut seen[side], true) {
-                    spot.push(side);
-                }
-            }
-        }
-        if spot.len() < smallest {
-            spot.iter().for_each(|&at| chosen[at] = false);
-        }
-    }
-}
-
-/// The mean over a square of `2 soft + 1` pixels, whose sides end at the frame.
-fn soften(weights: Vec<u8>, width: usize, height: usize, soft: usize) -> Vec<u8> {
-    let along = |from: &[u8], length: usize, lines: usize, at: &dyn Fn(usize, usize) -> usize| {
-        let mut to = vec![0; from.len()];
-        let mut sums = vec![0u64; length + 1];
-        for line in 0..lines {
-            for step in 0..length {
-                sums[step + 1] = sums[step] + u64::from(from[at(line, step)]);
-            }
-            for step in 0..length {
-                let (first, end) = (step.saturating_sub(soft), (step + soft + 1).min(length));
-                let count = (end - first) as u64;
-                to[at(line, step)] = ((sums[end] - sums[first] + count / 2) / count) as u8;
-            }
-        }
-        to
-    };
-    let rows = along(&weights, width, height, &|row, column| row * width + column);
-    along(&rows, height, width, &|column, row| row * width + column)
 }
 
 #[cfg(test)]
@@ -278,8 +230,14 @@ mod tests {
         Selection::from_json(&value).unwrap()
     }
 
+    fn choice(value: Value, map: &[f32], key: u8, period: u64) -> Vec<u8> {
+        let mut weights = Vec::new();
+        choose(&selection(value), map, &Key([key; 32]), period, &mut Scratch::default(), &mut weights);
+        weights
+    }
+
     fn chosen(value: Value, map: &[f32]) -> Vec<usize> {
-        let chosen = choose(&selection(value), map, &Key([5; 32]), 0);
+        let chosen = choice(value, map, 5, 0);
         chosen.iter().enumerate().filter(|(_, chosen)| **chosen > 0).map(|(at, _)| at).collect()
     }
 
@@ -303,11 +261,11 @@ mod tests {
         let map = [0.5; 1000];
         for value in [json!({"top": 20, "by": "x"}), json!({"bottom": 20, "by": "x"}), json!({"random": 20})]
         {
-            let draw = |period| choose(&selection(value.clone()), &map, &Key([5; 32]), period);
+            let draw = |period| choice(value.clone(), &map, 5, period);
             assert_eq!(draw(0).iter().filter(|chosen| **chosen > 0).count(), 200);
             assert_eq!(draw(0), draw(0));
             assert_ne!(draw(0), draw(1));
-            assert_ne!(draw(0), choose(&selection(value.clone()), &map, &Key([6; 32]), 0));
+            assert_ne!(draw(0), choice(value.clone(), &map, 6, 0));
             // Drawn over the whole frame, not from its beginning.
             assert!((70..130).contains(&draw(0)[500..].iter().filter(|chosen| **chosen > 0).count()));
         }
@@ -318,8 +276,7 @@ mod tests {
         let frame = FrameBuf::new(20, 20);
         let selector = || {
             let selection = selection(json!({"random": 50, "every": 3}));
-            let turns = Turns::new(selection.pace());
-            Selector { selection, turns, source: Source::Chance, key: Key([5; 32]), weights: Vec::new() }
+            Selector::from_source(selection, Source::Chance, Key([5; 32]))
         };
         let mut first = selector();
         let mut at = |index| first.weights(frame.as_ref(), &Moment::new(index, 0.0)).unwrap().to_vec();
@@ -335,14 +292,19 @@ mod tests {
         let labels = Some(Labels { names: &names, pixels: &[0, 1, 1, 7] });
         let choose = |wanted: &[&str], labels| {
             let wanted: Vec<String> = wanted.iter().map(|name| (*name).to_owned()).collect();
-            labelled(&wanted, labels, 4).map_err(|error| error.to_string())
+            let mut weights = Vec::new();
+            labelled(&wanted, labels, 4, &mut weights).map_err(|error| error.to_string())?;
+            Ok::<_, String>(weights)
         };
         assert_eq!(choose(&["road"], labels).unwrap(), [0, 255, 255, 0]);
         let depth = [0.5, 5.0, 30.0, f32::INFINITY];
-        let within = |least, most| between(Choice::Between(least, most), Some(&depth), 4).unwrap();
-        assert_eq!(within(5.0, 30.0), [0, 255, 255, 0]);
-        assert_eq!(within(6.0, f64::INFINITY), [0, 0, 255, 255]);
-        assert!(between(Choice::Between(0.0, 1.0), None, 4).unwrap_err().message().contains("come without"));
+        let within = |least, most, depth| {
+            let mut weights = Vec::new();
+            between(Choice::Between(least, most), depth, 4, &mut weights).map(|()| weights)
+        };
+        assert_eq!(within(5.0, 30.0, Some(&depth[..])).unwrap(), [0, 255, 255, 0]);
+        assert_eq!(within(6.0, f64::INFINITY, Some(&depth[..])).unwrap(), [0, 0, 255, 255]);
+        assert!(within(0.0, 1.0, None).unwrap_err().message().contains("come without"));
         assert_eq!(choose(&["sky", "road"], labels).unwrap(), [255, 255, 255, 0]);
         assert_eq!(
             choose(&["rode"], labels).unwrap_err(),
@@ -375,40 +337,9 @@ mod tests {
     #[test]
     fn a_mask_says_how_much_of_each_pixel_is_changed() {
         let selection = selection(json!({"mask": "left"}));
-        let turns = Turns::new(selection.pace());
         let source = Source::Mask(Box::new(Left), "mask `left`".to_owned());
-        let mut selector = Selector { selection, turns, source, key: Key([5; 32]), weights: Vec::new() };
+        let mut selector = Selector::from_source(selection, source, Key([5; 32]));
         let frame = FrameBuf::new(4, 1);
         assert_eq!(selector.weights(frame.as_ref(), &Moment::new(0, 0.0)).unwrap(), [128, 128, 0, 0]);
-    }
-
-    fn treat(rows: &[&str], value: Value) -> Vec<String> {
-        let width = rows[0].len();
-        let chosen =
-            rows.iter().flat_map(|row| row.bytes().map(|byte| if byte == b'#' { 255 } else { 0 })).collect();
-        let weights = finish(chosen, (width, rows.len()), &selection(value));
-        weights
-            .chunks(width)
-            .map(|row| row.iter().map(|&w| if w > 127 { '#' } else { '.' }).collect())
-            .collect()
-    }
-
-    #[test]
-    fn gaps_are_closed_and_small_spots_are_left_out() {
-        let rows = ["##.##...", "##.##...", "##.##...", "........", ".......#"];
-        let closed = treat(&rows, json!({"random": 1, "close": 1}));
-        assert_eq!(closed[..3], ["#####...", "#####...", "#####..."]);
-        assert_eq!(closed[4].chars().last(), Some('#'));
-        let cleaned = treat(&rows, json!({"random": 1, "smallest": 4}));
-        assert_eq!(cleaned, ["##.##...", "##.##...", "##.##...", "........", "........"]);
-        assert_eq!(treat(&rows, json!({"random": 1, "smallest": 6})), cleaned);
-        assert!(treat(&rows, json!({"random": 1, "smallest": 7})).iter().all(|row| !row.contains('#')));
-    }
-
-    #[test]
-    fn soft_edges_are_blended() {
-        let chosen = (0..20).map(|x| if x >= 10 { 255 } else { 0 }).collect();
-        let weights = finish(chosen, (20, 1), &selection(json!({"random": 1, "soft": 2})));
-        assert_eq!(weights[6..14], [0, 0, 51, 102, 153, 204, 255, 255]);
     }
 }
