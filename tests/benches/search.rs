@@ -24,6 +24,7 @@ use pdk_core::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_model::search::{Evaluated, Problem, Range, Space, Variable};
 use pdk_sdk::ops::Key;
+use pdk_statistics::independent::{Independent, compare};
 use serde_json::{Map, Value, json};
 
 /// What is known of a candidate: objectives, and whether it is critical.
@@ -349,7 +350,7 @@ fn regions(registry: &Registry, seeds: u64, evaluations: u64, only: &[&str]) {
                 if *label == "random" {
                     chance.clone_from(&covered);
                 }
-                let (effect, p) = compare(&covered, &chance);
+                let Independent { effect_size: effect, p } = compare(&covered, &chance).unwrap();
                 println!(
                     "{:<8} {:<8} {label:<20} {:>9.3} {:>9.3} {:>9.0} {effect:>6.2} {p:>9.1e} {:>8.2}",
                     problem.name,
@@ -390,39 +391,6 @@ fn search_regions(
     let (all, own) = search(registry, strategy, &space(4, range), seed, evaluations, judge);
     let critical = all.into_iter().enumerate().filter(|(_, point)| point.critical);
     (critical.map(|(number, point)| (number, if whole { shares(&point.x) } else { point.x })).collect(), own)
-}
-
-/// Vargha and Delaney's A, and the two-sided p of Mann and Whitney's test with the normal approximation.
-fn compare(a: &[f64], b: &[f64]) -> (f64, f64) {
-    let mut wins = 0.0;
-    for x in a {
-        for y in b {
-            wins += if x > y {
-                1.0
-            } else if x == y {
-                0.5
-            } else {
-                0.0
-            };
-        }
-    }
-    let (n, m) = (a.len() as f64, b.len() as f64);
-    let mut all: Vec<f64> = a.iter().chain(b).copied().collect();
-    all.sort_by(f64::total_cmp);
-    let ties: f64 =
-        all.chunk_by(|x, y| x == y).map(|tie| (tie.len() as f64).powi(3) - tie.len() as f64).sum();
-    let spread = (n * m / 12.0 * ((n + m + 1.0) - ties / ((n + m) * (n + m - 1.0)))).sqrt();
-    let z = if spread > 0.0 { ((wins - n * m / 2.0).abs() - 0.5).max(0.0) / spread } else { 0.0 };
-    (wins / (n * m), (2.0 * tail(z)).min(1.0))
-}
-
-/// The probability that a standard normal variable is larger, for a positive number: Abramowitz and Stegun 26.2.17.
-fn tail(z: f64) -> f64 {
-    let t = 1.0 / (1.0 + 0.231_641_9 * z);
-    let sum = t
-        * (0.319_381_530
-            + t * (-0.356_563_782 + t * (1.781_477_937 + t * (-1.821_255_978 + t * 1.330_274_429))));
-    (-z * z / 2.0).exp() / (2.0 * std::f64::consts::PI).sqrt() * sum
 }
 
 fn median(sorted: &[f64]) -> f64 {

@@ -349,3 +349,58 @@ fn the_published_experiment_runs_small() {
         }
     }
 }
+
+#[test]
+fn searches_by_several_strategies_are_compared() {
+    let folder = temp();
+    let out = folder.path().join("out");
+    let run = Pdk::new(["run", "--out"])
+        .arg(&out)
+        .arg(repository().join("scripts/search.lua"))
+        .set("simulator", r#"{"name":"lane","width":64,"height":48,"rate":10}"#)
+        .set("driver", "lane_keeper")
+        .set("evaluations", 12)
+        .set("strategy.population", 6)
+        .set("searches", 3)
+        .set("against", "random")
+        .set("perturbations", "contrast,translate_image")
+        .set("curvature", "0,20")
+        .set("duration", 3)
+        .succeed();
+    assert!(run.stdout.contains("nsga2_dt") && run.stdout.contains("A: the probability"), "{}", run.stdout);
+    let found = |name: &str| json_file(&out.join(format!("{name}.json")));
+    let values = |name: &str| {
+        found(name)["tests"].as_array().unwrap().iter().map(|t| t["values"].clone()).collect::<Vec<_>>()
+    };
+    // Each has a seed and candidates of its own.
+    assert_ne!(values("random-1"), values("random-2"));
+    assert_eq!(found("random-2")["seed"], 2);
+    for number in 1..=3 {
+        let found = found(&format!("nsga2_dt-{number}"));
+        let first = found["tests"].as_array().unwrap().iter().position(|test| test["critical"] == true);
+        assert_eq!(found["first_critical"].as_u64(), first.map(|place| place as u64 + 1));
+        assert_eq!(found["hypervolume_reference"].as_array().unwrap().len(), 4);
+    }
+    let page = folder.path().join("page.html");
+    Pdk::new(["report"]).arg(&out).arg("-o").arg(&page).succeed();
+    let page = fs::read_to_string(&page).unwrap();
+    assert!(page.contains("Search strategies") && page.contains("Medians, with the least"));
+}
+
+#[test]
+fn the_space_of_the_documentation_is_searched() {
+    let text = fs::read_to_string(repository().join("docs/search.md")).unwrap();
+    let (_, rest) = text.split_once("```lua\n").unwrap();
+    let (source, _) = rest.split_once("```").unwrap();
+    let folder = temp();
+    let out = folder.path().join("out");
+    run(&script(folder.path(), source), &out)
+        .set("evaluations", 6)
+        .set("strategy", r#"{"name":"nsga2_dt","population":4}"#)
+        .set("width", 80)
+        .set("height", 60)
+        .set("duration", 2)
+        .succeed();
+    let found = json_file(&out.join("search.json"));
+    assert_eq!((&found["evaluations"], &found["failures"]), (&6.into(), &0.into()), "{found}");
+}

@@ -105,6 +105,7 @@ pub const API: ApiTable = ApiTable {
         statistics::FAILED_SHARE,
         statistics::MEAN,
         statistics::COMPARE,
+        statistics::COMPARE_INDEPENDENT,
         statistics::GROUPS,
         statistics::FAILING_LEVEL,
         statistics::NEXT_LEVEL,

@@ -10,7 +10,7 @@ const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -
 }
 
 /// All of them, in the order of the type definition file.
-pub const RECORDS: [&ApiRecord; 27] = [
+pub const RECORDS: [&ApiRecord; 28] = [
     &COMPONENT,
     &SCHEDULE,
     &REGION,
@@ -25,6 +25,7 @@ pub const RECORDS: [&ApiRecord; 27] = [
     &MEASURES,
     &ESTIMATE,
     &PAIRED,
+    &INDEPENDENT,
     &TRIAL,
     &FAILING_LEVEL,
     &BISECTION,
@@ -366,6 +367,24 @@ const PAIRED: ApiRecord = ApiRecord {
     ],
 };
 
+const INDEPENDENT: ApiRecord = ApiRecord {
+    name: "Independent",
+    doc: "What two samples differ by that have nothing to do with each other.",
+    fields: &[
+        field(
+            "effect_size",
+            "number",
+            "The probability that a value of the first is larger than one of the second, with ties as one half: 0.5 where they do \
+             not differ (Vargha and Delaney's A).",
+        ),
+        field(
+            "p",
+            "number",
+            "How likely such a difference is where they do not differ: the two-sided test of Mann and Whitney.",
+        ),
+    ],
+};
+
 const TRIAL: ApiRecord = ApiRecord {
     name: "Trial",
     doc: "A drive at a level.",
@@ -538,6 +557,11 @@ const SEARCH_RESULT: ApiRecord = ApiRecord {
         ),
         field("failures", "number", "How many could not be evaluated."),
         field("critical", "number", "How many different candidates are critical."),
+        field(
+            "first_critical",
+            "number?",
+            "How many different candidates were evaluated up to the first critical one; none where there is none.",
+        ),
         field(
             "distinct_failures",
             "{ number }",

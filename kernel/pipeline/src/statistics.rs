@@ -5,7 +5,7 @@ use pdk_sdk::error::{Error, Result};
 use pdk_statistics::CONFIDENCE;
 use pdk_statistics::level::{self, Bisection, Trial};
 use pdk_statistics::share::{Drives, share_over_roads};
-use pdk_statistics::{groups, mean, paired};
+use pdk_statistics::{groups, independent, mean, paired};
 use serde_json::{Value, json};
 
 use crate::bridge::function;
@@ -70,6 +70,23 @@ pub const COMPARE: ApiFunction = ApiFunction {
             }
             let confidence = level_of_confidence(place, &confidence)?;
             Ok(json!(paired::compare(&first, &second, SHARE, confidence)))
+        })
+    },
+};
+
+/// `pdk.compare_independent`.
+pub const COMPARE_INDEPENDENT: ApiFunction = ApiFunction {
+    name: "compare_independent",
+    signature: "(first: { number }, second: { number }) -> Independent?",
+    doc: "Compares two samples that have nothing to do with each other, such as what searches by two strategies found. Nothing where \
+          one of them is empty.",
+    make: |lua| {
+        function(lua, "pdk.compare_independent", |_, [first, second]| {
+            let place = "pdk.compare_independent";
+            let values = |sample| -> Result<Vec<f64>> {
+                list(place, sample)?.iter().map(|value| number(place, value)).collect()
+            };
+            Ok(json!(independent::compare(&values(&first)?, &values(&second)?)))
         })
     },
 };

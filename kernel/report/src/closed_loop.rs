@@ -329,7 +329,7 @@ fn curves(drive: &Drive, order: &[String]) -> Result<Vec<Chart>> {
             drive.scenarios.iter().filter(|s| s.verdict != Verdict::Void && in_group(s)).collect();
         let points = survival(&group, end);
         let name = format!("{name} ({})", group.len());
-        (!group.is_empty()).then_some(Curve { key, name, points, color })
+        (!group.is_empty()).then_some(Curve { key, name, points, band: Vec::new(), color })
     };
     let nominal =
         || curve("–".to_owned(), NO_PERTURBATION.to_owned(), NOMINAL, &|s| s.perturbation.is_none());

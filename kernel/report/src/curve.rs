@@ -30,6 +30,8 @@ pub struct Curve {
     pub name: String,
     /// Its points, from left to right.
     pub points: Vec<(f64, f64)>,
+    /// A band around it: places with their lower and upper end. May be empty.
+    pub band: Vec<(f64, f64, f64)>,
     /// Its colour.
     pub color: Rgb,
 }
@@ -117,6 +119,12 @@ fn draw(
         .x_label_formatter(&|value| format!("{}", (value * 100.0).round() / 100.0))
         .y_label_formatter(&written)
         .draw()?;
+    for curve in curves.iter().filter(|curve| curve.band.len() > 1) {
+        let Rgb(r, g, b) = curve.color;
+        let upper = curve.band.iter().map(|(x, _, high)| (*x, *high));
+        let outline: Vec<_> = upper.chain(curve.band.iter().rev().map(|(x, low, _)| (*x, *low))).collect();
+        chart.draw_series(std::iter::once(Polygon::new(outline, RGBColor(r, g, b).mix(0.18).filled())))?;
+    }
     let mut ends = Vec::new();
     for curve in curves {
         let Rgb(r, g, b) = curve.color;
@@ -196,12 +204,14 @@ mod tests {
             key: "<A>".into(),
             name: "a".into(),
             points: vec![(0.0, 1.0), (5.0, 0.5)],
+            band: vec![(0.0, 0.9, 1.0), (5.0, 0.4, 0.6)],
             color: Rgb(1, 2, 3),
         };
         let axes =
             Axes { x: "time in s", x_range: (0.0, 5.0), y: "share", top: 1.0, share: true, label: "x" };
         let chart = chart(&[curve.clone(), curve], &axes).unwrap();
         assert_eq!(chart.body.matches("stroke=\"#010203\"").count(), 3, "{}", chart.body);
+        assert_eq!(chart.body.matches("<polygon").count(), 2, "{}", chart.body);
         assert!(
             chart.body.contains("100 %")
                 && chart.body.contains("time in s")

@@ -155,13 +155,14 @@ fn curves(evaluation: &Evaluation, order: &[String]) -> Result<Vec<Chart>> {
         key: "–".to_owned(),
         name: "no perturbation".to_owned(),
         points: vec![(low, original), (high, original)],
+        band: Vec::new(),
         color: NOMINAL,
     }];
     for ((name, color), key) in order.iter().take(CURVES).zip(LINES).zip('A'..) {
         let own = evaluation.cells.iter().filter(|cell| cell.perturbation == *name);
         let mut points: Vec<_> = own.map(|cell| (cell.level, cell.error)).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        curves.push(Curve { key: key.to_string(), name: name.clone(), points, color });
+        curves.push(Curve { key: key.to_string(), name: name.clone(), points, band: Vec::new(), color });
     }
     let axes = Axes {
         x: "level",

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::text::{count, date, number, percent};
 use crate::view::{DriveTimes, EvaluateTimes, Run};
-use crate::{closed_loop, color, offline, road, search};
+use crate::{closed_loop, color, offline, road, search, strategies};
 
 /// Row of the table of times.
 #[derive(Debug, Serialize)]
@@ -29,10 +29,11 @@ struct EvaluateRow {
 }
 
 /// The templates by their names; the ending says what is escaped.
-const TEMPLATES: [(&str, &str); 6] = [
+const TEMPLATES: [(&str, &str); 7] = [
     ("page.html", include_str!("template/page.html")),
     ("closed_loop.html", include_str!("template/closed_loop.html")),
     ("search.html", include_str!("template/search.html")),
+    ("strategies.html", include_str!("template/strategies.html")),
     ("parts.html", include_str!("template/parts.html")),
     ("style.css", include_str!("template/style.css")),
     ("sort.js", include_str!("template/sort.js")),
@@ -53,6 +54,7 @@ pub fn render(run: &Run) -> Result<String> {
     let mut verdict = if run.drives.is_empty() { Vec::new() } else { closed_loop::verdict(&run.drives) };
     verdict.extend(run.evaluations.iter().flat_map(offline::verdict));
     verdict.extend(run.searches.iter().flat_map(search::verdict));
+    let comparisons = strategies::comparisons(&run.searches)?;
     let searches = run.searches.iter().map(search::section).collect::<Result<Vec<_>>>()?;
     if verdict.is_empty() {
         verdict.push("Nothing has been driven or evaluated yet.".to_owned());
@@ -70,6 +72,7 @@ pub fn render(run: &Run) -> Result<String> {
         scenarios => count(scenarios, "scenario"),
         drives,
         evaluations,
+        comparisons,
         searches,
         setup,
         drive_times,

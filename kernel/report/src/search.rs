@@ -159,7 +159,8 @@ fn curves(search: &Search) -> Result<Vec<Chart>> {
             search.convergence.iter().map(|point| (point.evaluations as f64, value(point))).collect();
         let top = points.iter().map(|point| point.1).fold(0.0, f64::max);
         if top > 0.0 {
-            let curve = Curve { key: "·".into(), name: name.to_owned(), points, color: LINES[0] };
+            let curve =
+                Curve { key: "·".into(), name: name.to_owned(), points, band: Vec::new(), color: LINES[0] };
             let axes = Axes { x: "tests", x_range: (0.0, last), y: name, top, share: false, label };
             charts.push(chart(&[curve], &axes)?);
         }

@@ -258,6 +258,8 @@ pub struct Search {
     pub failures: usize,
     /// How many different ones are critical.
     pub critical: usize,
+    /// How many were evaluated up to the first critical one.
+    pub first_critical: Option<usize>,
     /// The names of the variables.
     pub variables: Vec<String>,
     /// The names of the objectives.

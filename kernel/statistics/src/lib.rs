@@ -10,6 +10,7 @@
 //! | [`share`] | the share of drives that failed |
 //! | [`mean`] | a mean over roads |
 //! | [`paired`] | differences between two conditions on the same roads |
+//! | [`independent`] | differences between two samples that have nothing to do with each other |
 //! | [`groups`] | ranks that cannot be told apart |
 //! | [`level`] | the level at which the probability of failing reaches one half, and how to find it with few drives |
 //! | `bootstrap` | resampling of roads |
@@ -23,6 +24,7 @@
 mod bootstrap;
 pub mod estimate;
 pub mod groups;
+pub mod independent;
 pub mod level;
 pub mod mean;
 pub mod paired;

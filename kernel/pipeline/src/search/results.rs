@@ -107,6 +107,7 @@ pub fn found(summary: &Summary<'_>) -> Value {
         "duplicates": trials.duplicates,
         "failures": summary.failures,
         "critical": critical.len(),
+        "first_critical": evaluated.iter().position(|(_, point)| point.critical).map(|place| place + 1),
         "distinct_failures": distinct,
         "front": summary.front.members.iter().map(|(number, _)| *number).collect::<Vec<_>>(),
         "hypervolume_reference": reference.as_ref().map(|reference| turned(reference, maximised)),

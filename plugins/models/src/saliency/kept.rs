@@ -5,7 +5,7 @@
 //! whole. One that cannot be read, and a folder that cannot be written to, cost time and nothing else.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use pdk_onnx::field::{ImageAxis, Look};
 use pdk_sdk::prelude::*;
@@ -13,6 +13,9 @@ use pdk_sdk::serde_json;
 
 use super::grid::Grid;
 use super::viewer::Viewer;
+
+/// The folder never holds more bytes than this for long: the oldest maps make room.
+const ROOM: u64 = 1 << 30;
 
 /// Changes with the format of the files.
 const FORMAT: &[u8] = b"pdk map 1";
@@ -29,6 +32,7 @@ impl Kept {
     /// here, or where there is no folder.
     pub fn new(description: &Description, config: &Config, viewer: &Viewer) -> Option<Self> {
         let folder = pdk_sdk::cache::cache().ok()?.folder.join("maps");
+        make_room(&folder, ROOM);
         Self::within(folder, description, config, viewer)
     }
 
@@ -81,6 +85,32 @@ impl Kept {
             let _ = fs::remove_file(&partial);
         }
         Ok(grid)
+    }
+}
+
+/// Where the files in the folders of this one hold more bytes than `most`, removes the oldest ones until they hold half of that, so
+/// that it is not needed again soon.
+fn make_room(folder: &Path, most: u64) {
+    let entries = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
+    let files = entries(folder).flat_map(|part| entries(&part.path()));
+    let mut files: Vec<_> = files
+        .filter_map(|file| {
+            let data = file.metadata().ok().filter(fs::Metadata::is_file)?;
+            Some((data.modified().ok()?, file.path(), data.len()))
+        })
+        .collect();
+    let mut held: u64 = files.iter().map(|(_, _, length)| length).sum();
+    if held <= most {
+        return;
+    }
+    files.sort();
+    for (_, file, length) in files {
+        if held <= most / 2 {
+            break;
+        }
+        // Another process may have removed it already.
+        let _ = fs::remove_file(file);
+        held -= length;
     }
 }
 
@@ -143,6 +173,28 @@ mod tests {
             assert_eq!(read(&damaged), None, "{place}");
             assert_eq!(read(&bytes[..place]), None, "{place}");
         }
+    }
+
+    #[test]
+    fn the_oldest_maps_make_room() {
+        let folder = tempfile::tempdir().unwrap();
+        let now = std::time::SystemTime::now();
+        for age in 0..10 {
+            let part = folder.path().join(format!("{}", age % 3));
+            fs::create_dir_all(&part).unwrap();
+            let file = fs::File::create(part.join(format!("{age}"))).unwrap();
+            file.set_len(100).unwrap();
+            file.set_modified(now - std::time::Duration::from_secs(age)).unwrap();
+        }
+        let left = || {
+            let files = (0..10).filter(|age| folder.path().join(format!("{}/{age}", age % 3)).exists());
+            files.collect::<Vec<_>>()
+        };
+        make_room(folder.path(), 1000);
+        assert_eq!(left().len(), 10);
+        make_room(folder.path(), 999);
+        assert_eq!(left(), [0, 1, 2, 3]);
+        make_room(&folder.path().join("none"), 0);
     }
 
     #[test]

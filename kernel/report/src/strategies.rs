@@ -1,0 +1,225 @@
+//! Compares the strategies of searches in the same space: what each found, with the spread over searches, and how sure a difference is.
+
+use pdk_sdk::error::Result;
+use pdk_statistics::independent;
+use serde::Serialize;
+
+use crate::color::LINES;
+use crate::curve::{Axes, Chart, Curve, chart};
+use crate::text::{number, short};
+use crate::view::{Reached, Search};
+
+/// What the page says about several searches in the same space.
+#[derive(Debug, Serialize)]
+pub struct Comparison {
+    /// Names of the measures.
+    columns: Vec<&'static str>,
+    rows: Vec<Row>,
+    curves: Vec<Chart>,
+    /// The strategy that the others are compared with.
+    against: String,
+}
+
+/// A strategy.
+#[derive(Debug, Serialize)]
+struct Row {
+    strategy: String,
+    searches: usize,
+    /// Of each measure the median with the least and the greatest value, and the comparison with the first strategy.
+    cells: Vec<(String, String)>,
+}
+
+/// A number of a search.
+struct Measure {
+    name: &'static str,
+    of: fn(&Search) -> f64,
+}
+
+const MEASURES: [Measure; 4] = [
+    Measure { name: "critical tests", of: |search| search.critical as f64 },
+    Measure { name: "unlike each other", of: |search| search.distinct.len() as f64 },
+    // Where none was found, one more than there were.
+    Measure {
+        name: "tests to the first",
+        of: |search| search.first_critical.unwrap_or(search.evaluations + 1) as f64,
+    },
+    Measure { name: "hypervolume", of: |search| search.convergence.last().map_or(0.0, |at| at.hypervolume) },
+];
+
+/// The comparisons of a page: one for each space in which there was more than one search.
+///
+/// # Errors
+/// Where a picture cannot be drawn.
+pub fn comparisons(searches: &[Search]) -> Result<Vec<Comparison>> {
+    let mut spaces: Vec<Vec<&Search>> = Vec::new();
+    for search in searches {
+        let same = |space: &&mut Vec<&Search>| {
+            (&space[0].variables, &space[0].objectives) == (&search.variables, &search.objectives)
+        };
+        match spaces.iter_mut().find(same) {
+            Some(space) => space.push(search),
+            None => spaces.push(vec![search]),
+        }
+    }
+    spaces.iter().filter(|space| space.len() > 1).map(|space| comparison(space)).collect()
+}
+
+fn comparison(searches: &[&Search]) -> Result<Comparison> {
+    let mut strategies: Vec<(&str, Vec<&Search>)> = Vec::new();
+    for search in searches {
+        match strategies.iter_mut().find(|(name, _)| *name == search.strategy) {
+            Some((_, own)) => own.push(search),
+            None => strategies.push((&search.strategy, vec![search])),
+        }
+    }
+    // Chance is what a strategy has to be better than.
+    let first = strategies.iter().position(|(name, _)| *name == "random").unwrap_or(0);
+    let values =
+        |own: &[&Search], measure: &Measure| own.iter().map(|s| (measure.of)(s)).collect::<Vec<f64>>();
+    let row = |(place, (name, own)): (usize, &(&str, Vec<&Search>))| {
+        let cell = |measure: &Measure| {
+            let found = values(own, measure);
+            let compared = match place == first {
+                true => None,
+                false => independent::compare(&found, &values(&strategies[first].1, measure)),
+            };
+            let compared = compared.map(|c| format!("A {:.2}, p {}", c.effect_size, probability(c.p)));
+            (spread(&found), compared.unwrap_or_default())
+        };
+        Row { strategy: (*name).to_owned(), searches: own.len(), cells: MEASURES.iter().map(cell).collect() }
+    };
+    let mut curves = Vec::new();
+    let reached: [(&str, &str, fn(&Reached) -> f64); 2] = [
+        ("distinct failures", "Failures unlike each other over the tests, by strategy", |at| {
+            at.distinct as f64
+        }),
+        ("hypervolume", "Hypervolume over the tests, by strategy", |at| at.hypervolume),
+    ];
+    for (y, label, value) in reached {
+        curves.extend(over_tests(&strategies, y, label, value)?);
+    }
+    Ok(Comparison {
+        columns: MEASURES.iter().map(|measure| measure.name).collect(),
+        rows: strategies.iter().enumerate().map(row).collect(),
+        curves,
+        against: strategies[first].0.to_owned(),
+    })
+}
+
+/// The median of each strategy over the tests, between its least and greatest value; none where all is 0.
+fn over_tests(
+    strategies: &[(&str, Vec<&Search>)],
+    y: &str,
+    label: &str,
+    value: fn(&Reached) -> f64,
+) -> Result<Option<Chart>> {
+    let mut curves = Vec::new();
+    for (place, (name, own)) in strategies.iter().enumerate() {
+        // As far as all its searches came.
+        let end =
+            own.iter().filter_map(|search| Some(search.convergence.last()?.evaluations)).min().unwrap_or(0);
+        let Some(steps) = own.first().map(|search| &search.convergence) else { continue };
+        let at = |tests: usize| {
+            let until = |search: &&Search| {
+                search.convergence.iter().take_while(|at| at.evaluations <= tests).last().map_or(0.0, value)
+            };
+            let mut values: Vec<f64> = own.iter().map(until).collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let steps: Vec<(f64, Vec<f64>)> = steps
+            .iter()
+            .filter(|step| step.evaluations <= end)
+            .map(|step| (step.evaluations as f64, at(step.evaluations)))
+            .collect();
+        curves.push(Curve {
+            key: char::from(b'a' + (place % 26) as u8).to_string(),
+            name: (*name).to_owned(),
+            points: steps.iter().map(|(tests, values)| (*tests, median(values))).collect(),
+            band: match own.len() {
+                1 => Vec::new(),
+                _ => steps.iter().map(|(x, values)| (*x, values[0], values[values.len() - 1])).collect(),
+            },
+            color: LINES[place % LINES.len()],
+        });
+    }
+    let highest = |curve: &Curve| {
+        let points = curve.points.iter().map(|point| point.1);
+        points.chain(curve.band.iter().map(|at| at.2)).fold(0.0, f64::max)
+    };
+    let top = curves.iter().map(highest).fold(0.0, f64::max);
+    let last = curves.iter().filter_map(|curve| Some(curve.points.last()?.0)).fold(1.0, f64::max);
+    if top == 0.0 {
+        return Ok(None);
+    }
+    let axes = Axes { x: "tests", x_range: (0.0, last), y, top, share: false, label };
+    chart(&curves, &axes).map(Some)
+}
+
+fn median(sorted: &[f64]) -> f64 {
+    let middle = sorted.len() / 2;
+    if sorted.len() % 2 == 1 { sorted[middle] } else { (sorted[middle - 1] + sorted[middle]) / 2.0 }
+}
+
+/// The median with the least and the greatest value.
+fn spread(values: &[f64]) -> String {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let whole = sorted.iter().all(|value| value.fract() == 0.0);
+    let shown = |value: f64| if whole { short(value) } else { number(value) };
+    match sorted.len() {
+        0 => String::new(),
+        1 => shown(sorted[0]),
+        count => format!("{} ({} to {})", shown(median(&sorted)), shown(sorted[0]), shown(sorted[count - 1])),
+    }
+}
+
+fn probability(p: f64) -> String {
+    if p < 0.001 { "< 0.001".to_owned() } else { format!("{p:.3}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn search(strategy: &str, critical: usize, first: Option<usize>) -> Search {
+        Search {
+            strategy: strategy.into(),
+            variables: vec!["x".into()],
+            evaluations: 20,
+            critical,
+            distinct: (0..critical / 2).collect(),
+            first_critical: first,
+            convergence: [10, 20]
+                .map(|evaluations| Reached {
+                    evaluations,
+                    hypervolume: 0.0,
+                    distinct: critical * evaluations / 40,
+                })
+                .to_vec(),
+            ..Search::default()
+        }
+    }
+
+    #[test]
+    fn strategies_are_compared_with_chance() {
+        let searches = [
+            search("guided", 12, Some(3)),
+            search("random", 2, None),
+            search("guided", 16, Some(1)),
+            search("random", 4, Some(9)),
+            Search { variables: vec!["y".into()], ..search("guided", 1, Some(1)) },
+        ];
+        let found = comparisons(&searches).unwrap();
+        let [found] = &found[..] else { panic!("{found:?}") };
+        assert_eq!(found.against, "random");
+        let [guided, random] = &found.rows[..] else { panic!("{:?}", found.rows) };
+        assert_eq!((guided.strategy.as_str(), guided.searches), ("guided", 2));
+        assert_eq!(guided.cells[0], ("14 (12 to 16)".to_owned(), "A 1.00, p 0.333".to_owned()));
+        assert_eq!(guided.cells[2].1, "A 0.00, p 0.333");
+        // None was found in 20 tests.
+        assert_eq!(random.cells[2], ("15 (9 to 21)".to_owned(), String::new()));
+        assert_eq!(found.curves.len(), 1);
+        assert_eq!(found.curves[0].legend.len(), 2);
+    }
+}
