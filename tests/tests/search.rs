@@ -367,7 +367,12 @@ fn searches_by_several_strategies_are_compared() {
         .set("curvature", "0,20")
         .set("duration", 3)
         .succeed();
-    assert!(run.stdout.contains("nsga2_dt") && run.stdout.contains("A: the probability"), "{}", run.stdout);
+    assert!(
+        run.stdout.contains("nsga2_dt") && run.stderr.contains("A: the probability"),
+        "{} {}",
+        run.stdout,
+        run.stderr
+    );
     let found = |name: &str| json_file(&out.join(format!("{name}.json")));
     let values = |name: &str| {
         found(name)["tests"].as_array().unwrap().iter().map(|t| t["values"].clone()).collect::<Vec<_>>()

@@ -215,8 +215,8 @@ mod tests {
         assert_eq!(found.against, "random");
         let [guided, random] = &found.rows[..] else { panic!("{:?}", found.rows) };
         assert_eq!((guided.strategy.as_str(), guided.searches), ("guided", 2));
-        assert_eq!(guided.cells[0], ("14 (12 to 16)".to_owned(), "A 1.00, p 0.333".to_owned()));
-        assert_eq!(guided.cells[2].1, "A 0.00, p 0.333");
+        assert_eq!(guided.cells[0], ("14 (12 to 16)".to_owned(), "A 1.00, p 0.245".to_owned()));
+        assert_eq!(guided.cells[2].1, "A 0.00, p 0.245");
         // None was found in 20 tests.
         assert_eq!(random.cells[2], ("15 (9 to 21)".to_owned(), String::new()));
         assert_eq!(found.curves.len(), 1);
