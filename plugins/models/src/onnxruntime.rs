@@ -84,6 +84,22 @@ pub struct OnnxRuntime {
     /// The shape of each input.
     inputs: Vec<Vec<usize>>,
     runtime: Arc<Runtime>,
+    /// The last field, so that the session is gone when its memory is given back.
+    _memory: GivenBack,
+}
+
+/// Gives memory back to the system when it is dropped. ONNX Runtime asks for aligned blocks, which the allocator of glibc before 2.38
+/// does not use again once they are free (bug 14581): a worker that opened a hundred sessions had grown by a gigabyte.
+struct GivenBack;
+
+impl Drop for GivenBack {
+    fn drop(&mut self) {
+        // SAFETY: the function takes no pointer and may be called at any time from any thread.
+        #[cfg(target_env = "gnu")]
+        unsafe {
+            libc::malloc_trim(0);
+        }
+    }
 }
 
 impl OnnxRuntime {
@@ -105,7 +121,8 @@ impl OnnxRuntime {
             Graph::File { path, .. } => builder.commit_from_file(path),
             Graph::Memory(bytes) => builder.commit_from_memory(bytes),
         };
-        Ok(Self { session: session.place(place)?, inputs: network.inputs.clone(), runtime })
+        let session = session.place(place)?;
+        Ok(Self { session, inputs: network.inputs.clone(), runtime, _memory: GivenBack })
     }
 }
 
@@ -149,6 +166,33 @@ mod tests {
                 .message()
                 .starts_with("ONNX Runtime at `/no/such.so`")
         );
+    }
+
+    /// What this process holds of the machine's memory, in bytes.
+    fn held() -> usize {
+        let pages = std::fs::read_to_string("/proc/self/statm").unwrap();
+        pages.split(' ').nth(1).unwrap().parse::<usize>().unwrap() * 4096
+    }
+
+    #[test]
+    fn the_memory_of_a_session_is_given_back() {
+        let Some(found) = Search::from_environment().find().unwrap() else {
+            println!("skipped: ONNX Runtime is not installed");
+            return;
+        };
+        const NIGHT: &[u8] = include_bytes!("../../../scripts/painters/night.onnx");
+        let image = vec![0.0; 3 * 160 * 320];
+        let run = || {
+            let network = Network { graph: Graph::Memory(NIGHT), inputs: vec![vec![1, 3, 160, 320]] };
+            let mut session = OnnxRuntime::new(&network, load(&found.path).unwrap()).unwrap();
+            session.run(&[&image], &mut [Vec::new()]).unwrap();
+        };
+        (0..3).for_each(|_| run());
+        let before = held();
+        (0..15).for_each(|_| run());
+        // It grew by 150 MB.
+        let grown = held().saturating_sub(before);
+        assert!(grown < 60 << 20, "{grown} bytes");
     }
 
     #[test]

@@ -3,8 +3,8 @@
 //! Ben Abdessalem, Nejati, Briand, Stifter, "Testing vision-based control systems using learnable evolutionary algorithms"
 //! (2018). A decision tree over all evaluations tells in which regions most candidates are critical. In these, offspring is bred
 //! that stays within the region, and the rest of the region is filled, so that its extent shows. A share of the evaluations goes
-//! elsewhere, two thirds of it to several places that are promising, far from all that is critical and far from each other, so that
-//! further regions are found. (What is most promising of all lies just beside the regions that are known.)
+//! elsewhere, two thirds of it to several places that are better than all that lies next to them, so that
+//! further regions are found. (What is best of all lies just beside the regions that are known.)
 //!
 //! `variant=published` is the algorithm as its published integration runs it: see [`crate::published`].
 
@@ -32,10 +32,10 @@ const AROUND: f64 = 0.08;
 const PLACES: usize = 4;
 /// How far these are from each other: see [`Space::distance`].
 const APART: f64 = 0.15;
-/// How far they are from all that is critical.
-const BEYOND: f64 = 0.25;
-/// Critical points that are closer than this count as one.
-const CLOSE: f64 = 0.05;
+/// Nothing better is among so many points next to such a place.
+const NEIGHBORS: usize = 8;
+/// So many points are looked at, the best ones.
+const LOOKED_AT: usize = 400;
 /// Half the width of the region around such a place, in shares of each variable's range.
 const NEARBY: f64 = 0.15;
 /// The most regions of one round.
@@ -161,20 +161,22 @@ impl Meant {
                 offspring.extend(self.filled(domain, &wide, told, filled, random));
             }
         }
-        let rest = self.size - offspring.len();
-        let everywhere = domain.bounds().clone();
+        let (everywhere, aside) =
+            (domain.bounds().clone(), libm::round(self.size as f64 * self.explore) as usize);
         if self.regions.is_empty() {
-            // NSGA-II, which leads to where there may be some, but for the share that is kept for the rest.
-            let bred = rest - libm::round(rest as f64 * self.explore / 2.0) as usize;
+            // NSGA-II, which leads to where there may be some.
+            let bred = self.size - aside;
             offspring.extend(self.bred(domain, &everywhere, told.iter(), bred, random));
-        } else {
-            let places = promising(domain, told);
-            for place in &places {
-                let share = rest * 2 / 3 / places.len();
-                let region = around(domain, &told[*place].x, NEARBY);
-                let inside = |point: &&Point| contains(&region, &point.x);
-                offspring.extend(self.bred(domain, &region, told.iter().filter(inside), share, random));
-            }
+        }
+        let places = promising(domain, told, self.size);
+        for place in &places {
+            let share = aside * 2 / 3 / places.len();
+            let region = around(domain, &told[*place].x, NEARBY);
+            let inside = |point: &&Point| contains(&region, &point.x);
+            // What is bred goes on in small steps, what is drawn finds the way.
+            let drawn = share.div_ceil(2);
+            offspring.extend(self.bred(domain, &region, told.iter().filter(inside), share - drawn, random));
+            offspring.extend(self.filled(domain, &region, told, drawn, random));
         }
         let filled = self.size - offspring.len();
         offspring.extend(self.filled(domain, &everywhere, told, filled, random));
@@ -254,41 +256,50 @@ fn critical_regions(domain: &Domain, told: &[Point]) -> Vec<Region> {
     regions
 }
 
-/// The best points that are not critical, far from all that is, and far from each other: the best in the first objective, in the
-/// second, and so on in turn, because what is critical may show in one of them alone.
-fn promising(domain: &Domain, told: &[Point]) -> Vec<usize> {
+/// Points that are not critical, and better than all that lie next to them, so that the way down from there leads somewhere else than
+/// to the regions that are known; far from each other, and not yet searched enough. They are the best such points in the first
+/// objective, in the second, and so on in turn, because what is critical may show in one of them alone.
+///
+/// A. Törn, S. Viitanen, "Topographical global optimization" (1992).
+fn promising(domain: &Domain, told: &[Point], enough: usize) -> Vec<usize> {
     let space = domain.space();
-    let far = |x: &[f64], others: &[&[f64]], apart: f64| {
-        others.iter().all(|other| space.distance(x, other) > apart)
-    };
-    // Of critical points that are close to each other one is enough.
-    let mut critical: Vec<&[f64]> = Vec::new();
-    for point in told.iter().filter(|point| point.critical) {
-        if far(&point.x, &critical, CLOSE) {
-            critical.push(&point.x);
-        }
-    }
-    let free = |place: &usize| {
-        let point = &told[*place];
-        !point.f.is_empty() && point.violation <= 0.0 && far(&point.x, &critical, BEYOND)
-    };
-    let free: Vec<usize> = (0..told.len()).filter(free).collect();
-    let objectives = free.first().map_or(0, |&place| told[place].f.len());
-    let orders: Vec<Vec<usize>> = (0..objectives)
+    let evaluated: Vec<usize> =
+        (0..told.len()).filter(|&place| !told[place].f.is_empty() && told[place].violation <= 0.0).collect();
+    let objectives = evaluated.first().map_or(0, |&place| told[place].f.len());
+    let value = |place: usize, m: usize| told[place].f.get(m).copied().unwrap_or(f64::INFINITY);
+    let mut orders: Vec<_> = (0..objectives)
         .map(|m| {
-            let value = |place: usize| told[place].f.get(m).copied().unwrap_or(f64::INFINITY);
-            let mut order = free.clone();
-            order.sort_by(|&a, &b| value(a).total_cmp(&value(b)));
-            order
+            let mut order: Vec<usize> =
+                evaluated.iter().copied().filter(|&place| !told[place].critical).collect();
+            order.sort_by(|&a, &b| value(a, m).total_cmp(&value(b, m)));
+            order.truncate(LOOKED_AT);
+            (m, order.into_iter())
         })
         .collect();
-    let (mut places, mut positions): (Vec<usize>, Vec<&[f64]>) = (Vec::new(), Vec::new());
-    for order in orders.iter().cycle().take(PLACES) {
-        let next = order.iter().copied().find(|&place| far(&told[place].x, &positions, APART));
-        if let Some(place) = next {
-            places.push(place);
-            positions.push(&told[place].x);
+    let mut distances: Vec<(f64, usize)> = Vec::with_capacity(evaluated.len());
+    let mut leads_elsewhere = |place: usize, m: usize| {
+        distances.clear();
+        let others = evaluated.iter().filter(|&&other| other != place);
+        distances.extend(others.map(|&other| (space.distance(&told[place].x, &told[other].x), other)));
+        if distances.iter().filter(|(distance, _)| *distance < NEARBY).count() >= enough {
+            return false;
         }
+        let next = NEIGHBORS.min(distances.len());
+        if next == 0 {
+            return true;
+        }
+        distances.select_nth_unstable_by(next - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        distances[..next]
+            .iter()
+            .all(|&(_, other)| !told[other].critical && value(other, m) >= value(place, m))
+    };
+    let mut places: Vec<usize> = Vec::new();
+    for turn in 0..PLACES {
+        let Some((m, order)) = orders.get_mut(turn % objectives.max(1)) else { break };
+        let far =
+            |place: usize| places.iter().all(|&other| space.distance(&told[place].x, &told[other].x) > APART);
+        let found = order.find(|&place| far(place) && leads_elsewhere(place, *m));
+        places.extend(found);
     }
     places
 }
