@@ -270,6 +270,14 @@ impl FileRecord {
     }
 }
 
+/// What may be a path in the value of a parameter: a text, or each of a list, such as a program and its arguments.
+fn texts(value: &Value) -> Vec<&str> {
+    match value {
+        Value::Array(list) => list.iter().filter_map(Value::as_str).collect(),
+        value => value.as_str().into_iter().collect(),
+    }
+}
+
 /// The components and files that a run uses, collected while it is set up.
 #[derive(Debug, Default)]
 pub struct InUse {
@@ -307,11 +315,8 @@ impl InUse {
         if entry.base.is_some() {
             self.add_file(&entry.file)?;
         }
-        for value in parameters.values().filter_map(Value::as_str) {
-            let path = Path::new(value);
-            if path.is_file() {
-                self.add_file(path)?;
-            }
+        for path in parameters.values().flat_map(texts).map(Path::new).filter(|path| path.is_file()) {
+            self.add_file(path)?;
         }
         Ok(())
     }

@@ -117,6 +117,7 @@ pub fn merge(parts: &[PathBuf], out: &Path) -> Result<usize> {
             Error::new(format!("{} is of another run than {}: {difference}", first.shown(), other.shown()))
         })?;
     }
+    check_lists(first, others)?;
     let directory = RunDirectory::create(out)?;
     if directory.manifest()?.is_some() {
         return Err(Error::new(format!(
@@ -175,7 +176,12 @@ fn check(parts: &[Part]) -> Result<()> {
     if !missing.is_empty() {
         return Err(Error::new(format!("of {of} parts these are missing: {}", missing.join(", "))));
     }
-    match parts.iter().find(|part| part.list.scenarios != first.list.scenarios) {
+    Ok(())
+}
+
+/// Makes sure that all parts came to the same scenarios.
+fn check_lists(first: &Part, others: &[Part]) -> Result<()> {
+    match others.iter().find(|part| part.list.scenarios != first.list.scenarios) {
         None => Ok(()),
         Some(other) => Err(Error::new(format!(
             "the parts {} and {} have other scenarios: the pipeline decides by outcomes what to drive, so it cannot be run in parts; use \

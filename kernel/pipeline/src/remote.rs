@@ -21,6 +21,7 @@ use crate::host::{Finished, Host};
 use crate::requests::Defaults;
 use crate::run::{Options, Script, start};
 use crate::tickets::Tickets;
+use crate::values::from_program;
 
 /// The version of the protocol.
 pub const VERSION: u32 = 1;
@@ -136,23 +137,25 @@ impl Server {
     fn call(&mut self, call: Call) -> Result<Value> {
         let Self { host, defaults, tickets } = self;
         match call {
-            Call::Settings(given) => host.settings(given),
+            Call::Settings(given) => host.settings(from_program(given)),
             Call::Defaults(given) => {
-                *defaults = host.defaults().read("defaults", given)?;
+                *defaults = host.defaults().read("defaults", from_program(given))?;
                 Ok(Value::Null)
             }
             Call::Submit(scenarios) => {
-                let one = |(number, scenario)| defaults.submission(&format!("scenario {number}"), scenario);
+                let one = |(number, scenario)| {
+                    defaults.submission(&format!("scenario {number}"), from_program(scenario))
+                };
                 let submissions = scenarios.into_iter().enumerate().map(one).collect::<Result<Vec<_>>>()?;
                 Ok(json!(tickets.add(host.submit(submissions)?)))
             }
             Call::Wait(ticket) => tickets.wait(host, &ticket),
             Call::Next {} => tickets.next(host),
-            Call::Evaluate(request) => host.evaluate(request),
+            Call::Evaluate(request) => host.evaluate(from_program(request)),
             Call::Save { name, value } => host.save(&name.into(), &value).map(|()| Value::Null),
-            Call::Road(request) => host.road(request),
+            Call::Road(request) => host.road(from_program(request)),
             Call::Rate(simulator) => {
-                Ok(host.rate(&ComponentSpec::from_json("simulator", &simulator)?)?.into())
+                Ok(host.rate(&ComponentSpec::from_json("simulator", &from_program(simulator))?)?.into())
             }
             Call::Catalog {} => host.catalog(),
             Call::End {} => Ok(Value::Null),

@@ -21,6 +21,9 @@ from pathlib import Path as _Path
 from pdk import _pdk
 from pdk._pdk import Error, Perturbation, __version__, identity, perturb, search, written
 
+# Set where a run fails that has recorded something.
+Error.record = None
+
 __all__ = [
     "Error",
     "Perturbation",

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use numpy::{IntoPyArray, PyArray, PyArray1, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray, PyArray1};
 use pdk_core::directory::RunDirectory;
 use pdk_core::ledger;
 use pdk_sdk::error::{Error, Result};
@@ -79,7 +79,7 @@ pub fn trace_frames<'py>(py: Python<'py>, trace: PathBuf, topic: &str) -> PyResu
     let array = made(py, [numbers.len(), height, width, 3]);
     // SAFETY: the array was made just now, and nobody else has it.
     unsafe { bytes(&array) }.copy_from_slice(&pixels);
-    Ok((numbers.into_pyarray(py), array.to_owned()))
+    Ok((numbers.into_pyarray(py), array))
 }
 
 /// Numbers, all pixels, and the size of a frame.
