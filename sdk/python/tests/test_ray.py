@@ -45,7 +45,16 @@ return {
 
 
 @pytest.fixture(scope="module")
-def cluster():
+def cache(tmp_path_factory):
+    """Where what travels is kept: that of the machines, which are started after this."""
+    folder = tmp_path_factory.mktemp("cache")
+    os.environ["PDK_CACHE"] = str(folder)
+    yield folder
+    del os.environ["PDK_CACHE"]
+
+
+@pytest.fixture(scope="module")
+def cluster(cache):
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
     cluster.add_node(num_cpus=1)
     cluster.add_node(num_cpus=1, num_gpus=1)
@@ -55,8 +64,7 @@ def cluster():
 
 
 @pytest.fixture
-def study(tmp_path, monkeypatch):
-    monkeypatch.setenv("PDK_CACHE", str(tmp_path / "cache"))
+def study(tmp_path):
     (tmp_path / "study.lua").write_text(PIPELINE)
     (tmp_path / "plugins").mkdir()
     (tmp_path / "plugins/darker.lua").write_text(DARKER)
@@ -71,7 +79,7 @@ def ledger(record):
     return sorted((record.path / "scenarios.jsonl").read_text().splitlines())
 
 
-def test_a_study_on_three_nodes_gives_the_same_ledger(cluster, study, tmp_path):
+def test_a_study_on_three_nodes_gives_the_same_ledger(cluster, study, cache):
     here = study("here")
     there = study("there", pool=f"ray --address {cluster.address}")
     assert there.performance["drive"]["workers"] == 3
@@ -80,7 +88,7 @@ def test_a_study_on_three_nodes_gives_the_same_ledger(cluster, study, tmp_path):
         assert (there.path / "traces" / trace.name).read_bytes() == trace.read_bytes()
     # The script travelled by its content.
     name = hashlib.sha256(DARKER.encode()).hexdigest()[:32]
-    assert (tmp_path / "cache/travelled" / name / "darker.lua").read_text() == DARKER
+    assert (cache / "travelled" / name / "darker.lua").read_text() == DARKER
     shared = study("shared", pool=f"ray --shared --slots 2 --address {cluster.address}")
     assert ledger(shared) == ledger(here)
 
@@ -196,5 +204,6 @@ def test_files_travel_once_and_arrive_as_they_were(tmp_path, monkeypatch):
     (folder / "log.csv").write_text("other\n")
     assert sender.take(folder / "log.csv")["hash"] != told[0]["hash"]
     monkeypatch.setattr(_files, "LARGEST", 3)
+    (tmp_path / "large.csv").write_text("a,b\n")
     with pytest.raises(pdk.Error, match="--shared"):
-        sender.take(tmp_path / "same.csv")
+        sender.take(tmp_path / "large.csv")
