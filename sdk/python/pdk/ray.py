@@ -14,6 +14,7 @@ This is a pool as docs/worker-protocol.md describes it, on standard input and ou
 
 import argparse
 import asyncio
+import heapq
 import json
 import os
 import subprocess
@@ -132,8 +133,18 @@ class Actor:
         self.handle = handle
         self.number = number
         self.group = group
-        self.is_ready = False
-        self.job = None
+
+
+class Group:
+    """Workers with the same share of a GPU, and what waits for them."""
+
+    def __init__(self):
+        #: Jobs, each with its files and how often it was given away.
+        self.waiting = deque()
+        #: Actors that have nothing to do.
+        self.idle = []
+        #: How many are on their way.
+        self.coming = 0
 
 
 class Pool:
@@ -145,14 +156,15 @@ class Pool:
         self._ray = ray
         self._hello = hello.decode()
         self._chosen = chosen
-        self._slots = slots
         self._say = say
         self._catalog = ready["catalog"]
         self._paths = Paths(self._catalog)
         self._sender = _files.Sender(ray.put)
         self._components = [] if chosen.shared else list(self._travelling())
-        self._waiting = deque()
-        self._actors = []
+        self._groups = {}
+        self._actors = set()
+        #: Numbers that no actor has, the smallest first: a worker's ports are derived from its number.
+        self._numbers = list(range(slots))
         self._running = set()
 
     def _travelling(self):
@@ -180,42 +192,28 @@ class Pool:
                 told = self._sender.take(at(job, steps))
                 if told is not None:
                     files.append((steps, told))
-        self._waiting.append((job, files, 1))
-        self._give()
+        group = gpus(job)
+        self._groups.setdefault(group, Group()).waiting.append((job, files, 1))
+        self._give(group)
 
-    def _blobs(self, names):
-        return {name: self._sender.sent[name] for name in names}
+    def _blobs(self, files):
+        return {told["hash"]: self._sender.sent[told["hash"]] for _, told in files}
 
-    def _give(self):
-        """Gives what waits to actors that have nothing to do, and asks for more where there are too few."""
-        kept = deque()
-        while self._waiting:
-            job, files, tries = self._waiting.popleft()
-            group = gpus(job)
-            idle = next((a for a in self._actors if a.is_ready and a.job is None and a.group == group), None)
-            if idle is None:
-                kept.append((job, files, tries))
-                continue
-            idle.job = (job, files, tries)
-            self._run(self._work(idle))
-        self._waiting = kept
+    def _give(self, name):
+        """Gives what waits in a group to actors that have nothing to do, and asks for more where there are too few."""
+        group = self._groups[name]
+        while group.waiting and group.idle:
+            self._run(self._work(group.idle.pop(), group.waiting.popleft()))
+        if len(group.waiting) <= group.coming:
+            return
+        # Whoever has nothing to do may stand where another one has to be.
+        for other in self._groups.values():
+            while other is not group and other.idle:
+                self._lose(other.idle.pop())
         # As many are on their way as there are jobs that wait for one.
-        for group in {gpus(job) for job, _, _ in kept}:
-            wanted = sum(gpus(job) == group for job, _, _ in kept)
-            coming = sum(actor.group == group and not actor.is_ready for actor in self._actors)
-            while wanted > coming and self._room(group):
-                self._run(self._start(group))
-                coming += 1
-
-    def _room(self, group):
-        """Whether another actor may be had; one that is of no use now makes room for it."""
-        if len(self._actors) < self._slots:
-            return True
-        useless = next((a for a in self._actors if a.job is None and a.group != group and a.is_ready), None)
-        if useless is None:
-            return False
-        self._lose(useless)
-        return True
+        while len(group.waiting) > group.coming and self._numbers:
+            group.coming += 1
+            self._run(self._start(name, heapq.heappop(self._numbers)))
 
     def _run(self, coroutine):
         task = asyncio.ensure_future(coroutine)
@@ -232,26 +230,31 @@ class Pool:
         said = str(raised) if isinstance(raised, Error) else f"{type(raised).__name__}: {raised}"
         self._say(json.dumps({"failed": f"the pool of Ray cannot go on: {said.strip().splitlines()[-1]}"}))
 
-    async def _start(self, group):
+    async def _start(self, name, number):
         from pdk._ray_worker import Worker
 
-        taken = {actor.number for actor in self._actors}
-        number = next(number for number in range(len(taken) + 1) if number not in taken)
+        group = self._groups[name]
         remote = self._ray.remote(Worker).options(
-            num_cpus=self._chosen.cpus, num_gpus=group or None, resources=self._chosen.resources or None
+            num_cpus=self._chosen.cpus, num_gpus=name or None, resources=self._chosen.resources or None
         )
-        actor = Actor(remote.remote(self._hello, self._components, self._chosen.shared), number, group)
-        self._actors.append(actor)
+        handle = remote.remote(self._hello, self._components, self._chosen.shared)
+        actor = Actor(handle, number, name)
+        self._actors.add(actor)
         try:
-            said = json.loads(await actor.handle.start.remote(self._blobs({told["hash"] for _, told in self._components})))
+            self._check(json.loads(await handle.start.remote(self._blobs(self._components))))
         except self._ray.exceptions.RayActorError:
             # Its machine is gone. Another is asked for where it is still needed.
             self._lose(actor)
-            self._give()
-            return
-        self._check(said)
-        actor.is_ready = True
-        self._give()
+        else:
+            group.idle.append(actor)
+        finally:
+            group.coming -= 1
+        self._give_all()
+
+    def _give_all(self):
+        """An actor has become free, which may make room for one of another group."""
+        for name in self._groups:
+            self._give(name)
 
     def _check(self, said):
         """Makes sure that a worker is of the same version and has the same components."""
@@ -276,14 +279,13 @@ class Pool:
                 "configuration", f"a machine of the cluster lacks the {kind} `{name}` (version {version}), which is there on this one"
             )
 
-    async def _work(self, actor):
-        job, files, tries = actor.job
+    async def _work(self, actor, waited):
+        job, files, tries = waited
         job["job"]["slot"] = actor.number
         number = job["job"]["number"]
-        blobs = self._blobs({told["hash"] for _, told in files})
         try:
-            generator = actor.handle.work.options(num_returns="streaming").remote(json.dumps(job), files, blobs)
-            async for reference in generator:
+            work = actor.handle.work.options(num_returns="streaming")
+            async for reference in work.remote(json.dumps(job), files, self._blobs(files)):
                 line, trace = await reference
                 if trace is not None:
                     _write(Path(job["job"]["work"]["drive"]["trace"]), trace)
@@ -292,18 +294,18 @@ class Pool:
             self._lose(actor)
             if tries == TRIES:
                 raise _program.error("lost", f"a worker was lost {TRIES} times over job {number} ({lost})") from None
-            self._waiting.appendleft((job, files, tries + 1))
-            self._give()
-            return
-        actor.job = None
-        self._give()
+            self._groups[actor.group].waiting.appendleft((job, files, tries + 1))
+        else:
+            self._groups[actor.group].idle.append(actor)
+        self._give_all()
 
     def _lose(self, actor):
-        if actor in self._actors:
-            self._actors.remove(actor)
-            self._ray.kill(actor.handle)
+        self._actors.discard(actor)
+        heapq.heappush(self._numbers, actor.number)
+        self._ray.kill(actor.handle)
 
     def end(self):
+        """Lets all actors go. What belongs to this program ends with it anyway, but not at once."""
         for actor in list(self._actors):
             self._lose(actor)
 
