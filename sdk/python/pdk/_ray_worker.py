@@ -4,14 +4,10 @@ import json
 import os
 import subprocess
 import tempfile
-import time
 from pathlib import Path
 
 from pdk import _files
 from pdk._program import environment
-
-#: Seconds between two words about how far a job is.
-OFTEN = 1.0
 
 
 class Worker:
@@ -62,7 +58,7 @@ class Worker:
         return line.decode()
 
     def work(self, job, files, blobs):
-        """Does a job: yields what the worker says, and behind its last line the bytes of the trace, where it was to write one."""
+        """Does a job: returns the lines that the worker says, and the bytes of the trace, where it was to write one."""
         job, trace = json.loads(job), None
         for steps, told in files:
             _put(job, steps, self._place(told, blobs))
@@ -71,29 +67,26 @@ class Worker:
             trace = Path(self._traces.name) / os.path.basename(drive["trace"])
             drive["trace"] = str(trace)
         self._say(job)
-        said = time.monotonic()
-        frames = 0
+        said, frames = [], 0
         while True:
             line = self._hear()
             ((kind, value),) = json.loads(line).items()
+            # How far it is would cost a message each time; it is told once, at the end.
             if kind == "progress":
                 frames += value["frames"]
-                if time.monotonic() - said >= OFTEN:
-                    said = time.monotonic()
-                    yield json.dumps({"progress": {"number": value["number"], "frames": frames}}), None
-                    frames = 0
                 continue
+            if kind == "failed":
+                raise RuntimeError(value)
             if kind != "done":
-                yield line, None
+                said.append(line)
                 continue
             if frames:
-                yield json.dumps({"progress": {"number": value["number"], "frames": frames}}), None
+                said.append(json.dumps({"progress": {"number": value["number"], "frames": frames}}))
             content = None
             if trace is not None and trace.is_file():
                 content = trace.read_bytes()
                 trace.unlink()
-            yield line, content
-            return
+            return [*said, line], content
 
 
 def _put(value, steps, replaced):

@@ -284,13 +284,13 @@ class Pool:
         job["job"]["slot"] = actor.number
         number = job["job"]["number"]
         try:
-            work = actor.handle.work.options(num_returns="streaming")
-            async for reference in work.remote(json.dumps(job), files, self._blobs(files)):
-                line, trace = await reference
-                if trace is not None:
-                    _write(Path(job["job"]["work"]["drive"]["trace"]), trace)
+            lines, trace = await actor.handle.work.remote(json.dumps(job), files, self._blobs(files))
+            if trace is not None:
+                _write(Path(job["job"]["work"]["drive"]["trace"]), trace)
+            for line in lines:
                 self._say(line.strip())
-        except (self._ray.exceptions.RayActorError, self._ray.exceptions.RayTaskError) as lost:
+        except self._ray.exceptions.RayError as lost:
+            # Its machine is gone, or its worker.
             self._lose(actor)
             if tries == TRIES:
                 raise _program.error("lost", f"a worker was lost {TRIES} times over job {number} ({lost})") from None
