@@ -17,8 +17,8 @@ import ctypes
 import fcntl
 import os
 import time
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import iceoryx2
 import numpy
@@ -26,12 +26,13 @@ import numpy
 # What fails comes as an error. The rest is of no use to whoever reads the output.
 iceoryx2.set_log_level(iceoryx2.LogLevel.Fatal)
 
-# How long to wait for a frame before looking whether pdk is still there, in milliseconds.
+# How long to wait for a frame before looking whether pdk is still there, in milliseconds; and where there are several, before looking
+# for one of another worker.
 _LOOK = 100
+_GLANCE = 1
 
 
-@dataclass(frozen=True)
-class Context:
+class Context(NamedTuple):
     """What a driver knows besides the frame."""
 
     #: Number of the scenario in this process, from 1. With each new one the driver has to forget what it remembers.
@@ -61,6 +62,9 @@ class _Header(ctypes.Structure):
     @staticmethod
     def type_name():
         return "PdkFrameHeader"
+
+
+_HEADER = ctypes.sizeof(_Header)
 
 
 class _Control(ctypes.Structure):
@@ -112,37 +116,48 @@ class _Link:
         self._sent = service("pdk/frame-event").event().open().listener_builder().create()
         self._answered = service("pdk/answer-event").event().open().notifier_builder().create()
         self._last = None
+        # The frames that there is room for, by their addresses.
+        self._views = {}
 
     def step(self, drive, wait):
-        """Answers a frame where there is one, after waiting for it up to `wait` milliseconds; whether there was one."""
+        """Answers a frame where there is one, after waiting for it up to `wait`; whether there was one."""
         sample = self._frames.receive()
-        if sample is None and wait > 0:
-            self._sent.timed_wait(iceoryx2.Duration.from_millis(wait))
+        if sample is None and wait is not None:
+            self._sent.timed_wait(wait)
             sample = self._frames.receive()
         if sample is None:
             return False
-        header = sample.user_header().contents
+        header = _Header.from_address(sample.user_header_ptr)
         stamp = (header.scenario, header.sequence)
         # Until it has been answered once, pdk sends the first frame again and again.
         if self._last is None or self._last[0] != stamp:
             context = Context(header.scenario, header.sequence, header.time, self._speed(stamp))
-            # A view of shared memory: nothing is copied.
-            frame = numpy.asarray(sample.payload().as_memory_view()).reshape(header.height, header.width, 3)
-            frame.flags.writeable = False
+            frame = self._view(sample.payload_ptr, header.height, header.width)
             self._last = (stamp, _control(drive(frame, context)))
         answer = self._answers.loan_uninit()
-        ctypes.memmove(answer.user_header_ptr, ctypes.byref(header), ctypes.sizeof(_Header))
+        ctypes.memmove(answer.user_header_ptr, sample.user_header_ptr, _HEADER)
         answer.write_payload(self._last[1]).send()
         self._answered.notify()
         return True
 
+    def _view(self, address, height, width):
+        """The frame at an address of the shared memory: nothing is copied."""
+        view = self._views.get(address)
+        if view is None:
+            pixels = (ctypes.c_uint8 * (height * width * 3)).from_address(address)
+            view = numpy.frombuffer(pixels, numpy.uint8).reshape(height, width, 3)
+            view.flags.writeable = False
+            self._views[address] = view
+        # Its shape is the function's own.
+        return view.view()
+
     def _speed(self, stamp):
-        speed = float("nan")
+        """The speed in the state that was sent before the frame with this stamp."""
         while (sample := self._states.receive()) is not None:
-            header = sample.user_header().contents
+            header = _Header.from_address(sample.user_header_ptr)
             if (header.scenario, header.sequence) == stamp:
-                speed = sample.payload().contents.speed
-        return speed
+                return _State.from_address(sample.payload_ptr).speed
+        return float("nan")
 
     def is_over(self):
         """Whether pdk is done with it: the owner holds a lock for as long as it lives."""
@@ -189,11 +204,12 @@ def serve(drive, exchange=None):
         folder = os.environ.get("PDK_EXCHANGE")
         if not folder:
             raise RuntimeError("pdk has not started this program: name the exchange, as in serve(drive, exchange='pilot')")
-        link = _Link(Path(folder))
-        while link.step(drive, _LOOK) or not link.is_over():
+        link, look = _Link(Path(folder)), iceoryx2.Duration.from_millis(_LOOK)
+        while link.step(drive, look) or not link.is_over():
             pass
         return
     links = {}
+    look, glance = (iceoryx2.Duration.from_millis(milliseconds) for milliseconds in (_LOOK, _GLANCE))
     while True:
         for folder in (_base() / f"driver-{exchange}").glob("*-*"):
             if folder not in links and (folder / "iceoryx2.toml").exists():
@@ -202,7 +218,7 @@ def serve(drive, exchange=None):
                 except Exception:  # It has just ended, or is not complete yet: another look shows.
                     continue
         for folder, link in list(links.items()):
-            if not link.step(drive, _LOOK if len(links) == 1 else 1) and link.is_over():
+            if not link.step(drive, look if len(links) == 1 else glance) and link.is_over():
                 del links[folder]
         if not links:
             time.sleep(_LOOK / 1000)

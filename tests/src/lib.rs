@@ -16,6 +16,7 @@ pub mod process;
 pub mod processes;
 pub mod random;
 pub mod records;
+pub mod server;
 pub mod stand_in;
 
 use std::path::{Path, PathBuf};
