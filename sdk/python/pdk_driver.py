@@ -209,14 +209,17 @@ def serve(drive, exchange=None):
             pass
         return
     links = {}
+    looked = float("-inf")
     look, glance = (iceoryx2.Duration.from_millis(milliseconds) for milliseconds in (_LOOK, _GLANCE))
     while True:
-        for folder in (_base() / f"driver-{exchange}").glob("*-*"):
-            if folder not in links and (folder / "iceoryx2.toml").exists():
-                try:
-                    links[folder] = _Link(folder)
-                except Exception:  # It has just ended, or is not complete yet: another look shows.
-                    continue
+        if time.monotonic() - looked >= _LOOK / 1000:
+            for folder in (_base() / f"driver-{exchange}").glob("*-*"):
+                if folder not in links and (folder / "iceoryx2.toml").exists():
+                    try:
+                        links[folder] = _Link(folder)
+                    except Exception:  # It has just ended, or is not complete yet: another look shows.
+                        continue
+            looked = time.monotonic()
         for folder, link in list(links.items()):
             if not link.step(drive, look if len(links) == 1 else glance) and link.is_over():
                 del links[folder]

@@ -126,6 +126,11 @@ impl BeamNgGame {
         self.server.world().calls.clone()
     }
 
+    /// How many steps it has taken for its client.
+    pub fn steps(&self) -> u64 {
+        self.server.world().steps
+    }
+
     /// Whether it is as it was before anybody came: running, without a scenario or a camera.
     pub fn is_untouched(&self) -> bool {
         let world = self.server.world();

@@ -18,6 +18,7 @@ pub mod random;
 pub mod records;
 pub mod server;
 pub mod stand_in;
+pub mod tried;
 
 use std::path::{Path, PathBuf};
 

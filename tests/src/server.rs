@@ -56,8 +56,7 @@ impl<W: Send + 'static> Server<W> {
             connections: Mutex::default(),
             stop: AtomicBool::new(false),
         });
-        let listeners: Vec<_> =
-            ports.iter().map(|&(port, serve)| (stand_in::listen(port), serve)).collect();
+        let listeners: Vec<_> = ports.iter().map(|&(port, serve)| (stand_in::listen(port), serve)).collect();
         let mut server = Self { shared, threads: Vec::new() };
         for (listener, serve) in listeners {
             server.beside(move |shared| listen(&listener, shared, serve));

@@ -68,7 +68,8 @@ impl Session {
         let mut station = Station::new(settings, slot)?;
         let engine = station.connect(0, deadline).and_then(|socket| {
             let connection = Connection::new(socket, station.to_string(), LONGEST)?;
-            Messages::open(connection, &options.protocol, &settings.answering())
+            let opened = Messages::open(connection, &options.protocol, &settings.answering());
+            opened.map_err(|error| station.unknown(error))
         });
         let engine = engine.map_err(|error| station.blame(error))?;
         Ok(Self { station, options: options.clone(), engine, vehicle: None, path: None, drive: None })

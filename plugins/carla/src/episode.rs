@@ -264,7 +264,11 @@ fn abandoned(
     left.sort_unstable_by(|a, b| b.cmp(a));
     left.dedup();
     for actor in left {
-        server.destroy(actor)?;
+        match server.destroy(actor) {
+            // It has gone meanwhile.
+            Err(error) if error.kind() != ErrorKind::Failed => return Err(error),
+            _ => {}
+        }
     }
     let free = settings.free();
     server.set_episode_settings(&free)?;

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use pdk_adapter::process::{Launch, Launched};
+use pdk_adapter::process::{Launch, Launched, command_line};
 use pdk_adapter::{Deadline, settings};
 use pdk_bus::Stamp;
 use pdk_sdk::prelude::*;
@@ -17,6 +17,8 @@ const AGAIN: Duration = Duration::from_millis(100);
 pub struct Process {
     command: Vec<String>,
     name: String,
+    /// As it is named to users.
+    title: String,
     start: Duration,
     answer: Duration,
     /// Made with the first frame, whose size says how large it has to be.
@@ -52,7 +54,11 @@ impl Component for Process {
             ..Parameter::text("exchange", "the name by which one that runs already finds its frames")
         })
         .parameter(
-            Parameter::number("start_seconds", 45.0, "how long it may take for the first answer")
+            Parameter::number(
+                "start_seconds",
+                45.0,
+                "how long it may take for the first answer; where that is 60 s or more, pdk's own `patience` has to be raised with it",
+            )
                 .range(0.01, 3600.0)
                 .unit("s"),
         )
@@ -75,9 +81,15 @@ impl Component for Process {
             ));
         }
         let seconds = |name| Duration::from_secs_f64(config.number(name));
+        let command = settings::words("command", config.value("command"))?;
+        let title = match command.is_empty() {
+            false => format!("the driver `{}`", command_line(&command)),
+            true => format!("the driver of the exchange `{name}`"),
+        };
         Ok(Self {
-            command: settings::words("command", config.value("command"))?,
+            command,
             name,
+            title,
             start: seconds("start_seconds"),
             answer: seconds("answer_seconds"),
             open: None,
@@ -101,10 +113,6 @@ impl Driver for Process {
             None => self.open.insert(start(&self.command, &self.name, &frame)?),
         };
         let stamp = Stamp { scenario: self.scenario, sequence: cx.frame_index, time: cx.time };
-        let who = match self.command.first() {
-            Some(program) => format!("the driver `{program}`"),
-            None => format!("the driver of the exchange `{}`", self.name),
-        };
         let (deadline, fresh) = match open.answered {
             true => (Deadline::new(self.answer, "answer_seconds"), false),
             false => (Deadline::new(self.start, "start_seconds"), true),
@@ -112,7 +120,7 @@ impl Driver for Process {
         let Open { process, exchange, answered } = open;
         exchange.send(frame, stamp, cx.speed)?;
         let mut sent = Instant::now();
-        let control = exchange.answer(stamp, &deadline, &who, || {
+        let control = exchange.answer(stamp, &deadline, &self.title, |exchange| {
             process.as_mut().map_or(Ok(()), Launched::check)?;
             // Whoever comes late has not seen the frame.
             if fresh && sent.elapsed() >= AGAIN {
@@ -120,10 +128,28 @@ impl Driver for Process {
                 exchange.send(frame, stamp, cx.speed)?;
             }
             Ok(())
+        });
+        // With nobody at the other end there is nobody to wait longer for.
+        let control = control.map_err(|error| match error.kind() {
+            ErrorKind::Late if self.command.is_empty() && !exchange.has_listeners() => {
+                nobody(&self.name, &deadline)
+            }
+            _ => error,
         })?;
         *answered = true;
         Ok(control)
     }
+}
+
+fn nobody(name: &str, deadline: &Deadline) -> Error {
+    Error::of(
+        ErrorKind::Late,
+        format!(
+            "no driver is at the exchange `{name}`, which was waited for {:.1} s; start one, in Python with pdk_driver.serve(drive, \
+             exchange=\"{name}\"), or let pdk start it with `command`",
+            deadline.elapsed().as_secs_f64()
+        ),
+    )
 }
 
 fn start(command: &[String], name: &str, frame: &Frame<'_>) -> Result<Open> {

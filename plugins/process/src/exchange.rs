@@ -7,12 +7,16 @@ use std::path::Path;
 use std::time::Duration;
 
 use iceoryx2::config::Config;
+use iceoryx2::identifiers::UniquePublisherId;
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{FilePath, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend};
+use iceoryx2::prelude::{
+    FilePath, PortFactory as _, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend,
+};
 use iceoryx2::service::ipc_threadsafe::Service;
+use iceoryx2::service::port_factory::event::PortFactory;
 use pdk_adapter::Deadline;
 use pdk_bus::{Bus, FrameHeader, Stamp, Topic};
 use pdk_sdk::prelude::*;
@@ -33,8 +37,12 @@ struct Answer {
 pub struct Exchange {
     answers: Subscriber<Service, Answer, FrameHeader>,
     frame_event: Notifier<Service>,
+    /// The service of that event, which knows who listens.
+    frames: PortFactory<Service>,
     answer_event: Listener<Service>,
     _node: Node<Service>,
+    /// The scenario that was answered last, and who answers it.
+    answering: Option<(u64, UniquePublisherId)>,
     // Last, so that everything in it is closed when it takes its files away.
     bus: Bus,
     size: (usize, usize),
@@ -73,11 +81,20 @@ impl Exchange {
             let service = node.service_builder(&named(name)?).event().create();
             service.map_err(|error| failed(&error))
         };
-        let frame_event =
-            event("pdk/frame-event")?.notifier_builder().create().map_err(|error| failed(&error))?;
+        let frames = event("pdk/frame-event")?;
+        let frame_event = frames.notifier_builder().create().map_err(|error| failed(&error))?;
         let answer_event =
             event("pdk/answer-event")?.listener_builder().create().map_err(|error| failed(&error))?;
-        Ok(Self { answers, frame_event, answer_event, _node: node, bus, size: (width, height) })
+        Ok(Self {
+            answers,
+            frame_event,
+            frames,
+            answer_event,
+            _node: node,
+            answering: None,
+            bus,
+            size: (width, height),
+        })
     }
 
     /// Whether it is for frames of this size.
@@ -88,6 +105,11 @@ impl Exchange {
     /// The folder that the other process opens.
     pub fn folder(&self) -> &Path {
         self.bus.root()
+    }
+
+    /// Whether a driver is at the other end.
+    pub fn has_listeners(&self) -> bool {
+        self.frames.dynamic_config().number_of_listeners() > 0
     }
 
     /// Sends a frame.
@@ -110,17 +132,29 @@ impl Exchange {
     /// Waits for the answer to the frame with this stamp. `look` is asked now and then whether the other process is still there.
     ///
     /// # Errors
-    /// That of `look`, or where no answer comes in time.
+    /// That of `look`, or where no answer comes in time, or those of two drivers.
     pub fn answer(
-        &self,
+        &mut self,
         stamp: Stamp,
         deadline: &Deadline,
         who: &str,
-        mut look: impl FnMut() -> Result<()>,
+        mut look: impl FnMut(&Self) -> Result<()>,
     ) -> Result<Control> {
         loop {
             while let Some(answer) = self.answers.receive().map_err(|error| failed(&error))? {
                 let header = answer.user_header();
+                if header.scenario == stamp.scenario {
+                    let by = (stamp.scenario, answer.header().publisher_id());
+                    let before = self.answering.replace(by);
+                    if before.is_some_and(|before| before.0 == by.0 && before.1 != by.1) {
+                        return Err(Error::of(
+                            ErrorKind::Nonsense,
+                            format!(
+                                "two programs answer as {who}; end one of them, or give each an exchange of its own"
+                            ),
+                        ));
+                    }
+                }
                 // One that comes too late is for another frame.
                 if (header.scenario, header.sequence) == (stamp.scenario, stamp.sequence) {
                     let Answer { steering, throttle } = *answer.payload();
@@ -128,7 +162,7 @@ impl Exchange {
                 }
             }
             let Some(left) = deadline.left() else { return Err(deadline.late(who, "answered a frame")) };
-            look()?;
+            look(self)?;
             self.answer_event.timed_wait(|_| {}, left.min(LOOK)).map_err(|error| failed(&error))?;
         }
     }

@@ -106,6 +106,18 @@ impl Station {
         }
     }
 
+    /// An error of the first that was asked of whatever listens at the station's port: what does not answer there may be no simulator
+    /// at all.
+    pub fn unknown(&self, error: Error) -> Error {
+        match error.kind() {
+            ErrorKind::Late => Error::of(
+                ErrorKind::Late,
+                format!("{error}, or correct `port`: another program may listen at {}", self.port),
+            ),
+            _ => error,
+        }
+    }
+
     /// Waits until `poll` has something to give; where the simulator was started here, for no longer than it lives. `what` is what
     /// the simulator has not done where it comes to nothing, as in "loaded the scene".
     ///

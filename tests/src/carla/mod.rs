@@ -30,8 +30,7 @@ impl CarlaServer {
     /// Where its ports are taken.
     pub fn start(setup: Setup) -> Self {
         let port = if setup.port == 0 { free_ports(2) } else { setup.port };
-        let mut server =
-            Server::start(World::new(setup, port), &[(port, answer_all), (port + 1, subscribe)]);
+        let mut server = Server::start(World::new(setup, port), &[(port, answer_all), (port + 1, subscribe)]);
         server.beside(|shared| {
             while !shared.is_over() {
                 std::thread::sleep(Duration::from_millis(10));

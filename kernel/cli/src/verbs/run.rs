@@ -25,7 +25,8 @@ pub struct Arguments {
     /// The folder of the record [default: runs/NAME-N]
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// How many scenarios or frames are computed at the same time [default: all processors]
+    /// How many scenarios or frames are computed at the same time [default: one a processor; one for a simulator that
+    /// pdk does not start]
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1024))]
     workers: Option<u64>,
     /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
@@ -43,7 +44,7 @@ fn pipeline_help() -> String {
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let (mut common, overrides) = Common::read(arguments.overrides.clone())?;
     common.seed = arguments.seed.unwrap_or(common.seed);
-    common.workers = arguments.workers.map_or(common.workers, |workers| workers as usize);
+    common.workers = arguments.workers.map(|workers| workers as usize).or(common.workers);
     common.out = arguments.out.clone().or(common.out);
     common.pool = arguments.pool.clone().or(common.pool).filter(|command| !command.is_empty());
     let options = Options { common, overrides, search: global.search_path(), quiet: global.json };
