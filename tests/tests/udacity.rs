@@ -277,3 +277,85 @@ fn the_unity_library_is_understood() {
         );
     }
 }
+
+/// A simulator for socket.io-client 2 of npm. The vehicle stands at the start of whatever road it is told.
+const IN_JAVASCRIPT: &str = r#"
+const io = require('socket.io-client'), image = require('fs').readFileSync(process.argv[2]).toString('base64');
+const socket = io('http://127.0.0.1:' + process.argv[1], { transports: ['websocket'] });
+let track = '', steers = 0;
+socket.on('connect', () => setInterval(() => socket.emit('telemetry', {
+    steering_angle: '0.0000', throttle: '0.0000', speed: '0.0000', hit: 'none', cte: '0.0213', track, cte_pid: '0.0213',
+    pos_x: '125.0000', pos_y: '1.9000', pos_z: '25.0000', image,
+}), 50));
+socket.on('track', data => track = data.track_string);
+socket.on('steer', data => steers += typeof data.steering_angle === 'string');
+socket.on('disconnect', () => { console.log('steers', steers); process.exit(0); });
+setTimeout(() => process.exit(1), 60000);
+"#;
+
+/// The same for python-socketio 4, whose computer writes decimal commas.
+const IN_PYTHON: &str = r#"
+import base64, sys, time, socketio
+image = base64.b64encode(open(sys.argv[2], 'rb').read()).decode()
+client, state = socketio.Client(reconnection=False), {'track': '', 'steers': 0}
+
+@client.on('track')
+def _(data):
+    state['track'] = data['track_string']
+
+@client.on('steer')
+def _(data):
+    state['steers'] += isinstance(data['steering_angle'], str)
+
+while not client.connected:
+    try:
+        client.connect('http://127.0.0.1:' + sys.argv[1], transports=['websocket'])
+    except socketio.exceptions.ConnectionError:
+        time.sleep(0.05)
+until = time.time() + 60
+while client.connected and time.time() < until:
+    try:
+        client.emit('telemetry', {
+            'steering_angle': '0,0000', 'throttle': '0,0000', 'speed': '0,0000', 'hit': 'none', 'cte': '0,0213', 'track': state['track'],
+            'pos_x': '125,0000', 'pos_y': '1,9000', 'pos_z': '25,0000', 'image': image})
+    except Exception:
+        break
+    time.sleep(0.05)
+print('steers', state['steers'])
+"#;
+
+/// Other clients of Socket.IO 2. `NODE_PATH` is where npm's is found, and `PDK_TEST_SOCKETIO` a Python that has the other one.
+#[test]
+fn clients_of_socket_io_are_driven() {
+    let python = std::env::var("PDK_TEST_SOCKETIO").unwrap_or_else(|_| "python3".to_owned());
+    let clients = [
+        ("node".to_owned(), ["-e", IN_JAVASCRIPT], ["-e", "require('socket.io-client')"]),
+        (python, ["-c", IN_PYTHON], ["-c", "import socketio; assert socketio.__version__.startswith('4.')"]),
+    ];
+    let folder = temp();
+    let picture = folder.path().join("frame.jpg");
+    pictures::write(&picture, 320, 160);
+    for (program, client, needed) in clients {
+        let has = Command::new(&program).args(needed).stdout(Stdio::null()).stderr(Stdio::null()).status();
+        if !has.is_ok_and(|status| status.success()) {
+            eprintln!("skipped: {program} has no client of Socket.IO 2");
+            continue;
+        }
+        let port = free_ports(1);
+        let client = Command::new(&program)
+            .args(client)
+            .arg(port.to_string())
+            .arg(&picture)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let run = run(&simulator(port), &[("duration", "1")]);
+        let said = String::from_utf8(client.wait_with_output().unwrap().stdout).unwrap();
+        run.says(0, &[]);
+        assert_eq!(run.causes(), ["time_out"; 2], "{program}");
+        // The second one is perturbed.
+        assert_ne!(run.lines[0]["digest"], run.lines[1]["digest"], "{program}");
+        let steers: u32 = said.trim().strip_prefix("steers ").unwrap().parse().unwrap();
+        assert!(steers >= 20, "{program}: {said}");
+    }
+}

@@ -148,7 +148,7 @@ impl Episode {
             (_, Some(Loaded::Own(waypoints))) => Lane::own(waypoints),
             _ => return Err(not_started()),
         };
-        let settings = server.episode_settings()?.stepped(options.camera.rate);
+        let settings = server.episode_settings()?.stepped(options.mount.camera.rate);
         server.set_episode_settings(&settings)?;
         if !options.weather.is_unchanged() {
             let mut weather = server.kept_weather().to_vec();
