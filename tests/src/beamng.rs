@@ -66,8 +66,9 @@ struct World {
     loaded: bool,
     hanging: bool,
     calls: Vec<String>,
-    /// How long it took itself for the latest frame, from the control to the picture.
+    /// How long it took itself for the latest frame, from the control to the picture that was sent, and whether it is still at it.
     own: Duration,
+    busy: bool,
 }
 
 struct Drive {
@@ -112,6 +113,7 @@ impl BeamNgGame {
             hanging: false,
             calls: Vec::new(),
             own: Duration::ZERO,
+            busy: false,
         };
         Self { port, server: Server::start(world, &[(port, answer_all), (port + 1, answer_all)]) }
     }
@@ -139,7 +141,15 @@ impl BeamNgGame {
 
     /// How long it took itself for the latest frame, from the control to the picture.
     pub fn own_time(&self) -> Duration {
-        self.server.world().own
+        loop {
+            // Whoever has the picture may be faster than it says what that took.
+            let world = self.server.world();
+            if !world.busy {
+                return world.own;
+            }
+            drop(world);
+            std::thread::yield_now();
+        }
     }
 }
 
@@ -156,6 +166,7 @@ fn answer_all(mut stream: TcpStream, game: &Shared<World>) {
         let what = field(&request, "type").as_str().unwrap().to_owned();
         let (answer, fault) = {
             let mut world = game.world();
+            world.busy = true;
             world.calls.push(what.clone());
             (world.answer(&what, &request), world.fault(&what))
         };
@@ -170,8 +181,6 @@ fn answer_all(mut stream: TcpStream, game: &Shared<World>) {
         let mut bytes = Vec::new();
         rmpv::encode::write_value(&mut bytes, &Value::Map(fields)).unwrap();
         let message = [&(bytes.len() as u32).to_be_bytes()[..], &bytes].concat();
-        // Before the answer is there, so that whoever has it finds the time it took.
-        game.world().took(&what, began.elapsed());
         let sent = match fault {
             Some(Fault::Close) => {
                 game.close_all();
@@ -193,6 +202,7 @@ fn answer_all(mut stream: TcpStream, game: &Shared<World>) {
             None if game.world().hanging => continue,
             None => stream.write_all(&message),
         };
+        game.world().took(&what, began.elapsed());
         if sent.is_err() {
             return;
         }
@@ -208,6 +218,7 @@ impl World {
             self.own = Duration::ZERO;
         }
         self.own += time;
+        self.busy = false;
     }
 
     fn fault(&self, what: &str) -> Option<Fault> {

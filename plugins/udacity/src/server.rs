@@ -327,10 +327,11 @@ fn nobody(station: &Station, last: Option<&str>) -> Error {
     Error::of(
         ErrorKind::Lost,
         format!(
-            "{} has not connected within {} s{other}; start it, and see that it connects to this port (the stock build always takes 4567), or let \
-             pdk start it with `launch`",
-            station,
-            settings.start.as_secs_f64()
+            "{station} has not connected within {} s{other}; {}",
+            settings.start.as_secs_f64(),
+            station.remedy(
+                "start it, and see that it connects to this port (the stock build always takes 4567)"
+            )
         ),
     )
 }
