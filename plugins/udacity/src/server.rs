@@ -229,6 +229,9 @@ type Wanted = fn(&Request, Response) -> std::result::Result<Response, ErrorRespo
 /// A client that has not said all that it wants.
 type Speaking = MidHandshake<ServerHandshake<TcpStream, Wanted>>;
 
+/// What came of hearing one.
+type Said = std::result::Result<WebSocket<TcpStream>, HandshakeError<ServerHandshake<TcpStream, Wanted>>>;
+
 /// Those who have connected and have not said yet what they want. None of them holds up another one: a browser, a port scanner and
 /// whoever says nothing may come first, and the simulator behind them.
 #[derive(Default)]
@@ -270,11 +273,7 @@ impl Door {
     }
 
     /// Takes what a client has said so far: the connection where it is a simulator, which has been greeted.
-    fn hear(
-        &mut self,
-        said: std::result::Result<WebSocket<TcpStream>, HandshakeError<ServerHandshake<TcpStream, Wanted>>>,
-        deadline: Deadline,
-    ) -> Option<WebSocket<TcpStream>> {
+    fn hear(&mut self, said: Said, deadline: Deadline) -> Option<WebSocket<TcpStream>> {
         let refused = match said {
             Ok(socket) => match greet(socket) {
                 Ok(socket) => return Some(socket),

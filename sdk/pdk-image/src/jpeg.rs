@@ -14,11 +14,13 @@ use crate::size::check_size;
 
 const DAMAGED: &str = "it is damaged";
 
+type Decoder<'a> = JpegDecoder<ZCursor<&'a [u8]>>;
+
 /// A file of which the head was read, and the size of its picture.
 ///
 /// Most decoders fill what is missing of a damaged file with grey; a model would be judged on that. What cannot be told from
 /// a whole file is one in which bytes were exchanged for others that still decode, for JPEG has no checksum.
-fn read(bytes: &[u8]) -> Result<(JpegDecoder<ZCursor<&[u8]>>, u32, u32)> {
+fn read(bytes: &[u8]) -> Result<(Decoder<'_>, u32, u32)> {
     // The limit of all pictures is checked below; the decoder's own is not to speak first.
     let largest = usize::from(u16::MAX);
     let options = DecoderOptions::default()
@@ -35,7 +37,7 @@ fn read(bytes: &[u8]) -> Result<(JpegDecoder<ZCursor<&[u8]>>, u32, u32)> {
     Ok((decoder, width, height))
 }
 
-fn orientation(decoder: &JpegDecoder<ZCursor<&[u8]>>) -> Orientation {
+fn orientation(decoder: &Decoder<'_>) -> Orientation {
     let orientation = decoder.exif().and_then(|exif| Orientation::from_exif_chunk(exif));
     orientation.unwrap_or(Orientation::NoTransforms)
 }
