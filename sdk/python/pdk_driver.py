@@ -26,8 +26,8 @@ import numpy
 # What fails comes as an error. The rest is of no use to whoever reads the output.
 iceoryx2.set_log_level(iceoryx2.LogLevel.Fatal)
 
-# How long to wait for a frame before looking whether pdk is still there, in milliseconds; and where there are several, before looking
-# for one of another worker.
+# How long to wait before looking whether pdk is still there, in milliseconds; and where several of its processes are met, before looking
+# at another one.
 _LOOK = 100
 _GLANCE = 1
 
@@ -45,7 +45,9 @@ class Context(NamedTuple):
     speed: float
 
 
-class _Header(ctypes.Structure):
+class Header(ctypes.Structure):
+    """What every message of pdk begins with."""
+
     _fields_ = [
         ("run", ctypes.c_uint64),
         ("scenario", ctypes.c_uint64),
@@ -64,7 +66,11 @@ class _Header(ctypes.Structure):
         return "PdkFrameHeader"
 
 
-_HEADER = ctypes.sizeof(_Header)
+#: How many bytes that is.
+HEADER_BYTES = ctypes.sizeof(Header)
+
+#: The payload of a picture, and of any text.
+Pixels = iceoryx2.Slice[ctypes.c_uint8]
 
 
 class _Control(ctypes.Structure):
@@ -93,49 +99,72 @@ class _State(ctypes.Structure):
         return "PdkState"
 
 
-class _Link:
-    """The exchange with one process of pdk."""
+class Room:
+    """Where this program meets one process of pdk: its services, and whether it is still there. `pdk_simulator` uses it as well."""
 
     def __init__(self, folder):
-        self._folder = folder
+        self.folder = folder
         config = iceoryx2.config.from_file(iceoryx2.FilePath.new(str(folder / "iceoryx2.toml")))
         builder = iceoryx2.NodeBuilder.new().config(config)
         # Ctrl-C belongs to the program.
         builder = builder.signal_handling_mode(iceoryx2.SignalHandlingMode.Disabled)
         self._node = builder.create(iceoryx2.ServiceType.Ipc)
 
-        def service(name):
-            return self._node.service_builder(iceoryx2.ServiceName.new(name))
+    def _service(self, name):
+        return self._node.service_builder(iceoryx2.ServiceName.new(name))
 
-        frames = service("pdk/perturbed").publish_subscribe(iceoryx2.Slice[ctypes.c_uint8]).user_header(_Header).open()
-        states = service("pdk/state").publish_subscribe(_State).user_header(_Header).open()
-        answers = service("pdk/answer").publish_subscribe(_Control).user_header(_Header).open()
-        self._frames = frames.subscriber_builder().create()
-        self._states = states.subscriber_builder().create()
-        self._answers = answers.publisher_builder().create()
-        self._sent = service("pdk/frame-event").event().open().listener_builder().create()
-        self._answered = service("pdk/answer-event").event().open().notifier_builder().create()
+    def topic(self, name, payload):
+        """The ports of a topic."""
+        return self._service(name).publish_subscribe(payload).user_header(Header).open()
+
+    def event(self, name):
+        """The ports of an event."""
+        return self._service(name).event().open()
+
+    def is_over(self):
+        """Whether pdk is done with it: the owner holds a lock for as long as it lives."""
+        try:
+            with open(self.folder / "lock", "rb") as lock:
+                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            return True
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+
+
+class _Link(Room):
+    """The exchange with one process of pdk."""
+
+    def __init__(self, folder, drive):
+        super().__init__(folder)
+        self._drive = drive
+        self._frames = self.topic("pdk/perturbed", Pixels).subscriber_builder().create()
+        self._states = self.topic("pdk/state", _State).subscriber_builder().create()
+        self._answers = self.topic("pdk/answer", _Control).publisher_builder().create()
+        self._sent = self.event("pdk/frame-event").listener_builder().create()
+        self._answered = self.event("pdk/answer-event").notifier_builder().create()
         self._last = None
         # The frames that there is room for, by their addresses.
         self._views = {}
 
-    def step(self, drive, wait):
-        """Answers a frame where there is one, after waiting for it up to `wait`; whether there was one."""
+    def step(self, wait):
+        """Answers a frame where there is one, after waiting for it so long; whether there was one."""
         sample = self._frames.receive()
-        if sample is None and wait is not None:
+        if sample is None:
             self._sent.timed_wait(wait)
             sample = self._frames.receive()
         if sample is None:
             return False
-        header = _Header.from_address(sample.user_header_ptr)
+        header = Header.from_address(sample.user_header_ptr)
         stamp = (header.scenario, header.sequence)
         # Until it has been answered once, pdk sends the first frame again and again.
         if self._last is None or self._last[0] != stamp:
             context = Context(header.scenario, header.sequence, header.time, self._speed(stamp))
             frame = self._view(sample.payload_ptr, header.height, header.width)
-            self._last = (stamp, _control(drive(frame, context)))
+            self._last = (stamp, _control(self._drive(frame, context)))
         answer = self._answers.loan_uninit()
-        ctypes.memmove(answer.user_header_ptr, sample.user_header_ptr, _HEADER)
+        ctypes.memmove(answer.user_header_ptr, sample.user_header_ptr, HEADER_BYTES)
         answer.write_payload(self._last[1]).send()
         self._answered.notify()
         return True
@@ -154,21 +183,10 @@ class _Link:
     def _speed(self, stamp):
         """The speed in the state that was sent before the frame with this stamp."""
         while (sample := self._states.receive()) is not None:
-            header = _Header.from_address(sample.user_header_ptr)
+            header = Header.from_address(sample.user_header_ptr)
             if (header.scenario, header.sequence) == stamp:
                 return _State.from_address(sample.payload_ptr).speed
         return float("nan")
-
-    def is_over(self):
-        """Whether pdk is done with it: the owner holds a lock for as long as it lives."""
-        try:
-            with open(self._folder / "lock", "rb") as lock:
-                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            return True
-        except BlockingIOError:
-            return False
-        except OSError:
-            return True
 
 
 def _control(answer):
@@ -200,28 +218,33 @@ def serve(drive, exchange=None):
     In a program that pdk has started, returns when pdk is done. With the name of an exchange it serves every worker that asks for
     it, one frame after the other, until it is interrupted.
     """
+    attend("driver", lambda folder: _Link(folder, drive), exchange)
+
+
+def attend(what, link, exchange):
+    """Serves the process of pdk that has started this program, or all that ask for an exchange: `link(folder)` meets one."""
+    look, glance = (iceoryx2.Duration.from_millis(milliseconds) for milliseconds in (_LOOK, _GLANCE))
     if exchange is None:
         folder = os.environ.get("PDK_EXCHANGE")
         if not folder:
-            raise RuntimeError("pdk has not started this program: name the exchange, as in serve(drive, exchange='pilot')")
-        link, look = _Link(Path(folder)), iceoryx2.Duration.from_millis(_LOOK)
-        while link.step(drive, look) or not link.is_over():
+            raise RuntimeError("pdk has not started this program: name the exchange, as in serve(..., exchange='mine')")
+        one = link(Path(folder))
+        while one.step(look) or not one.is_over():
             pass
         return
     links = {}
     looked = float("-inf")
-    look, glance = (iceoryx2.Duration.from_millis(milliseconds) for milliseconds in (_LOOK, _GLANCE))
     while True:
         if time.monotonic() - looked >= _LOOK / 1000:
-            for folder in (_base() / f"driver-{exchange}").glob("*-*"):
+            for folder in (_base() / f"{what}-{exchange}").glob("*-*"):
                 if folder not in links and (folder / "iceoryx2.toml").exists():
                     try:
-                        links[folder] = _Link(folder)
+                        links[folder] = link(folder)
                     except Exception:  # It has just ended, or is not complete yet: another look shows.
                         continue
             looked = time.monotonic()
-        for folder, link in list(links.items()):
-            if not link.step(drive, look if len(links) == 1 else glance) and link.is_over():
+        for folder, one in list(links.items()):
+            if not one.step(look if len(links) == 1 else glance) and one.is_over():
                 del links[folder]
         if not links:
             time.sleep(_LOOK / 1000)

@@ -38,6 +38,8 @@ const LAST_WORDS: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(50);
 /// How much longer than its calls may take a worker of this machine may take to be ready, or to say something of its job.
 const GRACE: Duration = Duration::from_secs(30);
+/// The parameter by which pdk starts a simulator for each worker; without it the user has started one, or some.
+const LAUNCH: &str = "launch";
 /// After so long the user is told what is being waited for.
 const TOLD: Duration = Duration::from_secs(10);
 
@@ -109,8 +111,8 @@ pub struct Dispatch {
     opened: u64,
     /// How many workers in a row were killed before they were ready.
     stillborn: u32,
-    /// The simulators that are programs of their own.
-    external: HashSet<String>,
+    /// The simulators that are programs of their own, and whether pdk can start one for each worker.
+    external: HashMap<String, bool>,
     tasks: HashMap<u64, Task>,
     /// The scenarios among them.
     scenarios: HashMap<ScenarioId, u64>,
@@ -149,7 +151,7 @@ impl Dispatch {
             connections: Vec::new(),
             opened: 0,
             stillborn: 0,
-            external: HashSet::new(),
+            external: HashMap::new(),
             tasks: HashMap::new(),
             scenarios: HashMap::new(),
             next: 0,
@@ -248,9 +250,10 @@ impl Dispatch {
             Work::Drive(drive) => Some(&drive.scenario.simulator),
             _ => None,
         };
-        let external = simulator.filter(|simulator| self.external.contains(&simulator.name));
-        let first_only =
-            self.options.pool == Pool::Usual && external.is_some_and(|external| !is_launched(external));
+        let external =
+            simulator.and_then(|simulator| Some((simulator, *self.external.get(&simulator.name)?)));
+        let first_only = self.options.pool == Pool::Usual
+            && external.is_some_and(|(simulator, can)| can && !is_launched(simulator));
         let task = Task {
             external: external.is_some(),
             first_only,
@@ -372,8 +375,10 @@ impl Dispatch {
                 self.connections[place].ready(&ready, &self.options.pool)?;
                 self.stillborn = 0;
                 let simulators = ready.catalog.of_kind(Kind::Simulator);
-                let external = simulators.filter(|entry| entry.description.external);
-                self.external.extend(external.map(|entry| entry.description.name.clone()));
+                for description in simulators.map(|entry| &entry.description).filter(|found| found.external) {
+                    let can = description.parameters.iter().any(|parameter| parameter.name == LAUNCH);
+                    self.external.insert(description.name.clone(), can);
+                }
                 if let Some(introduce) = introduce.take() {
                     let _ = introduce.send(Ok(ready));
                 }
@@ -653,7 +658,7 @@ impl Dispatch {
 
 /// Whether pdk starts the simulator itself, so that every worker has its own.
 fn is_launched(simulator: &ComponentSpec) -> bool {
-    match simulator.parameters.get("launch") {
+    match simulator.parameters.get(LAUNCH) {
         None | Some(Value::Null) => false,
         Some(Value::String(program)) => !program.is_empty(),
         Some(Value::Array(words)) => !words.is_empty(),
