@@ -40,6 +40,8 @@ const TICK: Duration = Duration::from_millis(50);
 const GRACE: Duration = Duration::from_secs(30);
 /// The parameter by which pdk starts a simulator for each worker; without it the user has started one, or some.
 const LAUNCH: &str = "launch";
+/// A scenario of which no frame has come for so long waits for its simulator. Workers tell of frames five times a second.
+const UNDER_WAY: Duration = Duration::from_secs(1);
 /// After so long the user is told what is being waited for.
 const TOLD: Duration = Duration::from_secs(10);
 
@@ -88,7 +90,8 @@ struct Task {
     external: bool,
     /// Whether only the first slot may do it.
     first_only: bool,
-    /// Whether frames have come of it since it was given away last.
+    /// When it was given away last, and whether frames have come of it since.
+    given: Instant,
     began: bool,
     /// When its worker last said something of it.
     heard: Instant,
@@ -195,6 +198,9 @@ impl Dispatch {
                 announced = wish;
                 self.interrupted(wish, &mut introduce);
             }
+            if announced == Wish::Finish {
+                self.stop_waiting();
+            }
             if let Err(error) = self.look_for_silent() {
                 self.fail(error, &mut introduce);
             }
@@ -257,6 +263,7 @@ impl Dispatch {
         let task = Task {
             external: external.is_some(),
             first_only,
+            given: Instant::now(),
             began: false,
             work,
             submission,
@@ -352,7 +359,7 @@ impl Dispatch {
             self.queue.remove(at);
             task.tries += 1;
             task.began = false;
-            task.heard = Instant::now();
+            (task.given, task.heard) = (Instant::now(), Instant::now());
             let connection = &mut self.connections[place];
             let job = Job { number, slot: connection.first_slot + slot as u32, work: task.work.clone() };
             connection.give(slot, &job);
@@ -583,13 +590,15 @@ impl Dispatch {
                 self.let_go(DROP);
                 self.tasks.keys().copied().collect()
             }
-            Wish::Finish | Wish::None => {
-                let waiting = self.let_waiting_go();
-                self.queue.iter().copied().chain(waiting).collect()
-            }
+            Wish::Finish | Wish::None => self.queue.iter().copied().collect(),
         };
         self.queue.clear();
-        for number in dropped {
+        self.drop_tasks(dropped);
+    }
+
+    /// These are not done: everybody who waits for them is told so.
+    fn drop_tasks(&mut self, numbers: Vec<u64>) {
+        for number in numbers {
             // Its worker may have completed the trace just before it left; without a line it is of no scenario.
             if let Some(Task { work: Work::Drive(drive), submission: Some(submission), .. }) =
                 self.tasks.get(&number)
@@ -612,22 +621,28 @@ impl Dispatch {
         self.connections.clear();
     }
 
-    /// Ends the workers that wait for a simulator, and returns what they were at: nothing is in flight there yet.
-    fn let_waiting_go(&mut self) -> Vec<u64> {
-        let is_waiting =
-            |number: &u64| self.tasks.get(number).is_some_and(|task| task.external && !task.began);
+    /// Ends the workers that wait for a simulator: nothing is in flight there yet that could be finished.
+    fn stop_waiting(&mut self) {
+        let is_waiting = |number: &u64| {
+            self.tasks
+                .get(number)
+                .is_some_and(|task| task.external && !task.began && task.given.elapsed() > UNDER_WAY)
+        };
         let (mut waiting, others) =
             std::mem::take(&mut self.connections).into_iter().partition::<Vec<_>, _>(|connection| {
                 let jobs = connection.jobs();
                 !jobs.is_empty() && jobs.iter().all(is_waiting)
             });
         self.connections = others;
+        if waiting.is_empty() {
+            return;
+        }
         waiting.iter_mut().for_each(Connection::close);
         let until = Instant::now() + DROP;
         for connection in &mut waiting {
             connection.wait(until.saturating_duration_since(Instant::now()));
         }
-        waiting.iter().flat_map(Connection::jobs).collect()
+        self.drop_tasks(waiting.iter().flat_map(Connection::jobs).collect());
     }
 
     fn note(&self, trouble: String) {
