@@ -17,8 +17,8 @@ import ctypes
 import fcntl
 import os
 import time
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import iceoryx2
 import numpy
@@ -26,12 +26,13 @@ import numpy
 # What fails comes as an error. The rest is of no use to whoever reads the output.
 iceoryx2.set_log_level(iceoryx2.LogLevel.Fatal)
 
-# How long to wait for a frame before looking whether pdk is still there, in milliseconds.
+# How long to wait before looking whether pdk is still there, in milliseconds; and where several of its processes are met, before looking
+# at another one.
 _LOOK = 100
+_GLANCE = 1
 
 
-@dataclass(frozen=True)
-class Context:
+class Context(NamedTuple):
     """What a driver knows besides the frame."""
 
     #: Number of the scenario in this process, from 1. With each new one the driver has to forget what it remembers.
@@ -64,6 +65,9 @@ class Header(ctypes.Structure):
     def type_name():
         return "PdkFrameHeader"
 
+
+#: How many bytes that is.
+HEADER_BYTES = ctypes.sizeof(Header)
 
 #: The payload of a picture, and of any text.
 Pixels = iceoryx2.Slice[ctypes.c_uint8]
@@ -141,37 +145,48 @@ class _Link(Room):
         self._sent = self.event("pdk/frame-event").listener_builder().create()
         self._answered = self.event("pdk/answer-event").notifier_builder().create()
         self._last = None
+        # The frames that there is room for, by their addresses.
+        self._views = {}
 
     def step(self, wait):
-        """Answers a frame where there is one, after waiting for it up to `wait` milliseconds; whether there was one."""
+        """Answers a frame where there is one, after waiting for it so long; whether there was one."""
         sample = self._frames.receive()
-        if sample is None and wait > 0:
-            self._sent.timed_wait(iceoryx2.Duration.from_millis(wait))
+        if sample is None:
+            self._sent.timed_wait(wait)
             sample = self._frames.receive()
         if sample is None:
             return False
-        header = sample.user_header().contents
+        header = Header.from_address(sample.user_header_ptr)
         stamp = (header.scenario, header.sequence)
         # Until it has been answered once, pdk sends the first frame again and again.
         if self._last is None or self._last[0] != stamp:
             context = Context(header.scenario, header.sequence, header.time, self._speed(stamp))
-            # A view of shared memory: nothing is copied.
-            frame = numpy.asarray(sample.payload().as_memory_view()).reshape(header.height, header.width, 3)
-            frame.flags.writeable = False
+            frame = self._view(sample.payload_ptr, header.height, header.width)
             self._last = (stamp, _control(self._drive(frame, context)))
         answer = self._answers.loan_uninit()
-        ctypes.memmove(answer.user_header_ptr, ctypes.byref(header), ctypes.sizeof(Header))
+        ctypes.memmove(answer.user_header_ptr, sample.user_header_ptr, HEADER_BYTES)
         answer.write_payload(self._last[1]).send()
         self._answered.notify()
         return True
 
+    def _view(self, address, height, width):
+        """The frame at an address of the shared memory: nothing is copied."""
+        view = self._views.get(address)
+        if view is None:
+            pixels = (ctypes.c_uint8 * (height * width * 3)).from_address(address)
+            view = numpy.frombuffer(pixels, numpy.uint8).reshape(height, width, 3)
+            view.flags.writeable = False
+            self._views[address] = view
+        # Its shape is the function's own.
+        return view.view()
+
     def _speed(self, stamp):
-        speed = float("nan")
+        """The speed in the state that was sent before the frame with this stamp."""
         while (sample := self._states.receive()) is not None:
-            header = sample.user_header().contents
+            header = Header.from_address(sample.user_header_ptr)
             if (header.scenario, header.sequence) == stamp:
-                speed = sample.payload().contents.speed
-        return speed
+                return _State.from_address(sample.payload_ptr).speed
+        return float("nan")
 
 
 def _control(answer):
@@ -208,24 +223,28 @@ def serve(drive, exchange=None):
 
 def attend(what, link, exchange):
     """Serves the process of pdk that has started this program, or all that ask for an exchange: `link(folder)` meets one."""
+    look, glance = (iceoryx2.Duration.from_millis(milliseconds) for milliseconds in (_LOOK, _GLANCE))
     if exchange is None:
         folder = os.environ.get("PDK_EXCHANGE")
         if not folder:
             raise RuntimeError("pdk has not started this program: name the exchange, as in serve(..., exchange='mine')")
         one = link(Path(folder))
-        while one.step(_LOOK) or not one.is_over():
+        while one.step(look) or not one.is_over():
             pass
         return
     links = {}
+    looked = float("-inf")
     while True:
-        for folder in (_base() / f"{what}-{exchange}").glob("*-*"):
-            if folder not in links and (folder / "iceoryx2.toml").exists():
-                try:
-                    links[folder] = link(folder)
-                except Exception:  # It has just ended, or is not complete yet: another look shows.
-                    continue
+        if time.monotonic() - looked >= _LOOK / 1000:
+            for folder in (_base() / f"{what}-{exchange}").glob("*-*"):
+                if folder not in links and (folder / "iceoryx2.toml").exists():
+                    try:
+                        links[folder] = link(folder)
+                    except Exception:  # It has just ended, or is not complete yet: another look shows.
+                        continue
+            looked = time.monotonic()
         for folder, one in list(links.items()):
-            if not one.step(_LOOK if len(links) == 1 else 1) and one.is_over():
+            if not one.step(look if len(links) == 1 else glance) and one.is_over():
                 del links[folder]
         if not links:
             time.sleep(_LOOK / 1000)

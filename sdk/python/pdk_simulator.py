@@ -34,7 +34,7 @@ from dataclasses import asdict, dataclass
 import iceoryx2
 import numpy
 
-from pdk_driver import Header, Pixels, Room, attend
+from pdk_driver import HEADER_BYTES, Pixels, Room, attend
 
 # Bytes of a reply for which memory is taken at the beginning.
 _REPLY = 1 << 14
@@ -121,10 +121,10 @@ class _Link(Room):
         self._last = (0, None)
 
     def step(self, wait):
-        """Answers a request where there is one, after waiting for it up to `wait` milliseconds; whether there was one."""
+        """Answers a request where there is one, after waiting for it so long; whether there was one."""
         sample = self._requests.receive()
-        if sample is None and wait > 0:
-            self._asked.timed_wait(iceoryx2.Duration.from_millis(wait))
+        if sample is None:
+            self._asked.timed_wait(wait)
             sample = self._requests.receive()
         if sample is None:
             return False
@@ -172,12 +172,12 @@ class _Link(Room):
         sample = self._frames.loan_slice_uninit(camera.width * camera.height * 3)
         picture = numpy.asarray(sample.payload().as_memory_view()).reshape(camera.height, camera.width, 3)
         self._simulator.frame(picture)
-        ctypes.memmove(sample.user_header_ptr, ctypes.byref(header), ctypes.sizeof(Header))
+        ctypes.memmove(sample.user_header_ptr, ctypes.byref(header), HEADER_BYTES)
         sample.assume_init().send()
 
     def _send(self, publisher, text, header):
         sample = publisher.loan_slice_uninit(len(text))
-        ctypes.memmove(sample.user_header_ptr, ctypes.byref(header), ctypes.sizeof(Header))
+        ctypes.memmove(sample.user_header_ptr, ctypes.byref(header), HEADER_BYTES)
         ctypes.memmove(sample.payload_ptr, text, len(text))
         sample.assume_init().send()
 

@@ -28,6 +28,7 @@ use pdk_core::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::prelude::*;
+use pdk_tests::beamng::{self, BeamNgGame};
 use pdk_tests::carla::{CarlaServer, Setup};
 use pdk_tests::pictures;
 use pdk_tests::stand_in::free_ports;
@@ -120,13 +121,20 @@ fn last_of(own: &Receiver<Duration>) -> impl FnMut() -> Duration + '_ {
 }
 
 /// Drives, and prints median and 99th percentile of what the adapter adds.
-fn measure(registry: &Registry, what: &str, parameters: Value, mut own: impl FnMut() -> Duration) {
+fn measure(
+    registry: &Registry,
+    what: &str,
+    parameters: Value,
+    road: Value,
+    mut own: impl FnMut() -> Duration,
+) {
     let name = parameters["name"].as_str().unwrap().to_owned();
     let mut values = parameters.as_object().unwrap().clone();
     values.remove("name");
     let (mut simulator, _) = registry.simulator(&name, &values).unwrap();
     let component = ComponentSpec::new;
-    simulator.reset(&Scenario::new(component("x"), component("y")), 0).unwrap();
+    let scenario = Scenario { road, ..Scenario::new(component("x"), component("y")) };
+    simulator.reset(&scenario, 0).unwrap();
     let mut frame = FrameBuf::new(WIDTH as usize, HEIGHT as usize);
     let mut added = Vec::with_capacity(FRAMES);
     for _ in 0..FRAMES {
@@ -215,7 +223,7 @@ fn main() {
             "name": "donkey", "build": "road_generating", "port": port, "width": WIDTH, "height": HEIGHT, "settle_seconds": 0,
             "encoding": encoding
         });
-        measure(&registry, what, parameters, last_of(&own));
+        measure(&registry, what, parameters, Value::Null, last_of(&own));
     }
     let port = free_ports(1);
     let (sender, own) = channel();
@@ -223,11 +231,16 @@ fn main() {
     let parameters = json!({
         "name": "udacity", "build": "stock", "port": port, "width": WIDTH, "height": HEIGHT, "settle_seconds": 0
     });
-    measure(&registry, "udacity, JPEG", parameters, last_of(&own));
+    measure(&registry, "udacity, JPEG", parameters, Value::Null, last_of(&own));
 
     let server = CarlaServer::start(Setup::default());
     let parameters = json!({"name": "carla", "port": server.port(), "width": WIDTH, "height": HEIGHT});
-    measure(&registry, "carla", parameters, || server.own_time());
+    measure(&registry, "carla", parameters, Value::Null, || server.own_time());
+
+    let game = BeamNgGame::start(beamng::Setup::default());
+    let parameters = json!({"name": "beamng", "port": game.port(), "width": WIDTH, "height": HEIGHT});
+    let road = json!({"angles": [0, 5, -5, 0]});
+    measure(&registry, "beamng", parameters, road, || game.own_time());
 
     println!("from a frame of {WIDTH}x{HEIGHT} to the answer of a driver in another process:");
     let folder = temp();

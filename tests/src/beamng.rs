@@ -4,11 +4,8 @@
 //! the first try of the adapter assumes, as one never knows.
 
 use std::io::{BufReader, Read, Write};
-use std::net::{Shutdown, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
-use std::time::Duration;
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
 
 use pdk_model::component::ComponentSpec;
 use pdk_road::{LANE_WIDTH, Path};
@@ -16,7 +13,8 @@ use pdk_sdk::prelude::{Control, FrameBuf, Scenario, Simulator, State};
 use rmpv::Value;
 use serde_json::json;
 
-use crate::stand_in::{self, free_ports};
+use crate::server::{Server, Shared};
+use crate::stand_in::free_ports;
 
 /// What a game does at some step, counted from the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,20 +38,20 @@ pub struct Setup {
     pub protocol: &'static str,
     /// What it does, and at which step.
     pub fault: Option<(Fault, u64)>,
+    /// The port of the engine; that of the vehicle is the next one. 0 for two that are free.
+    pub port: u16,
 }
 
 impl Default for Setup {
     fn default() -> Self {
-        Self { protocol: "v1.27", fault: None }
+        Self { protocol: "v1.27", fault: None, port: 0 }
     }
 }
 
 /// A running game. It ends when it is dropped.
 pub struct BeamNgGame {
     port: u16,
-    world: Arc<Mutex<World>>,
-    stop: Arc<AtomicBool>,
-    threads: Vec<JoinHandle<()>>,
+    server: Server<World>,
 }
 
 struct World {
@@ -68,7 +66,9 @@ struct World {
     loaded: bool,
     hanging: bool,
     calls: Vec<String>,
-    connections: Vec<TcpStream>,
+    /// How long it took itself for the latest frame, from the control to the picture that was sent, and whether it is still at it.
+    own: Duration,
+    busy: bool,
 }
 
 struct Drive {
@@ -99,9 +99,7 @@ impl BeamNgGame {
     /// # Panics
     /// Where its ports are taken.
     pub fn start(setup: Setup) -> Self {
-        let port = free_ports(2);
-        let engine = stand_in::listen(port);
-        let vehicle = stand_in::listen(port + 1);
+        let port = if setup.port == 0 { free_ports(2) } else { setup.port };
         let world = World {
             setup,
             port,
@@ -114,12 +112,10 @@ impl BeamNgGame {
             loaded: false,
             hanging: false,
             calls: Vec::new(),
-            connections: Vec::new(),
+            own: Duration::ZERO,
+            busy: false,
         };
-        let (world, stop) = (Arc::new(Mutex::new(world)), Arc::new(AtomicBool::new(false)));
-        let listen = |listener| listen(listener, Arc::clone(&world), Arc::clone(&stop));
-        let threads = vec![listen(engine), listen(vehicle)];
-        Self { port, world, stop, threads }
+        Self { port, server: Server::start(world, &[(port, answer_all), (port + 1, answer_all)]) }
     }
 
     /// The port of the engine.
@@ -129,60 +125,39 @@ impl BeamNgGame {
 
     /// The names of the requests that it got, in their order.
     pub fn calls(&self) -> Vec<String> {
-        lock(&self.world).calls.clone()
+        self.server.world().calls.clone()
+    }
+
+    /// How many steps it has taken for its client.
+    pub fn steps(&self) -> u64 {
+        self.server.world().steps
     }
 
     /// Whether it is as it was before anybody came: running, without a scenario or a camera.
     pub fn is_untouched(&self) -> bool {
-        let world = lock(&self.world);
+        let world = self.server.world();
         !world.paused && !world.loaded && world.camera.is_none()
     }
-}
 
-impl Drop for BeamNgGame {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::SeqCst);
-        lock(&self.world).close_all();
-        for thread in self.threads.drain(..) {
-            let ended = thread.join();
-            // A test that has failed already says why.
-            assert!(std::thread::panicking() || ended.is_ok(), "the simulator of the test has failed");
+    /// How long it took itself for the latest frame, from the control to the picture.
+    pub fn own_time(&self) -> Duration {
+        loop {
+            // Whoever has the picture may be faster than it says what that took.
+            let world = self.server.world();
+            if !world.busy {
+                return world.own;
+            }
+            drop(world);
+            std::thread::yield_now();
         }
     }
 }
 
-fn lock(world: &Mutex<World>) -> MutexGuard<'_, World> {
-    world.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn listen(listener: TcpListener, world: Arc<Mutex<World>>, stop: Arc<AtomicBool>) -> JoinHandle<()> {
-    listener.set_nonblocking(true).unwrap();
-    std::thread::spawn(move || {
-        let mut serving = Vec::new();
-        while !stop.load(Ordering::SeqCst) {
-            match listener.accept() {
-                Ok((stream, _)) => {
-                    stream.set_nonblocking(false).unwrap();
-                    stream.set_nodelay(true).unwrap();
-                    lock(&world).connections.push(stream.try_clone().unwrap());
-                    let world = Arc::clone(&world);
-                    serving.push(std::thread::spawn(move || answer_all(stream, &world)));
-                }
-                Err(_) => std::thread::sleep(Duration::from_millis(1)),
-            }
-        }
-        lock(&world).close_all();
-        for thread in serving {
-            let ended = thread.join();
-            assert!(ended.is_ok(), "a connection of the simulator of the test has failed");
-        }
-    })
-}
-
-fn answer_all(mut stream: TcpStream, world: &Mutex<World>) {
+fn answer_all(mut stream: TcpStream, game: &Shared<World>) {
     let mut reader = BufReader::new(stream.try_clone().unwrap());
     let mut length = [0; 4];
     while reader.read_exact(&mut length).is_ok() {
+        let began = Instant::now();
         let mut bytes = vec![0; u32::from_be_bytes(length) as usize];
         if reader.read_exact(&mut bytes).is_err() {
             return;
@@ -190,7 +165,8 @@ fn answer_all(mut stream: TcpStream, world: &Mutex<World>) {
         let request = rmpv::decode::read_value(&mut &bytes[..]).unwrap();
         let what = field(&request, "type").as_str().unwrap().to_owned();
         let (answer, fault) = {
-            let mut world = lock(world);
+            let mut world = game.world();
+            world.busy = true;
             world.calls.push(what.clone());
             (world.answer(&what, &request), world.fault(&what))
         };
@@ -207,25 +183,26 @@ fn answer_all(mut stream: TcpStream, world: &Mutex<World>) {
         let message = [&(bytes.len() as u32).to_be_bytes()[..], &bytes].concat();
         let sent = match fault {
             Some(Fault::Close) => {
-                lock(world).close_all();
+                game.close_all();
                 return;
             }
             Some(Fault::Half) => {
                 let _ = stream.write_all(&message[..message.len() / 2]);
-                lock(world).close_all();
+                game.close_all();
                 return;
             }
             Some(Fault::Hang) => {
-                lock(world).hanging = true;
+                game.world().hanging = true;
                 continue;
             }
             Some(Fault::Garbage) => stream.write_all(&[&[0, 0, 0, 50][..], &[0xc1; 50]].concat()),
             Some(Fault::Huge) => stream
                 .write_all(&100_000_000u32.to_be_bytes())
                 .and_then(|()| stream.write_all(&vec![0; 100_000_000])),
-            None if lock(world).hanging => continue,
+            None if game.world().hanging => continue,
             None => stream.write_all(&message),
         };
+        game.world().took(&what, began.elapsed());
         if sent.is_err() {
             return;
         }
@@ -235,10 +212,13 @@ fn answer_all(mut stream: TcpStream, world: &Mutex<World>) {
 type Answer = Result<(&'static str, Vec<(&'static str, Value)>), String>;
 
 impl World {
-    fn close_all(&mut self) {
-        for stream in self.connections.drain(..) {
-            let _ = stream.shutdown(Shutdown::Both);
+    /// A request took so long; the first of a frame is its control.
+    fn took(&mut self, what: &str, time: Duration) {
+        if what == "Control" {
+            self.own = Duration::ZERO;
         }
+        self.own += time;
+        self.busy = false;
     }
 
     fn fault(&self, what: &str) -> Option<Fault> {

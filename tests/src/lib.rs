@@ -16,7 +16,9 @@ pub mod process;
 pub mod processes;
 pub mod random;
 pub mod records;
+pub mod server;
 pub mod stand_in;
+pub mod tried;
 
 use std::path::{Path, PathBuf};
 

@@ -89,6 +89,17 @@ impl BusFolder {
     }
 }
 
+impl Drop for BusFolder {
+    /// What was killed with all of its run is swept away by the next run in the same folder. Here there is none, and without the folder
+    /// nobody knows whose the files are.
+    fn drop(&mut self) {
+        for file in shared_memory(&self.buses()) {
+            // A test that has failed may still have processes that take them away themselves.
+            let _ = fs::remove_file(file);
+        }
+    }
+}
+
 /// The files of these buses in shared memory.
 pub fn shared_memory(buses: &BTreeSet<String>) -> Vec<PathBuf> {
     let files = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten().map(|entry| entry.path());

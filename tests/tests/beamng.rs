@@ -1,23 +1,31 @@
 //! The adapter `beamng` against a game that has the embedded simulator inside.
-//! `cargo test -p pdk-tests --test beamng -- --nocapture` prints what is said about each way to go wrong.
+//! `PDK_SHOW=1` prints what each way to go wrong came to.
 
 #![allow(clippy::unwrap_used)]
 
-use std::net::TcpListener;
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::time::Instant;
+use std::time::Duration;
 
 use pdk_tests::beamng::{BeamNgGame, Fault, Setup};
 use pdk_tests::process::{json_lines, pipeline};
-use pdk_tests::{Pdk, temp};
+use pdk_tests::processes::{comes_true, ended_within, signal};
+use pdk_tests::stand_in::free_ports;
+use pdk_tests::{Pdk, temp, tried};
+use rustix::process::Signal;
 use serde_json::{Value, json};
 
 const PIPELINE: &str = r#"
-    local settings = pdk.settings({ simulator = "beamng", duration = 3 })
-    pdk.drive({ simulator = settings.simulator, driver = "lane_keeper", duration = settings.duration, scenarios = {
+    local settings = pdk.settings({ simulator = "beamng", duration = 3, more = 0 })
+    local scenarios = {
         { name = "nominal", road = { angles = { 0, 10, -10, 0 } } },
         { name = "moved", road = { angles = { 0, 10, -10, 0 } }, perturbations = { "translate_image@4" } },
-    } })
+    }
+    for number = 1, settings.more do
+        table.insert(scenarios, { name = "more " .. number, ["repeat"] = number, road = { angles = { 0, 10, -10, 0 } } })
+    end
+    pdk.drive({ simulator = settings.simulator, driver = "lane_keeper", duration = settings.duration, scenarios = scenarios })
 "#;
 
 fn simulator(name: &str, more: Value) -> String {
@@ -65,47 +73,122 @@ fn a_scenario_over_the_wire_comes_out_as_one_without_it() {
 }
 
 #[test]
-fn what_goes_wrong_is_said() {
-    let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let mut tried = vec![("not there".to_owned(), None, free, "lost", "BeamNG.tech is not at 127.0.0.1:")];
-    let version = BeamNgGame::start(Setup { protocol: "v1.23", ..Setup::default() });
-    let port = version.port();
-    tried.push((
-        "version".to_owned(),
-        Some(version),
-        port,
-        "configuration",
-        "speaks version v1.23 of its protocol",
-    ));
-    for (fault, kind, part) in [
-        (Fault::Close, "lost", "closed the connection"),
-        (Fault::Half, "lost", "closed the connection in the middle"),
-        // It still hangs when it is connected to again.
-        (Fault::Hang, "late", "within 3 s"),
-        (Fault::Garbage, "nonsense", "not a MessagePack map"),
-        (Fault::Huge, "nonsense", "a message of more than"),
+fn one_that_is_not_there_is_waited_for_and_said() {
+    let mut simulator: Value = serde_json::from_str(&beamng(free_ports(2))).unwrap();
+    simulator["start_seconds"] = json!(1);
+    let tried = tried::run(PIPELINE, &[("simulator", &simulator.to_string())]);
+    tried.says(1, &["BeamNG.tech is not at 127.0.0.1:", "it was tried for 1 s", "`launch`"]);
+    assert!(tried.lines.is_empty() && tried.took < Duration::from_secs(40), "{:?}", tried.took);
+}
+
+#[test]
+fn another_program_at_the_port_is_said() {
+    for (greeting, says) in [
+        ("HTTP/1.0 400 Bad Request\r\n\r\n", "is another program at this port?"),
+        ("", "or correct `port`: another program may listen at"),
+    ] {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        std::thread::spawn(move || {
+            while let Ok((mut stream, _)) = listener.accept() {
+                let _ = stream.write_all(greeting.as_bytes());
+                std::thread::spawn(move || stream.read_to_end(&mut Vec::new()));
+            }
+        });
+        tried::run(PIPELINE, &[("simulator", &beamng(port))]).says(1, &["BeamNG.tech at 127.0.0.1:", says]);
+    }
+}
+
+#[test]
+fn another_version_is_said() {
+    let game = BeamNgGame::start(Setup { protocol: "v1.23", ..Setup::default() });
+    let tried = tried::run(PIPELINE, &[("simulator", &beamng(game.port()))]);
+    tried.says(
+        1,
+        &["speaks version v1.23 of its protocol, but v1.27 was asked for", "set `protocol` to v1.23"],
+    );
+    assert_eq!(tried.kind(), "configuration");
+}
+
+#[test]
+fn a_scenario_whose_game_is_lost_is_driven_again() {
+    for (fault, says) in [
+        (Fault::Close, "has closed the connection, so that a scenario was driven again"),
+        (Fault::Half, "has closed the connection in the middle of a message"),
     ] {
         let game = BeamNgGame::start(Setup { fault: Some((fault, 12)), ..Setup::default() });
-        let port = game.port();
-        tried.push((format!("{fault:?}"), Some(game), port, kind, part));
+        let tried = tried::run(PIPELINE, &[("simulator", &beamng(game.port()))]);
+        tried.says(0, &[says, "driven again from its beginning, once"]);
+        assert_eq!(tried.causes(), ["time_out"; 2], "{fault:?}");
+        assert!(tried.lines.iter().all(|line| line["frames"] == 61), "{fault:?}: {:?}", tried.lines);
+        assert!(game.is_untouched(), "{fault:?}: {:?}", game.calls());
     }
-    for (what, game, port, kind, part) in tried {
-        let folder = temp();
-        let began = Instant::now();
-        let ran = run(folder.path(), "record", &beamng(port)).run();
-        // Where there is no simulator at all, the run ends without an outcome.
-        let outcome = outcomes(folder.path(), "record").into_iter().next().unwrap_or(Value::Null);
-        let error =
-            if outcome.is_null() { &ran.stderr } else { outcome["error"].as_str().unwrap_or_default() };
-        println!("{what}: exit code {:?} after {:.1} s: {error}", ran.code, began.elapsed().as_secs_f64());
-        if error.is_empty() {
-            // It was driven again, with a new connection.
-            assert!(kind == "lost" && ran.stderr.contains(part), "{what}: {}", ran.stderr);
-            assert!(game.unwrap().is_untouched());
-            continue;
-        }
-        assert_eq!(ran.code, Some(1), "{what}: {error}");
-        assert!(outcome.is_null() || outcome["error_kind"] == kind, "{what}: {outcome}");
-        assert!(error.contains(part), "{what}: {error}");
+}
+
+#[test]
+fn one_that_hangs_ends_the_run() {
+    let game = BeamNgGame::start(Setup { fault: Some((Fault::Hang, 12)), ..Setup::default() });
+    let tried = tried::run(PIPELINE, &[("simulator", &beamng(game.port()))]);
+    // It still hangs when it is connected to again.
+    tried.says(1, &["simulator `beamng`", "has not answered `Hello` within 3 s"]);
+    assert!(tried.lines.is_empty() && tried.took < Duration::from_secs(60), "{:?}", tried.took);
+}
+
+#[test]
+fn nonsense_is_the_outcome_of_its_scenario() {
+    for (fault, says) in
+        [(Fault::Garbage, "is not a MessagePack map"), (Fault::Huge, "a message of more than 83886080 bytes")]
+    {
+        let game = BeamNgGame::start(Setup { fault: Some((fault, 12)), ..Setup::default() });
+        let tried = tried::run(PIPELINE, &[("simulator", &beamng(game.port())), ("memory", "400")]);
+        tried.says(1, &["1 of 2 scenarios", says, "is another program at this port?"]);
+        assert_eq!(tried.causes(), ["error", "time_out"], "{fault:?}");
+        assert_eq!(tried.kind(), "nonsense", "{fault:?}");
+        assert!(game.is_untouched(), "{fault:?}: {:?}", game.calls());
     }
+}
+
+#[test]
+fn one_that_comes_back_is_used_again() {
+    let game = BeamNgGame::start(Setup::default());
+    let port = game.port();
+    let back = std::thread::spawn(move || {
+        assert!(comes_true(Duration::from_secs(60), || game.steps() >= 12));
+        drop(game);
+        std::thread::sleep(Duration::from_secs(5));
+        BeamNgGame::start(Setup { port, ..Setup::default() })
+    });
+    let mut simulator: Value = serde_json::from_str(&beamng(port)).unwrap();
+    simulator["start_seconds"] = json!(20);
+    let tried = tried::run(PIPELINE, &[("simulator", &simulator.to_string())]);
+    tried.says(0, &["so that a scenario was driven again from its beginning, once"]);
+    assert_eq!(tried.causes(), ["time_out"; 2]);
+    assert!(tried.took >= Duration::from_secs(5), "{:?}", tried.took);
+    let game = back.join().unwrap();
+    assert!(game.is_untouched(), "{:?}", game.calls());
+}
+
+#[test]
+fn two_clients_at_once_do_not_meet() {
+    let folder = temp();
+    let game = BeamNgGame::start(Setup::default());
+    let mut first = run(folder.path(), "first", &beamng(game.port())).set("more", 400).spawn();
+    assert!(comes_true(Duration::from_secs(60), || game.steps() >= 12));
+    // Another run of pdk leaves it alone.
+    let second = tried::run(PIPELINE, &[("simulator", &beamng(game.port()))]);
+    second.says(1, &["another process of pdk", &format!("port {}", game.port()), "set `port`"]);
+    assert!(second.lines.is_empty());
+    // So may any other client: the game serves both.
+    let mut other = TcpStream::connect(("127.0.0.1", game.port())).unwrap();
+    other.write_all(b"\0\0\0\x11\x82\xa4type\xa5Hello\xa3_id\x07").unwrap();
+    let mut length = [0; 4];
+    other.read_exact(&mut length).unwrap();
+    let before = game.steps();
+    assert!(comes_true(Duration::from_secs(60), || game.steps() > before + 100));
+    signal(&first, Signal::INT);
+    assert_eq!(ended_within(&mut first, Duration::from_secs(60)).unwrap().code(), Some(130));
+    let outcomes = outcomes(folder.path(), "first");
+    assert!(outcomes.iter().all(|outcome| outcome["cause"] != "error"), "{outcomes:?}");
+    assert!(outcomes.len() > 2, "{outcomes:?}");
+    assert!(game.is_untouched(), "{:?}", game.calls());
 }

@@ -53,10 +53,129 @@ fn what_the_documents_point_to_is_there() {
         "docs/worker-protocol.md",
         "docs/python.md",
         "docs/generative.md",
+        "docs/simulators/beamng.md",
+        "docs/simulators/carla.md",
         "docs/simulators/donkey.md",
         "docs/simulators/udacity.md",
     ] {
         check_links(&repository().join(name));
+    }
+}
+
+/// What goes wrong with simulators and with drivers in another process, and the test of each that shows what follows.
+const FAULTS: [(&str, [&str; 5]); 10] = [
+    (
+        "not there",
+        [
+            "one_that_is_not_there_is_waited_for_and_said",
+            "one_that_does_not_come_is_waited_for_and_said",
+            "one_that_is_no_server_of_these_versions_is_said",
+            "one_that_is_not_there_is_waited_for_and_said",
+            "one_that_cannot_be_started_or_does_not_come_is_said",
+        ],
+    ),
+    (
+        "wrong port",
+        [
+            "another_program_at_the_port_is_said",
+            "a_port_that_is_taken_is_said",
+            "one_that_is_no_server_of_these_versions_is_said",
+            "another_program_at_the_port_is_said",
+            "one_that_cannot_be_started_or_does_not_come_is_said",
+        ],
+    ),
+    (
+        "wrong version",
+        [
+            "the_other_build_and_a_missing_scene_are_named",
+            "the_other_build_is_named",
+            "one_that_is_no_server_of_these_versions_is_said",
+            "another_version_is_said",
+            "one_of_another_version_is_said",
+        ],
+    ),
+    (
+        "closes in mid-scenario",
+        [
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "a_server_that_breaks_in_mid_scenario_is_said",
+            "a_scenario_whose_game_is_lost_is_driven_again",
+            "one_that_fails_ends_its_scenario_with_that_cause",
+        ],
+    ),
+    (
+        "hangs",
+        [
+            "one_that_hangs_ends_the_run_and_keeps_what_there_is",
+            "one_that_hangs_ends_the_run",
+            "a_server_that_breaks_in_mid_scenario_is_said",
+            "one_that_hangs_ends_the_run",
+            "one_that_fails_ends_its_scenario_with_that_cause",
+        ],
+    ),
+    (
+        "half a message",
+        [
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "a_server_that_breaks_in_mid_scenario_is_said",
+            "a_scenario_whose_game_is_lost_is_driven_again",
+            "one_that_fails_ends_its_scenario_with_that_cause",
+        ],
+    ),
+    (
+        "garbage",
+        [
+            "nonsense_is_the_outcome_of_its_scenario",
+            "nonsense_is_the_outcome_of_its_scenario",
+            "a_server_that_breaks_in_mid_scenario_is_said",
+            "nonsense_is_the_outcome_of_its_scenario",
+            "one_that_fails_ends_its_scenario_with_that_cause",
+        ],
+    ),
+    (
+        "100 MB message",
+        [
+            "nonsense_is_the_outcome_of_its_scenario",
+            "nonsense_is_the_outcome_of_its_scenario",
+            "a_server_that_breaks_in_mid_scenario_is_said",
+            "nonsense_is_the_outcome_of_its_scenario",
+            "one_of_another_version_is_said",
+        ],
+    ),
+    (
+        "two clients at once",
+        [
+            "two_runs_do_not_share_a_simulator",
+            "nobody_else_can_connect",
+            "two_runs_do_not_share_a_server",
+            "two_clients_at_once_do_not_meet",
+            "two_at_once_are_said",
+        ],
+    ),
+    (
+        "comes back after 5 s",
+        [
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "one_that_comes_back_is_used_again",
+            "one_that_comes_back_is_used_again",
+            "one_that_comes_back_serves_what_follows",
+        ],
+    ),
+];
+
+#[test]
+fn every_fault_is_tried_with_every_simulator_and_with_drivers_outside() {
+    let files = ["donkey", "udacity", "carla", "beamng", "external_driver"];
+    let sources = files
+        .map(|name| std::fs::read_to_string(repository().join(format!("tests/tests/{name}.rs"))).unwrap());
+    for (fault, tests) in FAULTS {
+        for ((file, source), test) in files.iter().zip(&sources).zip(tests) {
+            let there = source.contains(&format!("#[test]\nfn {test}()"));
+            assert!(there, "{fault}: tests/tests/{file}.rs has no test {test}");
+        }
     }
 }
 

@@ -13,7 +13,8 @@ use std::time::{Duration, Instant};
 use pdk_tests::process::{json_file, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true, ended_within, signal};
 use pdk_tests::stand_in::{StandIn, free_ports, program};
-use pdk_tests::{Finished, Pdk, real_data, temp};
+use pdk_tests::tried::{self, Tried};
+use pdk_tests::{Pdk, real_data, temp};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
@@ -37,57 +38,10 @@ fn simulator(port: u16) -> Value {
     })
 }
 
-/// What came of a run of [`SOURCE`].
-struct Run {
-    finished: Finished,
-    took: Duration,
-    lines: Vec<Value>,
-}
-
-impl Run {
-    fn causes(&self) -> Vec<&str> {
-        self.lines.iter().map(|line| line["cause"].as_str().unwrap()).collect()
-    }
-
-    #[track_caller]
-    fn says(&self, code: i32, parts: &[&str]) {
-        let stderr = &self.finished.stderr;
-        assert_eq!(self.finished.code, Some(code), "{stderr}{}", self.finished.stdout);
-        for part in parts {
-            assert!(stderr.contains(part), "`{stderr}` does not say `{part}`");
-        }
-    }
-}
-
-/// Runs the scenarios; afterwards no process of the run is left, and nothing of it in shared memory.
 #[track_caller]
-fn run(simulator: &Value, more: &[(&str, &str)]) -> Run {
-    let (folder, bus) = (temp(), BusFolder::new());
-    let out = folder.path().join("out");
-    let mut command = Pdk::new(["run", "--workers", "1", "--out"]).arg(&out);
-    command = command.arg(pipeline(folder.path(), SOURCE)).set("simulator", simulator.to_string());
-    for (key, value) in more {
-        command = command.set(key, value);
-    }
-    let (variable, place) = bus.variable();
-    let began = Instant::now();
-    let finished = command.env(variable, place).run();
-    let took = began.elapsed();
-    assert!(comes_true(Duration::from_secs(5), || bus.processes().is_empty()), "{:?}", bus.processes());
-    assert!(bus.left().is_empty(), "{:?}", bus.left());
-    let lines = out.join("scenarios.jsonl");
-    let lines = if lines.exists() { json_lines(&lines) } else { Vec::new() };
-    if std::env::var_os("PDK_SHOW").is_some() {
-        let said: Vec<_> = finished.stderr.lines().filter(|line| !line.is_empty()).collect();
-        eprintln!(
-            "-- {:.1} s, exit code {:?}, {} lines kept\n   {}",
-            took.as_secs_f64(),
-            finished.code,
-            lines.len(),
-            said.join("\n   ")
-        );
-    }
-    Run { finished, took, lines }
+fn run(simulator: &Value, more: &[(&str, &str)]) -> Tried {
+    let simulator = simulator.to_string();
+    tried::run(SOURCE, &[&[("simulator", simulator.as_str())], more].concat())
 }
 
 fn lines_of(out: &Path) -> Vec<Value> {
@@ -210,28 +164,9 @@ fn one_that_is_lost_every_time_is_an_error_of_its_scenario() {
     assert_eq!((&run.lines[0]["error_kind"], &run.lines[0]["frames"]), (&json!("lost"), &json!(20)));
 }
 
-/// Where pdk has started the simulator, it starts it again.
 #[test]
 fn one_that_pdk_starts_is_started_again() {
-    for fault in ["die", "hang"] {
-        let port = free_ports(1);
-        let mut simulator = simulator(port);
-        // The first one goes wrong.
-        let folder = temp();
-        let mark = folder.path().join("started");
-        let script = format!(
-            "test -e {0} && exec {1} donkey $0 --build road_generating; touch {0}; exec {1} donkey $0 --build road_generating --fault {fault}",
-            mark.display(),
-            program().display()
-        );
-        simulator["launch"] = json!(["sh", "-c", script, "{port}"]);
-        simulator["answer_seconds"] = json!(3);
-        let run = run(&simulator, &[]);
-        let says =
-            if fault == "die" { "ended (exit status: 3)" } else { "has not sent telemetry within 3 s" };
-        run.says(0, &[says, "driven again"]);
-        assert_eq!(run.causes(), ["time_out"; 2], "{fault}");
-    }
+    tried::is_started_again(SOURCE, &simulator(1), "donkey", "--build road_generating", 20);
 }
 
 #[test]
@@ -275,6 +210,8 @@ fn one_that_is_not_there_is_waited_for_and_said() {
     simulator["start_seconds"] = json!(1);
     let run = run(&simulator, &[]);
     run.says(1, &["the Donkey simulator is not at 127.0.0.1:", "it was tried for 1 s", "`launch`"]);
+    // It is no fault of the line that waits for it.
+    assert!(run.finished.stderr.contains("pdk: error: simulator `donkey`"), "{}", run.finished.stderr);
     assert!(run.lines.is_empty() && run.took < Duration::from_secs(40), "{:?}", run.took);
 }
 
@@ -283,7 +220,8 @@ fn another_program_at_the_port_is_said() {
     // One that says something else, and one that says nothing.
     for (greeting, says) in [
         ("SSH-2.0-OpenSSH_9.9\r\n", "what is not a message of its protocol"),
-        ("", "has not loaded its scene within 1 s"),
+        ("", "or correct `port`: another program may listen at"),
+        ("HTTP/1.0 400 Bad Request\r\n\r\n", "is another program at this port?"),
     ] {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let mut simulator = simulator(listener.local_addr().unwrap().port());
@@ -335,6 +273,72 @@ fn two_runs_do_not_share_a_simulator() {
     start("second").fail(1, &["another process of pdk", &format!("port {port}"), "set `port`"]);
     assert!(ended_within(&mut first, Duration::from_secs(60)).unwrap().success());
     assert_eq!(lines_of(&folder.path().join("first")).len(), 2);
+}
+
+/// Who has started one simulator has one: without `--workers`, no worker looks for another one.
+#[test]
+fn one_simulator_is_enough_for_whoever_says_nothing_of_workers() {
+    let port = free_ports(2);
+    let _stand_in = StandIn::start("donkey", port, &["--build", "road_generating"]);
+    let folder = temp();
+    let mut simulator = simulator(port);
+    simulator["start_seconds"] = json!(4);
+    let run = |out: &str, simulator: &Value| {
+        let command = Pdk::new(["run", "--out"]).arg(folder.path().join(out));
+        let command = command.arg(pipeline(folder.path(), SOURCE)).set("simulator", simulator);
+        command.set("scenarios", 4).set("duration", 1)
+    };
+    run("one", &simulator).succeed();
+    let out = folder.path().join("one");
+    assert_eq!(lines_of(&out).len(), 4);
+    let replayed = Pdk::new(["replay"]).arg(&out).run();
+    assert!(!replayed.stderr.contains("is not at"), "{}", replayed.stderr);
+    // Whoever wants two has to have two.
+    run("two", &simulator).set("workers", 2).fail(
+        1,
+        &[
+            &format!("is not at 127.0.0.1:{}", port + 1),
+            "worker 1 needs a simulator of its own there",
+            "--workers 1",
+        ],
+    );
+    // With those that pdk starts, every worker has one.
+    simulator["launch"] = json!([program(), "donkey", "{port}", "--build", "road_generating"]);
+    simulator["port"] = json!(free_ports(4));
+    let bus = BusFolder::new();
+    let (variable, place) = bus.variable();
+    let mut child = run("started", &simulator).set("duration", 20).env(variable, place).spawn();
+    let simulators =
+        || bus.processes().iter().filter(|process| process.command.contains("stand_in donkey")).count();
+    let wanted = std::thread::available_parallelism().unwrap().get().min(4);
+    assert!(comes_true(Duration::from_secs(30), || simulators() >= wanted), "{:?}", bus.processes());
+    signal(&child, Signal::TERM);
+    assert!(ended_within(&mut child, Duration::from_secs(30)).is_some());
+    assert!(comes_true(Duration::from_secs(10), || bus.processes().is_empty()), "{:?}", bus.processes());
+}
+
+/// Nothing is in flight yet that could be finished.
+#[test]
+fn ctrl_c_ends_the_wait_for_a_simulator() {
+    let (folder, bus) = (temp(), BusFolder::new());
+    let (variable, place) = bus.variable();
+    let command = Pdk::new(["run", "--out"]).arg(folder.path().join("out"));
+    let command = command.arg(pipeline(folder.path(), SOURCE)).set("simulator", simulator(free_ports(1)));
+    let mut child = command.env(variable, place).spawn();
+    // The loop process has its topics before it waits for the simulator.
+    assert!(comes_true(Duration::from_secs(20), || !bus.buses().is_empty()));
+    std::thread::sleep(Duration::from_millis(500));
+    let asked = Instant::now();
+    signal(&child, Signal::INT);
+    let status = ended_within(&mut child, Duration::from_secs(30)).unwrap();
+    let took = asked.elapsed();
+    let mut said = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+    assert_eq!(status.code(), Some(130), "{said}");
+    assert!(took < Duration::from_secs(8), "{took:?}: {said}");
+    assert!(said.contains("pdk: error: the run was interrupted") && !said.contains("is not at"), "{said}");
+    assert!(comes_true(Duration::from_secs(10), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert!(bus.left().is_empty(), "{:?}", bus.left());
 }
 
 /// All processes of a run that started its simulators, killed at once or asked to end.

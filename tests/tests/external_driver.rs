@@ -3,12 +3,13 @@
 #![allow(clippy::unwrap_used)]
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 use pdk_tests::process::{json_lines, pipeline};
-use pdk_tests::processes::{BusFolder, comes_true};
-use pdk_tests::{Finished, Pdk, repository, target_folder, temp};
+use pdk_tests::processes::{BusFolder, ended_within};
+use pdk_tests::tried::{self, Tried};
+use pdk_tests::{Pdk, repository, target_folder, temp};
 use serde_json::{Value, json};
 
 const SOURCE: &str = r#"
@@ -26,6 +27,7 @@ const SOURCE: &str = r#"
 /// A driver that holds the middle by what it is told alone, and goes wrong at frame 10 of its first scenario where it is asked to.
 const PILOT: &str = r#"
 import os, sys, time
+import iceoryx2
 import pdk_driver
 
 fault, mark = sys.argv[1], sys.argv[2]
@@ -44,6 +46,11 @@ def drive(frame, context):
             return float("nan"), 0.0
         if fault == "raise":
             raise RuntimeError("no such layer")
+        if fault == "half":
+            # Ends when the answer has been begun and not sent.
+            iceoryx2.SampleMutUninit.write_payload = lambda *_: os._exit(4)
+        if fault == "late":
+            time.sleep(3)
     return (float(frame[:, 160:, 0].mean()) - float(frame[:, :160, 0].mean())) / 1000.0, 0.25
 
 pdk_driver.serve(drive, exchange=sys.argv[3] if len(sys.argv) > 3 else None)
@@ -59,30 +66,10 @@ fn python() -> bool {
     found
 }
 
-struct Run {
-    finished: Finished,
-    took: Duration,
-    lines: Vec<Value>,
-}
-
 #[track_caller]
-fn run(driver: &Value, more: &[(&str, &str)]) -> Run {
-    let (folder, bus) = (temp(), BusFolder::new());
-    let out = folder.path().join("out");
-    let command = Pdk::new(["run", "--workers", "1", "--out"]).arg(&out).arg(pipeline(folder.path(), SOURCE));
-    let mut command = command.set("driver", driver).env("PYTHONPATH", repository().join("sdk/python"));
-    for (key, value) in more {
-        command = command.set(key, value);
-    }
-    let (variable, place) = bus.variable();
-    let began = Instant::now();
-    let finished = command.env(variable, place).run();
-    let took = began.elapsed();
-    assert!(comes_true(Duration::from_secs(5), || bus.processes().is_empty()), "{:?}", bus.processes());
-    assert!(bus.left().is_empty(), "{:?}", bus.left());
-    let lines = out.join("scenarios.jsonl");
-    let lines = if lines.exists() { json_lines(&lines) } else { Vec::new() };
-    Run { finished, took, lines }
+fn run(driver: &Value, more: &[(&str, &str)]) -> Tried {
+    let driver = driver.to_string();
+    tried::run(SOURCE, &[&[("driver", driver.as_str())], more].concat())
 }
 
 /// The driver in Python, which goes wrong where it is asked to.
@@ -121,6 +108,9 @@ fn one_that_fails_ends_its_scenario_with_that_cause() {
         ("raise", "lost", "no such layer"),
         ("hang", "late", "has not answered a frame within 2 s"),
         ("nonsense", "nonsense", "it steers NaN with throttle 0"),
+        ("half", "lost", "ended (exit status: 4)"),
+        // It answers after all: too late.
+        ("late", "late", "has not answered a frame within 2 s"),
     ] {
         let folder = temp();
         let run = run(&pilot(folder.path(), fault), &[]);
@@ -140,16 +130,129 @@ fn one_that_fails_ends_its_scenario_with_that_cause() {
 #[test]
 fn one_that_cannot_be_started_or_does_not_come_is_said() {
     let missing = json!({"name": "process", "command": ["/no/such/pilot"]});
-    let run = run(&missing, &[("scenarios", "1")]);
-    assert!(
-        run.finished
-            .stderr
-            .contains("cannot start the driver: there is no program `/no/such/pilot`; correct `command`")
-    );
+    run(&missing, &[("scenarios", "1")])
+        .says(1, &["cannot start the driver: there is no program `/no/such/pilot`; correct `command`"]);
     let nobody = json!({"name": "process", "exchange": "nobody", "start_seconds": 0.5});
     let run = self::run(&nobody, &[("scenarios", "1")]);
-    let says = "the driver of the exchange `nobody` has not answered a frame within 0.5 s";
-    assert!(run.finished.stderr.contains(says), "{}", run.finished.stderr);
+    run.says(
+        1,
+        &[
+            "no driver is at the exchange `nobody`, which was waited for 0.5 s",
+            "exchange=\"nobody\")",
+            "`command`",
+        ],
+    );
+}
+
+/// One that was made for another form of the exchange cannot open it, be that by the type of an answer or by its size.
+#[test]
+fn one_of_another_version_is_said() {
+    if !python() {
+        return;
+    }
+    for (payload, says) in
+        [("ctypes.c_uint64", "Incompatible"), ("iceoryx2.Slice[ctypes.c_uint8]", "Incompatible")]
+    {
+        let folder = temp();
+        let script = folder.path().join("other.py");
+        let source = format!(
+            r#"
+import ctypes, os, iceoryx2
+iceoryx2.set_log_level(iceoryx2.LogLevel.Fatal)
+config = iceoryx2.config.from_file(iceoryx2.FilePath.new(os.environ["PDK_EXCHANGE"] + "/iceoryx2.toml"))
+node = iceoryx2.NodeBuilder.new().config(config).create(iceoryx2.ServiceType.Ipc)
+service = node.service_builder(iceoryx2.ServiceName.new("pdk/answer")).publish_subscribe({payload}).open()
+# It would send 100 MB.
+service.publisher_builder().initial_max_slice_len(100_000_000).create()
+"#
+        );
+        std::fs::write(&script, source).unwrap();
+        let run = run(
+            &json!({"name": "process", "command": ["python3", script], "start_seconds": 30}),
+            &[("scenarios", "1")],
+        );
+        run.says(1, &["the driver `python3", "other.py` ended (exit status: 1), and wrote last:", says]);
+        assert_eq!((run.causes(), run.kind()), (vec!["error"], "lost"));
+        assert!(run.took < Duration::from_secs(60), "{:?}", run.took);
+    }
+}
+
+fn shared(bus: &BusFolder, folder: &Path, fault: &str) -> Child {
+    pilot(folder, fault);
+    let (variable, place) = bus.variable();
+    Command::new("python3")
+        .arg(folder.join("pilot.py"))
+        .args([fault, folder.join("mark").to_str().unwrap(), "shared"])
+        .env(variable, place)
+        .env("PYTHONPATH", repository().join("sdk/python"))
+        .spawn()
+        .unwrap()
+}
+
+/// Ends them, and waits until they are gone.
+fn end(drivers: impl IntoIterator<Item = Child>) {
+    for mut driver in drivers {
+        // It may have ended by itself.
+        let _ = driver.kill();
+        driver.wait().unwrap();
+    }
+}
+
+#[test]
+fn two_at_once_are_said() {
+    if !python() {
+        return;
+    }
+    let (folder, bus) = (temp(), BusFolder::new());
+    let drivers = [0, 1].map(|_| shared(&bus, folder.path(), "none"));
+    // Both are there when the first frame comes.
+    std::thread::sleep(Duration::from_secs(3));
+    let driver = json!({"name": "process", "exchange": "shared"}).to_string();
+    let out = folder.path().join("out");
+    let (variable, place) = bus.variable();
+    let finished = Pdk::new(["run", "--workers", "1", "--out"])
+        .arg(&out)
+        .arg(pipeline(folder.path(), SOURCE))
+        .set("driver", driver)
+        .env(variable, place)
+        .run();
+    end(drivers);
+    assert_eq!(finished.code, Some(1), "{}", finished.stderr);
+    let says = "two programs answer as the driver of the exchange `shared`; end one of them";
+    assert!(finished.stderr.contains(says), "{}", finished.stderr);
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    assert!(lines.iter().any(|line| line["error_kind"] == "nonsense"), "{lines:?}");
+    assert!(bus.left().is_empty(), "{:?}", bus.left());
+}
+
+#[test]
+fn one_that_comes_back_serves_what_follows() {
+    if !python() {
+        return;
+    }
+    let (folder, bus) = (temp(), BusFolder::new());
+    let mut first = shared(&bus, folder.path(), "die");
+    let driver = json!({"name": "process", "exchange": "shared", "answer_seconds": 2}).to_string();
+    let out = folder.path().join("out");
+    let (variable, place) = bus.variable();
+    let mut run = Pdk::new(["run", "--workers", "1", "--out"])
+        .arg(&out)
+        .arg(pipeline(folder.path(), SOURCE))
+        .set("driver", driver)
+        .env(variable, place)
+        .spawn();
+    assert_eq!(ended_within(&mut first, Duration::from_secs(60)).unwrap().code(), Some(3));
+    std::thread::sleep(Duration::from_secs(5));
+    let second = shared(&bus, folder.path(), "die");
+    let status = ended_within(&mut run, Duration::from_secs(60));
+    end([first, second]);
+    assert_eq!(status.unwrap().code(), Some(1));
+    // The scenario in which it died has that outcome, and the next one waited until it was back.
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    let causes: Vec<_> = lines.iter().map(|line| line["cause"].as_str().unwrap()).collect();
+    assert_eq!(causes, ["error", "time_out"], "{lines:?}");
+    assert_eq!((&lines[0]["error_kind"], &lines[0]["frames"]), (&json!("late"), &json!(10)));
+    assert!(bus.left().is_empty(), "{:?}", bus.left());
 }
 
 #[test]
@@ -158,21 +261,13 @@ fn one_that_runs_already_serves_all_workers() {
         return;
     }
     let (folder, bus) = (temp(), BusFolder::new());
-    pilot(folder.path(), "none");
+    let driver = shared(&bus, folder.path(), "none");
     let (variable, place) = bus.variable();
-    let mut driver = Command::new("python3")
-        .arg(folder.path().join("pilot.py"))
-        .args(["none", "-", "shared"])
-        .env(variable, place)
-        .env("PYTHONPATH", repository().join("sdk/python"))
-        .spawn()
-        .unwrap();
     let out = folder.path().join("out");
     let command = Pdk::new(["run", "--workers", "2", "--out"]).arg(&out).arg(pipeline(folder.path(), SOURCE));
     let command = command.set("driver", json!({"name": "process", "exchange": "shared"})).set("scenarios", 4);
     let finished = command.env(variable, place).run();
-    driver.kill().unwrap();
-    driver.wait().unwrap();
+    end([driver]);
     assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     assert_eq!(json_lines(&out.join("scenarios.jsonl")).len(), 4);
 }

@@ -108,7 +108,7 @@ fn mistakes_are_sentences() {
         .fail(1, &["it has no layer `conv9`", "/convolutions/convolutions.8/Conv"]);
     saliency("dave2", &["--output", "7"]).fail(1, &["has the numbers 0 to 1, so there is no 7"]);
     saliency("dave2", &["--with", "hirescam,size=frame"]).fail(1, &["`size` cannot be set"]);
-    saliency("onnx,model=/no/such.onnx", &[]).fail(1, &["/no/such.onnx", "it does not exist"]);
+    saliency("onnx,model=/no/such.onnx", &[]).fail(1, &["/no/such.onnx", "there is no such file"]);
     saliency("nobody", &[]).fail(1, &["nobody"]);
     let damaged = dir.path().join("damaged.onnx");
     std::fs::write(&damaged, b"no network").unwrap();

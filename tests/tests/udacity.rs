@@ -7,12 +7,13 @@
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use pdk_tests::process::{json_lines, pipeline};
-use pdk_tests::processes::{BusFolder, comes_true};
-use pdk_tests::stand_in::{StandIn, free_ports, program};
-use pdk_tests::{Finished, Pdk, pictures, real_data, temp};
+use pdk_tests::process::pipeline;
+use pdk_tests::processes::comes_true;
+use pdk_tests::stand_in::{StandIn, free_ports};
+use pdk_tests::tried::{self, Tried};
+use pdk_tests::{Pdk, pictures, real_data, temp};
 use serde_json::{Value, json};
 
 /// Scenarios with the driver `lane_keeper`.
@@ -37,57 +38,10 @@ fn simulator(port: u16) -> Value {
     })
 }
 
-/// What came of a run of [`SOURCE`].
-struct Run {
-    finished: Finished,
-    took: Duration,
-    lines: Vec<Value>,
-}
-
-impl Run {
-    fn causes(&self) -> Vec<&str> {
-        self.lines.iter().map(|line| line["cause"].as_str().unwrap()).collect()
-    }
-
-    #[track_caller]
-    fn says(&self, code: i32, parts: &[&str]) {
-        let stderr = &self.finished.stderr;
-        assert_eq!(self.finished.code, Some(code), "{stderr}{}", self.finished.stdout);
-        for part in parts {
-            assert!(stderr.contains(part), "`{stderr}` does not say `{part}`");
-        }
-    }
-}
-
-/// Runs the scenarios; afterwards no process of the run is left, and nothing of it in shared memory.
 #[track_caller]
-fn run(simulator: &Value, more: &[(&str, &str)]) -> Run {
-    let (folder, bus) = (temp(), BusFolder::new());
-    let out = folder.path().join("out");
-    let mut command = Pdk::new(["run", "--workers", "1", "--out"]).arg(&out);
-    command = command.arg(pipeline(folder.path(), SOURCE)).set("simulator", simulator);
-    for (key, value) in more {
-        command = command.set(key, value);
-    }
-    let (variable, place) = bus.variable();
-    let began = Instant::now();
-    let finished = command.env(variable, place).run();
-    let took = began.elapsed();
-    assert!(comes_true(Duration::from_secs(5), || bus.processes().is_empty()), "{:?}", bus.processes());
-    assert!(bus.left().is_empty(), "{:?}", bus.left());
-    let lines = out.join("scenarios.jsonl");
-    let lines = if lines.exists() { json_lines(&lines) } else { Vec::new() };
-    if std::env::var_os("PDK_SHOW").is_some() {
-        let said: Vec<_> = finished.stderr.lines().filter(|line| !line.is_empty()).collect();
-        eprintln!(
-            "-- {:.1} s, exit code {:?}, {} lines kept\n   {}",
-            took.as_secs_f64(),
-            finished.code,
-            lines.len(),
-            said.join("\n   ")
-        );
-    }
-    Run { finished, took, lines }
+fn run(simulator: &Value, more: &[(&str, &str)]) -> Tried {
+    let simulator = simulator.to_string();
+    tried::run(SOURCE, &[&[("simulator", simulator.as_str())], more].concat())
 }
 
 #[test]
@@ -124,6 +78,47 @@ fn the_stock_build_is_driven() {
     run.says(1, &["takes no roads", "build=road_generating"]);
 }
 
+#[test]
+fn the_other_build_is_named() {
+    let port = free_ports(1);
+    let _stand_in = StandIn::start("udacity", port, &["--build", "stock"]);
+    let run = run(&simulator(port), &[]);
+    run.says(1, &["tells nothing of roads, so it is the stock build; set build=stock"]);
+    assert_eq!(run.lines[0]["error_kind"], "configuration");
+}
+
+/// Whoever connects and says nothing, or says it slowly, does not hold up the simulator behind it.
+#[test]
+fn one_that_says_nothing_holds_up_nobody() {
+    let port = free_ports(1);
+    let silent = std::thread::spawn(move || {
+        let mut kept = Vec::new();
+        comes_true(Duration::from_secs(20), || {
+            kept.extend(TcpStream::connect(("127.0.0.1", port)).ok());
+            kept.len() == 3
+        });
+        for byte in b"GET /slow" {
+            for stream in &mut kept[..1] {
+                let _ = stream.write_all(&[*byte]);
+            }
+            std::thread::sleep(Duration::from_millis(300));
+        }
+        kept
+    });
+    // It comes a second behind them.
+    let stand_in = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_secs(1));
+        StandIn::start("udacity", port, &["--rate", "40"])
+    });
+    let mut simulator = simulator(port);
+    // Less than one of them may take to say what it wants.
+    simulator["start_seconds"] = json!(4);
+    let run = run(&simulator, &[("duration", "1")]);
+    run.says(0, &[]);
+    assert_eq!(run.causes(), ["time_out"; 2]);
+    drop((silent.join().unwrap(), stand_in.join().unwrap()));
+}
+
 /// A scenario in the middle of which the simulator is lost says nothing about the driver: it is driven again.
 #[test]
 fn a_scenario_whose_simulator_is_lost_is_driven_again() {
@@ -137,28 +132,9 @@ fn a_scenario_whose_simulator_is_lost_is_driven_again() {
     }
 }
 
-/// Where pdk has started the simulator, it starts it again.
 #[test]
 fn one_that_pdk_starts_is_started_again() {
-    for fault in ["die", "hang"] {
-        let port = free_ports(1);
-        let mut simulator = simulator(port);
-        // The first one goes wrong.
-        let folder = temp();
-        let mark = folder.path().join("started");
-        let script = format!(
-            "test -e {0} && exec {1} udacity $0 --rate 40; touch {0}; exec {1} udacity $0 --rate 40 --fault {fault} --at 1",
-            mark.display(),
-            program().display()
-        );
-        simulator["launch"] = json!(["sh", "-c", script, "{port}"]);
-        simulator["answer_seconds"] = json!(3);
-        let run = run(&simulator, &[]);
-        let says =
-            if fault == "die" { "ended (exit status: 3)" } else { "has not sent telemetry within 3 s" };
-        run.says(0, &[says, "driven again"]);
-        assert_eq!(run.causes(), ["time_out"; 2], "{fault}");
-    }
+    tried::is_started_again(SOURCE, &simulator(1), "udacity", "--rate 40", 1);
 }
 
 #[test]
@@ -299,5 +275,87 @@ fn the_unity_library_is_understood() {
             said.contains("UNITY <- 40") && said.contains("UNITY <- 3") && said.contains("steer"),
             "{mode}: {said}"
         );
+    }
+}
+
+/// A simulator for socket.io-client 2 of npm. The vehicle stands at the start of whatever road it is told.
+const IN_JAVASCRIPT: &str = r#"
+const io = require('socket.io-client'), image = require('fs').readFileSync(process.argv[2]).toString('base64');
+const socket = io('http://127.0.0.1:' + process.argv[1], { transports: ['websocket'] });
+let track = '', steers = 0;
+socket.on('connect', () => setInterval(() => socket.emit('telemetry', {
+    steering_angle: '0.0000', throttle: '0.0000', speed: '0.0000', hit: 'none', cte: '0.0213', track, cte_pid: '0.0213',
+    pos_x: '125.0000', pos_y: '1.9000', pos_z: '25.0000', image,
+}), 50));
+socket.on('track', data => track = data.track_string);
+socket.on('steer', data => steers += typeof data.steering_angle === 'string');
+socket.on('disconnect', () => { console.log('steers', steers); process.exit(0); });
+setTimeout(() => process.exit(1), 60000);
+"#;
+
+/// The same for python-socketio 4, whose computer writes decimal commas.
+const IN_PYTHON: &str = r#"
+import base64, sys, time, socketio
+image = base64.b64encode(open(sys.argv[2], 'rb').read()).decode()
+client, state = socketio.Client(reconnection=False), {'track': '', 'steers': 0}
+
+@client.on('track')
+def _(data):
+    state['track'] = data['track_string']
+
+@client.on('steer')
+def _(data):
+    state['steers'] += isinstance(data['steering_angle'], str)
+
+while not client.connected:
+    try:
+        client.connect('http://127.0.0.1:' + sys.argv[1], transports=['websocket'])
+    except socketio.exceptions.ConnectionError:
+        time.sleep(0.05)
+until = time.time() + 60
+while client.connected and time.time() < until:
+    try:
+        client.emit('telemetry', {
+            'steering_angle': '0,0000', 'throttle': '0,0000', 'speed': '0,0000', 'hit': 'none', 'cte': '0,0213', 'track': state['track'],
+            'pos_x': '125,0000', 'pos_y': '1,9000', 'pos_z': '25,0000', 'image': image})
+    except Exception:
+        break
+    time.sleep(0.05)
+print('steers', state['steers'])
+"#;
+
+/// Other clients of Socket.IO 2. `NODE_PATH` is where npm's is found, and `PDK_TEST_SOCKETIO` a Python that has the other one.
+#[test]
+fn clients_of_socket_io_are_driven() {
+    let python = std::env::var("PDK_TEST_SOCKETIO").unwrap_or_else(|_| "python3".to_owned());
+    let clients = [
+        ("node".to_owned(), ["-e", IN_JAVASCRIPT], ["-e", "require('socket.io-client')"]),
+        (python, ["-c", IN_PYTHON], ["-c", "import socketio; assert socketio.__version__.startswith('4.')"]),
+    ];
+    let folder = temp();
+    let picture = folder.path().join("frame.jpg");
+    pictures::write(&picture, 320, 160);
+    for (program, client, needed) in clients {
+        let has = Command::new(&program).args(needed).stdout(Stdio::null()).stderr(Stdio::null()).status();
+        if !has.is_ok_and(|status| status.success()) {
+            eprintln!("skipped: {program} has no client of Socket.IO 2");
+            continue;
+        }
+        let port = free_ports(1);
+        let client = Command::new(&program)
+            .args(client)
+            .arg(port.to_string())
+            .arg(&picture)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let run = run(&simulator(port), &[("duration", "1")]);
+        let said = String::from_utf8(client.wait_with_output().unwrap().stdout).unwrap();
+        run.says(0, &[]);
+        assert_eq!(run.causes(), ["time_out"; 2], "{program}");
+        // The second one is perturbed.
+        assert_ne!(run.lines[0]["digest"], run.lines[1]["digest"], "{program}");
+        let steers: u32 = said.trim().strip_prefix("steers ").unwrap().parse().unwrap();
+        assert!(steers >= 20, "{program}: {said}");
     }
 }

@@ -24,7 +24,8 @@ pub fn hint<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str> + Clone) -
     let known: Vec<_> = known.into_iter().collect();
     match known.len() {
         0 => "there are none".to_owned(),
-        1..=20 => format!("there is {}", known.join(", ")),
+        1 => format!("there is only {}", known[0]),
+        2..=20 => format!("there are {}", known.join(", ")),
         _ => "`pdk list` shows what there is".to_owned(),
     }
 }
@@ -40,6 +41,7 @@ mod tests {
         assert_eq!(nearest("Contrast", known), Some("contrast"));
         assert_eq!(nearest("fog", known), Some("fog_filter"));
         assert_eq!(nearest("zzz", known), None);
-        assert_eq!(hint("zzz", ["a", "b"]), "there is a, b");
+        assert_eq!(hint("zzz", ["a", "b"]), "there are a, b");
+        assert_eq!(hint("zzz", ["a"]), "there is only a");
     }
 }

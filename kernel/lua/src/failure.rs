@@ -5,7 +5,7 @@ use std::ffi::{CStr, c_int};
 use std::mem::MaybeUninit;
 
 use mlua::{Value, ffi};
-use pdk_sdk::error::Error;
+use pdk_sdk::error::{Error, ErrorKind};
 
 /// The longest message of a script that is passed on, in characters.
 const LONGEST: usize = 400;
@@ -82,9 +82,22 @@ pub(super) fn raised(script: &str, raised: &Value) -> Error {
     with_location(script, &message)
 }
 
-/// The sentence for an error of the binding: a wrong argument, a script that cannot be compiled.
+/// The sentence for an error of the binding: a wrong argument, a script that cannot be compiled. What is lost or late, such as a simulator
+/// that is not there, is no fault of the line that waits for it, which is not named then.
 pub(super) fn binding(script: &str, error: &mlua::Error) -> Error {
-    with_location(script, &root(error))
+    match of_host(error) {
+        Some(error) if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late) => error.clone(),
+        _ => with_location(script, &root(error)),
+    }
+}
+
+/// The error of the host that went through the script.
+fn of_host(error: &mlua::Error) -> Option<&Error> {
+    match error {
+        mlua::Error::CallbackError { cause, .. } | mlua::Error::WithContext { cause, .. } => of_host(cause),
+        mlua::Error::ExternalError(error) => error.downcast_ref(),
+        _ => None,
+    }
 }
 
 /// Puts the location first, unless the message starts with one.

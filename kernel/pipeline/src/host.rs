@@ -687,10 +687,13 @@ impl Host {
                 .insert(0, format!("{} of {all} scenarios were in the record already", self.kept.len()));
         }
         let scenarios = failed.first().map(|first| {
-            Error::new(format!(
-                "{} of {all} scenarios could not be driven because a component failed; the first: {first}",
-                failed.len(),
-            ))
+            Error::new(match all {
+                1 => format!("the scenario could not be driven because a component failed: {first}"),
+                _ => format!(
+                    "{} of {all} scenarios could not be driven because a component failed; the first: {first}",
+                    failed.len()
+                ),
+            })
         });
         let trouble = troubles.first().map(|first| {
             Error::new(format!(

@@ -30,8 +30,8 @@ const MOST_WORKERS: usize = 1024;
 pub struct Common {
     /// The seed that all random numbers come from.
     pub seed: u64,
-    /// How many scenarios or frames are computed at the same time.
-    pub workers: usize,
+    /// How many scenarios or frames are computed at the same time; none where the user has not said.
+    pub workers: Option<usize>,
     /// The folder of the record.
     pub out: Option<PathBuf>,
     /// What workers are held to.
@@ -46,7 +46,7 @@ impl Default for Common {
     fn default() -> Self {
         Self {
             seed: 0,
-            workers: std::thread::available_parallelism().map_or(1, usize::from),
+            workers: None,
             out: None,
             limits: Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY },
             pool: None,
@@ -69,8 +69,9 @@ impl Common {
                 "seed" => common.seed = value.parse().map_err(|_| wrong("a whole number of at least 0"))?,
                 "workers" => {
                     let workers = value.parse().ok().filter(|n| (1..=MOST_WORKERS).contains(n));
-                    common.workers =
+                    let workers =
                         workers.ok_or_else(|| wrong(&format!("a whole number from 1 to {MOST_WORKERS}")))?;
+                    common.workers = Some(workers);
                 }
                 "out" => common.out = Some(PathBuf::from(value)),
                 "patience" => {
@@ -98,9 +99,10 @@ impl Common {
 
     /// Where workers come from.
     pub fn pool(&self) -> Pool {
-        match &self.pool {
-            Some(command) => Pool::Command(command.clone()),
-            None => Pool::Here(self.workers),
+        match (&self.pool, self.workers) {
+            (Some(command), _) => Pool::Command(command.clone()),
+            (None, Some(workers)) => Pool::Here(workers),
+            (None, None) => Pool::Usual,
         }
     }
 }
@@ -261,7 +263,7 @@ mod tests {
             read(&["seed=18446744073709551615", "a=1", "workers=3", "memory=100", "pool="]).unwrap();
         assert_eq!(
             (common.seed, common.workers, common.limits.memory, &common.pool),
-            (u64::MAX, 3, 100, &None)
+            (u64::MAX, Some(3), 100, &None)
         );
         assert_eq!(others, ["a=1".parse().unwrap()]);
         for (text, said) in [

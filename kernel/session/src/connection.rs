@@ -17,6 +17,9 @@ use crate::protocol::{FromWorker, Hello, Job, Ready, ToWorker, VERSION};
 pub enum Pool {
     /// This machine: so many processes of this executable, a slot each.
     Here(usize),
+    /// The same, as many as there are processors. Scenarios whose simulator the user has started are all driven by the first one, for
+    /// who has started one simulator has one.
+    Usual,
     /// A program that speaks the worker protocol, with as many slots as it says; a shell runs the command.
     Command(String),
 }
@@ -26,13 +29,14 @@ impl Pool {
     pub fn connections(&self) -> usize {
         match self {
             Self::Here(workers) => (*workers).max(1),
+            Self::Usual => std::thread::available_parallelism().map_or(1, usize::from),
             Self::Command(_) => 1,
         }
     }
 
     fn command(&self) -> Result<Command> {
         match self {
-            Self::Here(_) => {
+            Self::Here(_) | Self::Usual => {
                 let mut command =
                     Command::new(std::env::current_exe().place("cannot find the pdk executable")?);
                 command.arg("worker");
@@ -49,7 +53,7 @@ impl Pool {
     /// As it is named in errors.
     pub fn name(&self) -> String {
         match self {
-            Self::Here(_) => "a worker".to_owned(),
+            Self::Here(_) | Self::Usual => "a worker".to_owned(),
             Self::Command(line) => format!("the pool `{line}`"),
         }
     }

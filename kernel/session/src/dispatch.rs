@@ -12,9 +12,12 @@ use pdk_core::directory::RunDirectory;
 use pdk_core::eprintln;
 use pdk_core::ledger::{Ledger, Line};
 use pdk_core::supervisor::is_from_outside;
+use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Outcome;
 use pdk_model::scenario::ScenarioId;
+use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
+use serde_json::Value;
 
 use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
@@ -35,6 +38,10 @@ const LAST_WORDS: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(50);
 /// How much longer than its calls may take a worker of this machine may take to be ready, or to say something of its job.
 const GRACE: Duration = Duration::from_secs(30);
+/// The parameter by which pdk starts a simulator for each worker; without it the user has started one, or some.
+const LAUNCH: &str = "launch";
+/// A scenario of which no frame has come for so long waits for its simulator. Workers tell of frames five times a second.
+const UNDER_WAY: Duration = Duration::from_secs(1);
 /// After so long the user is told what is being waited for.
 const TOLD: Duration = Duration::from_secs(10);
 
@@ -79,6 +86,13 @@ struct Task {
     waiting: Vec<Ticket>,
     /// How often it was given away.
     tries: u32,
+    /// Whether its simulator is a program of its own, which may be waited for.
+    external: bool,
+    /// Whether only the first slot may do it.
+    first_only: bool,
+    /// When it was given away last, and whether frames have come of it since.
+    given: Instant,
+    began: bool,
     /// When its worker last said something of it.
     heard: Instant,
 }
@@ -100,6 +114,8 @@ pub struct Dispatch {
     opened: u64,
     /// How many workers in a row were killed before they were ready.
     stillborn: u32,
+    /// The simulators that are programs of their own, and whether pdk can start one for each worker.
+    external: HashMap<String, bool>,
     tasks: HashMap<u64, Task>,
     /// The scenarios among them.
     scenarios: HashMap<ScenarioId, u64>,
@@ -138,6 +154,7 @@ impl Dispatch {
             connections: Vec::new(),
             opened: 0,
             stillborn: 0,
+            external: HashMap::new(),
             tasks: HashMap::new(),
             scenarios: HashMap::new(),
             next: 0,
@@ -180,6 +197,9 @@ impl Dispatch {
             if wish > announced {
                 announced = wish;
                 self.interrupted(wish, &mut introduce);
+            }
+            if announced == Wish::Finish {
+                self.stop_waiting();
             }
             if let Err(error) = self.look_for_silent() {
                 self.fail(error, &mut introduce);
@@ -232,10 +252,26 @@ impl Dispatch {
         if let Some(submission) = &submission {
             self.scenarios.insert(submission.scenario.id(), number);
         }
-        self.tasks.insert(
-            number,
-            Task { work, submission, waiting: vec![ticket], tries: 0, heard: Instant::now() },
-        );
+        let simulator = match &work {
+            Work::Drive(drive) => Some(&drive.scenario.simulator),
+            _ => None,
+        };
+        let external =
+            simulator.and_then(|simulator| Some((simulator, *self.external.get(&simulator.name)?)));
+        let first_only = self.options.pool == Pool::Usual
+            && external.is_some_and(|(simulator, can)| can && !is_launched(simulator));
+        let task = Task {
+            external: external.is_some(),
+            first_only,
+            given: Instant::now(),
+            began: false,
+            work,
+            submission,
+            waiting: vec![ticket],
+            tries: 0,
+            heard: Instant::now(),
+        };
+        self.tasks.insert(number, task);
         self.queue.push_back(number);
     }
 
@@ -291,25 +327,39 @@ impl Dispatch {
 
     /// Gives what waits to slots that have nothing to do, and starts workers while there are too few.
     fn give(&mut self) -> Result<()> {
-        while let Some(number) = self.queue.front().copied() {
+        let mut at = 0;
+        while let Some(number) = self.queue.get(at).copied() {
+            let Some(task) = self.tasks.get_mut(&number) else {
+                self.queue.remove(at);
+                continue;
+            };
+            let first_only = task.first_only;
+            let may = |connection: &&Connection| !first_only || connection.first_slot == 0;
             let free = self
                 .connections
                 .iter()
                 .enumerate()
+                .filter(|(_, connection)| may(connection))
                 .find_map(|(c, connection)| Some((c, connection.free_slot()?)));
             let Some((place, slot)) = free else {
+                let there = self.connections.iter().filter(may).count();
                 let starting =
                     self.connections.iter().filter(|connection| connection.slots.is_none()).count();
-                if starting < self.queue.len() && self.connections.len() < self.options.pool.connections() {
+                let most = if first_only { 1 } else { self.options.pool.connections() };
+                if starting < self.queue.len() && there < most {
                     self.connect()?;
-                    continue;
+                } else if first_only {
+                    // Behind it there may be one for the others.
+                    at += 1;
+                } else {
+                    return Ok(());
                 }
-                return Ok(());
+                continue;
             };
-            self.queue.pop_front();
-            let Some(task) = self.tasks.get_mut(&number) else { continue };
+            self.queue.remove(at);
             task.tries += 1;
-            task.heard = Instant::now();
+            task.began = false;
+            (task.given, task.heard) = (Instant::now(), Instant::now());
             let connection = &mut self.connections[place];
             let job = Job { number, slot: connection.first_slot + slot as u32, work: task.work.clone() };
             connection.give(slot, &job);
@@ -331,6 +381,11 @@ impl Dispatch {
             Found::Message(FromWorker::Ready(ready)) => {
                 self.connections[place].ready(&ready, &self.options.pool)?;
                 self.stillborn = 0;
+                let simulators = ready.catalog.of_kind(Kind::Simulator);
+                for description in simulators.map(|entry| &entry.description).filter(|found| found.external) {
+                    let can = description.parameters.iter().any(|parameter| parameter.name == LAUNCH);
+                    self.external.insert(description.name.clone(), can);
+                }
                 if let Some(introduce) = introduce.take() {
                     let _ = introduce.send(Ok(ready));
                 }
@@ -340,6 +395,7 @@ impl Dispatch {
                 self.shared.frames.fetch_add(progress.frames, Ordering::Relaxed);
                 if let Some(task) = self.tasks.get_mut(&progress.number) {
                     task.heard = Instant::now();
+                    task.began |= progress.frames > 0;
                 }
                 Ok(())
             }
@@ -383,7 +439,7 @@ impl Dispatch {
     /// second. A pool may take its time, such as a cluster that is busy; the user is told that it is waited for.
     fn look_for_silent(&mut self) -> Result<()> {
         let patience = self.options.limits.patience;
-        let Pool::Here(_) = self.options.pool else {
+        let (Pool::Here(_) | Pool::Usual) = self.options.pool else {
             for connection in self.connections.iter_mut().filter(|connection| connection.slots.is_none()) {
                 if connection.opened.elapsed() > TOLD && !std::mem::replace(&mut connection.told, true) {
                     eprintln!("pdk: waiting for {} to be ready", self.options.pool.name());
@@ -537,7 +593,12 @@ impl Dispatch {
             Wish::Finish | Wish::None => self.queue.iter().copied().collect(),
         };
         self.queue.clear();
-        for number in dropped {
+        self.drop_tasks(dropped);
+    }
+
+    /// These are not done: everybody who waits for them is told so.
+    fn drop_tasks(&mut self, numbers: Vec<u64>) {
+        for number in numbers {
             // Its worker may have completed the trace just before it left; without a line it is of no scenario.
             if let Some(Task { work: Work::Drive(drive), submission: Some(submission), .. }) =
                 self.tasks.get(&number)
@@ -558,6 +619,30 @@ impl Dispatch {
             connection.wait(until.saturating_duration_since(Instant::now()));
         }
         self.connections.clear();
+    }
+
+    /// Ends the workers that wait for a simulator: nothing is in flight there yet that could be finished.
+    fn stop_waiting(&mut self) {
+        let is_waiting = |number: &u64| {
+            self.tasks
+                .get(number)
+                .is_some_and(|task| task.external && !task.began && task.given.elapsed() > UNDER_WAY)
+        };
+        let (mut waiting, others) =
+            std::mem::take(&mut self.connections).into_iter().partition::<Vec<_>, _>(|connection| {
+                let jobs = connection.jobs();
+                !jobs.is_empty() && jobs.iter().all(is_waiting)
+            });
+        self.connections = others;
+        if waiting.is_empty() {
+            return;
+        }
+        waiting.iter_mut().for_each(Connection::close);
+        let until = Instant::now() + DROP;
+        for connection in &mut waiting {
+            connection.wait(until.saturating_duration_since(Instant::now()));
+        }
+        self.drop_tasks(waiting.iter().flat_map(Connection::jobs).collect());
     }
 
     fn note(&self, trouble: String) {
@@ -583,6 +668,16 @@ impl Dispatch {
             directory.remove_partial_traces();
         }
         let _ = pdk_bus::sweep_run(&self.options.run);
+    }
+}
+
+/// Whether pdk starts the simulator itself, so that every worker has its own.
+fn is_launched(simulator: &ComponentSpec) -> bool {
+    match simulator.parameters.get(LAUNCH) {
+        None | Some(Value::Null) => false,
+        Some(Value::String(program)) => !program.is_empty(),
+        Some(Value::Array(words)) => !words.is_empty(),
+        Some(_) => true,
     }
 }
 

@@ -68,7 +68,8 @@ impl Session {
         let mut station = Station::new(settings, slot)?;
         let engine = station.connect(0, deadline).and_then(|socket| {
             let connection = Connection::new(socket, station.to_string(), LONGEST)?;
-            Messages::open(connection, &options.protocol, &settings.answering())
+            let opened = Messages::open(connection, &options.protocol, &settings.answering());
+            opened.map_err(|error| station.unknown(error))
         });
         let engine = engine.map_err(|error| station.blame(error))?;
         Ok(Self { station, options: options.clone(), engine, vehicle: None, path: None, drive: None })
@@ -151,7 +152,7 @@ impl Session {
         self.load(track.waypoints(), deadline)?;
         let motion = self.settle(track.waypoints())?;
         track.restart();
-        let picture = Picture::new(self.options.camera.width, self.options.camera.height);
+        let picture = Picture::new(self.options.mount.camera.width, self.options.mount.camera.height);
         let picture = self.look(picture)?;
         let mut drive = Drive { track, frames: 0, worn: motion.damage, state: State::default(), picture };
         let state = drive.arrive(motion, &self.options);
@@ -184,7 +185,7 @@ impl Session {
         self.engine.call("LoadScenario", fields, "MapLoaded", deadline)?;
         let fields = vec![("restrict_actions", true.into())];
         self.engine.call("StartScenario", fields, "ScenarioStarted", deadline)?;
-        let steps = options.camera.rate * f64::from(options.steps());
+        let steps = options.mount.camera.rate * f64::from(options.steps());
         self.ask("SetPhysicsDeterministic", vec![("speedFactor", Value::Nil)], "SetPhysicsDeterministic")?;
         self.ask("FPSLimit", vec![("fps", (steps.round() as u64).into())], "SetFPSLimit")?;
         self.ask("Pause", Vec::new(), "Paused")?;
@@ -242,7 +243,7 @@ impl Session {
                 ),
             ));
         }
-        let most = (SETTLE * self.options.camera.rate).ceil() as u32;
+        let most = (SETTLE * self.options.mount.camera.rate).ceil() as u32;
         for _ in 0..most {
             motion = self.advance()?;
             if motion.speed < REST {
@@ -302,7 +303,7 @@ impl Session {
     fn look(&mut self, mut picture: Picture) -> Result<Picture> {
         let fields = vec![("name", CAMERA.into()), ("isUsingSharedMemory", false.into())];
         let answer = self.ask("PollCamera", fields, "PollCamera")?;
-        let (width, height) = (self.options.camera.width, self.options.camera.height);
+        let (width, height) = (self.options.mount.camera.width, self.options.mount.camera.height);
         let colours = match field(field(&answer, "data"), "colour") {
             Value::Binary(bytes) => bytes.as_slice(),
             Value::String(text) => text.as_bytes(),
@@ -370,7 +371,7 @@ impl Drive {
         let [dx, dy, _] = motion.direction;
         self.state = State {
             // From the count, not from a sum: it never drifts.
-            time: self.frames as f64 / options.camera.rate,
+            time: self.frames as f64 / options.mount.camera.rate,
             position: motion.position,
             heading: dx.atan2(dy),
             speed: motion.speed,
@@ -387,9 +388,9 @@ impl Drive {
 
 /// What is said about the camera. The vehicle faces towards its own -y.
 fn camera(options: &Options) -> Vec<(&'static str, Value)> {
-    let (width, height) = (options.camera.width, options.camera.height);
-    let half = (options.field_of_view.to_radians() / 2.0).tan() * f64::from(height) / f64::from(width);
-    let pitch = options.camera_pitch.to_radians();
+    let (width, height) = (options.mount.camera.width, options.mount.camera.height);
+    let half = (options.mount.field_of_view.to_radians() / 2.0).tan() * f64::from(height) / f64::from(width);
+    let pitch = options.mount.pitch.to_radians();
     vec![
         ("vid", VEHICLE.into()),
         ("name", CAMERA.into()),
@@ -398,7 +399,7 @@ fn camera(options: &Options) -> Vec<(&'static str, Value)> {
         ("size", Value::Array(vec![width.into(), height.into()])),
         ("fovY", Value::F64(2.0 * half.atan().to_degrees())),
         ("nearFarPlanes", Value::Array(vec![Value::F64(0.05), Value::F64(500.0)])),
-        ("pos", vector([0.0, -options.camera_ahead, options.camera_height])),
+        ("pos", vector([0.0, -options.mount.ahead, options.mount.height])),
         ("dir", vector([0.0, -pitch.cos(), -pitch.sin()])),
         ("up", vector([0.0, -pitch.sin(), pitch.cos()])),
         ("useSharedMemory", false.into()),

@@ -1,6 +1,6 @@
 //! The simulator `beamng`.
 
-use pdk_adapter::Settings;
+use pdk_adapter::{Mount, Settings};
 use pdk_sdk::prelude::*;
 
 use crate::scenery::Materials;
@@ -24,16 +24,8 @@ pub struct BeamNg {
 /// What a user has set about scenarios.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Size and rate of the camera.
-    pub camera: Camera,
-    /// The angle that a frame's width covers, in degrees.
-    pub field_of_view: f64,
-    /// How far the camera is ahead of the vehicle's centre, in metres.
-    pub camera_ahead: f64,
-    /// How high it is above the ground, in metres.
-    pub camera_height: f64,
-    /// By how much it looks down, in degrees.
-    pub camera_pitch: f64,
+    /// The camera on the vehicle.
+    pub mount: Mount,
     /// The level on whose ground the road is drawn.
     pub level: String,
     /// The height of that ground in metres.
@@ -49,49 +41,14 @@ pub struct Options {
 impl Options {
     /// Steps of the game from one frame to the next.
     pub fn steps(&self) -> u32 {
-        (STEPS / self.camera.rate).ceil().max(1.0) as u32
+        (STEPS / self.mount.camera.rate).ceil().max(1.0) as u32
     }
 }
 
 impl Component for BeamNg {
     fn description() -> Description {
-        let description = Description::simulator("beamng", "BeamNG.tech, stepped frame by frame")
-            .external()
-            .parameter(
-                Parameter::integer("width", 320, "width of the camera's frames")
-                    .range(1.0, 4096.0)
-                    .unit("px"),
-            )
-            .parameter(
-                Parameter::integer("height", 160, "height of the camera's frames")
-                    .range(1.0, 4096.0)
-                    .unit("px"),
-            )
-            .parameter(
-                Parameter::number("rate", 20.0, "frames per second of simulation time")
-                    .range(1.0, 1000.0)
-                    .unit("Hz"),
-            )
-            .parameter(
-                Parameter::number("field_of_view", 90.0, "angle that the frame's width covers")
-                    .range(20.0, 130.0)
-                    .unit("degrees"),
-            )
-            .parameter(
-                Parameter::number("camera_ahead", 0.5, "how far the camera is ahead of the vehicle's centre")
-                    .range(-10.0, 10.0)
-                    .unit("m"),
-            )
-            .parameter(
-                Parameter::number("camera_height", 1.5, "height of the camera above the road")
-                    .range(0.3, 10.0)
-                    .unit("m"),
-            )
-            .parameter(
-                Parameter::number("camera_pitch", 5.0, "angle by which the camera looks down")
-                    .range(-30.0, 89.0)
-                    .unit("degrees"),
-            )
+        let description = Description::simulator("beamng", "BeamNG.tech, stepped frame by frame").external();
+        let description = Mount::describe(description, 0.5, 1.5)
             .parameter(Parameter::text(
                 "level",
                 "the level on whose ground the road is drawn; left out, smallgrid",
@@ -122,21 +79,12 @@ impl Component for BeamNg {
     }
 
     fn new(config: &Config) -> Result<Self> {
-        let camera = Camera {
-            width: config.integer("width") as u32,
-            height: config.integer("height") as u32,
-            rate: config.number("rate"),
-        };
         let named = |name: &str, usual: &str| match config.text(name) {
             "" => usual.to_owned(),
             given => given.to_owned(),
         };
         let options = Options {
-            camera,
-            field_of_view: config.number("field_of_view"),
-            camera_ahead: config.number("camera_ahead"),
-            camera_height: config.number("camera_height"),
-            camera_pitch: config.number("camera_pitch"),
+            mount: Mount::read(config),
             level: named("level", "smallgrid"),
             ground: config.number("ground"),
             materials: Materials {
@@ -153,7 +101,7 @@ impl Component for BeamNg {
 
 impl Simulator for BeamNg {
     fn camera(&self) -> Camera {
-        self.options.camera
+        self.options.mount.camera
     }
 
     fn reset(&mut self, scenario: &Scenario, slot: u32) -> Result<State> {

@@ -11,7 +11,7 @@ use rmpv::Value;
 
 use crate::blueprint::Actor;
 use crate::stream::{HEADER, Stream, Token};
-use crate::value::element;
+use crate::value::{element, number};
 
 /// The longest message about a collision in bytes.
 const LONGEST: usize = 1 << 20;
@@ -20,8 +20,9 @@ const RENEWAL: Duration = Duration::from_secs(4);
 /// The other one is given so long to reach the server.
 const OVERLAP: Duration = Duration::from_secs(1);
 /// What the wheels may touch.
-const GROUND: [&str; 5] =
-    ["static.road", "static.roadline", "static.ground", "static.terrain", "static.unknown"];
+const GROUND: [&str; 4] = ["static.road", "static.roadline", "static.ground", "static.terrain"];
+/// What carries no label, such as the ground of a road of one's own, and of some maps.
+const UNLABELLED: &str = "static.unknown";
 
 /// The streams of a collision sensor.
 #[derive(Debug)]
@@ -73,8 +74,7 @@ impl Collisions {
         for stream in std::iter::once(&mut self.stream).chain(&mut self.next) {
             while let Some((_, body)) = stream.next_there(deadline)? {
                 let event = rmpv::decode::read_value(&mut &body[..]).unwrap_or(Value::Nil);
-                // What cannot be read is still a collision.
-                collided |= !GROUND.contains(&Actor(element(&event, 1)).kind());
+                collided |= is_collision(&event);
             }
         }
         if self.since.elapsed() > RENEWAL + OVERLAP
@@ -87,6 +87,37 @@ impl Collisions {
     }
 }
 
+/// Whether a contact is one with something else than the ground: what has no label is the ground where it pushes up or down more than
+/// aside. What cannot be read is a collision.
+fn is_collision(event: &Value) -> bool {
+    let other = Actor(element(event, 1));
+    let kind = other.kind();
+    let push = [0, 1, 2].map(|axis| number(element(element(event, 2), axis)));
+    match push {
+        [Some(x), Some(y), Some(z)] if kind == UNLABELLED => z.abs() <= x.hypot(y),
+        _ => !GROUND.contains(&kind),
+    }
+}
+
 fn open(station: &mut Station, token: Token, deadline: &Deadline) -> Result<Stream> {
     Stream::subscribe(station, token, "a collision", (HEADER, LONGEST), deadline)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::value::array;
+
+    #[test]
+    fn what_pushes_from_below_is_the_ground_where_it_has_no_label() {
+        let contact = |kind: &str, push: [f64; 3]| {
+            let other = array([7.into(), 0.into(), array([7.into(), kind.into()])]);
+            is_collision(&array([Value::Nil, other, array(push.map(Value::F64))]))
+        };
+        let (below, aside) = ([10.0, 5.0, 400.0], [300.0, 0.0, 50.0]);
+        assert!(!contact("static.road", aside) && !contact(UNLABELLED, below));
+        assert!(contact(UNLABELLED, aside) && contact("vehicle.tesla.model3", below));
+        assert!(contact("static.building", aside) && contact("", below));
+        assert!(is_collision(&Value::Nil) && is_collision(&array([Value::Nil])));
+    }
 }

@@ -148,7 +148,7 @@ impl Episode {
             (_, Some(Loaded::Own(waypoints))) => Lane::own(waypoints),
             _ => return Err(not_started()),
         };
-        let settings = server.episode_settings()?.stepped(options.camera.rate);
+        let settings = server.episode_settings()?.stepped(options.mount.camera.rate);
         server.set_episode_settings(&settings)?;
         if !options.weather.is_unchanged() {
             let mut weather = server.kept_weather().to_vec();
@@ -264,7 +264,11 @@ fn abandoned(
     left.sort_unstable_by(|a, b| b.cmp(a));
     left.dedup();
     for actor in left {
-        server.destroy(actor)?;
+        match server.destroy(actor) {
+            // It has gone meanwhile.
+            Err(error) if error.kind() != ErrorKind::Failed => return Err(error),
+            _ => {}
+        }
     }
     let free = settings.free();
     server.set_episode_settings(&free)?;

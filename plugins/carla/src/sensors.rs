@@ -54,7 +54,7 @@ impl Sensors {
                 ),
             ));
         }
-        let size = [options.camera.width, options.camera.height];
+        let size = [options.mount.camera.width, options.mount.camera.height];
         let mut camera = |kind: &str| {
             let description = kinds.describe(kind, &attributes(options))?;
             let camera = server.spawn_on(description, place(options), vehicle)?;
@@ -158,17 +158,17 @@ impl Sensors {
 /// Where the cameras are on the vehicle.
 fn place(options: &Options) -> Transform {
     Transform {
-        location: [options.camera_ahead, 0.0, options.camera_height],
-        rotation: [-options.camera_pitch, 0.0, 0.0],
+        location: [options.mount.ahead, 0.0, options.mount.height],
+        rotation: [-options.mount.pitch, 0.0, 0.0],
     }
 }
 
 /// What is set about the cameras. What one of them does not have is left out for it, such as the exposure of one that sees distances.
 fn attributes(options: &Options) -> Vec<(&str, String)> {
     let own = [
-        ("image_size_x", options.camera.width.to_string()),
-        ("image_size_y", options.camera.height.to_string()),
-        ("fov", options.field_of_view.to_string()),
+        ("image_size_x", options.mount.camera.width.to_string()),
+        ("image_size_y", options.mount.camera.height.to_string()),
+        ("fov", options.mount.field_of_view.to_string()),
         // A frame of the camera for each of the simulator's.
         ("sensor_tick", "0.0".to_owned()),
         ("role_name", ROLE.to_owned()),

@@ -85,15 +85,9 @@ impl Server {
         let socket = station.connect(0, deadline)?;
         let settings = station.settings().clone();
         let mut rpc = Rpc::new(Connection::new(socket, station.to_string(), LONGEST)?);
+        // The port of a server's streams says nothing either.
         let answer =
-            rpc.call("version", Vec::new(), &settings.answering()).map_err(|error| match error.kind() {
-                // The port of a server's streams says nothing.
-                ErrorKind::Late => Error::of(
-                    ErrorKind::Late,
-                    format!("{error}, or correct `port`: is it that of CARLA's requests?"),
-                ),
-                _ => error,
-            })?;
+            rpc.call("version", Vec::new(), &settings.answering()).map_err(|error| station.unknown(error))?;
         let [first, last] = Version::SPOKEN;
         match text(&answer).parse() {
             Ok(version) if (first..=last).contains(&version) => {
@@ -133,18 +127,28 @@ impl Server {
         self.found.as_ref().map_or(&[], |(_, weather)| weather)
     }
 
-    /// Takes leave: takes away what was spawned and puts back what was found. No answer may take longer than `limit`. What cannot be put
-    /// back is not, since nobody can do anything about it.
+    /// Takes leave: takes away what was spawned and puts back what was found. No answer may take longer than `limit`. To a server that
+    /// does not answer, or whose connection is of no use any more, the will says all of it: one that only hangs reads it later.
     pub fn leave(mut self, limit: Duration) {
         self.settings.answer = self.settings.answer.min(limit);
-        // One that does not answer now will not answer the rest either.
-        if self.clear().is_ok()
-            && let Some((settings, weather)) = self.found.take()
-        {
-            let _ = self.set_weather(&weather);
-            let _ = self.set_episode_settings(&settings.restored());
+        let left = self.clear().and_then(|()| self.put_back());
+        let Self { rpc, will, .. } = self;
+        match left {
+            Err(error) if error.kind() != ErrorKind::Failed => will.speak(),
+            _ => drop(will),
         }
-        self.rpc.close();
+        rpc.close();
+    }
+
+    /// Puts back the weather and the settings that were found.
+    fn put_back(&mut self) -> Result<()> {
+        let Some((settings, weather)) = self.found.take() else { return Ok(()) };
+        match self.set_weather(&weather) {
+            // Settings are put back all the same.
+            Err(error) if error.kind() != ErrorKind::Failed => return Err(error),
+            _ => {}
+        }
+        self.set_episode_settings(&settings.restored())
     }
 
     /// Takes away everything that was spawned; what is fixed to another one goes first.

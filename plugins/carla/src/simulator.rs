@@ -1,6 +1,6 @@
 //! The simulator `carla`.
 
-use pdk_adapter::Settings;
+use pdk_adapter::{Mount, Settings};
 use pdk_road::traffic::Wanted;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Map, Value};
@@ -27,16 +27,8 @@ pub struct Carla {
 /// What a user has set about scenarios.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// Size and rate of the camera.
-    pub camera: Camera,
-    /// The angle that a frame's width covers, in degrees.
-    pub field_of_view: f64,
-    /// How far the camera is ahead of the vehicle's centre, in metres.
-    pub camera_ahead: f64,
-    /// How high it is above the ground, in metres.
-    pub camera_height: f64,
-    /// By how much it looks down, in degrees.
-    pub camera_pitch: f64,
+    /// The camera on the vehicle.
+    pub mount: Mount,
     /// What is wanted besides frames.
     pub annotations: Annotations,
     /// Other attributes of the camera.
@@ -53,31 +45,9 @@ pub struct Options {
 
 impl Component for Carla {
     fn description() -> Description {
-        let description = Description::simulator("carla", "CARLA 0.9.13 to 0.9.16, stepped frame by frame")
-            .external()
-            .parameter(Parameter::integer("width", 320, "width of the camera's frames").range(1.0, 4096.0).unit("px"))
-            .parameter(Parameter::integer("height", 160, "height of the camera's frames").range(1.0, 4096.0).unit("px"))
-            .parameter(
-                Parameter::number("rate", 20.0, "frames per second of simulation time").range(1.0, 1000.0).unit("Hz"),
-            )
-            .parameter(
-                Parameter::number("field_of_view", 90.0, "angle that the frame's width covers")
-                    .range(20.0, 130.0)
-                    .unit("degrees"),
-            )
-            .parameter(
-                Parameter::number("camera_ahead", 1.5, "how far the camera is ahead of the vehicle's centre")
-                    .range(-10.0, 10.0)
-                    .unit("m"),
-            )
-            .parameter(
-                Parameter::number("camera_height", 1.6, "height of the camera above the road").range(0.3, 10.0).unit("m"),
-            )
-            .parameter(
-                Parameter::number("camera_pitch", 5.0, "angle by which the camera looks down")
-                    .range(-30.0, 90.0)
-                    .unit("degrees"),
-            )
+        let description =
+            Description::simulator("carla", "CARLA 0.9.13 to 0.9.16, stepped frame by frame").external();
+        let description = Mount::describe(description, 1.5, 1.6)
             .parameter(Parameter::json(
                 "camera_attributes",
                 Value::Null,
@@ -118,21 +88,12 @@ impl Component for Carla {
     }
 
     fn new(config: &Config) -> Result<Self> {
-        let camera = Camera {
-            width: config.integer("width") as u32,
-            height: config.integer("height") as u32,
-            rate: config.number("rate"),
-        };
         let vehicle = match config.text("vehicle") {
             "" => "vehicle.tesla.model3",
             name => name,
         };
         let options = Options {
-            camera,
-            field_of_view: config.number("field_of_view"),
-            camera_ahead: config.number("camera_ahead"),
-            camera_height: config.number("camera_height"),
-            camera_pitch: config.number("camera_pitch"),
+            mount: Mount::read(config),
             annotations: Annotations::default(),
             camera_attributes: attributes(config.value("camera_attributes"))?,
             vehicle: vehicle.to_owned(),
@@ -179,7 +140,7 @@ fn attributes(value: &Value) -> Result<Vec<(String, String)>> {
 
 impl Simulator for Carla {
     fn camera(&self) -> Camera {
-        self.options.camera
+        self.options.mount.camera
     }
 
     fn reset(&mut self, scenario: &Scenario, slot: u32) -> Result<State> {

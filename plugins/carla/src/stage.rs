@@ -140,9 +140,9 @@ impl Stage {
         let Some((vehicle, sensors)) = &mut self.ego else {
             return Err(Error::new("it has no scenario yet: call reset first"));
         };
-        let number = frames(self.state.time, self.options.camera.rate) + 1;
+        let number = frames(self.state.time, self.options.mount.camera.rate) + 1;
         let expected = self.first + number;
-        self.fleet.place(server, number as f64 / self.options.camera.rate)?;
+        self.fleet.place(server, number as f64 / self.options.mount.camera.rate)?;
         server.control(*vehicle, Pedals::of(control.checked()?))?;
         let request = server.tick()?;
         // What belongs to the frame may come before the answer.
@@ -172,7 +172,7 @@ impl Stage {
     ) -> Result<State> {
         let Some((vehicle, sensors)) = &mut self.ego else { return Err(Error::new("nothing was spawned")) };
         let vehicle = *vehicle;
-        let rate = self.options.camera.rate;
+        let rate = self.options.mount.camera.rate;
         server.control(vehicle, Pedals::PARKED)?;
         self.fleet.place(server, 0.0)?;
         // The server does not say when it has taken a subscription: frames are asked for until the first comes.
@@ -219,7 +219,7 @@ impl Stage {
     fn arrive(&mut self, motion: Motion, frame: u64, collision: bool) -> State {
         let Place { cross_track_error, along, progress, finished, .. } = self.track.find(motion.position);
         // From the count, not from a sum: it never drifts.
-        let time = (frame - self.first) as f64 / self.options.camera.rate;
+        let time = (frame - self.first) as f64 / self.options.mount.camera.rate;
         self.state = State {
             time,
             position: motion.position,

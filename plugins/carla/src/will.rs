@@ -33,7 +33,8 @@ struct Page {
 pub struct Will {
     page: *mut Page,
     copy: libc::pid_t,
-    leash: PipeWriter,
+    /// While it is open, the copy waits; a byte on it says that nothing is to be said.
+    leash: Option<PipeWriter>,
 }
 
 // SAFETY: the page is this value's alone on this side, and the copy only reads what holds.
@@ -82,7 +83,7 @@ impl Will {
                 unsafe { libc::munmap(page.cast(), size_of::<Page>()) };
                 Err(cannot(error))
             }
-            copy => Ok(Self { page, copy, leash }),
+            copy => Ok(Self { page, copy, leash: Some(leash) }),
         }
     }
 
@@ -107,10 +108,19 @@ impl Will {
     }
 }
 
+impl Will {
+    /// Says the words now, and waits until the copy has done so.
+    pub fn speak(mut self) {
+        self.leash = None;
+    }
+}
+
 impl Drop for Will {
     fn drop(&mut self) {
-        // The copy ends without a word.
-        let _ = self.leash.write_all(&[1]);
+        // With a byte, the copy ends without a word.
+        if let Some(mut leash) = self.leash.take() {
+            let _ = leash.write_all(&[1]);
+        }
         // SAFETY: it is a child of this process that nobody else waits for; the page was mapped by this value.
         unsafe {
             libc::waitpid(self.copy, ptr::null_mut(), 0);
@@ -129,6 +139,9 @@ unsafe fn wait_and_speak(page: *const Page, wait: RawFd, connection: RawFd) -> !
     unsafe {
         // Whoever ends the group of this process does not mean its copy.
         libc::setsid();
+        // Where this process had closed its standard files, these two may have their numbers.
+        let (wait, connection) =
+            (libc::fcntl(wait, libc::F_DUPFD, 3), libc::fcntl(connection, libc::F_DUPFD, 3));
         let (wait, connection) = (libc::dup2(wait, 0), libc::dup2(connection, 1));
         // Among what is closed is the other end of the pipe, without which its end would never be seen.
         if libc::syscall(libc::SYS_close_range, 2, libc::c_uint::MAX, 0) != 0 {
@@ -208,8 +221,7 @@ mod tests {
         will.write(b"third").unwrap();
         assert!(will.write(&vec![0; ROOM + 1]).is_err());
         drop(stream);
-        let (_, unused) = std::io::pipe().unwrap();
-        drop(std::mem::replace(&mut will.leash, unused));
+        will.speak();
         let mut said = Vec::new();
         other.read_to_end(&mut said).unwrap();
         assert_eq!(said, b"third");

@@ -34,10 +34,12 @@ pub fn open(station: Station, options: &Options) -> Result<(Wire, String)> {
     let starting = options.settings.starting();
     let mut wire = Wire::open(station, &starting)?;
     let mut version = String::new();
-    match options.build {
-        Build::Current => choose_scene(&mut wire, options, &starting, &mut version)?,
-        Build::RoadGenerating => await_car(&mut wire, options, &starting)?,
-    }
+    let led = match options.build {
+        Build::Current => choose_scene(&mut wire, options, &starting, &mut version),
+        Build::RoadGenerating => await_car(&mut wire, options, &starting),
+    };
+    // A simulator speaks first. What has said nothing at all may be something else.
+    led.map_err(|error| if wire.has_spoken() { error } else { wire.station.unknown(error) })?;
     let answering = options.settings.answering();
     wire.send("car_config", &options.car_fields, &answering)?;
     wire.send("cam_config", &options.camera_fields, &answering)?;

@@ -9,7 +9,7 @@ use serde::de::{self, Deserialize, Deserializer, Visitor};
 
 /// A message, as far as it is of use. Fields that are not listed may come twice, as `sector` does.
 #[derive(Debug, Default, serde::Deserialize)]
-#[serde(default)]
+#[serde(default, expecting = "an object")]
 pub struct Message<'a> {
     /// What it is; empty in one that only keeps the connection alive.
     #[serde(borrow)]
@@ -44,6 +44,7 @@ pub struct Message<'a> {
 /// A text that is borrowed from the line, where nothing in it is escaped.
 fn text<'de, D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Option<Cow<'de, str>>, D::Error> {
     #[derive(serde::Deserialize)]
+    #[serde(expecting = "a text")]
     struct Text<'a>(#[serde(borrow)] Cow<'a, str>);
     Ok(Option::<Text<'de>>::deserialize(deserializer)?.map(|Text(text)| text))
 }

@@ -31,6 +31,8 @@ pub struct Wire {
     /// When the last message was sent.
     sent: Option<Instant>,
     repaired: Vec<u8>,
+    /// Whether a message has come.
+    spoken: bool,
 }
 
 impl Wire {
@@ -42,7 +44,7 @@ impl Wire {
         let stream = station.connect(0, deadline)?;
         let peer = station.to_string();
         let connection = Connection::new(stream, peer.clone(), LONGEST)?;
-        Ok(Self { station, connection, peer, unheard: None, sent: None, repaired: Vec::new() })
+        Ok(Self { station, connection, peer, unheard: None, sent: None, repaired: Vec::new(), spoken: false })
     }
 
     /// Sends a message.
@@ -76,11 +78,16 @@ impl Wire {
         what: &str,
         look: impl FnOnce(&Message<'_>) -> R,
     ) -> Result<R> {
-        let Self { station, connection, peer, unheard, repaired, .. } = self;
+        let Self { station, connection, peer, unheard, repaired, spoken, .. } = self;
         let line = connection.line(deadline, what).map_err(|error| station.blame(error))?;
         let message = message::read(line, repaired, peer)?;
-        *unheard = None;
+        (*unheard, *spoken) = (None, true);
         Ok(look(&message))
+    }
+
+    /// Whether the other end has said anything that is a message.
+    pub fn has_spoken(&self) -> bool {
+        self.spoken
     }
 
     /// Whether a message has come already.

@@ -89,6 +89,9 @@ impl Source {
     /// Where the file cannot be read, or is too large.
     pub fn content(&self) -> Result<Cow<'_, [u8]>> {
         match self {
+            Self::File(path) if !path.exists() => {
+                Err(Error::new("there is no such file; give the path of an ONNX file"))
+            }
             Self::File(path) => Ok(Cow::Owned(file::read(path, LARGEST)?)),
             Self::BuiltIn(bytes) => Ok(Cow::Borrowed(bytes)),
         }
@@ -393,6 +396,6 @@ mod tests {
         let whole = Pilot::new(&["1", "3", "4", "6"]).bytes();
         assert!(error(&whole[..whole.len() / 2]).contains("damaged"));
         let missing = model_in(Path::new("/no/such.onnx"), "auto").err().unwrap();
-        assert_eq!(missing.message(), "it does not exist");
+        assert_eq!(missing.message(), "there is no such file; give the path of an ONNX file");
     }
 }

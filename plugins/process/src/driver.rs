@@ -9,11 +9,13 @@ use pdk_sdk::prelude::*;
 
 use crate::exchange::Exchange;
 use crate::options::Options;
-use crate::room::{AGAIN, room_name, who};
+use crate::room::{AGAIN, nobody, room_name, who};
 
 /// A program of the user's.
 pub struct Process {
     options: Options,
+    /// As it is named to users.
+    who: String,
     /// Made with the first frame, whose size says how large it has to be.
     open: Option<Open>,
     /// Which scenario it is, as the other process sees it.
@@ -38,7 +40,9 @@ impl Component for Process {
     }
 
     fn new(config: &Config) -> Result<Self> {
-        Ok(Self { options: Options::read(config)?, open: None, scenario: 0 })
+        let options = Options::read(config)?;
+        let who = who("driver", &options.exchange, &options.command);
+        Ok(Self { options, who, open: None, scenario: 0 })
     }
 }
 
@@ -70,13 +74,19 @@ impl Driver for Process {
         let Open { process, exchange, answered } = open;
         exchange.send(frame, stamp, cx.speed)?;
         let mut sent = Instant::now();
-        let control = exchange.answer(stamp, &deadline, &who("driver", name, command), || {
+        let control = exchange.answer(stamp, &deadline, &self.who, |exchange| {
             process.as_mut().map_or(Ok(()), Launched::check)?;
             if fresh && sent.elapsed() >= AGAIN {
                 sent = Instant::now();
                 exchange.send(frame, stamp, cx.speed)?;
             }
             Ok(())
+        });
+        let control = control.map_err(|error| match error.kind() {
+            ErrorKind::Late if command.is_empty() && !exchange.is_heard() => {
+                nobody("driver", name, &deadline)
+            }
+            _ => error,
         })?;
         *answered = true;
         Ok(control)

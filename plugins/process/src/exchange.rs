@@ -3,8 +3,8 @@
 //! A bus of its own carries the frames, on its topic `perturbed`. Beside it lie the services `pdk/answer` (publish-subscribe, `PdkControl` with
 //! the header `PdkFrameHeader` of the frame that is answered) and the events `pdk/frame-event` and `pdk/answer-event`.
 
+use iceoryx2::identifiers::UniquePublisherId;
 use iceoryx2::port::listener::Listener;
-use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::ZeroCopySend;
 use iceoryx2::service::ipc_threadsafe::Service;
@@ -12,7 +12,7 @@ use pdk_adapter::Deadline;
 use pdk_bus::{FrameHeader, Stamp, Topic};
 use pdk_sdk::prelude::*;
 
-use crate::room::{LOOK, Room, failed, named};
+use crate::room::{Bell, LOOK, Room, failed, named};
 
 /// The numbers of a control, in the order of `Control::NUMBERS`.
 #[repr(C)]
@@ -26,8 +26,10 @@ struct Answer {
 /// This side of it.
 pub struct Exchange {
     answers: Subscriber<Service, Answer, FrameHeader>,
-    frame_event: Notifier<Service>,
+    frame_event: Bell,
     answer_event: Listener<Service>,
+    /// The scenario that was answered last, and who answers it.
+    answering: Option<(u64, UniquePublisherId)>,
     // Last, so that everything in it is closed when it goes.
     room: Room,
     size: (usize, usize),
@@ -52,9 +54,8 @@ impl Exchange {
             .create()
             .map_err(|error| failed(&error))?;
         let answers = answers.subscriber_builder().create().map_err(|error| failed(&error))?;
-        let (frame_event, answer_event) =
-            (room.notifier("pdk/frame-event")?, room.listener("pdk/answer-event")?);
-        Ok(Self { answers, frame_event, answer_event, room, size: (width, height) })
+        let (frame_event, answer_event) = (room.bell("pdk/frame-event")?, room.listener("pdk/answer-event")?);
+        Ok(Self { answers, frame_event, answer_event, answering: None, room, size: (width, height) })
     }
 
     /// Whether it is for frames of this size.
@@ -65,6 +66,11 @@ impl Exchange {
     /// Where the other process meets it.
     pub fn room(&self) -> &Room {
         &self.room
+    }
+
+    /// Whether a driver is at the other end.
+    pub fn is_heard(&self) -> bool {
+        self.frame_event.is_heard()
     }
 
     /// Sends a frame.
@@ -79,25 +85,36 @@ impl Exchange {
         let mut loan = self.room.bus.loan_frame(Topic::Perturbed, stamp).map_err(|error| failed(&error))?;
         FrameMut::new(&mut loan, width, height)?.copy_from(frame);
         loan.publish().map_err(|error| failed(&error))?;
-        // Where nobody listens yet, whoever comes looks for the frame first.
-        let _ = self.frame_event.notify();
+        self.frame_event.ring();
         Ok(())
     }
 
     /// Waits for the answer to the frame with this stamp. `look` is asked now and then whether the other process is still there.
     ///
     /// # Errors
-    /// That of `look`, or where no answer comes in time.
+    /// That of `look`, or where no answer comes in time, or those of two drivers.
     pub fn answer(
-        &self,
+        &mut self,
         stamp: Stamp,
         deadline: &Deadline,
         who: &str,
-        mut look: impl FnMut() -> Result<()>,
+        mut look: impl FnMut(&Self) -> Result<()>,
     ) -> Result<Control> {
         loop {
             while let Some(answer) = self.answers.receive().map_err(|error| failed(&error))? {
                 let header = answer.user_header();
+                if header.scenario == stamp.scenario {
+                    let by = (stamp.scenario, answer.header().publisher_id());
+                    let before = self.answering.replace(by);
+                    if before.is_some_and(|before| before.0 == by.0 && before.1 != by.1) {
+                        return Err(Error::of(
+                            ErrorKind::Nonsense,
+                            format!(
+                                "two programs answer as {who}; end one of them, or give each an exchange of its own"
+                            ),
+                        ));
+                    }
+                }
                 // One that comes too late is for another frame.
                 if (header.scenario, header.sequence) == (stamp.scenario, stamp.sequence) {
                     let Answer { steering, throttle } = *answer.payload();
@@ -105,7 +122,7 @@ impl Exchange {
                 }
             }
             let Some(left) = deadline.left() else { return Err(deadline.late(who, "answered a frame")) };
-            look()?;
+            look(self)?;
             self.answer_event.timed_wait(|_| {}, left.min(LOOK)).map_err(|error| failed(&error))?;
         }
     }

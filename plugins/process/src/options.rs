@@ -35,7 +35,11 @@ impl Options {
                 ..Parameter::text("exchange", "the name by which one that runs already finds pdk")
             })
             .parameter(
-                Parameter::number("start_seconds", 45.0, "how long it may take for the first answer")
+                Parameter::number(
+                    "start_seconds",
+                    45.0,
+                    "how long it may take for the first answer; where that is 60 s or more, pdk's own `patience` has to be raised with it",
+                )
                     .range(0.01, 3600.0)
                     .unit("s"),
             )

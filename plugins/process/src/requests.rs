@@ -7,7 +7,6 @@
 use std::time::Instant;
 
 use iceoryx2::port::listener::Listener;
-use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::AllocationStrategy;
@@ -17,7 +16,7 @@ use pdk_bus::FrameHeader;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{self, Value};
 
-use crate::room::{AGAIN, LOOK, Room, failed, named};
+use crate::room::{AGAIN, Bell, LOOK, Room, failed, named};
 
 /// Bytes of a request for which memory is taken at the beginning. More is taken where a road needs it.
 const REQUEST: usize = 1 << 14;
@@ -27,7 +26,7 @@ pub struct Requests {
     requests: Publisher<Service, [u8], FrameHeader>,
     replies: Subscriber<Service, [u8], FrameHeader>,
     frames: Subscriber<Service, [u8], FrameHeader>,
-    request_event: Notifier<Service>,
+    request_event: Bell,
     reply_event: Listener<Service>,
     /// How many requests there were.
     count: u64,
@@ -71,13 +70,18 @@ impl Requests {
         let hear = |name: &str| topic(name)?.subscriber_builder().create().map_err(|error| failed(&error));
         let (replies, frames) = (hear("pdk/reply")?, hear("pdk/frame")?);
         let (request_event, reply_event) =
-            (room.notifier("pdk/request-event")?, room.listener("pdk/reply-event")?);
+            (room.bell("pdk/request-event")?, room.listener("pdk/reply-event")?);
         Ok(Self { requests, replies, frames, request_event, reply_event, count: 0, room })
     }
 
     /// Where the program meets it.
     pub fn room(&self) -> &Room {
         &self.room
+    }
+
+    /// Whether a program is at the other end.
+    pub fn is_heard(&self) -> bool {
+        self.request_event.is_heard()
     }
 
     /// Asks, and returns the reply. Where `fresh`, the program may still be starting, and is asked again and again.
@@ -151,8 +155,7 @@ impl Requests {
         let mut sample = self.requests.loan_slice_uninit(text.len()).map_err(|error| failed(&error))?;
         *sample.user_header_mut() = FrameHeader { sequence: self.count, ..FrameHeader::default() };
         sample.write_from_slice(text).send().map_err(|error| failed(&error))?;
-        // Where nobody listens yet, whoever comes looks for the request first.
-        let _ = self.request_event.notify();
+        self.request_event.ring();
         Ok(())
     }
 }

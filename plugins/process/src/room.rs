@@ -10,9 +10,11 @@ use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
-use iceoryx2::prelude::{FilePath, SemanticString, ServiceName, SignalHandlingMode};
+use iceoryx2::prelude::{FilePath, PortFactory as _, SemanticString, ServiceName, SignalHandlingMode};
 use iceoryx2::service::ipc_threadsafe::Service;
-use pdk_adapter::process::{Launch, Launched};
+use iceoryx2::service::port_factory::event::PortFactory;
+use pdk_adapter::Deadline;
+use pdk_adapter::process::{Launch, Launched, command_line};
 use pdk_bus::Bus;
 use pdk_sdk::prelude::*;
 
@@ -72,9 +74,11 @@ impl Room {
     ///
     /// # Errors
     /// Where shared memory cannot be used.
-    pub fn notifier(&self, name: &str) -> Result<Notifier<Service>> {
+    pub fn bell(&self, name: &str) -> Result<Bell> {
         let service = self.node.service_builder(&named(name)?).event().create();
-        service.map_err(|error| failed(&error))?.notifier_builder().create().map_err(|error| failed(&error))
+        let service = service.map_err(|error| failed(&error))?;
+        let notifier = service.notifier_builder().create().map_err(|error| failed(&error))?;
+        Ok(Bell { notifier, service })
     }
 
     /// Hears that the program has something new.
@@ -84,6 +88,25 @@ impl Room {
     pub fn listener(&self, name: &str) -> Result<Listener<Service>> {
         let service = self.node.service_builder(&named(name)?).event().create();
         service.map_err(|error| failed(&error))?.listener_builder().create().map_err(|error| failed(&error))
+    }
+}
+
+/// What the program listens to.
+pub struct Bell {
+    notifier: Notifier<Service>,
+    service: PortFactory<Service>,
+}
+
+impl Bell {
+    /// Tells whoever listens.
+    pub fn ring(&self) {
+        // Where nobody listens yet, whoever comes looks for itself first.
+        let _ = self.notifier.notify();
+    }
+
+    /// Whether somebody listens.
+    pub fn is_heard(&self) -> bool {
+        self.service.dynamic_config().number_of_listeners() > 0
     }
 }
 
@@ -97,10 +120,22 @@ pub fn room_name(what: &str, exchange: &str, command: &[String]) -> String {
 
 /// What users call the program.
 pub fn who(what: &str, exchange: &str, command: &[String]) -> String {
-    match command.first() {
-        Some(program) => format!("the {what} `{program}`"),
-        None => format!("the {what} of the exchange `{exchange}`"),
+    match command.is_empty() {
+        false => format!("the {what} `{}`", command_line(command)),
+        true => format!("the {what} of the exchange `{exchange}`"),
     }
+}
+
+/// The error where the time is over and nobody is at an exchange: with nobody there, there is nobody to wait longer for.
+pub fn nobody(what: &str, exchange: &str, deadline: &Deadline) -> Error {
+    Error::of(
+        ErrorKind::Late,
+        format!(
+            "no {what} is at the exchange `{exchange}`, which was waited for {:.1} s; start one, in Python with pdk_{what}.serve(..., \
+             exchange=\"{exchange}\"), or let pdk start it with `command`",
+            deadline.elapsed().as_secs_f64()
+        ),
+    )
 }
 
 /// The name of a service.

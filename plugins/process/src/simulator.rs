@@ -7,7 +7,7 @@ use pdk_sdk::serde_json::{Value, json};
 
 use crate::options::Options;
 use crate::requests::{Requests, Wait, nonsense};
-use crate::room::{room_name, who};
+use crate::room::{nobody, room_name, who};
 
 /// A program of the user's.
 pub struct Process {
@@ -23,6 +23,8 @@ struct Program {
     process: Option<Launched>,
     requests: Requests,
     who: String,
+    /// The exchange of one that runs already.
+    exchange: Option<String>,
     options: (std::time::Duration, std::time::Duration),
     /// Whether it has said that it is ready.
     is_ready: bool,
@@ -118,20 +120,28 @@ impl Program {
         let requests = Requests::new(&room_name("simulator", exchange, command))?;
         let process = requests.room().launch("simulator", command)?;
         let who = who("simulator", exchange, command);
-        let mut program = Self { process, requests, who, options: (*start, *answer), is_ready: false };
+        let exchange = command.is_empty().then(|| exchange.clone());
+        let mut program =
+            Self { process, requests, who, exchange, options: (*start, *answer), is_ready: false };
         program.ask(&json!({ "hello": { "camera": camera } }))?;
         program.is_ready = true;
         Ok(program)
     }
 
     fn ask(&mut self, request: &Value) -> Result<Value> {
-        let Self { process, requests, who, options, is_ready } = self;
+        let Self { process, requests, who, exchange, options, is_ready } = self;
         let mut look = || process.as_mut().map_or(Ok(()), Launched::check);
         let deadline = match is_ready {
             true => Deadline::new(options.1, "answer_seconds"),
             false => Deadline::new(options.0, "start_seconds"),
         };
-        requests.ask(request, !*is_ready, Wait { deadline, who, look: &mut look })
+        let asked = requests.ask(request, !*is_ready, Wait { deadline, who, look: &mut look });
+        asked.map_err(|error| match (error.kind(), exchange) {
+            (ErrorKind::Late, Some(exchange)) if !requests.is_heard() => {
+                nobody("simulator", exchange, &deadline)
+            }
+            _ => error,
+        })
     }
 
     fn frame(&mut self, into: FrameMut<'_>) -> Result<()> {

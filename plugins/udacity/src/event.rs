@@ -26,7 +26,7 @@ pub enum Packet<'a> {
 
 /// The state of the vehicle. Fields that are not listed are of no use here.
 #[derive(Debug, Default, serde::Deserialize)]
-#[serde(default)]
+#[serde(default, expecting = "an object")]
 pub struct Telemetry<'a> {
     /// The picture, in base64.
     #[serde(borrow)]
@@ -46,6 +46,7 @@ pub struct Telemetry<'a> {
 
 /// A text, which is that of the message itself where nothing in it is escaped: a picture is not copied.
 #[derive(Debug, Default, serde::Deserialize)]
+#[serde(expecting = "a text")]
 pub struct Text<'a>(#[serde(borrow)] Cow<'a, str>);
 
 impl Deref for Text<'_> {
@@ -62,6 +63,7 @@ pub struct Number(pub Option<f64>);
 
 /// An event: its name, and what it says.
 #[derive(serde::Deserialize)]
+#[serde(expecting = "a list with a name and an object")]
 struct Event<'a>(#[serde(borrow)] Cow<'a, str>, #[serde(default, borrow)] Option<Telemetry<'a>>);
 
 impl<'de> Deserialize<'de> for Number {

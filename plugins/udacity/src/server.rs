@@ -1,13 +1,14 @@
 //! The server that the simulator connects to: WebSocket, Engine.IO 3 and Socket.IO 2.
 
+use std::collections::VecDeque;
 use std::io::{self, Write};
 use std::net::{TcpListener, TcpStream};
 use std::time::Duration;
 
 use pdk_adapter::{Deadline, Station};
 use pdk_sdk::prelude::{Error, ErrorKind, Result};
-use tungstenite::handshake::HandshakeError;
-use tungstenite::handshake::server::{ErrorResponse, Request, Response};
+use tungstenite::handshake::server::{ErrorResponse, Request, Response, ServerHandshake};
+use tungstenite::handshake::{HandshakeError, MidHandshake};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Message, Utf8Bytes, WebSocket, http};
 
@@ -15,8 +16,9 @@ use crate::event::{self, Packet};
 
 /// The longest message: a picture of 4096x4096 takes less.
 const LONGEST: usize = 64 << 20;
-/// How long a client may take to say what it wants.
+/// How long a client may take to say what it wants, and how many may be about to at the same time.
 const HANDSHAKE: Duration = Duration::from_secs(5);
+const ROOM: usize = 16;
 /// How long the simulator may take to hang up when it is said goodbye.
 const GOODBYE: Duration = Duration::from_millis(300);
 /// What a client is told that is one too many.
@@ -44,22 +46,11 @@ impl Server {
     /// Where the port is taken, the simulator ends, or none connects in time.
     pub fn open(mut station: Station, deadline: &Deadline) -> Result<Self> {
         let listener = station.listen()?;
-        let mut last = None;
-        let connected = station.wait(deadline, "connected", || match listener.accept() {
-            Ok((stream, _)) => match greet(stream) {
-                Ok(socket) => Ok(Some(socket)),
-                Err(why) => {
-                    // A browser, or a port scanner: the simulator may still come.
-                    last = Some(why);
-                    Ok(None)
-                }
-            },
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(None),
-            Err(error) => Err(error.into()),
-        });
+        let mut door = Door::default();
+        let connected = station.wait(deadline, "connected", || door.look(&listener));
         let peer = station.to_string();
         let socket = connected.map_err(|error| match error.kind() {
-            ErrorKind::Late => nobody(&station, last.as_deref()),
+            ErrorKind::Late => nobody(&station, door.refused.as_deref()),
             _ => error,
         })?;
         Ok(Self { station, listener, socket, peer, told: false })
@@ -210,7 +201,9 @@ impl Server {
             tungstenite::Error::Protocol(ResetWithoutClosingHandshake) => {
                 self.lost("has hung up without a word, maybe in the middle of a message")
             }
-            tungstenite::Error::Io(error) => self.lost(&format!("is gone ({error})")),
+            tungstenite::Error::Io(error) => {
+                self.lost(&format!("is gone ({error}); look whether it still runs"))
+            }
             tungstenite::Error::Capacity(_) => {
                 self.nonsense(&format!("a message of more than {LONGEST} bytes"))
             }
@@ -231,29 +224,83 @@ impl Server {
     }
 }
 
-/// Takes a client that is a simulator, and greets it.
-fn greet(stream: TcpStream) -> std::result::Result<WebSocket<TcpStream>, String> {
-    let deadline = Deadline::new(HANDSHAKE, "");
-    let prepared = stream
-        .set_nonblocking(false)
-        .and_then(|()| stream.set_nodelay(true))
-        .and_then(|()| stream.set_read_timeout(Some(HANDSHAKE)))
-        .and_then(|()| stream.set_write_timeout(Some(HANDSHAKE)));
-    prepared.map_err(|error| error.to_string())?;
-    let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
-    let mut accepted = tungstenite::accept_hdr_with_config(stream, wanted, Some(config));
-    let mut socket = loop {
-        match accepted {
-            Ok(socket) => break socket,
-            Err(HandshakeError::Interrupted(middle)) if deadline.left().is_some() => {
-                accepted = middle.handshake()
+/// What decides about a request.
+type Wanted = fn(&Request, Response) -> std::result::Result<Response, ErrorResponse>;
+/// A client that has not said all that it wants.
+type Speaking = MidHandshake<ServerHandshake<TcpStream, Wanted>>;
+
+/// What came of hearing one.
+type Said = std::result::Result<WebSocket<TcpStream>, HandshakeError<ServerHandshake<TcpStream, Wanted>>>;
+
+/// Those who have connected and have not said yet what they want. None of them holds up another one: a browser, a port scanner and
+/// whoever says nothing may come first, and the simulator behind them.
+#[derive(Default)]
+struct Door {
+    speaking: VecDeque<(Speaking, Deadline)>,
+    /// Why the last one that is no simulator was sent away.
+    refused: Option<String>,
+}
+
+impl Door {
+    /// Lets in who has come, and greets a simulator among them.
+    fn look(&mut self, listener: &TcpListener) -> Result<Option<WebSocket<TcpStream>>> {
+        loop {
+            let stream = match listener.accept() {
+                Ok((stream, _)) => stream,
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
+                // It was gone before it was let in.
+                Err(error) if error.kind() == io::ErrorKind::ConnectionAborted => continue,
+                Err(error) => return Err(error.into()),
+            };
+            if stream.set_nonblocking(true).and_then(|()| stream.set_nodelay(true)).is_err() {
+                continue;
             }
-            Err(HandshakeError::Interrupted(_)) => return Err("it did not say what it wants".to_owned()),
-            Err(HandshakeError::Failure(error)) => return Err(error.to_string()),
+            let config =
+                WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
+            let accepted = tungstenite::accept_hdr_with_config(stream, wanted as Wanted, Some(config));
+            if let Some(socket) = self.hear(accepted, Deadline::new(HANDSHAKE, "")) {
+                return Ok(Some(socket));
+            }
         }
-    };
+        for _ in 0..self.speaking.len() {
+            if let Some((speaking, deadline)) = self.speaking.pop_front()
+                && let Some(socket) = self.hear(speaking.handshake(), deadline)
+            {
+                return Ok(Some(socket));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Takes what a client has said so far: the connection where it is a simulator, which has been greeted.
+    fn hear(&mut self, said: Said, deadline: Deadline) -> Option<WebSocket<TcpStream>> {
+        let refused = match said {
+            Ok(socket) => match greet(socket) {
+                Ok(socket) => return Some(socket),
+                Err(error) => error.to_string(),
+            },
+            Err(HandshakeError::Interrupted(speaking)) if deadline.left().is_some() => {
+                // The oldest has had the most time.
+                if self.speaking.len() >= ROOM {
+                    self.speaking.pop_front();
+                }
+                self.speaking.push_back((speaking, deadline));
+                return None;
+            }
+            Err(HandshakeError::Interrupted(_)) => "it did not say what it wants".to_owned(),
+            Err(HandshakeError::Failure(error)) => error.to_string(),
+        };
+        self.refused = Some(refused);
+        None
+    }
+}
+
+fn greet(mut socket: WebSocket<TcpStream>) -> std::result::Result<WebSocket<TcpStream>, tungstenite::Error> {
+    let stream = socket.get_ref();
+    stream.set_nonblocking(false)?;
+    stream.set_write_timeout(Some(HANDSHAKE))?;
     for text in GREETING {
-        socket.send(Message::text(text)).map_err(|error| error.to_string())?;
+        socket.send(Message::text(text))?;
     }
     Ok(socket)
 }
@@ -279,10 +326,11 @@ fn nobody(station: &Station, last: Option<&str>) -> Error {
     Error::of(
         ErrorKind::Lost,
         format!(
-            "{} has not connected within {} s{other}; start it, and see that it connects to this port (the stock build always takes 4567), or let \
-             pdk start it with `launch`",
-            station,
-            settings.start.as_secs_f64()
+            "{station} has not connected within {} s{other}; {}",
+            settings.start.as_secs_f64(),
+            station.remedy(
+                "start it, and see that it connects to this port (the stock build always takes 4567)"
+            )
         ),
     )
 }

@@ -32,7 +32,7 @@ pub struct Udacity {
 /// The connection to a simulator.
 struct Link {
     server: Server,
-    /// Where its vehicle stood first, in its coordinates.
+    /// Where its vehicle starts, in its coordinates.
     home: Option<[f64; 3]>,
 }
 
@@ -59,6 +59,8 @@ struct Telemetry {
     hit: Hit,
     /// The road that is there, where it says so.
     track: Option<String>,
+    /// Whether it has nothing that only the road-generating build tells.
+    stock: bool,
     picture: Vec<u8>,
 }
 
@@ -186,7 +188,15 @@ impl Link {
             self.steer(Control::default(), &deadline)?;
         }
         let first = self.telemetry(options, &deadline)?;
-        let home = *self.home.get_or_insert(first.position.unwrap_or(START));
+        if first.stock && options.build == Build::RoadGenerating {
+            return Err(mistake(format!(
+                "{} tells nothing of roads, so it is the stock build; set build=stock, or start the road-generating one",
+                self.server.peer()
+            )));
+        }
+        // Where the road begins that is there, for the vehicle may be anywhere on it: it may have been driven before this connection.
+        let begins = || pdk_road::parse(first.track.as_deref()?).ok()?.first().copied();
+        let home = *self.home.get_or_insert_with(|| begins().or(first.position).unwrap_or(START));
         let (track, text) = match road {
             Some(points) => {
                 let [x, y, z] = points[0];
@@ -342,6 +352,7 @@ fn taken(packet: Packet<'_>, options: &Options) -> Heard {
         (Number(Some(x)), Number(Some(y)), Number(Some(z))) => Some([x, y, z]),
         _ => None,
     };
+    let stock = told.hit.is_none() && told.track.is_none() && told.cte.0.is_none() && position.is_none();
     let hit = match told.hit.as_deref() {
         None | Some("none" | "") => Hit::Nothing,
         Some(text) => number::read(text).map_or(Hit::Something, Hit::Count),
@@ -352,6 +363,7 @@ fn taken(packet: Packet<'_>, options: &Options) -> Heard {
         position,
         hit,
         track: told.track.filter(|track| !track.is_empty()).map(|track| track.to_string()),
+        stock,
         picture,
     })
 }

@@ -204,7 +204,10 @@ impl Connection {
     }
 
     fn gone(&self, error: &io::Error) -> Error {
-        Error::of(ErrorKind::Lost, format!("the connection to {} is gone ({error})", self.peer))
+        Error::of(
+            ErrorKind::Lost,
+            format!("the connection to {} is gone ({error}); look whether it still runs", self.peer),
+        )
     }
 }
 

@@ -8,6 +8,7 @@
 //! | [`process`] | a simulator that pdk starts, and that ends with pdk whatever happens |
 //! | [`deadline`] | no wait without an end, and an error that says what was waited for |
 //! | [`connection`] | messages over TCP: limits on time and size, and what is wrong in a sentence |
+//! | [`mount`] | the camera, for simulators in which the adapter fixes one to the vehicle |
 //! | [`picture`] | pictures that come as raw pixels |
 //! | [`track`] | cross-track error, progress and heading from the road and the position, where the simulator does not tell them |
 //!
@@ -26,6 +27,7 @@
 
 pub mod connection;
 pub mod deadline;
+pub mod mount;
 pub mod picture;
 pub mod port;
 pub mod process;
@@ -35,6 +37,7 @@ pub mod track;
 
 pub use connection::Connection;
 pub use deadline::Deadline;
+pub use mount::Mount;
 pub use picture::Picture;
 pub use settings::Settings;
 pub use station::Station;

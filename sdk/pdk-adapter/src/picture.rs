@@ -2,7 +2,7 @@
 
 use std::fmt::Display;
 
-use pdk_sdk::prelude::{Error, ErrorKind, Frame, FrameMut, Result};
+use pdk_sdk::prelude::{Error, ErrorKind, FrameMut, Result};
 
 /// The order in which a simulator sends the colours of a pixel, which has four bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -75,20 +75,17 @@ impl Picture {
 /// # Errors
 /// Where it cannot be decoded, or has another size than the frame.
 pub fn decode(encoded: &[u8], peer: impl Display, mut into: FrameMut<'_>) -> Result<()> {
-    let picture = pdk_image::decode(encoded)
-        .map_err(|error| {
-            Error::of(ErrorKind::Nonsense, format!("{peer} sends a picture that cannot be used: {error}"))
-        })?
-        .into_rgb8();
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    if (width, height) != (into.width(), into.height()) {
-        return Err(Error::of(
+    match pdk_image::decode_into(encoded, into.reborrow()) {
+        Ok(size) if size == (into.width(), into.height()) => Ok(()),
+        Ok((width, height)) => Err(Error::of(
             ErrorKind::Configuration,
             format!("{peer} sends pictures of {width}x{height}; set width={width} and height={height}"),
-        ));
+        )),
+        Err(error) => Err(Error::of(
+            ErrorKind::Nonsense,
+            format!("{peer} sends a picture that cannot be used: {error}"),
+        )),
     }
-    into.copy_from(Frame::new(picture.as_raw(), width, height)?);
-    Ok(())
 }
 
 #[cfg(test)]

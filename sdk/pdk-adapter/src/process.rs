@@ -16,6 +16,8 @@ const LEAVE: Duration = Duration::from_secs(2);
 const KEPT: usize = 2000;
 /// How much of that is quoted in an error, in characters.
 const QUOTED: usize = 300;
+/// How much of a command is quoted, in characters.
+const NAMED: usize = 100;
 
 /// Runs the program in its own process group, with a guard beside it that waits for the end of this process: when the pipe that is its
 /// standard input is closed, which the system does at any end of this process, the guard kills the group.
@@ -41,7 +43,8 @@ pub struct Launch<'a> {
 #[derive(Debug)]
 pub struct Launched {
     what: &'static str,
-    program: String,
+    /// The command, as it is named to users.
+    command: String,
     child: Child,
     /// While it is open, the guard waits.
     _leash: PipeWriter,
@@ -87,7 +90,7 @@ impl Launched {
             .name("program-output".into())
             .spawn(move || keep_last(output, &kept))
             .map_err(cannot)?;
-        Ok(Self { what, program: program.clone(), child, _leash: leash, said })
+        Ok(Self { what, command: command_line(words), child, _leash: leash, said })
     }
 
     /// Says that it has ended, where it has.
@@ -102,10 +105,10 @@ impl Launched {
                 std::thread::sleep(Duration::from_millis(50));
                 Err(Error::of(
                     ErrorKind::Lost,
-                    format!("the {} `{}` ended ({status}){}", self.what, self.program, self.last_words()),
+                    format!("the {} `{}` ended ({status}){}", self.what, self.command, self.last_words()),
                 ))
             }
-            Err(error) => Err(Error::new(format!("cannot look after `{}`: {error}", self.program))),
+            Err(error) => Err(Error::new(format!("cannot look after `{}`: {error}", self.command))),
         }
     }
 
@@ -117,16 +120,9 @@ impl Launched {
     fn last_words(&self) -> String {
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
         let text = String::from_utf8_lossy(&said);
-        let text = text
-            .lines()
-            .map(str::trim)
-            .filter(|line| line.contains(|c: char| !matches!(c, '^' | '~' | ' ')))
-            .collect::<Vec<_>>()
-            .join(" / ");
-        let skipped = text.chars().count().saturating_sub(QUOTED);
-        match text.is_empty() {
-            true => ", and wrote nothing".to_owned(),
-            false => format!(", and wrote last: {}", text.chars().skip(skipped).collect::<String>()),
+        match last_lines(&text) {
+            lines if lines.is_empty() => ", and wrote nothing".to_owned(),
+            lines => format!(", and wrote last: {lines}"),
         }
     }
 }
@@ -149,6 +145,38 @@ impl Drop for Launched {
         }
         let _ = self.child.wait();
     }
+}
+
+/// A program with its arguments as it is named to users: `python3 pilot.py`.
+pub fn command_line(words: &[String]) -> String {
+    let text = words.iter().flat_map(|word| word.split_whitespace()).collect::<Vec<_>>().join(" ");
+    match text.char_indices().nth(NAMED) {
+        Some((end, _)) => format!("{} ...", &text[..end]),
+        None => text,
+    }
+}
+
+/// The last lines of a text, as many as are quoted. Lines that only underline another one are left out; of one that is too long by itself
+/// it is the end.
+fn last_lines(text: &str) -> String {
+    let mut room = QUOTED;
+    let mut kept = Vec::new();
+    for line in text.lines().rev().map(str::trim) {
+        if !line.contains(|c: char| !matches!(c, '^' | '~' | ' ')) {
+            continue;
+        }
+        let length = line.chars().count();
+        if length > room {
+            if kept.is_empty() {
+                kept.push(format!("... {}", line.chars().skip(length - room).collect::<String>()));
+            }
+            break;
+        }
+        room -= length;
+        kept.push(line.to_owned());
+    }
+    kept.reverse();
+    kept.join(" / ")
 }
 
 /// Whether a program can be started: a file where it is a path, else one in a folder of `PATH`.
@@ -219,6 +247,23 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::Configuration);
         assert!(error.message().contains("`/no/such/program`"));
         assert!(start(&["no-such-program"]).is_err());
+    }
+
+    #[test]
+    fn lines_are_quoted_whole_and_from_the_end() {
+        let long = "x".repeat(250);
+        let traceback = format!(
+            "{long}\n  File \"pilot.py\", line 3\n    net(frame)\n    ~~~^^^^^^^\nValueError: my network broke\n"
+        );
+        assert_eq!(
+            last_lines(&traceback),
+            "File \"pilot.py\", line 3 / net(frame) / ValueError: my network broke"
+        );
+        assert_eq!(last_lines(&"y".repeat(1000)), format!("... {}", "y".repeat(QUOTED)));
+        assert_eq!(last_lines(" \n^^^\n"), "");
+        let words = ["python3".to_owned(), "pilot.py".to_owned(), "a\nb".to_owned()];
+        assert_eq!(command_line(&words), "python3 pilot.py a b");
+        assert!(command_line(&["z".repeat(500)]).ends_with("z ..."));
     }
 
     #[test]

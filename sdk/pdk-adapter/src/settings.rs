@@ -57,7 +57,12 @@ impl Settings {
                  null where the simulator is running already",
             ))
             .parameter(
-                Parameter::number("start_seconds", START_SECONDS, "how long the simulator may take until it is ready")
+                Parameter::number(
+                    "start_seconds",
+                    START_SECONDS,
+                    "how long the simulator may take until it is ready; where that is 60 s or more, pdk's own `patience` has to be raised \
+                     with it",
+                )
                     .range(0.1, 3600.0)
                     .unit("s"),
             )

@@ -106,6 +106,18 @@ impl Station {
         }
     }
 
+    /// An error of the first that was asked of whatever listens at the station's port: what does not answer there may be no simulator
+    /// at all.
+    pub fn unknown(&self, error: Error) -> Error {
+        match error.kind() {
+            ErrorKind::Late => Error::of(
+                ErrorKind::Late,
+                format!("{error}, or correct `port`: another program may listen at {}", self.port),
+            ),
+            _ => error,
+        }
+    }
+
     /// Waits until `poll` has something to give; where the simulator was started here, for no longer than it lives. `what` is what
     /// the simulator has not done where it comes to nothing, as in "loaded the scene".
     ///
@@ -187,6 +199,17 @@ impl Station {
         Ok(listener)
     }
 
+    /// What the user can do about a simulator that has not come and that pdk does not start: `first`, as in "start it, correct `port`", or
+    /// what there is to do for a worker that is not the first.
+    pub fn remedy(&self, first: &str) -> String {
+        match self.slot {
+            0 => format!("{first}, or let pdk start it with `launch`"),
+            slot => format!(
+                "worker {slot} needs a simulator of its own there: start one, let pdk start it with `launch`, or set --workers 1"
+            ),
+        }
+    }
+
     fn nobody(&self, port: u16, refused: &str, deadline: &Deadline) -> Error {
         let Settings { title, host, start, .. } = &self.settings;
         let remedy = match self.process.is_some() {
@@ -194,11 +217,7 @@ impl Station {
                 "it was started {:.0} s ago; raise `start_seconds` if it is slow",
                 deadline.elapsed().as_secs_f64()
             ),
-            false if self.slot > 0 => format!(
-                "worker {} needs a simulator of its own there: start one, let pdk start it with `launch`, or set --workers 1",
-                self.slot
-            ),
-            false => "start it, correct `host` and `port`, or let pdk start it with `launch`".to_owned(),
+            false => self.remedy("start it, correct `host` and `port`"),
         };
         Error::of(
             ErrorKind::Lost,

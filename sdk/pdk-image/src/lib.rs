@@ -53,10 +53,7 @@ pub fn is_image(head: &[u8]) -> bool {
 /// # Errors
 /// As [`read`].
 pub fn decode(bytes: &[u8]) -> Result<DynamicImage> {
-    let format = image::guess_format(bytes)
-        .ok()
-        .filter(is_still)
-        .ok_or_else(|| Error::new("it is not a JPEG, PNG, BMP or WebP file"))?;
+    let format = format_of(bytes)?;
     let (mut image, orientation) = match format {
         ImageFormat::Jpeg => jpeg::decode(bytes)?,
         ImageFormat::Png => png::decode(bytes)?,
@@ -64,6 +61,34 @@ pub fn decode(bytes: &[u8]) -> Result<DynamicImage> {
     };
     image.apply_orientation(orientation);
     Ok(image)
+}
+
+/// Decodes an image file as [`decode`] does, and drops an alpha channel as [`read`] does, into a frame of its size. Returns the width and
+/// height of the picture in pixels; where the frame has another size, it holds nothing of use.
+///
+/// # Errors
+/// As [`read`]. The frame may hold a part of the picture then.
+pub fn decode_into(bytes: &[u8], mut into: FrameMut<'_>) -> Result<(usize, usize)> {
+    // Most pictures need no memory but the frame's own.
+    let done = match format_of(bytes)? {
+        ImageFormat::Jpeg => jpeg::decode_into(bytes, &mut into)?,
+        ImageFormat::Png => png::decode_into(bytes, &mut into)?,
+        _ => false,
+    };
+    if done {
+        return Ok((into.width(), into.height()));
+    }
+    let picture = decode(bytes)?.into_rgb8();
+    let size = (picture.width() as usize, picture.height() as usize);
+    if size == (into.width(), into.height()) {
+        into.copy_from(Frame::new(picture.as_raw(), size.0, size.1)?);
+    }
+    Ok(size)
+}
+
+fn format_of(bytes: &[u8]) -> Result<ImageFormat> {
+    let format = image::guess_format(bytes).ok().filter(is_still);
+    format.ok_or_else(|| Error::new("it is not a JPEG, PNG, BMP or WebP file"))
 }
 
 fn read_as<T>(path: &Path, convert: impl FnOnce(DynamicImage) -> Result<T>) -> Result<T> {
@@ -159,6 +184,44 @@ mod tests {
         JpegEncoder::new(&mut bytes).write_image(&grey, 9, 7, ExtendedColorType::L8).unwrap();
         let frame = decode(&bytes).unwrap();
         assert!(frame.data().chunks(3).all(|p| p[0] == p[1] && p[1] == p[2]));
+    }
+
+    #[test]
+    fn what_is_decoded_into_a_frame_is_what_is_decoded_by_itself() {
+        let mut files: Vec<Vec<u8>> = foreign().map(<[u8]>::to_vec).into();
+        files.extend([ImageFormat::Jpeg, ImageFormat::Png, ImageFormat::Bmp].map(encoded));
+        // With alpha, and grey.
+        let image = DynamicImage::from(picture(64, 48));
+        for other in [DynamicImage::from(image.to_rgba8()), DynamicImage::from(image.to_luma8())] {
+            let mut bytes = Cursor::new(Vec::new());
+            other.write_to(&mut bytes, ImageFormat::Png).unwrap();
+            files.push(bytes.into_inner());
+        }
+        for (number, bytes) in files.iter().enumerate() {
+            let expected = decode(bytes).unwrap();
+            let mut frame = FrameBuf::new(expected.width(), expected.height());
+            assert_eq!(
+                decode_into(bytes, frame.as_mut()),
+                Ok((expected.width(), expected.height())),
+                "{number}"
+            );
+            assert_eq!(frame.data(), expected.data(), "{number}");
+            // In rows that lie apart, and in a frame of another size.
+            let stride = 3 * expected.width() + 5;
+            let mut apart = vec![9; stride * expected.height()];
+            let view =
+                FrameMut::with_stride(&mut apart, expected.width(), expected.height(), stride).unwrap();
+            decode_into(bytes, view).unwrap();
+            assert!(
+                apart
+                    .chunks(stride)
+                    .zip(expected.data().chunks(stride - 5))
+                    .all(|(a, b)| a[..stride - 5] == *b)
+            );
+            let mut other = FrameBuf::new(expected.width() + 1, expected.height());
+            assert_eq!(decode_into(bytes, other.as_mut()), Ok((expected.width(), expected.height())));
+            assert!(decode_into(&bytes[..bytes.len() / 2], frame.as_mut()).is_err(), "{number}");
+        }
     }
 
     #[test]

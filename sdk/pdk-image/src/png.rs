@@ -19,8 +19,8 @@ const OF_PICTURES: [&[u8; 4]; 8] = [b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND",
 
 type PngReader<'a> = Reader<Cursor<&'a [u8]>>;
 
-/// A file of which the head was read, and room for its pixels.
-fn read(bytes: &[u8]) -> Result<(PngReader<'_>, Vec<u8>)> {
+/// A file of which the head was read, and how many bytes its pixels have.
+fn read(bytes: &[u8]) -> Result<(PngReader<'_>, usize)> {
     let mut options = DecodeOptions::default();
     options.set_ignore_checksums(false);
     // Of no use here, and they may be compressed a thousand times.
@@ -34,7 +34,13 @@ fn read(bytes: &[u8]) -> Result<(PngReader<'_>, Vec<u8>)> {
     decoder.set_transformations(Transformations::EXPAND);
     let reader = decoder.read_info().place(DAMAGED)?;
     let length = reader.output_buffer_size().ok_or_else(|| Error::new("it is damaged: it has no size"))?;
-    Ok((reader, vec![0; length]))
+    Ok((reader, length))
+}
+
+fn orientation(reader: &PngReader<'_>) -> Orientation {
+    let exif = reader.info().exif_metadata.as_ref();
+    let orientation = exif.and_then(|exif: &Cow<'_, [u8]>| Orientation::from_exif_chunk(exif));
+    orientation.unwrap_or(Orientation::NoTransforms)
 }
 
 /// Reads all pictures of an animation and the checksums of their pixels, which its decoder does not look at.
@@ -42,7 +48,8 @@ fn read(bytes: &[u8]) -> Result<(PngReader<'_>, Vec<u8>)> {
 /// # Errors
 /// Where it is damaged or too large.
 pub fn check_animation(bytes: &[u8]) -> Result<()> {
-    let (mut reader, mut pixels) = read(bytes)?;
+    let (mut reader, length) = read(bytes)?;
+    let mut pixels = vec![0; length];
     let info = reader.info();
     let pictures = info.animation_control.map_or(1, |animation| animation.num_frames);
     // The picture for those that know nothing of animations may be one of its own.
@@ -55,18 +62,15 @@ pub fn check_animation(bytes: &[u8]) -> Result<()> {
 
 /// Decodes a file, or the first picture of an animation; how it is to be turned is said beside it.
 pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
-    let (mut reader, mut pixels) = read(bytes)?;
+    let (mut reader, length) = read(bytes)?;
+    let mut pixels = vec![0; length];
     let (color, depth) = reader.output_color_type();
     let frame = reader.next_frame(&mut pixels).place(DAMAGED)?;
     // The checksum of the pixels stands behind them.
     reader.finish().place(DAMAGED)?;
     pixels.truncate(frame.buffer_size());
     let (width, height) = (frame.width, frame.height);
-    let orientation = reader
-        .info()
-        .exif_metadata
-        .as_ref()
-        .and_then(|exif: &Cow<'_, [u8]>| Orientation::from_exif_chunk(exif));
+    let orientation = orientation(&reader);
     let words =
         || pixels.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect::<Vec<u16>>();
     let image: Option<DynamicImage> = match (color, depth) {
@@ -94,7 +98,25 @@ pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
         (ColorType::Indexed, _) => None,
     };
     let image = image.ok_or_else(|| Error::new("it is damaged: it has fewer pixels than its size says"))?;
-    Ok((image, orientation.unwrap_or(Orientation::NoTransforms)))
+    Ok((image, orientation))
+}
+
+/// Decodes a file into a frame, where it is one of its size that needs no more; whether it was. Where not, the frame may hold anything.
+pub fn decode_into(bytes: &[u8], into: &mut FrameMut<'_>) -> Result<bool> {
+    let (mut reader, length) = read(bytes)?;
+    let (size, kind) = (reader.info().size(), reader.output_color_type());
+    if (size.0 as usize, size.1 as usize) != (into.width(), into.height())
+        || kind != (ColorType::Rgb, BitDepth::Eight)
+    {
+        return Ok(false);
+    }
+    let Some(pixels) = into.contiguous_mut().filter(|pixels| pixels.len() == length) else {
+        return Ok(false);
+    };
+    let frame = reader.next_frame(pixels).place(DAMAGED)?;
+    // The checksum of the pixels stands behind them, and there may be something that says how the picture is to be turned.
+    reader.finish().place(DAMAGED)?;
+    Ok((frame.width, frame.height) == size && orientation(&reader) == Orientation::NoTransforms)
 }
 
 /// A PNG file without all that is no part of its pictures: texts and color profiles, which a decoder would expand to any size.

@@ -46,9 +46,9 @@ impl Error {
         Self::of(ErrorKind::Failed, message)
     }
 
-    /// An error of a kind.
+    /// An error of a kind. The numbers that the standard library puts behind errors of the system are left out: nobody needs them.
     pub fn of(kind: ErrorKind, message: impl Into<String>) -> Self {
-        Self { kind, message: message.into() }
+        Self { kind, message: without_numbers(message.into()) }
     }
 
     /// Puts the place before the message: `"{place}: {message}"`. The kind stays.
@@ -74,6 +74,21 @@ impl fmt::Display for Error {
 }
 
 impl std::error::Error for Error {}
+
+/// The message without ` (os error 2)` and the like.
+fn without_numbers(mut message: String) -> String {
+    const BEFORE: &str = " (os error ";
+    let mut from = 0;
+    while let Some(start) = message[from..].find(BEFORE).map(|at| from + at) {
+        let digits = start + BEFORE.len();
+        let count = message[digits..].bytes().take_while(u8::is_ascii_digit).count();
+        match message[digits + count..].starts_with(')') {
+            true => message.replace_range(start..digits + count + 1, ""),
+            false => from = digits,
+        }
+    }
+    message
+}
 
 impl From<String> for Error {
     fn from(message: String) -> Self {
@@ -134,6 +149,17 @@ mod tests {
         assert_eq!(Err::<(), _>(lost()).place("frame 3"), Err(lost().at("frame 3")));
         let plain: Result<(), Error> = Err::<(), _>("it is gone").place("frame 3");
         assert_eq!(plain.unwrap_err().kind(), ErrorKind::Failed);
+    }
+
+    #[test]
+    fn numbers_of_system_errors_are_left_out() {
+        let error = std::io::Error::from_raw_os_error(111);
+        assert!(error.to_string().contains("(os error 111)"));
+        let said = Error::new(format!("nobody is there ({error}); start it: {error}"));
+        assert_eq!(said.message(), "nobody is there (Connection refused); start it: Connection refused");
+        for kept in ["a (os error )", "a (os error 1", "(os error 2)", " (os error x)"] {
+            assert_eq!(Error::new(kept).message(), kept);
+        }
     }
 
     #[test]

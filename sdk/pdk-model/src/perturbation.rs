@@ -230,9 +230,37 @@ fn read_text(text: &str) -> Result<Map<String, Value>> {
     Ok(table)
 }
 
-/// A value as it is written in JSON; what cannot be written is empty.
+/// A value as a user writes it in JSON; what cannot be written is empty.
 fn json(value: &impl Serialize) -> String {
-    serde_json::to_string(value).unwrap_or_default()
+    serde_json::to_value(value).map(|value| as_written(value).to_string()).unwrap_or_default()
+}
+
+/// The same without what users leave out: the fraction of a whole number, and the tables around a component's parameters, and around its
+/// name where it has none.
+fn as_written(value: Value) -> Value {
+    match value {
+        Value::Number(number) => match number.as_f64() {
+            // Every number up to 2^53 is whole exactly.
+            Some(float) if number.is_f64() && float.fract() == 0.0 && float.abs() < 9e15 => {
+                (float as i64).into()
+            }
+            _ => Value::Number(number),
+        },
+        Value::Array(values) => values.into_iter().map(as_written).collect(),
+        Value::Object(mut table) => {
+            if table.contains_key("name")
+                && let Some(Value::Object(parameters)) = table.get("parameters").cloned()
+            {
+                table.shift_remove("parameters");
+                table.extend(parameters);
+            }
+            match table.get("name") {
+                Some(name @ Value::String(_)) if table.len() == 1 => name.clone(),
+                _ => table.into_iter().map(|(key, value)| (key, as_written(value))).collect(),
+            }
+        }
+        other => other,
+    }
 }
 
 #[cfg(test)]
@@ -253,7 +281,7 @@ mod tests {
         assert_eq!(parse("fog@2.5"), AppliedPerturbation::new("fog", 2.5));
         let spec = parse("fog@1,mode=soft,size=3");
         assert_eq!(spec.parameters, *json!({"mode": "soft", "size": 3}).as_object().unwrap());
-        let limited = r#"fog@1,probability=0.5,region={"box":[0.0,0.5,1.0,1.0]},draws="per_frame""#;
+        let limited = r#"fog@1,probability=0.5,region={"box":[0,0.5,1,1]},draws="per_frame""#;
         assert_eq!(parse(limited).to_string(), limited);
         assert_eq!(spec.to_string(), "fog@1,mode=\"soft\",size=3");
         assert_eq!(spec.label(), "fog,mode=\"soft\",size=3");
@@ -288,8 +316,11 @@ mod tests {
     fn what_is_shown_is_read_back() {
         for text in [
             "fog@2.5,size=3",
-            r#"fog,level={"ramp":{"from":0.0,"to":4.0,"start":0.0,"end":2.0}},size=3"#,
-            r#"fog,level={"frames":{"rate":20.0,"levels":[[0.0,3],1.5]}},probability=0.5"#,
+            r#"fog,level={"ramp":{"from":0,"to":4,"start":0,"end":2}},size=3"#,
+            r#"fog,level={"frames":{"rate":20,"levels":[[0,3],1.5]}},probability=0.5"#,
+            r#"fog@1,where={"mask":"road_mask"}"#,
+            r#"fog@1,where={"mask":{"name":"road_mask","size":3}}"#,
+            r#"fog@1,where={"farther":30}"#,
         ] {
             assert_eq!(parse(text).to_string(), text);
         }

@@ -35,7 +35,7 @@ impl Config {
                     values.insert(parameter.name.clone(), value.clone());
                 }
                 None if parameter.levels.is_some() || !effective => {}
-                None if parameter.default.is_null() && !matches!(parameter.kind, ParameterType::Json) => {
+                None if parameter.is_required() => {
                     return Err(mistake(format!(
                         "{} `{}` needs the parameter `{}` ({})",
                         description.kind, description.name, parameter.name, parameter.doc

@@ -6,10 +6,7 @@
 mod world;
 
 use std::io::{BufReader, Read, Write};
-use std::net::{TcpListener, TcpStream};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
+use std::net::TcpStream;
 use std::time::Duration;
 
 use rmpv::Value;
@@ -17,14 +14,13 @@ use rmpv::Value;
 pub use world::{Fault, Setup, lane_simulator};
 use world::{World, array, at};
 
-use crate::stand_in::{self, free_ports};
+use crate::server::{Server, Shared};
+use crate::stand_in::free_ports;
 
 /// A running server. It ends when it is dropped.
 pub struct CarlaServer {
     port: u16,
-    world: Arc<Mutex<World>>,
-    stop: Arc<AtomicBool>,
-    threads: Vec<JoinHandle<()>>,
+    server: Server<World>,
 }
 
 impl CarlaServer {
@@ -34,25 +30,17 @@ impl CarlaServer {
     /// Where its ports are taken.
     pub fn start(setup: Setup) -> Self {
         let port = if setup.port == 0 { free_ports(2) } else { setup.port };
-        let rpc = stand_in::listen(port);
-        let streams = stand_in::listen(port + 1);
-        let world = Arc::new(Mutex::new(World::new(setup, port)));
-        let stop = Arc::new(AtomicBool::new(false));
-        let mut threads = vec![
-            listen(rpc, Arc::clone(&world), Arc::clone(&stop), answer_all),
-            listen(streams, Arc::clone(&world), Arc::clone(&stop), subscribe),
-        ];
-        let (ticking, ended) = (Arc::clone(&world), Arc::clone(&stop));
-        threads.push(std::thread::spawn(move || {
-            while !ended.load(Ordering::SeqCst) {
+        let mut server = Server::start(World::new(setup, port), &[(port, answer_all), (port + 1, subscribe)]);
+        server.beside(|shared| {
+            while !shared.is_over() {
                 std::thread::sleep(Duration::from_millis(10));
-                let mut world = lock(&ticking);
+                let mut world = shared.world();
                 if !world.is_synchronous() {
                     world.step();
                 }
             }
-        }));
-        Self { port, world, stop, threads }
+        });
+        Self { port, server }
     }
 
     /// The port of requests.
@@ -62,42 +50,42 @@ impl CarlaServer {
 
     /// What stands in its world besides the spectator.
     pub fn actors(&self) -> Vec<String> {
-        lock(&self.world).kinds()
+        self.server.world().kinds()
     }
 
     /// Whether it waits for clients.
     pub fn is_synchronous(&self) -> bool {
-        lock(&self.world).is_synchronous()
+        self.server.world().is_synchronous()
     }
 
     /// The first number of its weather, the cloudiness.
     pub fn cloudiness(&self) -> f64 {
-        lock(&self.world).weather[0].as_f64().unwrap()
+        self.server.world().weather[0].as_f64().unwrap()
     }
 
     /// How long it took itself for the latest frame that it was asked for.
     pub fn own_time(&self) -> Duration {
-        lock(&self.world).own
+        self.server.world().own
     }
 
     /// How many subscriptions it got.
     pub fn subscriptions(&self) -> usize {
-        lock(&self.world).subscriptions
+        self.server.world().subscriptions
     }
 
     /// The kinds of everything that was spawned, in that order.
     pub fn spawned(&self) -> Vec<String> {
-        lock(&self.world).spawned.clone()
+        self.server.world().spawned.clone()
     }
 
     /// The names of the requests that it got, in their order.
     pub fn calls(&self) -> Vec<String> {
-        lock(&self.world).calls.clone()
+        self.server.world().calls.clone()
     }
 
     /// Leaves the world as a client does that is killed: waiting for a client, with a vehicle and a sensor on it.
     pub fn abandon(&self) {
-        let mut world = lock(&self.world);
+        let mut world = self.server.world();
         world.settings[0] = true.into();
         let role = |kind: &str, role: &str| {
             array([1.into(), kind.into(), array([array(["role_name".into(), 4.into(), role.into()])])])
@@ -112,69 +100,23 @@ impl CarlaServer {
     }
 }
 
-impl Drop for CarlaServer {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::SeqCst);
-        lock(&self.world).close_all();
-        for thread in self.threads.drain(..) {
-            let ended = thread.join();
-            // A test that has failed already says why.
-            assert!(std::thread::panicking() || ended.is_ok(), "the simulator of the test has failed");
-        }
-    }
-}
-
-fn lock(world: &Mutex<World>) -> MutexGuard<'_, World> {
-    world.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Serves each connection in a thread of its own, until it is closed.
-fn listen(
-    listener: TcpListener,
-    world: Arc<Mutex<World>>,
-    stop: Arc<AtomicBool>,
-    serve: fn(TcpStream, &Mutex<World>),
-) -> JoinHandle<()> {
-    listener.set_nonblocking(true).unwrap();
-    std::thread::spawn(move || {
-        let mut serving = Vec::new();
-        while !stop.load(Ordering::SeqCst) {
-            match listener.accept() {
-                Ok((stream, _)) => {
-                    stream.set_nonblocking(false).unwrap();
-                    stream.set_nodelay(true).unwrap();
-                    lock(&world).connections.push(stream.try_clone().unwrap());
-                    let world = Arc::clone(&world);
-                    serving.push(std::thread::spawn(move || serve(stream, &world)));
-                }
-                Err(_) => std::thread::sleep(Duration::from_millis(1)),
-            }
-        }
-        lock(&world).close_all();
-        for thread in serving {
-            let ended = thread.join();
-            assert!(ended.is_ok(), "a connection of the simulator of the test has failed");
-        }
-    })
-}
-
-fn subscribe(mut stream: TcpStream, world: &Mutex<World>) {
+fn subscribe(mut stream: TcpStream, server: &Shared<World>) {
     let mut id = [0; 4];
     if stream.read_exact(&mut id).is_ok() {
-        let mut world = lock(world);
+        let mut world = server.world();
         world.subscriptions += 1;
         world.subscribers.push((u32::from_le_bytes(id), stream));
     }
 }
 
-fn answer_all(mut stream: TcpStream, world: &Mutex<World>) {
+fn answer_all(mut stream: TcpStream, server: &Shared<World>) {
     let mut reader = BufReader::new(stream.try_clone().unwrap());
     while let Ok(request) = rmpv::decode::read_value(&mut reader) {
         let (number, name) = (at(&request, 1).clone(), at(&request, 2).as_str().unwrap().to_owned());
         let mut arguments = at(&request, 3).as_array().unwrap().clone();
         let waits = at(&arguments.remove(0), 0).as_bool() == Some(false);
         let (result, fault) = {
-            let mut world = lock(world);
+            let mut world = server.world();
             world.calls.push(name.clone());
             (world.answer(&name, &arguments), world.fault(&name))
         };
@@ -192,20 +134,20 @@ fn answer_all(mut stream: TcpStream, world: &Mutex<World>) {
         rmpv::encode::write_value(&mut bytes, &message).unwrap();
         let sent = match fault {
             Some(Fault::Close) => {
-                lock(world).close_all();
+                close_all(server);
                 return;
             }
             Some(Fault::Hang) => {
-                lock(world).hanging = true;
+                server.world().hanging = true;
                 continue;
             }
             Some(Fault::HalfAnswer) => {
                 let _ = stream.write_all(&bytes[..bytes.len() / 2]);
-                lock(world).close_all();
+                close_all(server);
                 return;
             }
             Some(Fault::CloseStreams) => {
-                lock(world).close_streams();
+                server.world().close_streams();
                 stream.write_all(&bytes)
             }
             Some(Fault::Garbage) => stream.write_all(&[0xc1; 200]),
@@ -213,11 +155,16 @@ fn answer_all(mut stream: TcpStream, world: &Mutex<World>) {
                 let huge = [&[0x94, 0x01, 0x00, 0xc0, 0xc6][..], &100_000_000u32.to_be_bytes()].concat();
                 stream.write_all(&huge).and_then(|()| stream.write_all(&vec![0; 100_000_000]))
             }
-            _ if lock(world).hanging => continue,
+            _ if server.world().hanging => continue,
             _ => stream.write_all(&bytes),
         };
         if sent.is_err() {
             return;
         }
     }
+}
+
+fn close_all(server: &Shared<World>) {
+    server.close_all();
+    server.world().subscribers.clear();
 }

@@ -92,7 +92,6 @@ pub(super) struct World {
     pub(super) calls: Vec<String>,
     pub(super) spawned: Vec<String>,
     pub(super) subscribers: Vec<(u32, TcpStream)>,
-    pub(super) connections: Vec<TcpStream>,
     pub(super) hanging: bool,
     /// What the latest frame took here.
     pub(super) own: Duration,
@@ -164,7 +163,6 @@ impl World {
             calls: Vec::new(),
             spawned: Vec::new(),
             subscribers: Vec::new(),
-            connections: Vec::new(),
             hanging: false,
             own: Duration::ZERO,
             subscriptions: 0,
@@ -193,13 +191,6 @@ impl World {
 
     pub(super) fn is_synchronous(&self) -> bool {
         self.settings[0].as_bool() == Some(true)
-    }
-
-    pub(super) fn close_all(&mut self) {
-        for stream in self.connections.drain(..) {
-            let _ = stream.shutdown(Shutdown::Both);
-        }
-        self.subscribers.clear();
     }
 
     pub(super) fn close_streams(&mut self) {

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use pdk_core::view::DEFAULT_METHOD;
+use pdk_core::view::{self, DEFAULT_METHOD};
 use pdk_core::{eprintln, output, println};
 use pdk_model::component::ComponentSpec;
 use pdk_preview::picture;
 use pdk_preview::preview::{self, Options};
-use pdk_sdk::describe::Temporal;
+use pdk_sdk::describe::{Kind, Temporal};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::json;
 
@@ -72,7 +72,15 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         None => None,
         Some(model) => {
             let mut method = ComponentSpec::parse("saliency method", &arguments.method)?;
-            method.parameters.insert("model".to_owned(), model.as_str().into());
+            match registry.catalog().get(Kind::Driver, model) {
+                Ok(_) => {
+                    method =
+                        view::of_driver(registry.catalog(), &ComponentSpec::new(model.as_str()), &method)?;
+                }
+                Err(_) => {
+                    method.parameters.insert("model".to_owned(), model.as_str().into());
+                }
+            }
             // What is wrong with it shows here, and not at every perturbation.
             registry.saliency(&method.name, &method.parameters)?;
             Some(method)

@@ -26,7 +26,8 @@ pub struct Arguments {
     /// Only this scenario, by its number, its id or the beginning of that; may be given several times [default: all scenarios]
     #[arg(long = "scenario", value_name = "N|ID")]
     scenarios: Vec<String>,
-    /// How many scenarios are driven at the same time [default: all processors]
+    /// How many scenarios are driven at the same time [default: one a processor; one for a simulator that pdk does not
+    /// start]
     #[arg(long, value_name = "N", conflicts_with = "pool")]
     workers: Option<NonZeroUsize>,
     /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
@@ -101,10 +102,7 @@ fn session(global: &Global, arguments: &Arguments, replay: &Replay) -> Result<Se
     let limits = limits(arguments)?;
     let pool = match &arguments.pool {
         Some(command) => Pool::Command(command.clone()),
-        None => {
-            let workers = arguments.workers.or_else(|| std::thread::available_parallelism().ok());
-            Pool::Here(workers.map_or(1, NonZeroUsize::get))
-        }
+        None => arguments.workers.map_or(Pool::Usual, |workers| Pool::Here(workers.get())),
     };
     let start = |search| global.session("replay", pool.clone(), limits, search);
     let mut search = global.search_path();

@@ -34,7 +34,8 @@ pub struct Settings {
     /// The folder of the record [default: runs/NAME-N]
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
-    /// How many scenarios or frames are computed at the same time [default: all processors]
+    /// How many scenarios or frames are computed at the same time [default: one a processor; one for a simulator that
+    /// pdk does not start]
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..=1024))]
     workers: Option<u64>,
     /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
@@ -53,7 +54,7 @@ impl Settings {
     pub fn options(&self, global: &Global, audience: Audience) -> Result<Options> {
         let (mut common, overrides) = Common::read(self.overrides.clone())?;
         common.seed = self.seed.unwrap_or(common.seed);
-        common.workers = self.workers.map_or(common.workers, |workers| workers as usize);
+        common.workers = self.workers.map(|workers| workers as usize).or(common.workers);
         common.out = self.out.clone().or(common.out);
         common.pool = self.pool.clone().or(common.pool).filter(|command| !command.is_empty());
         common.shard = self.shard.or(common.shard);

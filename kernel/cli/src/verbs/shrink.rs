@@ -35,7 +35,8 @@ pub struct Arguments {
     /// Under how many fresh seeds what is left is driven
     #[arg(long, value_name = "N", default_value_t = 20)]
     draws: usize,
-    /// How many scenarios are driven at the same time [default: all processors]
+    /// How many scenarios are driven at the same time [default: one a processor; one for a simulator that pdk does not
+    /// start]
     #[arg(long, value_name = "N")]
     workers: Option<NonZeroUsize>,
     /// How long one call of a component may take, in seconds
@@ -65,8 +66,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         Error::new(format!("--patience: {} is not a positive number of seconds", arguments.patience))
     })?;
     let replay = Replay::open(record, std::slice::from_ref(scenario))?;
-    let workers = arguments.workers.or_else(|| std::thread::available_parallelism().ok());
-    let pool = Pool::Here(workers.map_or(1, NonZeroUsize::get));
+    let pool = arguments.workers.map_or(Pool::Usual, |workers| Pool::Here(workers.get()));
     let limits = ProcessLimits { patience, memory: DEFAULT_MEMORY };
     let start = |search| global.session("shrink", pool.clone(), limits, search);
     let mut search = global.search_path();

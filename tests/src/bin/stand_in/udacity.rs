@@ -21,7 +21,7 @@ struct Session<'a> {
     world: &'a mut World,
     options: &'a mut Options,
     control: Control,
-    track: String,
+    track: &'a mut String,
     /// Commands since the vehicle was put at the start.
     commands: u64,
 }
@@ -31,6 +31,8 @@ pub fn run(mut options: Options) {
     let mut world = World::new(options.seeds.as_deref(), options.rate.unwrap_or(20.0));
     world.resize(320, 160);
     world.start();
+    // Whoever connects next finds the road of whoever came before.
+    let mut track = String::new();
     loop {
         let Ok(stream) = TcpStream::connect(("127.0.0.1", options.port)) else {
             std::thread::sleep(Duration::from_millis(10));
@@ -49,7 +51,7 @@ pub fn run(mut options: Options) {
             world: &mut world,
             options: &mut options,
             control: Control::default(),
-            track: String::new(),
+            track: &mut track,
             commands: 0,
         };
         match session.serve() {
@@ -128,9 +130,14 @@ impl Session<'_> {
             "manual" if self.is_stock() => return self.tell(),
             "reset" => self.control = Control::default(),
             "track" => {
-                self.track = text("track_string").to_owned();
-                let points = pdk_road::parse(&self.track).unwrap();
+                let points = pdk_road::parse(text("track_string")).unwrap();
                 let home = self.options.home;
+                // The vehicle starts there and nowhere else, so a road that begins in another place would be built without it.
+                let [dx, dz] = [0, 2].map(|axis| points[0][axis] - home[axis]);
+                if dx.hypot(dz) > 0.1 {
+                    return None;
+                }
+                *self.track = text("track_string").to_owned();
                 self.world.build(
                     points.iter().map(|point| std::array::from_fn(|axis| point[axis] - home[axis])).collect(),
                 );

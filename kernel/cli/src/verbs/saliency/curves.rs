@@ -133,6 +133,18 @@ impl Curves {
         }
     }
 
+    /// How many frames were measured. One alone says nothing about others, so there are intervals from two on.
+    fn frames(&self) -> usize {
+        self.measured.first().map_or(0, Vec::len)
+    }
+
+    fn said(&self, estimate: &Estimate) -> Value {
+        match self.frames() {
+            0 | 1 => json!({ "value": estimate.value, "low": null, "high": null }),
+            _ => json!(estimate),
+        }
+    }
+
     /// The results as JSON.
     pub fn to_json(&self, labels: &[&str]) -> Value {
         let methods = labels.iter().enumerate().map(|(method, label)| {
@@ -140,9 +152,9 @@ impl Curves {
             json!({
                 "method": label,
                 "frames": self.measured[method].len(),
-                "deletion": { "area": found.deletion, "better_than_moved": found.deletion_gain },
-                "insertion": { "area": found.insertion, "better_than_moved": found.insertion_gain },
-                "deletion_less_insertion_against_first": found.against_first,
+                "deletion": { "area": found.deletion, "better_than_moved": self.said(&found.deletion_gain) },
+                "insertion": { "area": found.insertion, "better_than_moved": self.said(&found.insertion_gain) },
+                "deletion_less_insertion_against_first": self.said(&found.against_first),
             })
         });
         methods.collect()
@@ -159,7 +171,11 @@ impl Curves {
             "better than moved by",
             against.as_str(),
         ]);
-        let shown = |Estimate { value, low, high }| format!("{value:+.4} [{low:+.4}, {high:+.4}]");
+        let frames = self.frames();
+        let shown = |Estimate { value, low, high }| match frames {
+            0 | 1 => format!("{value:+.4}"),
+            _ => format!("{value:+.4} [{low:+.4}, {high:+.4}]"),
+        };
         for (method, label) in labels.iter().enumerate() {
             let found = self.found(method);
             rows.add_row([
@@ -171,11 +187,18 @@ impl Curves {
                 if method == 0 { String::new() } else { shown(found.against_first) },
             ]);
         }
-        let frames = self.measured.first().map_or(0, Vec::len);
+        let (over, intervals) = match frames {
+            0 | 1 => {
+                ("change of the steering on one frame".to_owned(), "; for intervals it takes more frames")
+            }
+            _ => (
+                format!("mean change of the steering over {frames} frames"),
+                "; in brackets 95 % intervals, paired by frame",
+            ),
+        };
         format!(
-            "{rows}\nmean change of the steering over {frames} frames: when what matters most is taken away first, more is \
-             better; when it comes back first, less is better; the last column has the difference of both, less that of the \
-             first method; in brackets 95 % intervals, paired by frame"
+            "{rows}\n{over}: when what matters most is taken away first, more is better; when it comes back first, less is better; the last \
+             column has the difference of both, less that of the first method{intervals}"
         )
     }
 }
@@ -270,6 +293,13 @@ mod tests {
         }
         assert_eq!(right.against_first.value, 0.0);
         assert_eq!(curves.to_json(&["right", "wrong"])[0]["frames"], 12);
+        assert!(curves.table(&["right", "wrong"]).contains('['));
+        curves.measured.iter_mut().for_each(|frames| frames.truncate(1));
+        let one = curves.table(&["right", "wrong"]);
+        assert!(one.contains("on one frame") && !one.contains('['), "{one}");
+        let json = curves.to_json(&["right", "wrong"]);
+        assert!(json[1]["insertion"]["better_than_moved"]["low"].is_null());
+        assert_eq!(json[0]["frames"], 1);
     }
 
     #[test]

@@ -1,32 +1,40 @@
-//! The frames that maps are made of: an image, or those of a dataset.
+//! The frames that maps are made of: an image, those of a folder, or those of a dataset.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use pdk_core::calls::{self, Function};
 use pdk_core::registry::Registry;
 use pdk_sdk::describe::Kind;
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::{Dataset, FrameBuf};
 use serde_json::Map;
 
-/// An image, or frames of a dataset.
+/// How the names of images end, and those of the files that make a dataset of a folder.
+const IMAGES: [&str; 5] = ["jpg", "jpeg", "png", "bmp", "webp"];
+const RECORDS: [&str; 3] = ["json", "csv", "catalog"];
+
+/// Images, or frames of a dataset.
 pub enum Frames {
-    /// One image with its name.
-    Image(String, Box<FrameBuf>),
+    /// Image files, with the names of their frames.
+    Images(Vec<(String, PathBuf)>),
     /// A dataset, what messages call it, and the frames that are taken.
     Dataset(Box<dyn Dataset>, String, Vec<usize>),
 }
 
 impl Frames {
-    /// Reads the image, or opens the dataset with the first reader that knows it. Of a dataset `count` frames are taken, spread
-    /// evenly over it.
+    /// Takes the image, or the images of a folder without records, or opens the dataset with the first reader that knows it. Of a folder
+    /// `count` frames are taken, spread evenly over it.
     ///
     /// # Errors
-    /// Where it is neither.
+    /// Where it is none of these.
     pub fn open(registry: &Registry, path: &Path, count: Option<usize>) -> Result<Self> {
         if !path.is_dir() {
-            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            return Ok(Self::Image(name, Box::new(pdk_image::read(path)?)));
+            return Ok(Self::Images(named(vec![path.to_owned()])));
+        }
+        let images = images(path)?;
+        if !images.is_empty() {
+            let taken = spread(images.len(), count).into_iter().map(|at| images[at].clone());
+            return Ok(Self::Images(named(taken.collect())));
         }
         let mut reasons = Vec::new();
         for entry in registry.catalog().of_kind(Kind::Dataset) {
@@ -40,9 +48,7 @@ impl Frames {
                             "{place} has no frames; name a folder that has some"
                         )));
                     }
-                    let taken = count.unwrap_or(length).clamp(1, length);
-                    let places = (0..taken).map(|at| at * length / taken).collect();
-                    return Ok(Self::Dataset(dataset, place, places));
+                    return Ok(Self::Dataset(dataset, place, spread(length, count)));
                 }
                 Err(error) => reasons.push(error.to_string()),
             }
@@ -56,7 +62,7 @@ impl Frames {
     /// The number of frames.
     pub fn len(&self) -> usize {
         match self {
-            Self::Image(..) => 1,
+            Self::Images(images) => images.len(),
             Self::Dataset(_, _, places) => places.len(),
         }
     }
@@ -67,7 +73,10 @@ impl Frames {
     /// Where it cannot be read.
     pub fn read(&mut self, index: usize) -> Result<(String, FrameBuf)> {
         match self {
-            Self::Image(name, frame) => Ok((name.clone(), (**frame).clone())),
+            Self::Images(images) => {
+                let (name, path) = &images[index];
+                Ok((name.clone(), pdk_image::read(path)?))
+            }
             Self::Dataset(dataset, place, places) => {
                 let at = places[index];
                 let name = calls::call(place, Function::Name, || dataset.name(at));
@@ -76,5 +85,62 @@ impl Frames {
                 Ok((stem, entry.frame))
             }
         }
+    }
+}
+
+/// The images in a folder, in the order of their names; none where there are also records, which make it a dataset.
+fn images(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut images = Vec::new();
+    let place = || format!("cannot list the folder {}", folder.display());
+    for entry in std::fs::read_dir(folder).place(place())? {
+        let path = entry.place(place())?.path();
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if RECORDS.contains(&ending.as_str()) {
+            return Ok(Vec::new());
+        }
+        if IMAGES.contains(&ending.as_str()) && path.is_file() {
+            images.push(path);
+        }
+    }
+    images.sort();
+    Ok(images)
+}
+
+/// Images with the names of their frames: those of the files without their endings, where that tells them apart.
+fn named(paths: Vec<PathBuf>) -> Vec<(String, PathBuf)> {
+    let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let names: Vec<String> = paths
+        .iter()
+        .map(|path| match paths.iter().filter(|other| stem(other) == stem(path)).count() {
+            1 => stem(path),
+            _ => path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        })
+        .collect();
+    names.into_iter().zip(paths).collect()
+}
+
+/// So many places of `length`, spread evenly.
+fn spread(length: usize, count: Option<usize>) -> Vec<usize> {
+    let taken = count.unwrap_or(length).clamp(1, length);
+    (0..taken).map(|at| at * length / taken).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_of_images_is_one_only_without_records() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["b.png", "a.JPG", "a.png", "notes.txt"] {
+            std::fs::write(dir.path().join(name), b"").unwrap();
+        }
+        let found = named(images(dir.path()).unwrap());
+        let names: Vec<_> = found.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["a.JPG", "a.png", "b"]);
+        std::fs::write(dir.path().join("record_1.json"), b"{}").unwrap();
+        assert!(images(dir.path()).unwrap().is_empty());
+        assert_eq!(spread(10, Some(3)), [0, 3, 6]);
+        assert_eq!((spread(2, Some(9)), spread(2, None)), (vec![0, 1], vec![0, 1]));
     }
 }

@@ -24,7 +24,7 @@ use frames::Frames;
 /// Arguments of `pdk saliency`
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The image, or the folder of a dataset
+    /// The image, a folder of images, or that of a dataset
     frames: PathBuf,
     /// The driver whose view is shown: `onnx,model=FILE.onnx`, or another one that runs a network
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...")]
@@ -126,7 +126,11 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         let curves = curves.map(|curves| curves.to_json(&labels));
         return print_json(&json!({ "written": written, "curves": curves }));
     }
-    println!("{} maps in {}", written.len() / 2, arguments.output.display());
+    let maps = match written.len() / 2 {
+        1 => "1 map".to_owned(),
+        maps => format!("{maps} maps"),
+    };
+    println!("{maps} in {}", arguments.output.display());
     if let Some(curves) = curves {
         println!("{}", curves.table(&labels));
     }
