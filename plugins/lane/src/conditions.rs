@@ -12,6 +12,11 @@ use crate::wear;
 /// perturbation. Drives that were recorded before there were others were driven in it, and mean the same still.
 pub const NAMES: [&str; 3] = ["easy", "standard", "hard"];
 
+/// The value of a setting that follows from the conditions.
+const BY_CONDITIONS: f64 = -1.0;
+/// The light that follows from them.
+const ANY_LIGHT: &str = "any";
+
 /// A parameter whose value follows from the conditions where it is left out.
 struct Setting {
     name: &'static str,
@@ -171,15 +176,15 @@ pub fn parameters() -> Vec<Parameter> {
         lights.dedup();
         format!("{name}: {}", lights.join(", "))
     });
-    let mut light = Parameter::choice(
+    let names: Vec<&str> = std::iter::once(ANY_LIGHT).chain(light::NAMES).collect();
+    let light = Parameter::choice(
         "light",
-        &light::NAMES,
+        &names,
         &format!(
-            "the light: a clear day, dusk with headlights, an overcast sky, or night; left out, one of those of the conditions ({})",
+            "the light: a clear day, dusk with headlights, an overcast sky, or night; any: one of those of the conditions ({})",
             lights.collect::<Vec<_>>().join("; ")
         ),
     );
-    light.default = "".into();
     parameters.push(light);
     parameters.extend(SETTINGS.iter().map(|setting| {
         let by_conditions = setting.values.iter().zip(NAMES).map(|((low, high), name)| match low == high {
@@ -187,11 +192,10 @@ pub fn parameters() -> Vec<Parameter> {
             false => format!("{name} {low} to {high}"),
         });
         let by_conditions = by_conditions.collect::<Vec<_>>().join(", ");
-        let doc = format!("{}; left out, what the conditions say ({by_conditions})", setting.doc);
-        let (low, high) = setting.range;
-        let mut parameter = Parameter::number(setting.name, 0.0, &doc).range(low, high).unit(setting.unit);
-        parameter.default = "".into();
-        parameter
+        let doc = format!("{}; {BY_CONDITIONS}: what the conditions say ({by_conditions})", setting.doc);
+        Parameter::number(setting.name, BY_CONDITIONS, &doc)
+            .range(BY_CONDITIONS, setting.range.1)
+            .unit(setting.unit)
     }));
     parameters
 }
@@ -203,7 +207,18 @@ impl Conditions {
     /// Where a parameter is set that has no effect in scenes that look like a drawing.
     pub fn new(config: &Config) -> Result<Self> {
         let level = NAMES.iter().position(|name| *name == config.text("conditions")).unwrap_or(0);
-        let given = SETTINGS.each_ref().map(|setting| config.value(setting.name).as_f64());
+        let given = SETTINGS
+            .each_ref()
+            .map(|setting| Some(config.number(setting.name)).filter(|value| *value != BY_CONDITIONS));
+        for (setting, value) in SETTINGS.iter().zip(given) {
+            let (low, high) = setting.range;
+            if let Some(value) = value.filter(|value| *value < low) {
+                return Err(Error::new(format!(
+                    "{} is {value}, but has to be from {low} to {high}, or {BY_CONDITIONS} for what the conditions say",
+                    setting.name
+                )));
+            }
+        }
         let wrong = SETTINGS
             .iter()
             .zip(given)
@@ -214,7 +229,7 @@ impl Conditions {
                 setting.name, NAMES[0], NAMES[1], NAMES[2]
             )));
         }
-        let light = Some(config.text("light")).filter(|light| !light.is_empty()).map(str::to_owned);
+        let light = Some(config.text("light")).filter(|light| *light != ANY_LIGHT).map(str::to_owned);
         Ok(Self { level, given, light })
     }
 
@@ -270,7 +285,7 @@ fn index(name: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_sdk::serde_json::{Value, json};
+    use pdk_sdk::serde_json::{Map, Value, json};
 
     use crate::simulator::Lane;
 
@@ -327,5 +342,10 @@ mod tests {
         let error = conditions(json!({"wetness": 0.5})).unwrap_err().to_string();
         assert!(error.starts_with("wetness has no effect with conditions=easy"), "{error}");
         assert!(conditions(json!({"wetness": 0, "parked": 5})).is_ok());
+        let error = conditions(json!({"segment": 4})).unwrap_err().to_string();
+        assert!(error.starts_with("segment is 4, but has to be from 10 to 500"), "{error}");
+        // What is filled in by default may be given back.
+        let filled = Config::check(&Lane::description(), &Map::new()).unwrap();
+        assert!(Config::check(&Lane::description(), filled.values()).is_ok());
     }
 }
