@@ -3,7 +3,7 @@
 //! ```text
 //! pdk/             the modules of sdk/python, and the extension module
 //! pdk/installation the tree
-//! pdk_driver.py    for drivers in another process
+//! pdk_driver.py    for drivers in another process, and pdk_simulator.py for simulators
 //! ```
 
 use std::fs;
@@ -21,7 +21,7 @@ use crate::project::{Project, TARGET, output, succeed};
 /// The folder of the package in the workspace.
 const SOURCE: &str = "sdk/python";
 /// What of it becomes part of the wheel.
-const PARTS: [&str; 4] = ["pyproject.toml", "README.md", "pdk_driver.py", "pdk"];
+const PARTS: [&str; 5] = ["pyproject.toml", "README.md", "pdk_driver.py", "pdk_simulator.py", "pdk"];
 /// Where the tree lies in the wheel, which the package knows.
 const INSTALLATION: &str = "pdk/installation";
 

@@ -44,7 +44,9 @@ class Context:
     speed: float
 
 
-class _Header(ctypes.Structure):
+class Header(ctypes.Structure):
+    """What every message of pdk begins with."""
+
     _fields_ = [
         ("run", ctypes.c_uint64),
         ("scenario", ctypes.c_uint64),
@@ -61,6 +63,10 @@ class _Header(ctypes.Structure):
     @staticmethod
     def type_name():
         return "PdkFrameHeader"
+
+
+#: The payload of a picture, and of any text.
+Pixels = iceoryx2.Slice[ctypes.c_uint8]
 
 
 class _Control(ctypes.Structure):
@@ -89,31 +95,54 @@ class _State(ctypes.Structure):
         return "PdkState"
 
 
-class _Link:
-    """The exchange with one process of pdk."""
+class Room:
+    """Where this program meets one process of pdk: its services, and whether it is still there. `pdk_simulator` uses it as well."""
 
     def __init__(self, folder):
-        self._folder = folder
+        self.folder = folder
         config = iceoryx2.config.from_file(iceoryx2.FilePath.new(str(folder / "iceoryx2.toml")))
         builder = iceoryx2.NodeBuilder.new().config(config)
         # Ctrl-C belongs to the program.
         builder = builder.signal_handling_mode(iceoryx2.SignalHandlingMode.Disabled)
         self._node = builder.create(iceoryx2.ServiceType.Ipc)
 
-        def service(name):
-            return self._node.service_builder(iceoryx2.ServiceName.new(name))
+    def _service(self, name):
+        return self._node.service_builder(iceoryx2.ServiceName.new(name))
 
-        frames = service("pdk/perturbed").publish_subscribe(iceoryx2.Slice[ctypes.c_uint8]).user_header(_Header).open()
-        states = service("pdk/state").publish_subscribe(_State).user_header(_Header).open()
-        answers = service("pdk/answer").publish_subscribe(_Control).user_header(_Header).open()
-        self._frames = frames.subscriber_builder().create()
-        self._states = states.subscriber_builder().create()
-        self._answers = answers.publisher_builder().create()
-        self._sent = service("pdk/frame-event").event().open().listener_builder().create()
-        self._answered = service("pdk/answer-event").event().open().notifier_builder().create()
+    def topic(self, name, payload):
+        """The ports of a topic."""
+        return self._service(name).publish_subscribe(payload).user_header(Header).open()
+
+    def event(self, name):
+        """The ports of an event."""
+        return self._service(name).event().open()
+
+    def is_over(self):
+        """Whether pdk is done with it: the owner holds a lock for as long as it lives."""
+        try:
+            with open(self.folder / "lock", "rb") as lock:
+                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            return True
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+
+
+class _Link(Room):
+    """The exchange with one process of pdk."""
+
+    def __init__(self, folder, drive):
+        super().__init__(folder)
+        self._drive = drive
+        self._frames = self.topic("pdk/perturbed", Pixels).subscriber_builder().create()
+        self._states = self.topic("pdk/state", _State).subscriber_builder().create()
+        self._answers = self.topic("pdk/answer", _Control).publisher_builder().create()
+        self._sent = self.event("pdk/frame-event").listener_builder().create()
+        self._answered = self.event("pdk/answer-event").notifier_builder().create()
         self._last = None
 
-    def step(self, drive, wait):
+    def step(self, wait):
         """Answers a frame where there is one, after waiting for it up to `wait` milliseconds; whether there was one."""
         sample = self._frames.receive()
         if sample is None and wait > 0:
@@ -129,9 +158,9 @@ class _Link:
             # A view of shared memory: nothing is copied.
             frame = numpy.asarray(sample.payload().as_memory_view()).reshape(header.height, header.width, 3)
             frame.flags.writeable = False
-            self._last = (stamp, _control(drive(frame, context)))
+            self._last = (stamp, _control(self._drive(frame, context)))
         answer = self._answers.loan_uninit()
-        ctypes.memmove(answer.user_header_ptr, ctypes.byref(header), ctypes.sizeof(_Header))
+        ctypes.memmove(answer.user_header_ptr, ctypes.byref(header), ctypes.sizeof(Header))
         answer.write_payload(self._last[1]).send()
         self._answered.notify()
         return True
@@ -143,17 +172,6 @@ class _Link:
             if (header.scenario, header.sequence) == stamp:
                 speed = sample.payload().contents.speed
         return speed
-
-    def is_over(self):
-        """Whether pdk is done with it: the owner holds a lock for as long as it lives."""
-        try:
-            with open(self._folder / "lock", "rb") as lock:
-                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            return True
-        except BlockingIOError:
-            return False
-        except OSError:
-            return True
 
 
 def _control(answer):
@@ -185,24 +203,29 @@ def serve(drive, exchange=None):
     In a program that pdk has started, returns when pdk is done. With the name of an exchange it serves every worker that asks for
     it, one frame after the other, until it is interrupted.
     """
+    attend("driver", lambda folder: _Link(folder, drive), exchange)
+
+
+def attend(what, link, exchange):
+    """Serves the process of pdk that has started this program, or all that ask for an exchange: `link(folder)` meets one."""
     if exchange is None:
         folder = os.environ.get("PDK_EXCHANGE")
         if not folder:
-            raise RuntimeError("pdk has not started this program: name the exchange, as in serve(drive, exchange='pilot')")
-        link = _Link(Path(folder))
-        while link.step(drive, _LOOK) or not link.is_over():
+            raise RuntimeError("pdk has not started this program: name the exchange, as in serve(..., exchange='mine')")
+        one = link(Path(folder))
+        while one.step(_LOOK) or not one.is_over():
             pass
         return
     links = {}
     while True:
-        for folder in (_base() / f"driver-{exchange}").glob("*-*"):
+        for folder in (_base() / f"{what}-{exchange}").glob("*-*"):
             if folder not in links and (folder / "iceoryx2.toml").exists():
                 try:
-                    links[folder] = _Link(folder)
+                    links[folder] = link(folder)
                 except Exception:  # It has just ended, or is not complete yet: another look shows.
                     continue
-        for folder, link in list(links.items()):
-            if not link.step(drive, _LOOK if len(links) == 1 else 1) and link.is_over():
+        for folder, one in list(links.items()):
+            if not one.step(_LOOK if len(links) == 1 else 1) and one.is_over():
                 del links[folder]
         if not links:
             time.sleep(_LOOK / 1000)

@@ -1,7 +1,7 @@
 //! Runs the built `pdk` and looks at how it ended.
 
 use std::ffi::OsStr;
-use std::io::Read;
+use std::io::{Read, Seek, Write};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -86,6 +86,23 @@ impl Pdk {
     /// Runs it as the user with this number, which only root can.
     pub fn user(mut self, number: u32) -> Self {
         self.command.uid(number).gid(number);
+        self
+    }
+
+    /// Gives it a text as its standard input, which ends behind that.
+    ///
+    /// # Panics
+    /// Where there is no place for a file.
+    pub fn input(self, text: &str) -> Self {
+        let mut file = tempfile::tempfile().unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        file.rewind().unwrap();
+        self.stdin(file)
+    }
+
+    /// Gives it something as its standard input.
+    pub fn stdin(mut self, input: impl Into<Stdio>) -> Self {
+        self.command.stdin(input);
         self
     }
 

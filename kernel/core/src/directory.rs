@@ -7,6 +7,7 @@
 //! | `results.jsonl` | one line a frame, perturbation and level of an offline evaluation |
 //! | `summary.json` | the table at the end |
 //! | `traces/ID.mcap` | frames, control, state and events of the scenario with this id |
+//! | `shard.json` | in the record of a part of a run: the scenarios of the whole |
 //! | `.lock` | nothing: the process that writes the record holds it |
 //! | `performance.json` | when and how fast it ran; the one file that differs between two equal runs |
 
@@ -32,6 +33,8 @@ pub const RESULTS: &str = "results.jsonl";
 pub const SUMMARY: &str = "summary.json";
 /// The name of the file with times.
 pub const PERFORMANCE: &str = "performance.json";
+/// The name of the file that says which scenarios the run has of which the record is a part.
+pub const SHARD: &str = "shard.json";
 /// The name of the page about the run.
 pub const REPORT: &str = "report.html";
 /// The folder of the clips that the page shows.

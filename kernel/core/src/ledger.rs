@@ -155,12 +155,21 @@ impl Ledger {
     /// # Errors
     /// Where it cannot be written.
     pub fn add(&mut self, line: &Line) -> Result<()> {
-        let text = line.print()?;
-        let start = self.lines.length();
-        self.lines.add(text.as_bytes())?;
-        self.lines.sync()?;
-        self.superseded |= self.places.insert(line.id, (start, text.len() - 1)).is_some();
-        Ok(())
+        self.add_all(std::slice::from_ref(line))
+    }
+
+    /// Adds lines, which are on the disk when this returns.
+    ///
+    /// # Errors
+    /// Where they cannot be written.
+    pub fn add_all(&mut self, lines: &[Line]) -> Result<()> {
+        for line in lines {
+            let text = line.print()?;
+            let start = self.lines.length();
+            self.lines.add(text.as_bytes())?;
+            self.superseded |= self.places.insert(line.id, (start, text.len() - 1)).is_some();
+        }
+        self.lines.sync()
     }
 
     /// Puts the lines in this order, in which each scenario stands once; others come behind them.

@@ -21,6 +21,7 @@
 //! | [`directory`] | the folder of a run |
 //! | [`ledger`] | one line an outcome, append-only, on [`lines`] |
 //! | [`manifest`] | what was run |
+//! | [`merge`] | runs in parts, and their records put together |
 //! | [`output`] | lines and progress bars for people |
 //!
 //! Two rules hold throughout. A component is only ever called in a process that another one supervises, since its code may do
@@ -43,6 +44,7 @@ pub mod loader;
 pub mod manifest;
 pub mod maps;
 mod mask;
+pub mod merge;
 pub mod modifiers;
 pub mod moment;
 mod motion;

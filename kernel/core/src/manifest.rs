@@ -14,6 +14,7 @@ use serde_json::{Map, Value};
 
 use crate::catalog::{Catalog, Entry, PluginRecord};
 use crate::hash;
+use crate::merge::Shard;
 
 /// The manifest of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -38,6 +39,9 @@ pub struct Manifest {
     pub files: Vec<FileRecord>,
     /// The machine.
     pub machine: Machine,
+    /// Which part of the run it is; none where it is the whole.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shard: Option<Shard>,
 }
 
 /// The pipeline of a run.
@@ -115,6 +119,10 @@ impl Manifest {
         }
         if self.seed != recorded.seed {
             return differs("the seed", &recorded.seed, &self.seed);
+        }
+        if self.shard != recorded.shard {
+            let said = |shard: Option<Shard>| shard.map_or("the whole".to_owned(), |shard| shard.to_string());
+            return differs("the part of the run", &said(recorded.shard), &said(self.shard));
         }
         let (was, is) = (&recorded.pipeline, &self.pipeline);
         if was.source != is.source {
@@ -262,6 +270,14 @@ impl FileRecord {
     }
 }
 
+/// What may be a path in the value of a parameter: a text, or each of a list, such as a program and its arguments.
+fn texts(value: &Value) -> Vec<&str> {
+    match value {
+        Value::Array(list) => list.iter().filter_map(Value::as_str).collect(),
+        value => value.as_str().into_iter().collect(),
+    }
+}
+
 /// The components and files that a run uses, collected while it is set up.
 #[derive(Debug, Default)]
 pub struct InUse {
@@ -299,11 +315,8 @@ impl InUse {
         if entry.base.is_some() {
             self.add_file(&entry.file)?;
         }
-        for value in parameters.values().filter_map(Value::as_str) {
-            let path = Path::new(value);
-            if path.is_file() {
-                self.add_file(path)?;
-            }
+        for path in parameters.values().flat_map(texts).map(Path::new).filter(|path| path.is_file()) {
+            self.add_file(path)?;
         }
         Ok(())
     }

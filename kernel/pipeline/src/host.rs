@@ -4,14 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use indicatif::ProgressBar;
-use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SUMMARY};
+use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SHARD, SUMMARY};
 use pdk_core::ledger::{Ledger, Line};
 use pdk_core::manifest::{InUse, Machine, Manifest, Module, Pipeline};
+use pdk_core::merge::ShardList;
 use pdk_core::search_path::SearchPath;
-use pdk_core::{output, println, suggest};
+use pdk_core::suggest;
 use pdk_model::component::ComponentSpec;
-use pdk_model::outcome::Cause;
+use pdk_model::outcome::{Cause, Verdict};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_sdk::describe::Kind;
@@ -25,6 +25,7 @@ use pdk_session::stages::LoopTimes;
 use serde_json::{Map, Value, json};
 
 use crate::evaluation::{self, Results};
+use crate::follow::{Audience, Progress};
 use crate::naming::run_name;
 use crate::requests::{DatasetSpec, Defaults, Evaluate};
 use crate::settings::{self, COMMON, Common, Override};
@@ -38,7 +39,7 @@ const RUNS: &str = "runs";
 pub struct Finished {
     /// The folder of the record; none where the pipeline neither drove nor evaluated.
     pub record: Option<PathBuf>,
-    /// The table at the end.
+    /// The table at the end; in a part of a run, what belongs to the part.
     pub summary: Value,
     /// How fast it went, a line each, for people.
     pub speed: Vec<String>,
@@ -64,7 +65,7 @@ pub struct Host {
     searches: u64,
     common: Common,
     overrides: Vec<Override>,
-    quiet: bool,
+    audience: Audience,
     settings: Option<Value>,
     directory: Option<RunDirectory>,
     /// Whether the session has the ledger, which only scenarios need.
@@ -81,8 +82,8 @@ pub struct Host {
     submitted: BTreeMap<Ticket, Submitted>,
     /// The numbers of the scenarios, in the order in which they were submitted first, which is that of the ledger in the end.
     numbers: BTreeMap<ScenarioId, usize>,
-    /// What came of it, as far as anybody has taken it.
-    outcomes: BTreeMap<Ticket, Result<Line>>,
+    /// What came of it, as far as anybody has taken it; nothing where another part of the run drives it.
+    outcomes: BTreeMap<Ticket, Result<Option<Line>>>,
     evaluations: Vec<Value>,
     evaluation_times: Vec<Value>,
     results: Option<Results>,
@@ -90,7 +91,7 @@ pub struct Host {
     warnings: Vec<String>,
     /// The numbers of the scenarios whose outcomes were in the ledger already.
     kept: BTreeSet<usize>,
-    progress: ProgressBar,
+    progress: Progress,
     /// Frames that scenarios did not need, and those that were driven before the bar began.
     spared: u64,
     before: u64,
@@ -101,6 +102,8 @@ pub struct Host {
 struct Submitted {
     /// Its number in the run, which is its place in the ledger in the end.
     number: usize,
+    /// What tells it from others.
+    id: ScenarioId,
     /// What the pipeline calls it this time.
     name: String,
     /// How many frames it may have.
@@ -137,14 +140,14 @@ pub struct Parts {
     pub common: Common,
     /// What `--set` puts in the place of the pipeline's own settings.
     pub overrides: Vec<Override>,
-    /// Whether nobody reads along: then there are no progress bars and no tables.
-    pub quiet: bool,
+    /// Who follows the run.
+    pub audience: Audience,
 }
 
 impl Host {
     /// The host for one pipeline.
     pub fn new(parts: Parts) -> Self {
-        let Parts { session, pipeline, modules, given, search, common, overrides, quiet } = parts;
+        let Parts { session, pipeline, modules, given, search, common, overrides, audience } = parts;
         Self {
             session,
             pipeline,
@@ -155,7 +158,7 @@ impl Host {
             searches: 0,
             common,
             overrides,
-            quiet,
+            audience,
             settings: None,
             directory: None,
             has_ledger: false,
@@ -173,7 +176,7 @@ impl Host {
             speed: Vec::new(),
             warnings: Vec::new(),
             kept: BTreeSet::new(),
-            progress: progress(quiet),
+            progress: progress(audience),
             spared: 0,
             before: 0,
             started: SystemTime::now(),
@@ -207,6 +210,7 @@ impl Host {
         name: Option<&str>,
         strategy: Option<&ComponentSpec>,
     ) -> Result<BegunSearch> {
+        self.refuse_part("pdk.search decides by outcomes what to drive next")?;
         let number = self.searches;
         self.searches += 1;
         let name = match (name, number) {
@@ -252,9 +256,32 @@ impl Host {
         Ok(())
     }
 
+    /// Says no where only a part of the run is wanted, because of `reason`.
+    fn refuse_part(&self, reason: &str) -> Result<()> {
+        match self.common.shard {
+            None => Ok(()),
+            Some(_) => Err(Error::of(
+                ErrorKind::Configuration,
+                format!(
+                    "{reason}, so a part of it cannot be run alone; leave out --shard, and use --pool for several machines"
+                ),
+            )),
+        }
+    }
+
     /// Notes what did not go well without ending the run.
     pub(crate) fn warn(&mut self, sentence: String) {
         self.warnings.push(sentence);
+    }
+
+    /// How many scenarios are driven at the same time, once all workers are there.
+    pub(crate) fn slots(&self) -> usize {
+        self.session.slots()
+    }
+
+    /// The components there are.
+    pub(crate) fn catalog(&self) -> Result<Value> {
+        Ok(serde_json::to_value(self.session.catalog())?)
     }
 
     /// What scenarios have where nobody says it.
@@ -279,15 +306,18 @@ impl Host {
                 self.try_to_make(Kind::Simulator, &simulator)?.camera.map_or(0.0, |camera| camera.rate);
             let expected = expected_frames(&submission.scenario, rate);
             if self.outcomes.len() == self.submitted.len() {
-                self.progress = progress(self.quiet);
+                self.progress = progress(self.audience);
                 (self.before, self.spared) = (self.session.frames(), 0);
             }
-            self.progress.inc_length(expected);
-            let count = self.numbers.len();
-            let number = *self.numbers.entry(submission.scenario.id()).or_insert(count);
+            let (id, count) = (submission.scenario.id(), self.numbers.len());
+            let number = *self.numbers.entry(id).or_insert(count);
             let name = submission.name.clone();
-            let ticket = self.session.submit(submission);
-            self.submitted.insert(ticket, Submitted { number, name, expected });
+            let (ticket, expected) = match self.common.shard.is_none_or(|shard| shard.has(number)) {
+                true => (self.session.submit(submission), expected),
+                false => (self.session.set_aside(), 0),
+            };
+            self.progress.add(expected);
+            self.submitted.insert(ticket, Submitted { number, id, name, expected });
             tickets.push(ticket);
         }
         Ok(tickets)
@@ -297,7 +327,7 @@ impl Host {
     pub(crate) fn wait(&mut self, ticket: Ticket) -> Result<Value> {
         if !self.outcomes.contains_key(&ticket) {
             let (progress, before, spared) = (&self.progress, self.before, self.spared);
-            let mut tick = |frames: u64| progress.set_position(frames - before + spared);
+            let mut tick = |frames: u64| progress.set(frames - before + spared);
             let reply = self.session.wait(ticket, &mut tick);
             self.take(ticket, reply);
         }
@@ -307,7 +337,8 @@ impl Host {
     /// An outcome that was taken, as scripts see it.
     fn row(&self, ticket: Ticket) -> Result<Value> {
         match (self.outcomes.get(&ticket), self.submitted.get(&ticket)) {
-            (Some(Ok(line)), Some(submitted)) => Ok(outcome_row(line, submitted)),
+            (Some(Ok(Some(line))), Some(submitted)) => Ok(outcome_row(line, submitted)),
+            (Some(Ok(None)), Some(submitted)) => Ok(row_of_elsewhere(submitted)),
             (Some(Err(error)), _) => Err(error.clone()),
             _ => Err(Error::new("nothing was submitted under this ticket")),
         }
@@ -322,7 +353,7 @@ impl Host {
     /// Takes the next of several outcomes, as they come.
     fn take_next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<Ticket>> {
         let (progress, before, spared) = (&self.progress, self.before, self.spared);
-        let mut tick = |frames: u64| progress.set_position(frames - before + spared);
+        let mut tick = |frames: u64| progress.set(frames - before + spared);
         let Some((ticket, reply)) = self.session.next(among, &mut tick)? else { return Ok(None) };
         self.take(ticket, reply);
         Ok(Some(ticket))
@@ -336,13 +367,14 @@ impl Host {
                 self.kept.extend(submitted.filter(|_| known).map(|submitted| submitted.number));
                 let expected = submitted.map_or(0, |submitted| submitted.expected);
                 self.spared += expected.saturating_sub(driven);
-                Ok(*line)
+                Ok(Some(*line))
             }
+            Reply::Elsewhere => Ok(None),
             _ => Err(Error::new("a scenario came to something else, which is a defect in pdk")),
         });
         self.outcomes.insert(ticket, line);
         if self.outcomes.len() == self.submitted.len() {
-            self.progress.finish_and_clear();
+            self.progress.finish();
         }
     }
 
@@ -408,6 +440,7 @@ impl Host {
 
     /// `pdk.evaluate`: the offline loop.
     pub(crate) fn evaluate(&mut self, request: Value) -> Result<Value> {
+        self.refuse_part("pdk.evaluate goes through the frames of a dataset one after the other")?;
         let Evaluate { dataset, driver, cells, frames } = Evaluate::from_json(request)?;
         let (reader, available) = self.open_dataset(&dataset)?;
         let info = self.make(Kind::Driver, &driver)?.info;
@@ -427,18 +460,18 @@ impl Host {
             }
         };
         let frames = frames.unwrap_or(usize::MAX).min(available);
-        let bar = output::progress(self.quiet, "{pos}/{len} frames, {eta} left");
-        bar.set_length(frames as u64);
+        let bar = Progress::new(self.audience, "{pos}/{len} frames, {eta} left");
+        bar.add(frames as u64);
         let job = evaluation::Job {
             evaluation: Evaluation { dataset: reader, driver, perturbations: cells, seed: self.common.seed },
             frames,
             number: self.evaluations.len() as u64,
             workers: self.session.slots(),
             results,
-            progress: &mut |done| bar.set_position(done),
+            progress: &mut |done| bar.set(done),
         };
         let evaluated = evaluation::evaluate(&mut self.session, job);
-        bar.finish_and_clear();
+        bar.finish();
         let (summary, performance) = evaluated?;
         for bad in &summary.bad_frames {
             self.warnings.push(format!("{} was left out: {}", bad.frame, bad.error));
@@ -500,8 +533,9 @@ impl Host {
     }
 
     fn print(&self, text: &str) {
-        if !self.quiet {
-            self.progress.suspend(|| println!("{text}"));
+        // What a part shows is not what the whole will show.
+        if self.common.shard.is_none() {
+            self.progress.print(text);
         }
     }
 
@@ -579,6 +613,7 @@ impl Host {
             components: self.in_use.components(),
             files: self.in_use.files(),
             machine: Machine::this(),
+            shard: self.common.shard,
         };
         let manifest = match &self.earlier {
             None => manifest,
@@ -632,12 +667,15 @@ impl Host {
             true => self.take_rest(),
             false => Ok(()),
         };
-        self.progress.finish_and_clear();
-        let rows: Vec<Value> = self.outcomes.keys().filter_map(|ticket| self.row(*ticket).ok()).collect();
+        self.progress.finish();
+        let own = self.outcomes.iter().filter(|(_, outcome)| matches!(outcome, Ok(Some(_))));
+        let rows: Vec<Value> = own.filter_map(|(ticket, _)| self.row(*ticket).ok()).collect();
         // A scenario that was asked for several times is one.
         let (all, failed) = (self.numbers.len(), self.failed());
         let summary = json!({ "outcomes": rows, "evaluations": self.evaluations });
-        let written = self.complete(&summary);
+        let whole = script.is_ok() && rest.is_ok();
+        let written =
+            self.complete(&summary).and_then(|()| if whole { self.complete_part() } else { Ok(()) });
         let mut troubles = self.unnoticed();
         for trouble in self.session.end() {
             if !troubles.contains(&trouble) {
@@ -675,7 +713,7 @@ impl Host {
     fn failed(&self) -> Vec<String> {
         let mut failed = BTreeMap::new();
         for (ticket, line) in &self.outcomes {
-            if let (Ok(line), Some(Submitted { number, name, .. })) = (line, self.submitted.get(ticket))
+            if let (Ok(Some(line)), Some(Submitted { number, name, .. })) = (line, self.submitted.get(ticket))
                 && line.outcome.cause == Cause::Error
                 && let Some(error) = &line.outcome.error
             {
@@ -690,7 +728,8 @@ impl Host {
     fn unnoticed(&self) -> Vec<String> {
         let spec = |component: &ComponentSpec| serde_json::to_string(component).unwrap_or_default();
         let mut good = BTreeSet::new();
-        for line in self.outcomes.values().flatten().filter(|line| line.outcome.cause != Cause::Error) {
+        let lines = self.outcomes.values().flatten().flatten();
+        for line in lines.filter(|line| line.outcome.cause != Cause::Error) {
             good.insert((Kind::Simulator, spec(&line.scenario.simulator)));
             good.insert((Kind::Driver, spec(&line.scenario.driver)));
             let perturbations = components(&line.scenario.perturbations);
@@ -710,6 +749,18 @@ impl Host {
             result = result.and(self.row(ticket).map(drop));
         }
         result
+    }
+
+    /// Notes in the record of a part which scenarios the whole run has, so that parts which went different ways are not put together.
+    fn complete_part(&mut self) -> Result<()> {
+        let (Some(directory), Some(shard)) = (&self.directory, self.common.shard) else { return Ok(()) };
+        let mut all: Vec<(&usize, &ScenarioId)> =
+            self.numbers.iter().map(|(id, number)| (number, id)).collect();
+        all.sort_unstable();
+        let scenarios: Vec<ScenarioId> = all.into_iter().map(|(_, id)| *id).collect();
+        let own = (0..scenarios.len()).filter(|number| shard.has(*number)).count();
+        self.speed.push(format!("part {shard} of the run: {own} of {} scenarios", scenarios.len()));
+        directory.write_json(SHARD, &ShardList { shard, scenarios })
     }
 
     fn complete(&mut self, summary: &Value) -> Result<()> {
@@ -752,8 +803,8 @@ impl Host {
 }
 
 /// A bar for frames on the road.
-fn progress(quiet: bool) -> ProgressBar {
-    output::progress(quiet, "{pos}/{len} frames, {per_sec}, {eta} left")
+fn progress(audience: Audience) -> Progress {
+    Progress::new(audience, "{pos}/{len} frames, {per_sec}, {eta} left")
 }
 
 /// What perturbations are made from.
@@ -784,6 +835,16 @@ fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
         "max_cross_track_error": outcome.max_cross_track_error,
         "measures": outcome.measures,
         "digest": outcome.digest,
+    })
+}
+
+/// What a pipeline sees of a scenario that another part of the run drives: the fields of an outcome, which say nothing.
+fn row_of_elsewhere(submitted: &Submitted) -> Value {
+    let Submitted { number, id, name, .. } = submitted;
+    json!({
+        "number": number, "id": id, "name": name, "success": false, "cause": "elsewhere", "verdict": Verdict::Void,
+        "error": null, "time": 0.0, "frames": 0, "skipped_frames": 0, "progress": 0.0,
+        "mean_cross_track_error": 0.0, "max_cross_track_error": 0.0, "measures": null, "digest": "",
     })
 }
 

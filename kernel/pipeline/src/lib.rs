@@ -1,4 +1,4 @@
-//! Pipelines: Lua files that say what to drive or evaluate, run with `pdk run`.
+//! Pipelines: Lua files that say what to drive or evaluate, run with `pdk run`, and programs in other languages that say it line by line.
 //!
 //! A pipeline executes in the session's own process, which calls no component: scenarios, frames and questions about components
 //! go to workers. Everything it can call is registered in [`api`], from which the type definitions for editors are written.
@@ -6,9 +6,12 @@
 //! | module | subject |
 //! |---|---|
 //! | [`mod@run`] | runs a pipeline to its end |
+//! | [`remote`] | a pipeline that is another program |
+//! | [`follow`] | who is told how far a run is |
 //! | [`api`] | what a pipeline can call; `session_object` is what `pdk.session` returns; both over `bridge` |
 //! | [`host`] | what stands behind it: settings, session, record |
 //! | `requests` | what a pipeline writes, as scenarios and evaluations; `fields` reads tables, `values` crosses from Lua |
+//! | `tickets` | what stands for scenarios that were submitted |
 //! | `naming` | the names of runs on their topics |
 //! | `levels` | levels that are functions of time |
 //! | `search` | `pdk.search`: a strategy proposes, a function of the pipeline evaluates |
@@ -23,10 +26,12 @@ pub mod api;
 mod bridge;
 mod evaluation;
 mod fields;
+pub mod follow;
 pub mod host;
 mod levels;
 mod naming;
 pub mod records;
+pub mod remote;
 mod requests;
 pub mod road;
 pub mod run;
@@ -36,4 +41,5 @@ pub mod settings;
 mod statistics;
 pub mod table;
 mod tables;
+mod tickets;
 mod values;

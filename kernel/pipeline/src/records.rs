@@ -293,14 +293,14 @@ const OUTCOME: ApiRecord = ApiRecord {
         field("success", "boolean", "Whether the end of the road was reached."),
         field(
             "cause",
-            "\"finished\" | \"lane_departure\" | \"collision\" | \"no_progress\" | \"time_out\" | \"error\"",
-            "How it ended.",
+            "\"finished\" | \"lane_departure\" | \"collision\" | \"no_progress\" | \"time_out\" | \"error\" | \"elsewhere\"",
+            "How it ended; `elsewhere` where another part of the run drives it (`--shard`).",
         ),
         field(
             "verdict",
             "\"passed\" | \"unsafe\" | \"stopped\" | \"void\"",
             "What that says about the driver: it reached the end; it left its lane or hit something; it stood still or was too \
-             slow, which endangers nobody; nothing, because a component failed.",
+             slow, which endangers nobody; nothing, because a component failed or it is driven elsewhere.",
         ),
         field("error", "string?", "What failed, where a component did."),
         field("time", "number", "Simulation time at the end in seconds."),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use mlua::Value as LuaValue;
 use pdk_core::eprintln;
-use pdk_core::manifest::Pipeline;
+use pdk_core::manifest::{Module, Pipeline};
 use pdk_core::search_path::SearchPath;
 use pdk_core::suggest;
 use pdk_lua::shipped::{LIBRARY, PIPELINES};
@@ -15,6 +15,7 @@ use pdk_session::interrupt;
 use pdk_session::session::{Options as SessionOptions, Session};
 
 use crate::api::API;
+use crate::follow::Audience;
 use crate::host::{Finished, Host, Parts};
 use crate::naming::run_name;
 use crate::settings::{Common, Override};
@@ -28,15 +29,15 @@ pub struct Options {
     pub overrides: Vec<Override>,
     /// Where components are looked for besides the usual places.
     pub search: SearchPath,
-    /// Whether nobody reads along: then there are no progress bars and no tables.
-    pub quiet: bool,
+    /// Who follows the run.
+    pub audience: Audience,
 }
 
 /// Bytes of a file that may be a pipeline; a script that is compiled may have fewer.
 const LARGEST_PIPELINE: u64 = 16 << 20;
 
 /// The text of a pipeline and where it comes from.
-struct Script {
+pub(crate) struct Script {
     /// The file, or the name of one that is part of pdk.
     path: PathBuf,
     source: String,
@@ -59,11 +60,19 @@ impl Script {
             })?;
             return Ok(Self { path: script.name.into(), source: script.source.to_owned(), folder: None });
         }
-        let source =
-            file::read_text(pipeline, LARGEST_PIPELINE).map_err(|error| unreadable(pipeline, &error))?;
-        let folder =
-            pipeline.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        Ok(Self { path: pipeline.to_owned(), source, folder: Some(folder.to_owned()) })
+        Self::read(pipeline)
+    }
+
+    /// A file.
+    pub(crate) fn read(file: &Path) -> Result<Self> {
+        let source = file::read_text(file, LARGEST_PIPELINE).map_err(|error| unreadable(file, &error))?;
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Ok(Self { path: file.to_owned(), source, folder: Some(folder.to_owned()) })
+    }
+
+    /// A program whose text nobody knows, such as what is typed at a prompt.
+    pub(crate) fn without_text(name: &str) -> Self {
+        Self { path: name.into(), source: String::new(), folder: None }
     }
 }
 
@@ -82,40 +91,16 @@ fn unreadable(pipeline: &Path, error: &Error) -> Error {
 /// # Errors
 /// Where nothing could be begun: the file cannot be read, or no worker can be started.
 pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
-    let Script { path, source, folder } = Script::find(pipeline)?;
-    let name = path.to_string_lossy().into_owned();
-    let given = given(&options.search);
-    // A perturbation beside its pipeline is found without being named.
-    let mut search = options.search;
-    search.beside.extend(folder.iter().flat_map(|folder| [folder.clone(), folder.join("perturbations")]));
-    interrupt::watch()?;
-
-    let modules = Modules::new(folder.as_deref(), LIBRARY);
+    let script = Script::find(pipeline)?;
+    let (name, source) = (script.path.to_string_lossy().into_owned(), script.source.clone());
+    let modules = Modules::new(script.folder.as_deref(), LIBRARY);
     let mut sandbox = Sandbox::with_api(Limits::of_pipeline()?, |lua| {
         modules.install(lua)?;
         API.install(lua)
     })?;
     sandbox.stop_when(stop);
-    let session = Session::start(SessionOptions {
-        run: run_name(&path),
-        pool: options.common.pool(),
-        limits: options.common.limits,
-        search: search.clone(),
-    })?;
-    for refused in session.refused() {
-        eprintln!("pdk: warning: {refused}");
-    }
     let loaded = modules.clone();
-    let host = Host::new(Parts {
-        session,
-        pipeline: Pipeline { path, source: source.clone(), modules: Vec::new() },
-        modules: Box::new(move || loaded.loaded()),
-        given,
-        search,
-        common: options.common,
-        overrides: options.overrides,
-        quiet: options.quiet,
-    });
+    let host = start(script, Box::new(move || loaded.loaded()), options)?;
     sandbox.lua().set_app_data(host);
     let result = sandbox
         .load(&name, source.as_bytes())
@@ -126,6 +111,39 @@ pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
         .remove_app_data::<Host>()
         .ok_or_else(|| Error::new("the pipeline's host is gone, which is a defect in pdk"))?;
     Ok(host.finish(result))
+}
+
+/// Starts the session of a pipeline, and says what had to be left out. `modules` tells which modules it has required so far.
+pub(crate) fn start(
+    script: Script,
+    modules: Box<dyn Fn() -> Vec<Module> + Send>,
+    options: Options,
+) -> Result<Host> {
+    let Script { path, source, folder } = script;
+    let given = given(&options.search);
+    // A perturbation beside its pipeline is found without being named.
+    let mut search = options.search;
+    search.beside.extend(folder.iter().flat_map(|folder| [folder.clone(), folder.join("perturbations")]));
+    interrupt::watch()?;
+    let session = Session::start(SessionOptions {
+        run: run_name(&path),
+        pool: options.common.pool(),
+        limits: options.common.limits,
+        search: search.clone(),
+    })?;
+    for refused in session.refused() {
+        eprintln!("pdk: warning: {refused}");
+    }
+    Ok(Host::new(Parts {
+        session,
+        pipeline: Pipeline { path, source, modules: Vec::new() },
+        modules,
+        given,
+        search,
+        common: options.common,
+        overrides: options.overrides,
+        audience: options.audience,
+    }))
 }
 
 /// What ends a script that computes when the user wants an end.

@@ -1,17 +1,12 @@
 //! What `pdk.session` returns: an object to submit scenarios to and to wait for outcomes with.
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use mlua::{ExternalError, Lua, UserData, UserDataMethods, UserDataRegistry, Value as LuaValue};
 use pdk_lua::{ApiClass, ApiMethod};
-use pdk_sdk::error::{Error, Result};
-use pdk_session::session::Ticket;
-use serde_json::Value;
 
 use crate::bridge::{call, frames_of, with_host};
-use crate::host::Host;
 use crate::levels;
 use crate::requests::Defaults;
+use crate::tickets::Tickets;
 use crate::values::from_lua;
 
 /// A session as a script sees it.
@@ -19,25 +14,13 @@ pub struct SessionObject {
     defaults: Defaults,
     simulator: Option<LuaValue>,
     duration: Option<LuaValue>,
-    /// The tickets that it gave out, by the numbers that the script knows.
-    tickets: BTreeMap<u64, Ticket>,
-    /// The same the other way round.
-    numbers: BTreeMap<Ticket, u64>,
-    /// Those whose outcomes have not been taken.
-    open: BTreeSet<Ticket>,
+    tickets: Tickets,
 }
 
 impl SessionObject {
     /// A session whose scenarios have these defaults; simulator and duration also as the script wrote them.
     pub fn new(defaults: Defaults, simulator: Option<LuaValue>, duration: Option<LuaValue>) -> Self {
-        Self {
-            defaults,
-            simulator,
-            duration,
-            tickets: BTreeMap::new(),
-            numbers: BTreeMap::new(),
-            open: BTreeSet::new(),
-        }
+        Self { defaults, simulator, duration, tickets: Tickets::new("session:wait") }
     }
 
     fn submit(&mut self, lua: &Lua, scenario: &LuaValue) -> mlua::Result<u64> {
@@ -50,31 +33,8 @@ impl SessionObject {
         let table = from_lua(&scenario, place).map_err(ExternalError::into_lua_err)?;
         let submission = self.defaults.submission(place, table).map_err(ExternalError::into_lua_err)?;
         let tickets = with_host(lua, |host| host.submit(vec![submission]))?;
-        let number = self.tickets.len() as u64 + 1;
-        for ticket in tickets {
-            self.tickets.insert(number, ticket);
-            self.numbers.insert(ticket, number);
-            self.open.insert(ticket);
-        }
-        Ok(number)
-    }
-
-    fn wait(&mut self, host: &mut Host, number: &Value) -> Result<Value> {
-        let ticket =
-            number.as_u64().and_then(|number| self.tickets.get(&number)).copied().ok_or_else(|| {
-                Error::new(format!("session:wait takes what session:submit returned, not {number}"))
-            })?;
-        let outcome = host.wait(ticket);
-        self.open.remove(&ticket);
-        outcome
-    }
-
-    fn next(&mut self, host: &mut Host) -> Result<Value> {
-        let Some((ticket, outcome)) = host.next(&self.open)? else { return Ok(Value::Null) };
-        self.open.remove(&ticket);
-        let mut outcome = outcome?;
-        outcome["ticket"] = self.numbers.get(&ticket).copied().into();
-        Ok(outcome)
+        // One scenario has one ticket.
+        Ok(self.tickets.add(tickets)[0])
     }
 }
 
@@ -101,7 +61,7 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
             add: |registry, name| {
                 registry.add_method_mut(name, |lua, session, ticket: LuaValue| {
                     let number = from_lua(&ticket, "session:wait").map_err(ExternalError::into_lua_err)?;
-                    call(lua, |host| session.wait(host, &number))
+                    call(lua, |host| session.tickets.wait(host, &number))
                 });
             },
         },
@@ -111,7 +71,8 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
             doc: "Waits for the next outcome, as they come, whichever it is; nothing where all have been taken. What comes first \
                   depends on the machine: a pipeline whose way depends on it takes another one each time.",
             add: |registry, name| {
-                registry.add_method_mut(name, |lua, session, ()| call(lua, |host| session.next(host)));
+                registry
+                    .add_method_mut(name, |lua, session, ()| call(lua, |host| session.tickets.next(host)));
             },
         },
         ApiMethod {
@@ -125,7 +86,7 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
                         .map(|scenario| session.submit(lua, scenario))
                         .collect::<mlua::Result<Vec<u64>>>()?;
                     call(lua, |host| {
-                        tickets.iter().map(|ticket| session.wait(host, &(*ticket).into())).collect()
+                        tickets.iter().map(|ticket| session.tickets.wait(host, &(*ticket).into())).collect()
                     })
                 });
             },
@@ -135,7 +96,7 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
             signature: "() -> number",
             doc: "How many submissions there are whose outcomes have not been taken.",
             add: |registry, name| {
-                registry.add_method(name, |_, session, ()| Ok(session.open.len()));
+                registry.add_method(name, |_, session, ()| Ok(session.tickets.open()));
             },
         },
     ],

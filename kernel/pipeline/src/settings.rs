@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use pdk_core::merge::Shard;
 use pdk_core::suggest;
 use pdk_core::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
 use pdk_model::text::{parse_json, parse_value};
@@ -18,6 +19,7 @@ pub const COMMON: &[(&str, &str)] = &[
     ("patience", "how many seconds one call of a component may take"),
     ("memory", "how much memory a worker may take, in MiB"),
     ("pool", "a command that provides workers, in the place of this machine's"),
+    ("shard", "which part of the scenarios is driven, such as 1/8"),
 ];
 
 /// More workers than this are a mistake.
@@ -36,6 +38,8 @@ pub struct Common {
     pub limits: Limits,
     /// A command that provides workers.
     pub pool: Option<String>,
+    /// Which part of the scenarios is driven; none for all.
+    pub shard: Option<Shard>,
 }
 
 impl Default for Common {
@@ -46,6 +50,7 @@ impl Default for Common {
             out: None,
             limits: Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY },
             pool: None,
+            shard: None,
         }
     }
 }
@@ -77,6 +82,12 @@ impl Common {
                 "memory" => {
                     let memory = value.parse().ok().filter(|&memory: &u64| memory > 0);
                     common.limits.memory = memory.ok_or_else(|| wrong("a positive number of MiB"))?;
+                }
+                "shard" => {
+                    common.shard = match value.is_empty() {
+                        true => None,
+                        false => Some(value.parse().map_err(|error: Error| error.at("--set shard"))?),
+                    }
                 }
                 "pool" => common.pool = Some(value).filter(|command| !command.is_empty()),
                 _ => others.push(Override { key, value }),

@@ -1,4 +1,4 @@
-//! Values that cross from Lua: texts, truth values, tables, and numbers that are finite.
+//! Values that cross from Lua and from programs: texts, truth values, tables, and numbers that are finite.
 
 use mlua::{Lua, LuaSerdeExt, Table, Value as LuaValue};
 use pdk_sdk::error::{Error, Result};
@@ -28,6 +28,29 @@ pub fn to_lua(lua: &Lua, value: &Value) -> mlua::Result<LuaValue> {
     )
 }
 
+/// A value of another program as it would come from a script, so that equal scenarios are equal texts: the keys of tables in order, and
+/// numbers without a fraction as whole ones.
+pub fn from_program(value: Value) -> Value {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            number.as_f64().and_then(whole).map_or(Value::Number(number), Value::from)
+        }
+        Value::Array(list) => list.into_iter().map(from_program).collect(),
+        Value::Object(fields) => {
+            let mut fields: Map<String, Value> =
+                fields.into_iter().map(|(key, value)| (key, from_program(value))).collect();
+            fields.sort_keys();
+            Value::Object(fields)
+        }
+        other => other,
+    }
+}
+
+/// A number without a fraction, where it is exact as a whole one. A minus before a zero is of no use to anybody.
+fn whole(value: f64) -> Option<i64> {
+    (value.fract() == 0.0 && value.abs() <= LARGEST_WHOLE).then_some(value as i64)
+}
+
 fn read(value: &LuaValue, place: &str, depth: usize) -> Result<Value> {
     if depth > DEEPEST {
         return Err(Error::new(format!("{place} is too deep; does a table hold itself?")));
@@ -48,9 +71,8 @@ fn read(value: &LuaValue, place: &str, depth: usize) -> Result<Value> {
 }
 
 fn number(value: f64, place: &str) -> Result<Value> {
-    if value.fract() == 0.0 && value.abs() <= LARGEST_WHOLE {
-        // A minus before a zero is of no use to anybody.
-        return Ok(Value::Number((value as i64).into()));
+    if let Some(whole) = whole(value) {
+        return Ok(Value::Number(whole.into()));
     }
     match Number::from_f64(value) {
         Some(number) => Ok(Value::Number(number)),
@@ -117,6 +139,14 @@ mod tests {
         assert_eq!(read(script).unwrap().to_string(), r#"{"a":{"c":true,"d":[]},"b":[1,2.5,"x"],"e":0}"#);
         assert_eq!(read("return 2^53").unwrap(), json!(9_007_199_254_740_992_i64));
         assert_eq!(read("return 1e300").unwrap(), json!(1e300));
+    }
+
+    #[test]
+    fn what_a_program_writes_is_what_a_script_writes() {
+        let script = "return { b = { 1, 2.5, 'x' }, a = { c = true, z = 18446744073709551616 }, e = 0 }";
+        let written = json!({"e": -0.0, "b": [1.0, 2.5, "x"], "a": {"z": 18446744073709551616.0, "c": true}});
+        assert_eq!(from_program(written).to_string(), read(script).unwrap().to_string());
+        assert_eq!(from_program(json!(u64::MAX)), json!(u64::MAX));
     }
 
     #[test]

@@ -40,7 +40,7 @@ impl Pool {
             }
             Self::Command(line) => {
                 let mut command = Command::new("sh");
-                command.args(["-c", line]);
+                command.args(["-c", &written_out(line)]);
                 Ok(command)
             }
         }
@@ -52,6 +52,17 @@ impl Pool {
             Self::Here(_) => "a worker".to_owned(),
             Self::Command(line) => format!("the pool `{line}`"),
         }
+    }
+}
+
+/// The pool that the Python package has, by its short name, and what the shell runs for it.
+const RAY: (&str, &str) = ("ray", r#"exec "${PDK_PYTHON:-python3}" -m pdk.ray"#);
+
+/// A command in which the short name of a pool is written out.
+fn written_out(line: &str) -> String {
+    match line.trim_start().strip_prefix(RAY.0) {
+        Some(rest) if rest.is_empty() || rest.starts_with(char::is_whitespace) => format!("{}{rest}", RAY.1),
+        _ => line.to_owned(),
     }
 }
 
@@ -199,5 +210,19 @@ impl Drop for Connection {
     fn drop(&mut self) {
         // It may have ended already.
         let _ = self.kill();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pool_of_the_python_package_has_a_short_name() {
+        assert_eq!(written_out("ray"), RAY.1);
+        assert_eq!(written_out(" ray --slots 3"), format!("{} --slots 3", RAY.1));
+        for other in ["rays", "./ray", "ray-pool 3", "python3 pool.py ray"] {
+            assert_eq!(written_out(other), other);
+        }
     }
 }

@@ -17,7 +17,7 @@
 //! | [`session`] | the handle that a pipeline holds; `dispatch` is its thread: jobs to workers, outcomes to the ledger |
 //! | [`submission`] | what goes in and comes out |
 //! | [`connection`] | the session's end of a conversation; where workers come from |
-//! | [`protocol`] | what the two say to each other, on `lines` |
+//! | [`protocol`] | what the two say to each other, on [`lines`] |
 //! | [`worker`] | answers every job, whatever its process does |
 //! | [`loop_process`] | the process that calls components; `engine` keeps them, `held` notes every call |
 //! | [`drive`] | one scenario around the loop; `judge` says when it is over and measures it, `comfort` with it |
@@ -37,7 +37,7 @@ mod evaluate;
 mod held;
 pub mod interrupt;
 mod judge;
-mod lines;
+pub mod lines;
 pub mod loop_process;
 pub mod protocol;
 pub mod recent;

@@ -98,6 +98,13 @@ impl Session {
         self.request(Request::Submission(Box::new(submission)))
     }
 
+    /// A ticket for a scenario that somebody else drives: its answer is [`Reply::Elsewhere`], at once.
+    pub fn set_aside(&mut self) -> Ticket {
+        let ticket = self.ticket();
+        self.early.insert(ticket, Ok(Reply::Elsewhere));
+        ticket
+    }
+
     /// Submits a scenario that is driven without being recorded, with a trace where the caller wants it.
     pub fn drive(&mut self, drive: Drive) -> Ticket {
         self.request(Request::Work(Box::new(Work::Drive(Box::new(drive)))))
@@ -148,10 +155,15 @@ impl Session {
         }
     }
 
-    fn request(&mut self, request: Request) -> Ticket {
+    fn ticket(&mut self) -> Ticket {
         let ticket = Ticket(self.next);
         self.next += 1;
         self.open.insert(ticket);
+        ticket
+    }
+
+    fn request(&mut self, request: Request) -> Ticket {
+        let ticket = self.ticket();
         // Fails only where the thread is gone, which shows with the next answer.
         let _ = self.requests.send(Event::Submit(ticket, request));
         ticket

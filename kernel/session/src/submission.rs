@@ -53,6 +53,8 @@ pub enum Reply {
     Made(Made),
     /// Candidates of a search.
     Proposed(Vec<Candidate>),
+    /// A scenario that somebody else drives.
+    Elsewhere,
     /// A component failed, so that there is no result.
     Failed(Failure),
 }

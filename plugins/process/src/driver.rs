@@ -1,24 +1,19 @@
 //! The driver `process`.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use pdk_adapter::process::{Launch, Launched};
-use pdk_adapter::{Deadline, settings};
+use pdk_adapter::Deadline;
+use pdk_adapter::process::Launched;
 use pdk_bus::Stamp;
 use pdk_sdk::prelude::*;
-use pdk_sdk::serde_json::{Value, json};
 
 use crate::exchange::Exchange;
-
-/// How often the first frame is sent, until it has been answered.
-const AGAIN: Duration = Duration::from_millis(100);
+use crate::options::Options;
+use crate::room::{AGAIN, room_name, who};
 
 /// A program of the user's.
 pub struct Process {
-    command: Vec<String>,
-    name: String,
-    start: Duration,
-    answer: Duration,
+    options: Options,
     /// Made with the first frame, whose size says how large it has to be.
     open: Option<Open>,
     /// Which scenario it is, as the other process sees it.
@@ -35,54 +30,15 @@ struct Open {
 
 impl Component for Process {
     fn description() -> Description {
-        Description::driver(
+        let description = Description::driver(
             "process",
             "A program of yours, in any language, that gets frames and gives controls through shared memory",
-        )
-        .external()
-        // A check is not to wait for a program that is not there.
-        .example(json!({ "start_seconds": 1 }))
-        .parameter(Parameter::json(
-            "command",
-            Value::Null,
-            "the program and its arguments, as a list of texts; null for one that runs already",
-        ))
-        .parameter(Parameter {
-            default: "driver".into(),
-            ..Parameter::text("exchange", "the name by which one that runs already finds its frames")
-        })
-        .parameter(
-            Parameter::number("start_seconds", 45.0, "how long it may take for the first answer")
-                .range(0.01, 3600.0)
-                .unit("s"),
-        )
-        .parameter(
-            Parameter::number("answer_seconds", 5.0, "how long it may take for any other answer")
-                .range(0.001, 3600.0)
-                .unit("s"),
-        )
+        );
+        Options::describe(description, "driver")
     }
 
     fn new(config: &Config) -> Result<Self> {
-        let name = config.text("exchange").to_owned();
-        let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if name.is_empty() || name.len() > 40 || !name.chars().all(fits) {
-            return Err(Error::of(
-                ErrorKind::Configuration,
-                format!(
-                    "`exchange` is `{name}`, but has to be 1 to 40 letters, digits, dashes and underscores"
-                ),
-            ));
-        }
-        let seconds = |name| Duration::from_secs_f64(config.number(name));
-        Ok(Self {
-            command: settings::words("command", config.value("command"))?,
-            name,
-            start: seconds("start_seconds"),
-            answer: seconds("answer_seconds"),
-            open: None,
-            scenario: 0,
-        })
+        Ok(Self { options: Options::read(config)?, open: None, scenario: 0 })
     }
 }
 
@@ -93,28 +49,29 @@ impl Driver for Process {
     }
 
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
+        let Options { command, exchange: name, start, answer } = &self.options;
         if self.open.as_ref().is_some_and(|open| !open.exchange.fits(&frame)) {
             self.open = None;
         }
         let open = match &mut self.open {
             Some(open) => open,
-            None => self.open.insert(start(&self.command, &self.name, &frame)?),
+            None => {
+                let exchange =
+                    Exchange::new(&room_name("driver", name, command), frame.width(), frame.height())?;
+                let process = exchange.room().launch("driver", command)?;
+                self.open.insert(Open { process, exchange, answered: false })
+            }
         };
         let stamp = Stamp { scenario: self.scenario, sequence: cx.frame_index, time: cx.time };
-        let who = match self.command.first() {
-            Some(program) => format!("the driver `{program}`"),
-            None => format!("the driver of the exchange `{}`", self.name),
-        };
         let (deadline, fresh) = match open.answered {
-            true => (Deadline::new(self.answer, "answer_seconds"), false),
-            false => (Deadline::new(self.start, "start_seconds"), true),
+            true => (Deadline::new(*answer, "answer_seconds"), false),
+            false => (Deadline::new(*start, "start_seconds"), true),
         };
         let Open { process, exchange, answered } = open;
         exchange.send(frame, stamp, cx.speed)?;
         let mut sent = Instant::now();
-        let control = exchange.answer(stamp, &deadline, &who, || {
+        let control = exchange.answer(stamp, &deadline, &who("driver", name, command), || {
             process.as_mut().map_or(Ok(()), Launched::check)?;
-            // Whoever comes late has not seen the frame.
             if fresh && sent.elapsed() >= AGAIN {
                 sent = Instant::now();
                 exchange.send(frame, stamp, cx.speed)?;
@@ -124,23 +81,4 @@ impl Driver for Process {
         *answered = true;
         Ok(control)
     }
-}
-
-fn start(command: &[String], name: &str, frame: &Frame<'_>) -> Result<Open> {
-    let name = match command.is_empty() {
-        true => format!("driver-{name}"),
-        false => format!("driver-{}", std::process::id()),
-    };
-    let exchange = Exchange::new(&name, frame.width(), frame.height())?;
-    let process = match command.is_empty() {
-        true => None,
-        false => {
-            let folder = exchange.folder().to_string_lossy();
-            let environment = [("PDK_EXCHANGE", folder.as_ref())];
-            let launch =
-                Launch { what: "driver", parameter: "command", words: command, environment: &environment };
-            Some(Launched::start(&launch)?)
-        }
-    };
-    Ok(Open { process, exchange, answered: false })
 }

@@ -3,22 +3,16 @@
 //! A bus of its own carries the frames, on its topic `perturbed`. Beside it lie the services `pdk/answer` (publish-subscribe, `PdkControl` with
 //! the header `PdkFrameHeader` of the frame that is answered) and the events `pdk/frame-event` and `pdk/answer-event`.
 
-use std::path::Path;
-use std::time::Duration;
-
-use iceoryx2::config::Config;
-use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{FilePath, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend};
+use iceoryx2::prelude::ZeroCopySend;
 use iceoryx2::service::ipc_threadsafe::Service;
 use pdk_adapter::Deadline;
-use pdk_bus::{Bus, FrameHeader, Stamp, Topic};
+use pdk_bus::{FrameHeader, Stamp, Topic};
 use pdk_sdk::prelude::*;
 
-/// How long a wait lasts before it is looked whether the other process is still there.
-const LOOK: Duration = Duration::from_millis(50);
+use crate::room::{LOOK, Room, failed, named};
 
 /// The numbers of a control, in the order of `Control::NUMBERS`.
 #[repr(C)]
@@ -34,9 +28,8 @@ pub struct Exchange {
     answers: Subscriber<Service, Answer, FrameHeader>,
     frame_event: Notifier<Service>,
     answer_event: Listener<Service>,
-    _node: Node<Service>,
-    // Last, so that everything in it is closed when it takes its files away.
-    bus: Bus,
+    // Last, so that everything in it is closed when it goes.
+    room: Room,
     size: (usize, usize),
 }
 
@@ -46,19 +39,9 @@ impl Exchange {
     /// # Errors
     /// Where shared memory cannot be used.
     pub fn new(name: &str, width: usize, height: usize) -> Result<Self> {
-        // There is one in a process; the number tells those of other processes apart.
-        let bus = Bus::create(name, std::process::id(), width as u32, height as u32)
-            .map_err(|error| failed(&error))?;
-        let file = bus.root().join("iceoryx2.toml");
-        let path = FilePath::new(file.as_os_str().as_encoded_bytes()).map_err(|error| failed(&error))?;
-        let config = Config::from_file(&path).map_err(|error| failed(&error))?;
-        let node = NodeBuilder::new()
-            .config(&config)
-            .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<Service>()
-            .map_err(|error| failed(&error))?;
-        let named = |name: &str| ServiceName::new(name).map_err(|error| failed(&error));
-        let answers = node
+        let room = Room::new(name, width, height)?;
+        let answers = room
+            .node
             .service_builder(&named("pdk/answer")?)
             .publish_subscribe::<Answer>()
             .user_header::<FrameHeader>()
@@ -69,15 +52,9 @@ impl Exchange {
             .create()
             .map_err(|error| failed(&error))?;
         let answers = answers.subscriber_builder().create().map_err(|error| failed(&error))?;
-        let event = |name: &str| {
-            let service = node.service_builder(&named(name)?).event().create();
-            service.map_err(|error| failed(&error))
-        };
-        let frame_event =
-            event("pdk/frame-event")?.notifier_builder().create().map_err(|error| failed(&error))?;
-        let answer_event =
-            event("pdk/answer-event")?.listener_builder().create().map_err(|error| failed(&error))?;
-        Ok(Self { answers, frame_event, answer_event, _node: node, bus, size: (width, height) })
+        let (frame_event, answer_event) =
+            (room.notifier("pdk/frame-event")?, room.listener("pdk/answer-event")?);
+        Ok(Self { answers, frame_event, answer_event, room, size: (width, height) })
     }
 
     /// Whether it is for frames of this size.
@@ -85,9 +62,9 @@ impl Exchange {
         self.size == (frame.width(), frame.height())
     }
 
-    /// The folder that the other process opens.
-    pub fn folder(&self) -> &Path {
-        self.bus.root()
+    /// Where the other process meets it.
+    pub fn room(&self) -> &Room {
+        &self.room
     }
 
     /// Sends a frame.
@@ -98,8 +75,8 @@ impl Exchange {
         let (width, height) = self.size;
         // Before the frame, so that it is there with it.
         let state = State { time: stamp.time, speed, ..State::default() };
-        self.bus.publish_state(stamp, state).map_err(|error| failed(&error))?;
-        let mut loan = self.bus.loan_frame(Topic::Perturbed, stamp).map_err(|error| failed(&error))?;
+        self.room.bus.publish_state(stamp, state).map_err(|error| failed(&error))?;
+        let mut loan = self.room.bus.loan_frame(Topic::Perturbed, stamp).map_err(|error| failed(&error))?;
         FrameMut::new(&mut loan, width, height)?.copy_from(frame);
         loan.publish().map_err(|error| failed(&error))?;
         // Where nobody listens yet, whoever comes looks for the frame first.
@@ -132,8 +109,4 @@ impl Exchange {
             self.answer_event.timed_wait(|_| {}, left.min(LOOK)).map_err(|error| failed(&error))?;
         }
     }
-}
-
-fn failed(error: &dyn std::fmt::Display) -> Error {
-    Error::new(format!("the exchange with the driver's process failed: {error}"))
 }

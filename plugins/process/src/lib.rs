@@ -1,9 +1,14 @@
-//! The driver `process`: a program of the user's, in any language, which gets frames and gives controls through shared memory.
+//! The driver and the simulator `process`: programs of the user's, in any language, with which pdk exchanges frames through shared memory.
 //!
-//! [`exchange`] is what both sides share: one topic for frames, one for answers, and an event for each, so that nobody has to poll. The page
-//! `docs/external-drivers.md` says how it looks from the other side.
+//! A [`room`] is where the two meet: a folder, and services of iceoryx2. [`exchange`] carries frames to a driver and its controls back,
+//! [`requests`] what a simulator is asked and what it answers. Both sides are told by events, so that nobody has to poll. The pages
+//! `docs/external-drivers.md` and `docs/external-simulators.md` say how it looks from the other side.
 
 mod driver;
 mod exchange;
+mod options;
+mod requests;
+mod room;
+mod simulator;
 
-pdk_sdk::export! { drivers: [driver::Process] }
+pdk_sdk::export! { drivers: [driver::Process], simulators: [simulator::Process] }

@@ -66,6 +66,7 @@ impl Settings {
                     .range(0.1, 3600.0)
                     .unit("s"),
             )
+            .parameter(gpus())
             // A check does not wait as long for a simulator that is not there.
             .example(json!({ "start_seconds": 5 }))
     }
@@ -114,6 +115,16 @@ impl Settings {
     pub fn answering(&self) -> Deadline {
         Deadline::new(self.answer, "answer_seconds")
     }
+}
+
+/// The parameter that says how much of a GPU a program needs that pdk starts. A pool that places workers goes by it; nothing else does.
+pub fn gpus() -> Parameter {
+    Parameter::number(
+        "gpus",
+        0.0,
+        "how much of a GPU the program needs, for pools that place workers by that",
+    )
+    .range(0.0, 64.0)
 }
 
 /// A program with its arguments, from the value of a parameter: a list of texts, or null for none.

@@ -8,7 +8,10 @@ An image is an array of height x width x 3, dtype uint8, RGB. A perturbation is 
 (`"fog_mapping@2,strength=0.3"`), a dictionary (`{"name": "fog_mapping", "level": 2}`), what a function of `pdk.perturbations`
 returns, or a list of such, which are applied one after the other.
 
-Components run in the interpreter's process. What one of them reports is a `pdk.Error`; one that crashes ends the interpreter, where
+Whole experiments run from Python too, in processes of their own: `pdk.run` runs a pipeline, and a `pdk.Session` drives scenarios with a
+driver in the closed loop of a simulator, both of which may be classes; a `pdk.Record` reads what was recorded.
+
+Where arrays are perturbed, components run in the interpreter's process. What one of them reports is a `pdk.Error`; one that crashes ends the interpreter, where
 the command line would name it. `pdk check PLUGIN.so` finds such plugins.
 """
 
@@ -18,15 +21,23 @@ from pathlib import Path as _Path
 from pdk import _pdk
 from pdk._pdk import Error, Perturbation, __version__, identity, perturb, search, written
 
+# Set where a run fails that has recorded something.
+Error.record = None
+
 __all__ = [
     "Error",
     "Perturbation",
+    "Record",
+    "Session",
     "catalog",
+    "driver",
     "executable",
     "identity",
     "names",
     "perturb",
+    "run",
     "search",
+    "simulator",
     "written",
 ]
 
@@ -57,3 +68,8 @@ def names(default=False):
     """The names of all perturbations; with `default` those of the default set only, which `pdk preview` shows."""
     described = [entry["description"] for entry in catalog()]
     return [each["name"] for each in described if each.get("default", True) or not default]
+
+
+from pdk.programs import driver, simulator  # noqa: E402
+from pdk.records import Record  # noqa: E402
+from pdk.runs import Session, run  # noqa: E402

@@ -11,6 +11,11 @@ from pdk._pdk import identity as identity
 from pdk._pdk import perturb as perturb
 from pdk._pdk import search as search
 from pdk._pdk import written as written
+from pdk.programs import driver as driver
+from pdk.programs import simulator as simulator
+from pdk.records import Record as Record
+from pdk.runs import Session as Session
+from pdk.runs import run as run
 
 def executable() -> Path:
     """The command `pdk` of this package, for `subprocess`."""

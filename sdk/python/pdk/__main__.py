@@ -7,6 +7,8 @@ from pathlib import Path
 
 def main():
     executable = Path(__file__).parent / "installation" / "bin" / "pdk"
+    # For pools in Python, which this interpreter runs.
+    os.environ.setdefault("PDK_PYTHON", sys.executable)
     try:
         os.execv(executable, [str(executable), *sys.argv[1:]])
     except OSError as error:

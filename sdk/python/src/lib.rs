@@ -7,6 +7,7 @@
 //! | [`components`] | the components of the process, and chains that are kept from one call to the next |
 //! | [`images`] | images that count for themselves, alone or in batches |
 //! | [`sequence`] | the frames of a sequence, one after the other |
+//! | [`records`] | records of runs: ledgers and traces |
 //! | [`failure`] | errors as exceptions |
 //!
 //! On the command line components are called in a process that another one supervises. Here that is the interpreter's: an error or a
@@ -19,6 +20,7 @@ mod arrays;
 mod components;
 mod failure;
 mod images;
+mod records;
 mod sequence;
 mod values;
 
@@ -36,6 +38,10 @@ fn _pdk(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(components::catalog, module)?)?;
     module.add_function(wrap_pyfunction!(images::perturb, module)?)?;
     module.add_function(wrap_pyfunction!(images::identity, module)?)?;
+    module.add_function(wrap_pyfunction!(records::read_ledger, module)?)?;
+    module.add_function(wrap_pyfunction!(records::trace_steps, module)?)?;
+    module.add_function(wrap_pyfunction!(records::trace_events, module)?)?;
+    module.add_function(wrap_pyfunction!(records::trace_frames, module)?)?;
     module.add_function(wrap_pyfunction!(values::written, module)?)?;
     module.add_function(wrap_pyfunction!(sequence::resume, module)?)
 }

@@ -20,6 +20,7 @@ mod check;
 mod doctor;
 mod export;
 mod list;
+mod merge;
 mod network;
 mod new;
 mod perturb;
@@ -31,6 +32,7 @@ mod report;
 mod road;
 mod run;
 mod saliency;
+mod session;
 mod show;
 mod shrink;
 mod worker;
@@ -131,6 +133,10 @@ enum Verb {
     Shrink(shrink::Arguments),
     /// Export the record of a run for other tools
     Export(export::Arguments),
+    /// Put the records of the parts of a run together
+    Merge(merge::Arguments),
+    /// Run a pipeline for another program, or take its calls: JSON lines on standard input and output (see docs/session-protocol.md)
+    Session(session::Arguments),
     /// Do jobs for a session: JSON lines on standard input and output (see docs/worker-protocol.md)
     Worker(worker::Arguments),
     /// Open libraries, and say what came of it
@@ -161,6 +167,7 @@ impl Verb {
             Verb::New(_) | Verb::Doctor(_) | Verb::Plugin(_) => true,
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
             Verb::Run(_) | Verb::Replay(_) | Verb::Shrink(_) | Verb::Check(_) | Verb::Worker(_) => false,
+            Verb::Session(_) | Verb::Merge(_) => false,
             Verb::Report(arguments) => arguments.calls_components(),
             Verb::Road(_) | Verb::Export(_) => false,
             Verb::Inspect { .. } | Verb::Completions { .. } | Verb::Man { .. } => false,
@@ -193,6 +200,8 @@ pub fn main() -> ExitCode {
         Verb::Replay(arguments) => replay::run(global, arguments),
         Verb::Shrink(arguments) => shrink::run(global, arguments),
         Verb::Export(arguments) => export::run(global, arguments),
+        Verb::Merge(arguments) => merge::run(global, arguments),
+        Verb::Session(arguments) => session::run(global, arguments),
         Verb::Worker(arguments) => worker::run(arguments),
         Verb::Inspect { libraries } => inspection::serve(libraries),
         Verb::Completions { shell } => {

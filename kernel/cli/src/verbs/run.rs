@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
+use pdk_core::merge::Shard;
 use pdk_core::{eprintln, println};
 use pdk_lua::shipped::PIPELINES;
+use pdk_pipeline::follow::Audience;
 use pdk_pipeline::run::{self, Options};
 use pdk_pipeline::settings::{Common, Override};
 use pdk_sdk::error::Result;
@@ -16,6 +18,13 @@ use super::{Global, print_json};
 pub struct Arguments {
     #[arg(value_name = "PIPELINE", help = pipeline_help())]
     pipeline: PathBuf,
+    #[command(flatten)]
+    settings: Settings,
+}
+
+/// What is set for any pipeline.
+#[derive(clap::Args)]
+pub struct Settings {
     /// Put a value in the place of a setting's default; dots lead into tables
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<Override>,
@@ -31,6 +40,25 @@ pub struct Arguments {
     /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
     #[arg(long, value_name = "COMMAND")]
     pool: Option<String>,
+    /// Drive a part of the scenarios only, such as the third of eight; `pdk merge` puts the records of all parts together
+    #[arg(long, value_name = "3/8")]
+    shard: Option<Shard>,
+}
+
+impl Settings {
+    /// How a pipeline is run with these settings.
+    ///
+    /// # Errors
+    /// Where a value is not one that the setting can have.
+    pub fn options(&self, global: &Global, audience: Audience) -> Result<Options> {
+        let (mut common, overrides) = Common::read(self.overrides.clone())?;
+        common.seed = self.seed.unwrap_or(common.seed);
+        common.workers = self.workers.map_or(common.workers, |workers| workers as usize);
+        common.out = self.out.clone().or(common.out);
+        common.pool = self.pool.clone().or(common.pool).filter(|command| !command.is_empty());
+        common.shard = self.shard.or(common.shard);
+        Ok(Options { common, overrides, search: global.search_path(), audience })
+    }
 }
 
 /// What the pipeline on the command line may be.
@@ -41,12 +69,8 @@ fn pipeline_help() -> String {
 
 /// Runs a pipeline and says where its record is.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let (mut common, overrides) = Common::read(arguments.overrides.clone())?;
-    common.seed = arguments.seed.unwrap_or(common.seed);
-    common.workers = arguments.workers.map_or(common.workers, |workers| workers as usize);
-    common.out = arguments.out.clone().or(common.out);
-    common.pool = arguments.pool.clone().or(common.pool).filter(|command| !command.is_empty());
-    let options = Options { common, overrides, search: global.search_path(), quiet: global.json };
+    let audience = if global.json { Audience::Nobody } else { Audience::Person };
+    let options = arguments.settings.options(global, audience)?;
     let finished = run::run(&arguments.pipeline, options)?;
     for warning in &finished.warnings {
         eprintln!("pdk: warning: {warning}");

@@ -1,0 +1,34 @@
+//! `pdk merge`: the records of the parts of a run as one.
+
+use std::path::PathBuf;
+
+use pdk_core::{merge, println};
+use pdk_sdk::error::Result;
+use serde_json::json;
+
+use super::{Global, print_json};
+
+/// Arguments of `pdk merge`
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The folders of the records of all parts
+    #[arg(value_name = "RUN", required = true)]
+    parts: Vec<PathBuf>,
+    /// The folder of the record of the whole
+    #[arg(short, long, alias = "output", value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// Puts the records together.
+pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    let scenarios = merge::merge(&arguments.parts, &arguments.out)?;
+    if global.json {
+        return print_json(&json!({ "record": arguments.out, "scenarios": scenarios }));
+    }
+    println!("{scenarios} scenarios of {} parts", arguments.parts.len());
+    println!("Record: {}", arguments.out.display());
+    println!(
+        "The command of the parts, without --shard and with --out and this folder, completes it: nothing is driven again."
+    );
+    Ok(())
+}

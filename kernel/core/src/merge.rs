@@ -1,0 +1,217 @@
+//! Runs in parts: each part drives its share of the scenarios, on a machine of its own, and the records of all parts are put together
+//! into that of the whole.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use pdk_model::scenario::ScenarioId;
+use pdk_sdk::error::{Error, ErrorKind, Place, Result};
+use pdk_sdk::file;
+use serde::{Deserialize, Serialize};
+
+use crate::directory::{MANIFEST, RunDirectory, SHARD};
+use crate::ledger::{self, Ledger, Line};
+use crate::manifest::Manifest;
+
+/// The most parts that a run may have.
+const MOST: usize = 100_000;
+
+/// A part of a run: every `of`-th scenario.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Shard {
+    /// Which part it is, from 1.
+    pub index: usize,
+    /// How many parts there are.
+    pub of: usize,
+}
+
+impl Shard {
+    /// Whether a scenario belongs to the part, by its number in the run, from 0.
+    pub fn has(&self, number: usize) -> bool {
+        number % self.of == self.index - 1
+    }
+}
+
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.index, self.of)
+    }
+}
+
+impl FromStr for Shard {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let parsed =
+            text.split_once('/').and_then(|(index, of)| Some((index.parse().ok()?, of.parse().ok()?)));
+        match parsed {
+            Some((index, of)) if (1..=of).contains(&index) && of <= MOST => Ok(Self { index, of }),
+            _ => Err(Error::of(
+                ErrorKind::Configuration,
+                format!("`{text}` is no part of a run; write 1/8 to 8/8 for eight parts, of {MOST} at most"),
+            )),
+        }
+    }
+}
+
+/// What the record of a part says of the whole, once the part has come to its end.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ShardList {
+    /// The part.
+    pub shard: Shard,
+    /// All scenarios of the run in the order of submission.
+    pub scenarios: Vec<ScenarioId>,
+}
+
+/// The record of a part.
+struct Part {
+    directory: RunDirectory,
+    manifest: Manifest,
+    list: ShardList,
+}
+
+impl Part {
+    fn open(path: &Path) -> Result<Self> {
+        let directory = RunDirectory::open(path)?;
+        let shown = path.display();
+        let Some(mut manifest) = directory.manifest()? else {
+            return Err(Error::new(format!("{shown} holds no {MANIFEST}")));
+        };
+        let Some(shard) = manifest.shard.take() else {
+            return Err(Error::new(format!(
+                "{shown} is the record of a whole run; a part is what `pdk run --shard` makes"
+            )));
+        };
+        let Some((list, _)) = file::open_if_there(&path.join(SHARD)).place(&shown)? else {
+            return Err(Error::new(format!(
+                "part {shard} in {shown} has not come to its end; run it again with --out and its folder"
+            )));
+        };
+        let list: ShardList =
+            serde_json::from_reader(std::io::BufReader::new(list)).place(path.join(SHARD).display())?;
+        Ok(Self { directory, manifest, list: ShardList { shard, ..list } })
+    }
+
+    fn shown(&self) -> impl fmt::Display + '_ {
+        self.directory.path().display()
+    }
+}
+
+/// Puts the records of all parts of a run together: their manifests, their lines in the order of the whole, and their traces. Returns
+/// how many scenarios there are. Running the pipeline on the new folder completes it: what is there is not driven again.
+///
+/// # Errors
+/// Where a part is missing, is there twice, has not come to its end, or is of another run or of a run that went another way; where the
+/// folder is not empty, or something cannot be read or written.
+pub fn merge(parts: &[PathBuf], out: &Path) -> Result<usize> {
+    let mut parts = parts.iter().map(|path| Part::open(path)).collect::<Result<Vec<Part>>>()?;
+    parts.sort_by_key(|part| part.list.shard.index);
+    check(&parts)?;
+    let Some((first, others)) = parts.split_first() else { return Ok(0) };
+    let mut manifest = first.manifest.clone();
+    for other in others {
+        manifest = manifest.continuing(&other.manifest).map_err(|difference| {
+            Error::new(format!("{} is of another run than {}: {difference}", first.shown(), other.shown()))
+        })?;
+    }
+    check_lists(first, others)?;
+    let directory = RunDirectory::create(out)?;
+    if directory.manifest()?.is_some() {
+        return Err(Error::new(format!(
+            "{} holds a record already; choose an empty folder with --out",
+            out.display()
+        )));
+    }
+    directory.write_json(MANIFEST, &manifest)?;
+    let mut lines: HashMap<ScenarioId, (usize, Line)> = HashMap::new();
+    for (place, part) in parts.iter().enumerate() {
+        // A part without scenarios of its own has no ledger.
+        if (0..part.list.scenarios.len()).any(|number| part.list.shard.has(number)) {
+            let (found, _) = ledger::read(&part.directory)?;
+            lines.extend(found.into_iter().map(|line| (line.id, (place, line))));
+        }
+    }
+    let mut ordered = Vec::with_capacity(first.list.scenarios.len());
+    for id in &first.list.scenarios {
+        let Some((place, line)) = lines.remove(id) else {
+            return Err(Error::new(format!(
+                "no part has a line of scenario {id}; run the parts again with --out and their folders"
+            )));
+        };
+        let (from, to) = (parts[place].directory.trace_path(id), directory.trace(id)?);
+        link(&from, &to).place(format_args!("cannot take over the trace {}", from.display()))?;
+        ordered.push(line);
+    }
+    Ledger::open(&directory)?.add_all(&ordered)?;
+    Ok(ordered.len())
+}
+
+/// Makes sure that these are all parts of one run, each once.
+fn check(parts: &[Part]) -> Result<()> {
+    let Some(first) = parts.first() else { return Err(Error::new("name the records of the parts")) };
+    let of = first.list.shard.of;
+    if let Some(other) = parts.iter().find(|part| part.list.shard.of != of) {
+        return Err(Error::new(format!(
+            "{} is part {} and {} part {}, which is another division of the run",
+            first.shown(),
+            first.list.shard,
+            other.shown(),
+            other.list.shard
+        )));
+    }
+    if let Some(pair) = parts.windows(2).find(|pair| pair[0].list.shard == pair[1].list.shard) {
+        return Err(Error::new(format!(
+            "{} and {} are the same part, {}",
+            pair[0].shown(),
+            pair[1].shown(),
+            pair[0].list.shard
+        )));
+    }
+    let is_there = |index: &usize| parts.iter().any(|part| part.list.shard.index == *index);
+    let missing: Vec<String> =
+        (1..=of).filter(|index| !is_there(index)).map(|index| index.to_string()).collect();
+    if !missing.is_empty() {
+        return Err(Error::new(format!("of {of} parts these are missing: {}", missing.join(", "))));
+    }
+    Ok(())
+}
+
+/// Makes sure that all parts came to the same scenarios.
+fn check_lists(first: &Part, others: &[Part]) -> Result<()> {
+    match others.iter().find(|part| part.list.scenarios != first.list.scenarios) {
+        None => Ok(()),
+        Some(other) => Err(Error::new(format!(
+            "the parts {} and {} have other scenarios: the pipeline decides by outcomes what to drive, so it cannot be run in parts; use \
+             --pool",
+            first.list.shard, other.list.shard
+        ))),
+    }
+}
+
+/// The same file at another place, without a copy where the file system allows that.
+fn link(from: &Path, to: &Path) -> std::io::Result<()> {
+    match fs::hard_link(from, to) {
+        Ok(()) => Ok(()),
+        Err(_) => fs::copy(from, to).map(drop),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_scenario_belongs_to_one_part() {
+        let parts: Vec<Shard> = (1..=4).map(|index| format!("{index}/4").parse().unwrap()).collect();
+        for number in 0..40 {
+            assert_eq!(parts.iter().filter(|part| part.has(number)).count(), 1);
+        }
+        for wrong in ["", "1", "0/4", "5/4", "1/0", "a/b", "1/4/4", "-1/4", "1/1000000"] {
+            let error = wrong.parse::<Shard>().unwrap_err();
+            assert!(error.message().contains("is no part of a run"), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Where pdk meets a program: a bus of its own, and the services beside its topics.
+//!
+//! The folder of the bus is what the program opens. It holds the configuration for iceoryx2, and a lock that is held for as long as pdk is
+//! there.
+
+use std::path::Path;
+use std::time::Duration;
+
+use iceoryx2::config::Config;
+use iceoryx2::node::{Node, NodeBuilder};
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::prelude::{FilePath, SemanticString, ServiceName, SignalHandlingMode};
+use iceoryx2::service::ipc_threadsafe::Service;
+use pdk_adapter::process::{Launch, Launched};
+use pdk_bus::Bus;
+use pdk_sdk::prelude::*;
+
+/// How long a wait lasts before it is looked whether the program is still there.
+pub const LOOK: Duration = Duration::from_millis(50);
+
+/// How often the first message is sent, until it has been answered: whoever comes late has not seen it.
+pub const AGAIN: Duration = Duration::from_millis(100);
+
+/// A bus with a node for further services.
+pub struct Room {
+    pub node: Node<Service>,
+    // Last, so that everything in it is closed when it takes its files away.
+    pub bus: Bus,
+}
+
+impl Room {
+    /// Makes a bus for frames of this size. `name` is that of the folder in which its folder is found.
+    ///
+    /// # Errors
+    /// Where shared memory cannot be used.
+    pub fn new(name: &str, width: usize, height: usize) -> Result<Self> {
+        // There is one in a process; the number tells those of other processes apart.
+        let bus = Bus::create(name, std::process::id(), width as u32, height as u32)
+            .map_err(|error| failed(&error))?;
+        let file = bus.root().join("iceoryx2.toml");
+        let path = FilePath::new(file.as_os_str().as_encoded_bytes()).map_err(|error| failed(&error))?;
+        let config = Config::from_file(&path).map_err(|error| failed(&error))?;
+        let node = NodeBuilder::new()
+            .config(&config)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<Service>()
+            .map_err(|error| failed(&error))?;
+        Ok(Self { node, bus })
+    }
+
+    /// The folder that the program opens.
+    pub fn folder(&self) -> &Path {
+        self.bus.root()
+    }
+
+    /// Starts the program of a command, which finds the room by a variable; nothing where the command is empty.
+    ///
+    /// # Errors
+    /// Where there is no such program.
+    pub fn launch(&self, what: &'static str, command: &[String]) -> Result<Option<Launched>> {
+        if command.is_empty() {
+            return Ok(None);
+        }
+        let folder = self.folder().to_string_lossy();
+        let environment = [("PDK_EXCHANGE", folder.as_ref())];
+        let launch = Launch { what, parameter: "command", words: command, environment: &environment };
+        Launched::start(&launch).map(Some)
+    }
+
+    /// Tells the program that there is something new.
+    ///
+    /// # Errors
+    /// Where shared memory cannot be used.
+    pub fn notifier(&self, name: &str) -> Result<Notifier<Service>> {
+        let service = self.node.service_builder(&named(name)?).event().create();
+        service.map_err(|error| failed(&error))?.notifier_builder().create().map_err(|error| failed(&error))
+    }
+
+    /// Hears that the program has something new.
+    ///
+    /// # Errors
+    /// Where shared memory cannot be used.
+    pub fn listener(&self, name: &str) -> Result<Listener<Service>> {
+        let service = self.node.service_builder(&named(name)?).event().create();
+        service.map_err(|error| failed(&error))?.listener_builder().create().map_err(|error| failed(&error))
+    }
+}
+
+/// The name of a room: that of an exchange for programs that run already, or one of this process alone.
+pub fn room_name(what: &str, exchange: &str, command: &[String]) -> String {
+    match command.is_empty() {
+        true => format!("{what}-{exchange}"),
+        false => format!("{what}-{}", std::process::id()),
+    }
+}
+
+/// What users call the program.
+pub fn who(what: &str, exchange: &str, command: &[String]) -> String {
+    match command.first() {
+        Some(program) => format!("the {what} `{program}`"),
+        None => format!("the {what} of the exchange `{exchange}`"),
+    }
+}
+
+/// The name of a service.
+///
+/// # Errors
+/// Where it cannot be one.
+pub fn named(name: &str) -> Result<ServiceName> {
+    ServiceName::new(name).map_err(|error| failed(&error))
+}
+
+/// What went wrong between pdk and the program.
+pub fn failed(error: &dyn std::fmt::Display) -> Error {
+    Error::new(format!("the exchange with the program failed: {error}"))
+}

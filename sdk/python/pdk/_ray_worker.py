@@ -1,0 +1,96 @@
+"""What runs on the machines of a cluster: an actor of Ray that holds a `pdk worker`."""
+
+import json
+import os
+import subprocess
+import tempfile
+from pathlib import Path
+
+from pdk import _files
+from pdk._program import environment
+
+
+class Worker:
+    """A worker of pdk, with what it needs of the session's machine: `files` are as `Sender.take` tells them, `blobs` their bytes."""
+
+    def __init__(self, hello, components, shared):
+        self._hello = hello
+        self._components = components
+        self._shared = shared
+        self._traces = None if shared else tempfile.TemporaryDirectory(prefix="pdk-traces-")
+        self._child = None
+
+    def start(self, blobs):
+        """Starts the worker; returns what it says of itself."""
+        import pdk
+
+        hello = json.loads(self._hello)
+        if not self._shared:
+            search = {"plugins": [], "drop_ins": [], "beside": []}
+            for folder, told in self._components:
+                path = self._place(told, blobs)
+                if folder is None:
+                    search["plugins"].append(path)
+                else:
+                    search["drop_ins"].append([folder, os.path.dirname(path)])
+            hello["hello"]["search"] = search
+        self._blobs = blobs
+        # Its own errors are those of this process, which Ray shows to whoever runs the pool.
+        self._child = subprocess.Popen(
+            [str(pdk.executable()), "worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment()
+        )
+        self._say(hello)
+        return self._hear()
+
+    def _place(self, told, blobs):
+        import ray
+
+        return _files.place(told, lambda name: ray.get(blobs[name]))
+
+    def _say(self, message):
+        self._child.stdin.write(json.dumps(message).encode() + b"\n")
+        self._child.stdin.flush()
+
+    def _hear(self):
+        line = self._child.stdout.readline()
+        if not line.endswith(b"\n"):
+            raise RuntimeError(f"a worker of pdk ended ({self._child.wait()})")
+        return line.decode()
+
+    def work(self, job, files, blobs):
+        """Does a job: returns the lines that the worker says, and the bytes of the trace, where it was to write one."""
+        job, trace = json.loads(job), None
+        for steps, told in files:
+            _put(job, steps, self._place(told, blobs))
+        drive = job["job"]["work"].get("drive")
+        if drive and drive.get("trace") and not self._shared:
+            trace = Path(self._traces.name) / os.path.basename(drive["trace"])
+            drive["trace"] = str(trace)
+        self._say(job)
+        said, frames = [], 0
+        while True:
+            line = self._hear()
+            ((kind, value),) = json.loads(line).items()
+            # How far it is would cost a message each time; it is told once, at the end.
+            if kind == "progress":
+                frames += value["frames"]
+                continue
+            if kind == "failed":
+                raise RuntimeError(value)
+            if kind != "done":
+                said.append(line)
+                continue
+            if frames:
+                said.append(json.dumps({"progress": {"number": value["number"], "frames": frames}}))
+            content = None
+            if trace is not None and trace.is_file():
+                content = trace.read_bytes()
+                trace.unlink()
+            return [*said, line], content
+
+
+def _put(value, steps, replaced):
+    """Replaces a value within a value."""
+    for step in steps[:-1]:
+        value = value[step]
+    value[steps[-1]] = replaced

@@ -1,0 +1,376 @@
+"""`--pool ray`: workers on a cluster of Ray.
+
+    pdk run study --pool ray
+    pdk run study --pool "ray --address head:6379 --slots 200"
+    pdk.run("study", pool="ray")
+
+Where they run, how often they are tried and how many machines there are is Ray's business. Each is an actor that holds a `pdk worker`. The
+package pdk has to be there on every machine, in the same version; what else a scenario needs (models, plugins, scripts, datasets) travels
+by its content, once to each machine, and traces come back. With `--shared` nothing travels: all machines have the same files at the same
+paths, as on a shared file system.
+
+This is a pool as docs/worker-protocol.md describes it, on standard input and output.
+"""
+
+import argparse
+import asyncio
+import heapq
+import json
+import os
+import subprocess
+import sys
+import threading
+from collections import deque
+from pathlib import Path
+
+from pdk import _files, _program
+from pdk._pdk import Error
+
+#: How often a job is given to another actor after one was lost.
+TRIES = 3
+
+
+def options(words):
+    """What stands behind `ray` in `--pool`."""
+    parser = argparse.ArgumentParser(prog="--pool ray", description="Workers on a cluster of Ray.")
+    parser.add_argument("--address", help="the cluster's address; else RAY_ADDRESS, else one on this machine, else a new one")
+    parser.add_argument("--slots", type=int, help="workers at most; else as many as the cluster has processors for")
+    parser.add_argument("--cpus", type=float, default=1.0, help="processors of a worker [default: 1]")
+    parser.add_argument("--resources", type=json.loads, default={}, help="further resources of a worker, as JSON")
+    parser.add_argument("--working-dir", help="a folder that Ray brings to all machines, for modules that drivers import")
+    parser.add_argument("--shared", action="store_true", help="all machines have the same files at the same paths")
+    chosen = parser.parse_args(words)
+    if chosen.slots is not None and chosen.slots < 1:
+        parser.error("--slots has to be at least 1")
+    return chosen
+
+
+class Paths:
+    """Where the paths are in a job: what the descriptions of components say are paths, and what a program is started with."""
+
+    def __init__(self, catalog):
+        self._types = {}
+        for entry in catalog:
+            description = entry["description"]
+            types = {parameter["name"]: parameter["type"] for parameter in description["parameters"]}
+            self._types[description["kind"], description["name"]] = types
+
+    def find(self, job):
+        """The places in a job that hold paths, as steps from its root."""
+        work = job["job"]["work"]
+        ((kind, given),) = work.items()
+        root = ("job", "work", kind)
+        if kind == "make":
+            yield from self._component(given["kind"], given["component"], (*root, "component"))
+            return
+        inside = "scenario" if kind == "drive" else "evaluation"
+        spec, root = given[inside], (*root, inside)
+        for name in ("simulator", "driver", "dataset"):
+            if name in spec:
+                yield from self._component(name, spec[name], (*root, name))
+        for number, applied in enumerate(spec.get("perturbations", [])):
+            place = (*root, "perturbations", number)
+            yield from self._component("perturbation", applied, place)
+            region = applied.get("region")
+            if isinstance(region, dict) and "mask" in region:
+                yield (*place, "region", "mask")
+            for modifier, parts in (("where", {"by": "saliency", "mask": "mask"}), ("attention", {"by": "saliency"})):
+                for part, of in parts.items():
+                    component = (applied.get(modifier) or {}).get(part)
+                    if isinstance(component, dict):
+                        yield from self._component(of, component, (*place, modifier, part))
+
+    def _component(self, kind, component, place):
+        types = self._types.get((kind, component["name"]), {})
+        for name, value in component.get("parameters", {}).items():
+            if types.get(name) == "path" and isinstance(value, str):
+                yield (*place, "parameters", name)
+            elif name in ("command", "launch") and isinstance(value, list):
+                # The program itself is for each machine to have.
+                yield from ((*place, "parameters", name, word) for word in range(1, len(value)))
+
+
+def at(value, steps):
+    """A value within a value."""
+    for step in steps:
+        value = value[step]
+    return value
+
+
+def gpus(job):
+    """How much of a GPU the simulator and the driver of a job need together."""
+    work = job["job"]["work"]
+    ((kind, given),) = work.items()
+    if kind == "make":
+        components = [given["component"]]
+    else:
+        spec = given["scenario" if kind == "drive" else "evaluation"]
+        components = [spec[name] for name in ("simulator", "driver") if name in spec]
+    return sum(float(component.get("parameters", {}).get("gpus", 0)) for component in components)
+
+
+def introduced(hello):
+    """What a worker of this machine says to hello: the catalog of the session's machine, whose files the session reads."""
+    from pdk import executable
+
+    child = subprocess.Popen([str(executable()), "worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        child.stdin.write(hello)
+        child.stdin.flush()
+        line = child.stdout.readline()
+    finally:
+        child.stdin.close()
+        child.wait()
+    if not line:
+        raise SystemExit("a worker of this machine ended before it was ready")
+    return json.loads(line)
+
+
+class Actor:
+    """An actor of the cluster, as the pool sees it."""
+
+    def __init__(self, handle, number, group):
+        self.handle = handle
+        self.number = number
+        self.group = group
+
+
+class Group:
+    """Workers with the same share of a GPU, and what waits for them."""
+
+    def __init__(self):
+        #: Jobs, each with its files and how often it was given away.
+        self.waiting = deque()
+        #: Actors that have nothing to do.
+        self.idle = []
+        #: How many are on their way.
+        self.coming = 0
+
+
+class Pool:
+    """Gives the jobs of a session to actors."""
+
+    def __init__(self, hello, ready, chosen, slots, say):
+        import ray
+
+        self._ray = ray
+        self._hello = hello.decode()
+        self._chosen = chosen
+        self._say = say
+        self._catalog = ready["catalog"]
+        self._paths = Paths(self._catalog)
+        self._sender = _files.Sender(ray.put)
+        self._components = [] if chosen.shared else list(self._travelling())
+        self._groups = {}
+        self._actors = set()
+        #: Numbers that no actor has, the smallest first: a worker's ports are derived from its number.
+        self._numbers = list(range(slots))
+        self._running = set()
+
+    def _travelling(self):
+        """The files of all components that are not part of pdk, and in which folder such files become components."""
+        known = set()
+        for entry in self._catalog:
+            own = (entry.get("plugin") or {}).get("built_in") or entry.get("blake3") is not None
+            base = entry.get("base")
+            if (own and base is None) or entry["file"] in known:
+                continue
+            known.add(entry["file"])
+            told = self._sender.take(entry["file"])
+            if told is None:
+                continue
+            kind = entry["description"]["kind"]
+            of = next((e for e in self._catalog if e["description"]["name"] == base and e["description"]["kind"] == kind), None)
+            yield (None if of is None else of["description"]["drop_in"]["folder"], told)
+
+    def take(self, line):
+        """Takes a job of the session."""
+        job = json.loads(line)
+        files = []
+        if not self._chosen.shared:
+            for steps in self._paths.find(job):
+                told = self._sender.take(at(job, steps))
+                if told is not None:
+                    files.append((steps, told))
+        group = gpus(job)
+        self._groups.setdefault(group, Group()).waiting.append((job, files, 1))
+        self._give(group)
+
+    def _blobs(self, files):
+        return {told["hash"]: self._sender.sent[told["hash"]] for _, told in files}
+
+    def _give(self, name):
+        """Gives what waits in a group to actors that have nothing to do, and asks for more where there are too few."""
+        group = self._groups[name]
+        while group.waiting and group.idle:
+            self._run(self._work(group.idle.pop(), group.waiting.popleft()))
+        if len(group.waiting) <= group.coming:
+            return
+        # Whoever has nothing to do may stand where another one has to be.
+        for other in self._groups.values():
+            while other is not group and other.idle:
+                self._lose(other.idle.pop())
+        # As many are on their way as there are jobs that wait for one.
+        while len(group.waiting) > group.coming and self._numbers:
+            group.coming += 1
+            self._run(self._start(name, heapq.heappop(self._numbers)))
+
+    def _run(self, coroutine):
+        task = asyncio.ensure_future(coroutine)
+        self._running.add(task)
+        task.add_done_callback(self._done)
+
+    def _done(self, task):
+        self._running.discard(task)
+        if not task.cancelled() and task.exception() is not None:
+            self.fail(task.exception())
+
+    def fail(self, raised):
+        """Says why nothing more can be done."""
+        said = str(raised) if isinstance(raised, Error) else f"{type(raised).__name__}: {raised}"
+        self._say(json.dumps({"failed": f"the pool of Ray cannot go on: {said.strip().splitlines()[-1]}"}))
+
+    async def _start(self, name, number):
+        from pdk._ray_worker import Worker
+
+        group = self._groups[name]
+        remote = self._ray.remote(Worker).options(
+            num_cpus=self._chosen.cpus, num_gpus=name or None, resources=self._chosen.resources or None
+        )
+        handle = remote.remote(self._hello, self._components, self._chosen.shared)
+        actor = Actor(handle, number, name)
+        self._actors.add(actor)
+        try:
+            self._check(json.loads(await handle.start.remote(self._blobs(self._components))))
+        except self._ray.exceptions.RayActorError:
+            # Its machine is gone. Another is asked for where it is still needed.
+            self._lose(actor)
+        else:
+            group.idle.append(actor)
+        finally:
+            group.coming -= 1
+        self._give_all()
+
+    def _give_all(self):
+        """An actor has become free, which may make room for one of another group."""
+        for name in self._groups:
+            self._give(name)
+
+    def _check(self, said):
+        """Makes sure that a worker is of the same version and has the same components."""
+        if "failed" in said:
+            raise _program.error("failed", said["failed"])
+        ready = said["ready"]
+        import pdk
+
+        if ready["pdk"] != pdk.__version__:
+            raise _program.error(
+                "configuration",
+                f"a machine of the cluster has pdk {ready['pdk']}, and this one {pdk.__version__}; install the same one everywhere",
+            )
+
+        def named(catalog):
+            return {(e["description"]["kind"], e["description"]["name"], e["description"]["version"]) for e in catalog}
+
+        missing = sorted(named(self._catalog) - named(ready["catalog"]))
+        if missing:
+            kind, name, version = missing[0]
+            raise _program.error(
+                "configuration", f"a machine of the cluster lacks the {kind} `{name}` (version {version}), which is there on this one"
+            )
+
+    async def _work(self, actor, waited):
+        job, files, tries = waited
+        job["job"]["slot"] = actor.number
+        number = job["job"]["number"]
+        try:
+            lines, trace = await actor.handle.work.remote(json.dumps(job), files, self._blobs(files))
+            if trace is not None:
+                _write(Path(job["job"]["work"]["drive"]["trace"]), trace)
+            for line in lines:
+                self._say(line.strip())
+        except self._ray.exceptions.RayError as lost:
+            # Its machine is gone, or its worker.
+            self._lose(actor)
+            if tries == TRIES:
+                raise _program.error("lost", f"a worker was lost {TRIES} times over job {number} ({lost})") from None
+            self._groups[actor.group].waiting.appendleft((job, files, tries + 1))
+        else:
+            self._groups[actor.group].idle.append(actor)
+        self._give_all()
+
+    def _lose(self, actor):
+        self._actors.discard(actor)
+        heapq.heappush(self._numbers, actor.number)
+        self._ray.kill(actor.handle)
+
+    def end(self):
+        """Lets all actors go. What belongs to this program ends with it anyway, but not at once."""
+        for actor in list(self._actors):
+            self._lose(actor)
+
+
+def _write(path, content):
+    """Writes a trace as a worker does: complete, or not at all."""
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    with part.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    os.rename(part, path)
+
+
+async def serve(chosen, say):
+    """Relays between the session, at standard input, and the cluster."""
+    import ray
+
+    hello = sys.stdin.buffer.readline()
+    if not hello:
+        return
+    answer = introduced(hello)
+    if "ready" not in answer:
+        say(json.dumps(answer))
+        return
+    environment = {} if chosen.working_dir is None else {"working_dir": chosen.working_dir}
+    ray.init(address=chosen.address, runtime_env=environment, log_to_driver=True, logging_level="warning")
+    slots = chosen.slots or max(1, int(ray.cluster_resources().get("CPU", 1) // max(chosen.cpus, 0.001)))
+    pool = Pool(hello, answer["ready"], chosen, slots, say)
+    answer["ready"]["slots"] = slots
+    say(json.dumps(answer))
+    lines, loop = asyncio.Queue(), asyncio.get_running_loop()
+
+    def listen():
+        for line in sys.stdin.buffer:
+            loop.call_soon_threadsafe(lines.put_nowait, line)
+        loop.call_soon_threadsafe(lines.put_nowait, None)
+
+    threading.Thread(target=listen, daemon=True).start()
+    while (line := await lines.get()) is not None:
+        try:
+            pool.take(line)
+        except Error as raised:
+            pool.fail(raised)
+    pool.end()
+
+
+def main(words):
+    chosen = options(words)
+    try:
+        import ray
+    except ImportError:
+        sys.exit("pdk: error: --pool ray needs the package ray; install it with `pip install 'pdk[ray]'`")
+    # What others print is not for the session.
+    output = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)
+
+    def say(line):
+        output.write(line.encode() + b"\n")
+
+    try:
+        asyncio.run(serve(chosen, say))
+    finally:
+        ray.shutdown()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,167 @@
+"""Records of runs: scenarios, telemetry and traces as frames of pandas and arrays of numpy.
+
+    record = pdk.Record("runs/study-1")
+    record.scenarios()                    # a row for each scenario
+    record.telemetry(0)                   # a row for each frame of the first one
+    numbers, frames = record.frames(0)    # what the driver saw, as far as it was recorded
+"""
+
+from __future__ import annotations
+
+import json
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pdk import _pdk
+from pdk._program import error
+
+if TYPE_CHECKING:
+    import numpy
+    import pandas
+    from numpy.typing import NDArray
+
+__all__ = ["Record"]
+
+
+def _pandas(what):
+    try:
+        import pandas
+    except ImportError:
+        raise error("configuration", f"{what} needs pandas; install it with `pip install pandas`") from None
+    return pandas
+
+
+class Record:
+    """The record of a run: the folder that `pdk run` prints."""
+
+    def __init__(self, path: str | PathLike[str]) -> None:
+        #: The folder.
+        self.path = Path(path)
+        if not (self.path / "manifest.json").is_file():
+            raise error("configuration", f"{self.path} holds no record; name the folder that `pdk run` printed")
+
+    def __repr__(self):
+        return f"Record({str(self.path)!r})"
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def _json(self, name):
+        return json.loads((self.path / name).read_text())
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """What was run: pipeline, settings, seed, versions and hashes."""
+        return self._json("manifest.json")
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The outcomes as the pipeline got them, and its evaluations."""
+        return self._json("summary.json")
+
+    @property
+    def performance(self) -> dict[str, Any]:
+        """When and how fast it ran."""
+        return self._json("performance.json")
+
+    def lines(self) -> list[dict[str, Any]]:
+        """The lines of the ledger, a dictionary each: scenario and outcome. Checksums are checked."""
+        return [json.loads(line) for line in _pdk.ledger(self.path)]
+
+    def scenarios(self) -> pandas.DataFrame:
+        """A row for each scenario, in the order of submission: what it is, and what came of it. Needs pandas.
+
+        Of what a scenario is there are `id`, `name`, `simulator`, `driver`, `road`, `duration`, `mode`, `seed`, `repeat`, and, where it
+        has one perturbation, `perturbation` and `level`; `perturbations` has all of them as texts. The rest is the outcome.
+        """
+        pandas = _pandas("a record as a frame")
+        rows = []
+        for line in self.lines():
+            scenario = line.pop("scenario")
+            applied = scenario.get("perturbations", [])
+            one = applied[0] if len(applied) == 1 else {}
+            level = one.get("level")
+            measures = line.pop("measures", None) or {}
+            rows.append(
+                {
+                    "id": line.pop("id"),
+                    "name": line.pop("name"),
+                    "simulator": scenario["simulator"]["name"],
+                    "driver": scenario["driver"]["name"],
+                    "road": None if scenario.get("road") is None else json.dumps(scenario["road"], sort_keys=True),
+                    "perturbation": one.get("name"),
+                    "level": level if isinstance(level, (int, float)) else None,
+                    "perturbations": [_text(perturbation) for perturbation in applied],
+                    "duration": scenario["duration"],
+                    "mode": scenario.get("mode", "lockstep"),
+                    "seed": scenario["seed"],
+                    "repeat": scenario.get("repeat", 0),
+                    "images_every": line.pop("images_every"),
+                    "verdict": _VERDICTS[line["cause"]],
+                    **line,
+                    **measures,
+                }
+            )
+        return pandas.DataFrame(rows)
+
+    def results(self) -> pandas.DataFrame:
+        """A row for each frame, perturbation and level of an offline evaluation. Needs pandas."""
+        pandas = _pandas("a record as a frame")
+        path = self.path / "results.jsonl"
+        if not path.is_file():
+            raise error("configuration", f"there is no {path}: the run evaluated no dataset; see scenarios()")
+        with path.open() as lines:
+            return pandas.DataFrame([json.loads(line) for line in lines])
+
+    def trace(self, scenario: int | str) -> Path:
+        """The file with the trace of a scenario, an MCAP: by its number in the record, its id, or its name where that is unique."""
+        if isinstance(scenario, str):
+            known = [line["id"] for line in self.lines() if scenario in (line["id"], line["name"])]
+        else:
+            lines = self.lines()
+            known = [lines[scenario]["id"]] if -len(lines) <= scenario < len(lines) else []
+        if len(known) != 1:
+            several = "several scenarios" if known else "no scenario"
+            raise error("configuration", f"{self.path} has {several} {scenario!r}; name one by its number or its id")
+        return self.path / "traces" / f"{known[0]}.mcap"
+
+    def telemetry(self, scenario: int | str) -> pandas.DataFrame:
+        """A row for each frame of a scenario: state, control, and a hash of what the driver saw. Needs pandas."""
+        pandas = _pandas("telemetry as a frame")
+        return pandas.DataFrame(self.steps(scenario))
+
+    def steps(self, scenario: int | str) -> dict[str, NDArray[Any]]:
+        """As `telemetry`, as a dictionary of arrays."""
+        return _pdk.trace_steps(self.trace(scenario))
+
+    def events(self, scenario: int | str) -> list[tuple[float, str]]:
+        """What happened in a scenario: pairs of a time in seconds and a text."""
+        return _pdk.trace_events(self.trace(scenario))
+
+    def frames(
+        self, scenario: int | str, topic: str = "perturbed"
+    ) -> tuple[NDArray[numpy.uint64], NDArray[numpy.uint8]]:
+        """The recorded frames of a scenario: their numbers, and an array of frames x height x width x 3, dtype uint8.
+
+        `topic` is raw, as the camera saw it, or perturbed, as the driver saw it. Traces hold JPEG, and only some frames; see
+        `images_every`.
+        """
+        return _pdk.trace_frames(self.trace(scenario), topic)
+
+
+#: What an outcome says about the driver.
+_VERDICTS = {
+    "finished": "passed",
+    "lane_departure": "unsafe",
+    "collision": "unsafe",
+    "no_progress": "stopped",
+    "time_out": "stopped",
+    "error": "void",
+}
+
+
+def _text(perturbation):
+    """A perturbation as it is named in tables."""
+    level = perturbation["level"]
+    return f"{perturbation['name']}@{level:g}" if isinstance(level, (int, float)) else f"{perturbation['name']} over time"

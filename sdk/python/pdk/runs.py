@@ -1,0 +1,291 @@
+"""Runs: pipelines, and sessions that drive scenarios one by one.
+
+    record = pdk.run("quickstart", {"levels": [4]})
+
+    with pdk.Session(simulator="lane", driver="lane_keeper", duration=20, seed=1) as session:
+        for level in range(5):
+            session.submit(perturbations=[{"name": "fog_filter", "level": level}])
+        for outcome in session:
+            print(outcome["name"], outcome["cause"])
+
+Whatever is driven is driven by processes of their own, which pdk looks after. What goes wrong is a `pdk.Error`, whose `record` is the
+folder of what was recorded until then.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from pdk._program import Program, arguments, error
+from pdk.records import Record
+
+__all__ = ["Session", "run"]
+
+#: A simulator or a driver: its name, or a dictionary of its name and parameters.
+Component: TypeAlias = "str | Mapping[str, Any]"
+#: A scenario: its fields, as in a pipeline.
+Scenario: TypeAlias = "Mapping[str, Any]"
+#: What happened in a scenario: the fields of an outcome, as in a pipeline.
+Outcome: TypeAlias = "dict[str, Any]"
+#: Folders or files.
+Paths: TypeAlias = "str | PathLike[str] | Sequence[str | PathLike[str]]"
+#: Whether it is shown how far a run is, or what is told: frames that are done, and how many there are.
+Progress: TypeAlias = "bool | Callable[[int, int], object]"
+
+
+def _ended(end):
+    """The record of a run that is over; an exception where it failed."""
+    record = None if end["record"] is None else Path(end["record"])
+    if end["failure"] is not None:
+        raised = error(end["failure"]["kind"], end["failure"]["message"])
+        raised.record = record
+        raise raised
+    return None if record is None else Record(record)
+
+
+def run(
+    pipeline: str | PathLike[str],
+    settings: Mapping[str, Any] | None = None,
+    *,
+    out: str | PathLike[str] | None = None,
+    seed: int | None = None,
+    workers: int | None = None,
+    pool: str | None = None,
+    patience: float | None = None,
+    memory: int | None = None,
+    shard: str | None = None,
+    plugins: Paths = (),
+    overlays: Paths = (),
+    progress: Progress = False,
+) -> Record | None:
+    """Runs a pipeline, a file or one that comes with pdk by its name, and returns its `Record`; `None` where it recorded nothing.
+
+    `settings` are those of the pipeline, as `--set` sets them. The others are those that every run has: `out` is the folder of the
+    record, `workers` how many scenarios are driven at the same time, `pool` a command that provides workers, `patience` how many seconds
+    one call of a component may take, `memory` how many MiB a worker may take, `shard` a part of the scenarios such as "3/8", `plugins`
+    and `overlays` further folders with components.
+
+    Ctrl-C lets what is under way finish, and records it; a second one drops it.
+    """
+    words = arguments(
+        settings=settings,
+        out=out,
+        seed=seed,
+        workers=workers,
+        pool=pool,
+        patience=patience,
+        memory=memory,
+        shard=shard,
+        plugins=plugins,
+        overlays=overlays,
+    )
+    program = Program([str(pipeline), *words], progress)
+    try:
+        return _ended(program.finish(at_end=False))
+    finally:
+        program.close()
+
+
+def _caller():
+    """The file with the program that runs, where there is one."""
+    file = getattr(sys.modules.get("__main__"), "__file__", None)
+    return [] if file is None or not Path(file).is_file() else ["--program", str(file)]
+
+
+class Session:
+    """Drives scenarios, which are submitted one by one, and records what comes of them.
+
+    What is given here is what scenarios have that do not say it themselves. What nobody has waited for is driven before the session
+    ends, unless its block ends with an exception.
+    """
+
+    def __init__(
+        self,
+        *,
+        simulator: Component | None = None,
+        driver: Component | None = None,
+        duration: float | None = None,
+        failure: Mapping[str, Any] | None = None,
+        images_every: int | None = None,
+        mode: str | None = None,
+        settings: Mapping[str, Any] | None = None,
+        out: str | PathLike[str] | None = None,
+        seed: int | None = None,
+        workers: int | None = None,
+        pool: str | None = None,
+        patience: float | None = None,
+        memory: int | None = None,
+        shard: str | None = None,
+        plugins: Paths = (),
+        overlays: Paths = (),
+        progress: Progress = False,
+    ) -> None:
+        words = arguments(
+            settings=None,
+            out=out,
+            seed=seed,
+            workers=workers,
+            pool=pool,
+            patience=patience,
+            memory=memory,
+            shard=shard,
+            plugins=plugins,
+            overlays=overlays,
+        )
+        shared = {
+            "simulator": simulator,
+            "driver": driver,
+            "duration": duration,
+            "failure": failure,
+            "images_every": images_every,
+            "mode": mode,
+        }
+        self._defaults = {name: value for name, value in shared.items() if value is not None}
+        self._lock = threading.RLock()
+        self._pending = 0
+        self._rates = {}
+        self._program = Program([*_caller(), *words], progress)
+        try:
+            #: How many scenarios are driven at the same time.
+            self.slots = self._program.receive("ready")["slots"]
+            if settings is not None:
+                self._call("settings", settings)
+            self._call("defaults", self._defaults)
+        except BaseException:
+            self._program.close()
+            raise
+
+    def _call(self, function, argument):
+        with self._lock:
+            if self._program is None:
+                raise error("configuration", "the session is over; make another one")
+            return self._program.call(function, argument, f"what `{function}` was given")
+
+    def submit(self, scenario: Scenario | None = None, **fields: Any) -> int:
+        """Submits a scenario, a dictionary or its fields, and returns a ticket for its outcome without waiting."""
+        return self._submit([{**(scenario or {}), **fields}])[0]
+
+    def _submit(self, scenarios):
+        with self._lock:
+            tickets = self._call("submit", [self._frame_by_frame(scenario) for scenario in scenarios])
+            self._pending += len(tickets)
+            return tickets
+
+    def wait(self, ticket: int) -> Outcome:
+        """Waits for the outcome of a ticket."""
+        with self._lock:
+            outcome = self._call("wait", ticket)
+            self._pending -= 1
+            return outcome
+
+    def next(self) -> Outcome | None:
+        """Waits for the next outcome, as they come, with its ticket; `None` where all have been taken."""
+        with self._lock:
+            outcome = self._call("next", {})
+            self._pending -= outcome is not None
+            return outcome
+
+    def __iter__(self) -> Iterator[Outcome]:
+        while (outcome := self.next()) is not None:
+            yield outcome
+
+    def drive(self, scenarios: Iterable[Scenario]) -> list[Outcome]:
+        """Submits scenarios, waits for all, and returns the outcomes in their order."""
+        return [self.wait(ticket) for ticket in self._submit(list(scenarios))]
+
+    @property
+    def pending(self) -> int:
+        """How many submissions there are whose outcomes have not been taken."""
+        return self._pending
+
+    def evaluate(
+        self,
+        *,
+        dataset: Component,
+        driver: Component,
+        perturbations: Sequence[Any],
+        levels: Sequence[float],
+        frames: int | None = None,
+    ) -> dict[str, Any]:
+        """Perturbs the frames of a dataset and compares what the driver makes of them with the recorded truth."""
+        request = {"dataset": dataset, "driver": driver, "perturbations": perturbations, "levels": levels}
+        return self._call("evaluate", request if frames is None else {**request, "frames": frames})
+
+    def road(self, **request: Any) -> dict[str, Any]:
+        """Makes a road, as `pdk.road` does in a pipeline: `road(angles=[0, 10, -10])`, `road(turns=3, seed=1)`."""
+        return self._call("road", request)
+
+    def save(self, name: str, value: Any) -> None:
+        """Writes a value into the record as a JSON file, whose name ends in `.json`."""
+        self._call("save", {"name": name, "value": value})
+
+    def catalog(self, kind: str | None = None) -> list[dict[str, Any]]:
+        """What the components say of themselves that the workers of this session have."""
+        entries = self._call("catalog", {})
+        return [entry for entry in entries if kind in (None, entry["description"]["kind"])]
+
+    def _frame_by_frame(self, scenario):
+        """The scenario with the levels of every frame, where a level is a function of time."""
+
+        def is_course(perturbation):
+            return isinstance(perturbation, dict) and callable(perturbation.get("level"))
+
+        perturbations = scenario.get("perturbations") or []
+        if not any(is_course(perturbation) for perturbation in perturbations):
+            return scenario
+        whole = {**self._defaults, **scenario}
+        simulator = whole.get("simulator")
+        key = repr(simulator)
+        if key not in self._rates:
+            self._rates[key] = self._call("rate", simulator)
+        rate = self._rates[key]
+        count = math.ceil(whole.get("duration", 30.0) * rate) + 1
+
+        def evaluated(perturbation):
+            if not is_course(perturbation):
+                return perturbation
+            levels = [float(perturbation["level"](frame / rate)) for frame in range(count)]
+            return {**perturbation, "level": {"frames": {"rate": rate, "levels": levels}}}
+
+        return {**scenario, "perturbations": [evaluated(perturbation) for perturbation in perturbations]}
+
+    def close(self) -> Record | None:
+        """Waits for what was submitted, completes the record, and returns it; `None` where nothing was driven."""
+        with self._lock:
+            program, self._program = self._program, None
+            if program is None:
+                return self.record
+            try:
+                self.record = _ended(program.finish(at_end=True))
+            except BaseException as raised:
+                folder = getattr(raised, "record", None)
+                self.record = None if folder is None else Record(folder)
+                raise
+            finally:
+                program.close()
+            return self.record
+
+    #: The record, once the session is over.
+    record: Record | None = None
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, kind: Any, raised: BaseException | None, trace: Any) -> None:
+        if kind is None:
+            self.close()
+        elif isinstance(raised, KeyboardInterrupt):
+            # What is under way is finished and recorded.
+            try:
+                self.close()
+            except BaseException:
+                pass
+        elif self._program is not None:
+            program, self._program = self._program, None
+            program.close()

@@ -1,0 +1,82 @@
+"""What a cluster costs: three nodes of Ray on this machine, against this machine alone.
+
+    pip install 'pdk[ray]' and the wheel, then: python tests/speed/cluster.py [SCENARIOS]
+
+Prints, as Markdown: the overhead of a scenario, the processor time of the pool for each, and a search of five generations with a comparison
+of the ledgers.
+"""
+
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+os.environ["RAY_AUTH_MODE"] = "disabled"
+os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+
+from ray.cluster_utils import Cluster
+
+import pdk
+
+SHARED = {"simulator": {"name": "lane", "width": 64, "height": 48}, "driver": "lane_keeper", "images_every": 0}
+
+
+def pool_seconds():
+    """The processor time of the pool that runs now, in seconds."""
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if b"-m\0pdk.ray\0" in (process / "cmdline").read_bytes():
+                fields = (process / "stat").read_text().rsplit(")", 1)[1].split()
+                return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        except OSError:
+            pass
+    return 0.0
+
+
+def drives(count, out, **more):
+    """Seconds of wall time for so many short scenarios, once everything has been started, and of the pool's processor time."""
+    with pdk.Session(**SHARED, duration=0.05, out=out, **more) as session:
+        session.drive([{"repeat": 1_000_000 + number} for number in range(2 * session.slots)])
+        began, pool = time.monotonic(), pool_seconds()
+        session.drive([{"repeat": number} for number in range(count)])
+        return time.monotonic() - began, pool_seconds() - pool
+
+
+def lines(folder):
+    return sorted((folder / "scenarios.jsonl").read_text().splitlines())
+
+
+def main(count):
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    cluster.add_node(num_cpus=1)
+    cluster.add_node(num_cpus=1)
+    cluster.wait_for_nodes()
+    pool = f"ray --slots 2 --address {cluster.address}"
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        print(f"{count} scenarios of two frames, two workers:\n")
+        print("| workers from | ms a scenario | pool, ms of processor time |\n|---|---:|---:|")
+        for name, more in (("this machine", {"workers": 2}), ("Ray", {"pool": pool}), ("Ray, `--shared`", {"pool": pool + " --shared"})):
+            wall, cpu = drives(count, folder / name.replace(" ", ""), **more)
+            print(f"| {name} | {1000 * wall / count:.1f} | {1000 * cpu / count:.1f} |", flush=True)
+        settings = {
+            "strategy": {"name": "nsga2_dt", "population": 12},
+            "evaluations": 60,
+            "duration": 4,
+            "perturbations": ["contrast", "fog_filter", "gaussian_noise", "translate_image"],
+        }
+        times = {}
+        for name, more in (("here", {"workers": 2}), ("ray", {"pool": pool})):
+            began = time.monotonic()
+            pdk.run("search", settings, out=folder / f"search-{name}", seed=1, **more)
+            times[name] = time.monotonic() - began
+        same = lines(folder / "search-here") == lines(folder / "search-ray")
+        tables = [(folder / f"search-{name}/search.csv").read_bytes() for name in times]
+        print(f"\nfive generations of 12: here {times['here']:.1f} s, on Ray {times['ray']:.1f} s; ledgers equal as sets: {same}")
+        print(f"tables of the search equal: {tables[0] == tables[1]}")
+    cluster.shutdown()
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
