@@ -16,10 +16,10 @@ at 8 m/s; on the others at up to 16 m/s, and to allow for the time that controls
 Two networks come of it: `dave2.onnx`, trained on the recorded images alone, and `dave2_augmented.onnx`, trained on images
 with random noise, blur, brightness and contrast as well.
 
-The networks that come with pdk were made exactly so, from 15,426 images, with torch 2.15.0 on one thread. On images that
-were held out, the mean error of the steering was 0.012 of full lock, that of the throttle 0.107 and 0.105. Recording took
-two minutes and each network three to four on two cores. Another version of torch or another processor gives networks that
-differ a little; every record names the network by its hash.
+The networks that come with pdk were made by this script from 15,426 images of easy conditions alone, with torch 2.15.0 on one
+thread. On images that were held out, the mean error of the steering was 0.012 of full lock, that of the throttle 0.107 and 0.105.
+Recording took two minutes and each network three to four on two cores. Another version of torch or another processor gives
+networks that differ a little; every record names the network by its hash.
 """
 
 import argparse
@@ -176,6 +176,8 @@ def train(data, epochs, augment):
         held_out[start:start + 300] = True
     training = torch.nonzero(~held_out)[:, 0]
     batch, steps = 64, len(training) // 64
+    if steps == 0:
+        raise SystemExit(f"{len(images)} images are too few to train on: record more roads, or set images_every lower")
     optimiser = torch.optim.Adam(network.parameters(), 1e-3)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 2e-3, epochs * steps)
     weights = torch.tensor([4.0, 1.0])  # an error in steering matters more
