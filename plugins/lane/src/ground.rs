@@ -133,10 +133,10 @@ impl Ground<'_> {
         let RoadPlaces { offset, wide, near, .. } = &room.places;
         let [red, green, blue] = room.colours.each_mut().map(Vec::as_mut_slice);
         self.section.fill(&Across { offset, wide, near }, [red, green, blue, &mut room.rough]);
-        for block in (0..near.len()).filter(|block| near[*block]) {
-            for i in block * BLOCK..(block + 1) * BLOCK {
-                let meadow = (offset[i].abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
-                room.meadow[i] = meadow;
+        let blocks = room.meadow.as_chunks_mut::<BLOCK>().0.iter_mut().zip(offset.as_chunks::<BLOCK>().0);
+        for ((meadow, offset), _) in blocks.zip(near).filter(|(_, near)| **near) {
+            for (meadow, offset) in meadow.iter_mut().zip(offset) {
+                *meadow = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
             }
         }
 

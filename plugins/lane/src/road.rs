@@ -90,6 +90,7 @@ impl Road {
     ///
     /// # Errors
     /// As [`Road::new`].
+    #[cfg(test)]
     pub fn from_angles(angles: &[f64], lengths: &[f64], heights: &[f64]) -> Result<Self> {
         Self::from_waypoints(pdk_road::with_heights(angles, lengths, heights).map_err(Error::new)?)
     }
