@@ -168,8 +168,8 @@ pub fn parameters() -> Vec<Parameter> {
     let mut parameters = vec![Parameter::choice(
         "conditions",
         &NAMES,
-        "how hard the road is to see and to drive: what the parameters are that are left out; easy looks like a drawing, the others as \
-         cameras see the world",
+        "how hard the road is to see and to drive: the value of each parameter below that is not set; easy looks like a drawing, the \
+         others as cameras see the world",
     )];
     let lights = LIGHTS.iter().zip(NAMES).map(|(lights, name)| {
         let mut lights = lights.to_vec();
