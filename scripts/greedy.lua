@@ -24,6 +24,7 @@ local settings = pdk.settings({
 	roads = 8, -- how many random roads; fewer make intervals too narrow
 	road_seed = 1, -- seed of the first road; each further one has the next
 	limit = 35, -- largest angle of a road in degrees
+	segment = 25, -- length of its segments in metres: 37.5 and 50 match the speeds of the conditions standard and hard of lane
 	attempts = 1000, -- draws until a road is valid
 	repeats = 3, -- how often a perturbation that draws at random is driven on each road
 	duration = 30, -- seconds of simulation time

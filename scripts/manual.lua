@@ -12,6 +12,7 @@ local settings = pdk.settings({
 	roads = 1, -- how many random roads
 	road_seed = 1, -- seed of the first road; each further one has the next
 	limit = 35, -- largest angle of a road in degrees
+	segment = 25, -- length of its segments in metres: 37.5 and 50 match the speeds of the conditions standard and hard of lane
 	attempts = 1000, -- draws until a road is valid
 	duration = 30, -- seconds of simulation time
 	images_every = 10, -- every how many frames the record keeps an image; 0 for none
@@ -38,7 +39,7 @@ end
 local scenarios = {}
 for number = 1, settings.roads do
 	local seed = settings.road_seed + number - 1
-	local road = pdk.road({ seed = seed, limit = settings.limit, attempts = settings.attempts }).road
+	local road = pdk.road({ seed = seed, limit = settings.limit, segment = settings.segment, attempts = settings.attempts }).road
 	table.insert(scenarios, { name = `nominal, road {number}`, road = road })
 	for i, chain in settings.chains do
 		local name = if type(chain) == "string" then chain else `chain {i}`

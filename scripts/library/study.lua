@@ -67,7 +67,7 @@ function study.roads(settings, repeats: number, drivers)
 	local roads = {}
 	for number = 1, settings.roads do
 		local seed = settings.road_seed + number - 1
-		local made = pdk.road({ seed = seed, limit = settings.limit, attempts = settings.attempts })
+		local made = pdk.road({ seed = seed, limit = settings.limit, segment = settings.segment, attempts = settings.attempts })
 		table.insert(roads, { number = number, seed = seed, angles = made.angles, road = made.road, nominal = {} })
 	end
 	local left_out, out = {}, {}

@@ -117,16 +117,21 @@ fn main() {
 
 /// What a frame of the closed loop takes, on frames of 320x160: the simulator alone, and all of it on one thread, by the clock.
 fn closed_loop(registry: &Registry) -> Vec<Value> {
-    let (mut simulator, _) = registry.simulator("lane", &Map::new()).unwrap();
-    simulator.reset(&scenario(), 0).unwrap();
-    let mut frame = FrameBuf::new(320, 160);
-    let alone = median(&mut |_| {
-        simulator.frame(frame.as_mut()).unwrap();
-        simulator.act(Control { steering: 0.0, throttle: 0.0 }).unwrap();
-    });
-    let mut rows = vec![json!({
-        "what": "the embedded simulator alone, 320x160", "ms": alone, "frames_per_second": 1e3 / alone,
-    })];
+    let mut rows = Vec::new();
+    for conditions in ["easy", "standard", "hard"] {
+        let given = Map::from_iter([("conditions".to_owned(), Value::from(conditions))]);
+        let (mut simulator, _) = registry.simulator("lane", &given).unwrap();
+        simulator.reset(&scenario(), 0).unwrap();
+        let mut frame = FrameBuf::new(320, 160);
+        let alone = median(&mut |_| {
+            simulator.frame(frame.as_mut()).unwrap();
+            simulator.act(Control { steering: 0.0, throttle: 0.0 }).unwrap();
+        });
+        rows.push(json!({
+            "what": format!("the embedded simulator alone, conditions {conditions}, 320x160"),
+            "ms": alone, "frames_per_second": 1e3 / alone,
+        }));
+    }
     let folder = pdk_tests::temp();
     for backend in ["tract", "onnxruntime"] {
         let record = folder.path().join(backend);

@@ -58,9 +58,10 @@ pub fn build(request: Value, seed: u64) -> Result<(Road, Vec<f64>)> {
             None => return Err(wrong(format!("`segment` is {other}, but has to be a length in metres"))),
         },
     };
+    let map = MapBox::for_segments(&lengths);
     let of = |angles: &[f64]| -> std::result::Result<Road, String> {
         let road = Road::from_angles(angles, &lengths)?;
-        pdk_road::check(&road, width, &MapBox::default())?;
+        pdk_road::check(&road, width, &map)?;
         pdk_road::check_bends(&road, smallest_radius).map(|()| road)
     };
     if let Some(angles) = angles {

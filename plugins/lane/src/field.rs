@@ -38,6 +38,8 @@ pub struct Place {
     pub along: f32,
     /// How `lateral` changes with x and z; a unit vector up to interpolation.
     pub gradient: [f32; 2],
+    /// How much of the sun what stands there takes, 0 to 1.
+    pub shade: f32,
 }
 
 impl Place {
@@ -56,6 +58,8 @@ pub struct Field {
     rows: usize,
     tiles: Vec<u32>,
     corners: Vec<[f32; 2]>,
+    /// How much of the sun is taken at each corner; empty where nothing casts shadows.
+    shades: Vec<f32>,
 }
 
 impl Field {
@@ -71,8 +75,14 @@ impl Field {
         let count = |axis, low: f64| ((bound(axis, f64::max) + REACH - low) / TILE_LENGTH).ceil() as usize;
         let origin = [low(0), low(1)];
         let (columns, rows) = (count(0, origin[0]), count(1, origin[1]));
-        let mut field =
-            Self { origin, columns, rows, tiles: vec![EMPTY; columns * rows], corners: Vec::new() };
+        let mut field = Self {
+            origin,
+            columns,
+            rows,
+            tiles: vec![EMPTY; columns * rows],
+            corners: Vec::new(),
+            shades: Vec::new(),
+        };
 
         let mut nearby: Vec<Vec<usize>> = vec![Vec::new(); columns * rows];
         // From the middle of a tile to its corner, and from a coarse point to the next.
@@ -103,6 +113,33 @@ impl Field {
     /// The corner of the map: what [`Field::at`] takes is relative to it.
     pub fn origin(&self) -> Point {
         self.origin
+    }
+
+    /// Casts a shadow: `shade` says how much of the sun is taken at a place, x and z in metres, and is asked within `reach`
+    /// metres of `middle`. Shadows that overlap do not add up to more than all of the sun.
+    pub fn cast(&mut self, middle: Point, reach: f64, shade: impl Fn(Point) -> f32) {
+        self.shades.resize(self.corners.len(), 0.0);
+        let bound = |axis: usize, side: f64, most: usize| {
+            ((middle[axis] + side * reach - self.origin[axis]) / TILE_LENGTH).clamp(0.0, most as f64) as usize
+        };
+        let columns = bound(0, -1.0, self.columns)..(bound(0, 1.0, self.columns) + 1).min(self.columns);
+        for row in bound(1, -1.0, self.rows)..(bound(1, 1.0, self.rows) + 1).min(self.rows) {
+            for column in columns.clone() {
+                let tile = self.tiles[row * self.columns + column];
+                if tile == EMPTY {
+                    continue;
+                }
+                for corner in 0..CORNERS * CORNERS {
+                    let cell = |tile: usize, corner: usize| (tile * TILE + corner) as f64 / f64::from(CELLS);
+                    let at = [
+                        self.origin[0] + cell(column, corner % CORNERS),
+                        self.origin[1] + cell(row, corner / CORNERS),
+                    ];
+                    let taken = &mut self.shades[tile as usize * (CORNERS * CORNERS) + corner];
+                    *taken += (1.0 - *taken) * shade(at);
+                }
+            }
+        }
     }
 
     /// Where a place lies relative to the lane; `None` where it is far from the road.
@@ -137,10 +174,19 @@ impl Field {
         if gradient[0].abs() + gradient[1].abs() > 2.0 {
             return None;
         }
+        let shade = match self.shades.get(first..first + CORNERS + 2) {
+            Some(shades) => {
+                let near = shades[0] + (shades[1] - shades[0]) * fx;
+                let far = shades[CORNERS] + (shades[CORNERS + 1] - shades[CORNERS]) * fx;
+                near + (far - near) * fz
+            }
+            None => 0.0,
+        };
         Some(Place {
             lateral: lateral_near + (lateral_far - lateral_near) * fz,
             along: along_near + (along_far - along_near) * fz,
             gradient,
+            shade,
         })
     }
 }

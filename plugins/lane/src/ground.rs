@@ -1,20 +1,25 @@
 //! Draws a row of ground: the road with its markings, gravel and grass.
 
 use crate::camera::Projection;
+use crate::damage;
 use crate::field::Place;
 use crate::labels::Label;
 use crate::light::Light;
-use crate::places::{BLOCK, Block, Places};
+use crate::places::{Block, Places};
+use crate::room::{AWAY, RoadPlaces, Room, byte, interleave};
 use crate::scene::Scene;
-use crate::section::{self, Section};
+use crate::section::{self, Across, Section};
+use crate::simd::{BLOCK, vectorised};
 use crate::terrain::Strip;
-use crate::texture::{Line, Scale, Texture};
+use crate::texture::{Scale, Texture};
 use crate::view::View;
+use crate::weathered;
 
-/// Texels a metre of the two layers of texture: grain everywhere, and patches in the grass.
+/// Texels a metre of the layers of texture: grain everywhere, patches in the grass, and what is as large as leaves and tufts.
 const GRAIN: f32 = 30.0;
 const PATCHES: f32 = 0.45;
-/// What patches add to the colour of grass.
+const LEAVES: f32 = 3.2;
+/// What patches add to the colour of drawn grass.
 const PATCH: [f32; 3] = [24.0, 13.0, -2.0];
 /// The share of the air's colour that no distance exceeds.
 const MOST_HAZE: f64 = 0.9;
@@ -22,26 +27,35 @@ const MOST_HAZE: f64 = 0.9;
 /// A row of ground, prepared.
 #[derive(Debug, Clone, Copy)]
 pub struct GroundRow {
-    ahead: f32,
-    pixel_width: f32,
+    pub ahead: f32,
+    pub pixel_width: f32,
     pixel_depth: f32,
-    haze: f32,
+    pub haze: f32,
     grain: Scale,
     patches: Scale,
+    pub leaves: Scale,
+    /// How to read the picture of damage.
+    pub damage: Scale,
     /// Light of the headlights where they shine brightest, and half the width of their beam in metres.
     beam: (f32, f32),
+    /// What a wet road shows of the sky there, and how much of it where it is a mirror.
+    pub mirrored: ([f32; 3], f32),
 }
 
 impl GroundRow {
     /// The row that shows this strip.
-    pub fn new(strip: Strip, texture: &Texture, light: &Light) -> Self {
+    pub fn new(
+        strip: Strip,
+        (texture, damage): (&Texture, &Texture),
+        light: &Light,
+        projection: &Projection,
+    ) -> Self {
         // Between the two extents of a pixel: with the larger one texture would vanish early, with the smaller one it
         // flickers.
         let footprint = (strip.pixel_width * strip.pixel_depth).sqrt() as f32;
         let ahead = strip.ahead as f32;
-        // Brightest some metres ahead, then fading.
-        let reach = 1.0 / (1.0 + (ahead / 16.0) * (ahead / 16.0));
-        let rise = (ahead / 4.0).min(1.0);
+        // On the road's damage a texel is longer than wide, as a pixel is.
+        let on_damage = ((strip.pixel_width * strip.pixel_depth) as f32 / damage::STRETCH).sqrt();
         Self {
             ahead,
             pixel_width: strip.pixel_width as f32,
@@ -49,12 +63,13 @@ impl GroundRow {
             haze: (MOST_HAZE * (1.0 - libm::exp(-strip.ahead.abs() / light.visibility))) as f32,
             grain: texture.scale(GRAIN, footprint),
             patches: texture.scale(PATCHES, footprint),
-            beam: (light.headlights * reach * rise, 1.6 + 0.28 * ahead),
+            leaves: texture.scale(LEAVES, footprint),
+            damage: damage.scale(damage::ACROSS, on_damage),
+            beam: light.beam(ahead),
+            mirrored: weathered::mirrored(light, strip.ahead, projection.height),
         }
     }
-}
 
-impl GroundRow {
     /// How far away it is along the optical axis, in metres.
     pub fn depth(&self, projection: &Projection) -> f32 {
         self.pixel_width * projection.focal as f32
@@ -65,58 +80,22 @@ impl GroundRow {
 pub struct Ground<'a> {
     pub scene: &'a Scene,
     pub texture: &'a Texture,
+    pub damage: &'a Texture,
     pub section: &'a Section,
     pub projection: &'a Projection,
-}
-
-/// Room for one row of pixels.
-#[derive(Debug)]
-pub struct Room {
-    /// 0, 1, 2 and so on.
-    pub numbers: Vec<f32>,
-    /// Red, green and blue of the surface.
-    colours: [Vec<f32>; 3],
-    /// How strongly the texture changes its brightness.
-    rough: Vec<f32>,
-    /// How much of it is meadow.
-    meadow: Vec<f32>,
-    /// Light of the headlights.
-    beam: Vec<f32>,
-    pub bytes: [Vec<u8>; 3],
-    pub grain: Line,
-    patches: Line,
-}
-
-impl Room {
-    /// Room for rows of so many pixels.
-    pub fn new(width: usize) -> Self {
-        let room = || vec![0.0; width];
-        Self {
-            numbers: (0..width).map(|i| i as f32).collect(),
-            colours: std::array::from_fn(|_| room()),
-            rough: room(),
-            meadow: room(),
-            beam: room(),
-            bytes: std::array::from_fn(|_| vec![0; width]),
-            grain: Line::new(width),
-            patches: Line::new(width),
-        }
-    }
 }
 
 impl Ground<'_> {
     /// Says what each pixel of a row shows in its middle.
     pub fn label(&self, view: &View, ground: &GroundRow, row: &mut [u8]) {
-        let across = view.right.map(|r| r * ground.pixel_width);
-        let left = 0.5 - self.projection.centre_x as f32;
-        let start = [0, 1].map(|k| view.at[k] + view.ahead[k] * ground.ahead + across[k] * left);
+        let (start, across) = self.line(view, ground);
         for (i, label) in row.iter_mut().enumerate() {
             let at = [0, 1].map(|k| start[k] + across[k] * i as f32);
             let place = self.scene.field.at(at[0], at[1]).filter(Place::is_near);
             let offset = place.map(|place| (place.lateral - section::ROAD_CENTRE as f32, place.along));
             *label = match offset {
                 Some((offset, along)) if offset.abs() <= section::PAVED_HALF_WIDTH as f32 => {
-                    match self.section.is_marking(offset, along) {
+                    match self.section.is_marking(offset, along) && self.is_left(offset, along) {
                         true => Label::Marking,
                         false => Label::Road,
                     }
@@ -127,93 +106,170 @@ impl Ground<'_> {
         }
     }
 
-    /// Draws a row.
-    #[inline(always)]
-    pub fn draw(&self, view: &View, ground: &GroundRow, room: &mut Room, row: &mut [u8]) {
+    /// Whether more than half of the paint that was at a place of a marking is there still.
+    fn is_left(&self, offset: f32, along: f32) -> bool {
+        self.scene.wear.as_ref().is_none_or(|wear| weathered::left(wear, offset, along, 0.0) >= 0.5)
+    }
+
+    /// The middle of the first pixel of a row on the field's map, and the way to the next.
+    fn line(&self, view: &View, ground: &GroundRow) -> ([f32; 2], [f32; 2]) {
         let across = view.right.map(|r| r * ground.pixel_width);
-        let along = view.ahead.map(|a| a * ground.pixel_depth);
         let left = 0.5 - self.projection.centre_x as f32;
-        let start = [0, 1].map(|k| view.at[k] + view.ahead[k] * ground.ahead + across[k] * left);
-        let light = &self.scene.light;
-        let Room { numbers, colours, rough, meadow, beam, bytes, grain, patches } = room;
-        let count = numbers.len();
+        ([0, 1].map(|k| view.at[k] + view.ahead[k] * ground.ahead + across[k] * left), across)
+    }
+
+    /// Draws a row.
+    pub fn draw(&self, view: &View, ground: &GroundRow, room: &mut Room, row: &mut [u8]) {
+        let (start, across) = self.line(view, ground);
+        self.place(view, ground, &mut room.places);
 
         // The surface: grass, and where the road is near, what the section says.
-        let grass = section::grass();
-        for (channel, grass) in colours.iter_mut().zip(grass) {
+        let grass = self.section.grass();
+        for (channel, grass) in room.colours.iter_mut().zip(grass) {
             channel.fill(grass);
         }
-        rough.fill(grass[3]);
-        meadow.fill(1.0);
-        let mut places = Places::new(&self.scene.field, start, across, ground.pixel_width);
-        for first in (0..count).step_by(BLOCK) {
-            let block = places.block(first);
-            if matches!(block, Block::Away) {
-                continue;
-            }
-            for i in first..(first + BLOCK).min(count) {
-                let (x, z) = (start[0] + across[0] * numbers[i], start[1] + across[1] * numbers[i]);
-                let Some(place) = block.at(&self.scene.field, i - first, x, z) else { continue };
-                let offset = place.lateral - section::ROAD_CENTRE as f32;
-                if offset.abs() < section::HALF_WIDTH + 1.0 {
-                    let [gx, gz] = place.gradient;
-                    // How far the pixel extends across the road, and along it.
-                    let extent = |x: f32, z: f32| {
-                        (x * across[0] + z * across[1]).abs() + (x * along[0] + z * along[1]).abs()
-                    };
-                    let [r, g, b, texture] =
-                        self.section.ground(offset, extent(gx, gz), place.along, extent(gz, -gx));
-                    (colours[0][i], colours[1][i], colours[2][i], rough[i]) = (r, g, b, texture);
-                    meadow[i] = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
-                }
+        room.rough.fill(grass[3]);
+        room.meadow.fill(1.0);
+        let RoadPlaces { offset, wide, near, .. } = &room.places;
+        let [red, green, blue] = room.colours.each_mut().map(Vec::as_mut_slice);
+        self.section.fill(&Across { offset, wide, near }, [red, green, blue, &mut room.rough]);
+        let blocks = room.meadow.as_chunks_mut::<BLOCK>().0.iter_mut().zip(offset.as_chunks::<BLOCK>().0);
+        for ((meadow, offset), _) in blocks.zip(near).filter(|(_, near)| **near) {
+            for (meadow, offset) in meadow.iter_mut().zip(offset) {
+                *meadow = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
             }
         }
 
         // Its texture.
-        let grain = self.texture.fill(grain, numbers, (start, across), ground.grain);
-        let patches = self.texture.fill(patches, numbers, (start, across), ground.patches);
-        for i in 0..count {
-            rough[i] = 1.0 + rough[i] * grain[i] * 1.6;
-            meadow[i] *= patches[i];
+        self.texture.fill(&mut room.grain, (start, across), ground.grain);
+        self.texture.fill(&mut room.patches, (start, across), ground.patches);
+        let light = &self.scene.light;
+        let left = 0.5 - self.projection.centre_x as f32;
+        light_up(ground.beam, left, ground.pixel_width, &room.numbers, &mut room.beam);
+        match &self.scene.wear {
+            None => {
+                self.paint_middle(room);
+                roughen(&mut room.rough, &room.grain, &mut room.meadow, &room.patches);
+                for channel in 0..3 {
+                    let (patch, ambient) = (PATCH[channel], light.ambient[channel]);
+                    let air = (light.haze[channel] * ground.haze, 1.0 - ground.haze);
+                    let Room { colours, rough, meadow, beam, bytes, .. } = room;
+                    let (colours, bytes) = (&colours[channel], &mut bytes[channel]);
+                    finish(colours, rough, meadow, beam, patch, ambient, air, bytes);
+                }
+            }
+            Some(wear) => {
+                self.texture.fill(&mut room.leaves, (start, across), ground.leaves);
+                weathered::finish(self, wear, ground, room);
+            }
         }
+        interleave(&room.bytes, row);
+    }
 
-        // Light and air.
-        beam.fill(0.0);
-        if light.headlights > 0.0 {
-            let (strength, half_width) = ground.beam;
-            let scale = ground.pixel_width / half_width;
-            for i in 0..count {
-                let side = (numbers[i] + left) * scale;
-                beam[i] = strength * (1.0 - side * side).max(0.0);
+    /// Finds where the pixels of a row lie on the road.
+    fn place(&self, view: &View, ground: &GroundRow, places: &mut RoadPlaces) {
+        let (start, across) = self.line(view, ground);
+        let along = view.ahead.map(|a| a * ground.pixel_depth);
+        // How far a pixel extends in a direction.
+        let extent =
+            |x: f32, z: f32| (x * across[0] + z * across[1]).abs() + (x * along[0] + z * along[1]).abs();
+        let field = &self.scene.field;
+        let mut rows = Places::new(field, start, across, ground.pixel_width);
+        for block in 0..places.near.len() {
+            let first = block * BLOCK;
+            let found = rows.block(first);
+            places.near[block] = match found {
+                Block::Away => {
+                    places.offset[first..first + BLOCK].fill(AWAY);
+                    places.shade[first..first + BLOCK].fill(0.0);
+                    false
+                }
+                Block::Straight(a, b) => {
+                    let [gx, gz] = a.gradient;
+                    places.wide[first..first + BLOCK].fill(extent(gx, gz));
+                    places.deep[first..first + BLOCK].fill(extent(gz, -gx));
+                    for within in 0..BLOCK {
+                        let place = Block::between(&a, &b, within);
+                        places.offset[first + within] = place.lateral - section::ROAD_CENTRE as f32;
+                        places.along[first + within] = place.along;
+                        places.shade[first + within] = place.shade;
+                    }
+                    true
+                }
+                Block::Any => {
+                    let mut any = false;
+                    for i in first..first + BLOCK {
+                        let at = [0, 1].map(|k| start[k] + across[k] * i as f32);
+                        let place = field.at(at[0], at[1]);
+                        any |= place.is_some();
+                        places.offset[i] = place.map_or(AWAY, |p| p.lateral - section::ROAD_CENTRE as f32);
+                        let Some(Place { along, gradient: [gx, gz], shade, .. }) = place else {
+                            places.shade[i] = 0.0;
+                            continue;
+                        };
+                        (places.wide[i], places.deep[i]) = (extent(gx, gz), extent(gz, -gx));
+                        (places.along[i], places.shade[i]) = (along, shade);
+                    }
+                    any
+                }
+            };
+        }
+    }
+
+    /// Paints the line in the middle of a drawn road.
+    fn paint_middle(&self, room: &mut Room) {
+        let RoadPlaces { offset, along, wide, deep, near, .. } = &room.places;
+        for block in (0..near.len()).filter(|block| near[*block]) {
+            for i in block * BLOCK..(block + 1) * BLOCK {
+                if offset[i].abs() >= section::HALF_WIDTH + 1.0 {
+                    continue;
+                }
+                let share = self.section.middle_line(offset[i], wide[i], along[i], deep[i]);
+                if share > 0.0 {
+                    for (colours, yellow) in room.colours.iter_mut().zip(section::YELLOW) {
+                        colours[i] += (yellow - colours[i]) * share;
+                    }
+                }
             }
         }
-        let clear = 1.0 - ground.haze;
-        for channel in 0..3 {
-            let (colours, bytes) = (&colours[channel][..count], &mut bytes[channel][..count]);
-            let (ambient, patch) = (light.ambient[channel], PATCH[channel]);
-            let haze = light.haze[channel] * ground.haze;
-            for i in 0..count {
-                let colour = colours[i] * rough[i] + meadow[i] * patch;
-                bytes[i] = byte(colour * ((ambient + beam[i]) * clear) + haze);
-            }
-        }
-        interleave(bytes, row);
     }
 }
 
-/// Writes channels as pixels.
-#[inline(always)]
-pub fn interleave([red, green, blue]: &[Vec<u8>; 3], row: &mut [u8]) {
-    for (((pixel, red), green), blue) in row.chunks_exact_mut(3).zip(red).zip(green).zip(blue) {
-        pixel[0] = *red;
-        pixel[1] = *green;
-        pixel[2] = *blue;
+vectorised! {
+    /// Writes the light of the headlights along a row.
+    fn light_up / light_up_avx2(
+        beam: (f32, f32), left: f32, pixel_width: f32, numbers: &[f32], into: &mut [f32],
+    ) {
+        let (strength, half_width) = beam;
+        let scale = pixel_width / half_width;
+        for (light, number) in into.iter_mut().zip(numbers) {
+            let side = (number + left) * scale;
+            *light = strength * (1.0 - side * side).max(0.0);
+        }
     }
 }
 
-/// Rounds a value to a byte.
-#[inline(always)]
-pub fn byte(value: f32) -> u8 {
-    // In a number just above 2^23 the lowest bits are those of the whole number added: faster than a conversion.
-    (value.clamp(0.0, 255.0) + 8_388_608.0).to_bits() as u8
+vectorised! {
+    /// Turns how rough a surface is into what its texture makes of its brightness, and meadow into patches.
+    fn roughen / roughen_avx2(rough: &mut [f32], grain: &[f32], meadow: &mut [f32], patches: &[f32]) {
+        for (((rough, grain), meadow), patch) in rough.iter_mut().zip(grain).zip(meadow).zip(patches) {
+            *rough = 1.0 + *rough * grain * 1.6;
+            *meadow *= patch;
+        }
+    }
+}
+
+vectorised! {
+    /// One channel of a drawn row under light and air.
+    fn finish / finish_avx2(
+        colours: &[f32], rough: &[f32], meadow: &[f32], beam: &[f32], patch: f32, ambient: f32, air: (f32, f32),
+        bytes: &mut [u8],
+    ) {
+        let (haze, clear) = air;
+        let surface = colours.iter().zip(rough).zip(meadow).zip(beam);
+        for (out, (((colour, rough), meadow), beam)) in bytes.iter_mut().zip(surface) {
+            let colour = colour * rough + meadow * patch;
+            *out = byte(colour * ((ambient + beam) * clear) + haze);
+        }
+    }
 }

@@ -23,12 +23,14 @@ pub enum Label {
     Building,
     /// Posts beside the road.
     Post,
+    /// Signs, with what they stand on.
+    Sign,
 }
 
 impl Label {
     /// The names, in the order of the numbers.
-    pub const NAMES: [&str; 8] =
-        ["sky", "ground", "road", "marking", "vehicle", "vegetation", "building", "post"];
+    pub const NAMES: [&str; 9] =
+        ["sky", "ground", "road", "marking", "vehicle", "vegetation", "building", "post", "sign"];
 
     /// Its number.
     pub fn number(self) -> u8 {

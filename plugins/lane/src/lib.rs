@@ -7,27 +7,43 @@
 //! driver of a real car would know too.
 
 mod artwork;
+mod autopilot;
 mod camera;
+mod conditions;
+mod countryside;
+mod crests;
+mod damage;
+mod delay;
 mod driver;
 mod field;
 mod ground;
 mod labels;
 mod light;
 mod lines;
+mod parked;
 mod places;
 mod profile;
 mod render;
 mod road;
+mod roadside;
+mod room;
 mod scene;
 mod section;
+mod sensor;
+mod simd;
 mod simulator;
 mod sky;
 mod sprite;
 mod terrain;
 mod texture;
+mod things;
 mod vehicle;
 mod view;
+mod wear;
+mod weathered;
 
+#[cfg(test)]
+mod condition_tests;
 #[cfg(test)]
 mod pictures;
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use pdk_sdk::prelude::Random;
 
 /// The lights to choose from, as the parameter `light` names them.
-pub const NAMES: [&str; 3] = ["day", "dusk", "overcast"];
+pub const NAMES: [&str; 4] = ["day", "dusk", "overcast", "night"];
 
 /// One kind of light.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +28,8 @@ pub struct Light {
     pub visibility: f64,
     /// What the vehicle's headlights add to the factor in `ambient` where they shine brightest.
     pub headlights: f32,
+    /// How much of the headlights' light upright things throw back.
+    pub lit_by_headlights: f32,
     /// Whether other vehicles have their lights on.
     pub lamps: bool,
     /// The sun, where it shows: colour of its glow, its extent in radians, and the range of elevations in degrees.
@@ -60,6 +62,7 @@ impl Light {
         match name {
             "dusk" => Self::DUSK,
             "overcast" => Self::OVERCAST,
+            "night" => Self::NIGHT,
             _ => Self::DAY,
         }
     }
@@ -75,6 +78,7 @@ impl Light {
         shadow: 0.55,
         visibility: 700.0,
         headlights: 0.0,
+        lit_by_headlights: 0.0,
         lamps: false,
         sun: Some(Glow { colour: [150.0, 135.0, 100.0], extent: 0.035, elevations: (9.0, 40.0) }),
     };
@@ -90,6 +94,7 @@ impl Light {
         shadow: 0.0,
         visibility: 800.0,
         headlights: 0.42,
+        lit_by_headlights: 0.0,
         lamps: true,
         sun: Some(Glow { colour: [90.0, 56.0, 16.0], extent: 0.32, elevations: (-3.0, 1.0) }),
     };
@@ -105,9 +110,41 @@ impl Light {
         shadow: 0.22,
         visibility: 330.0,
         headlights: 0.0,
+        lit_by_headlights: 0.0,
         lamps: false,
         sun: None,
     };
+
+    /// Without a moon: what is seen is what headlights reach, and what shines by itself.
+    const NIGHT: Self = Self {
+        zenith: [6.0, 8.0, 15.0],
+        haze: [20.0, 20.0, 25.0],
+        cloud: [17.0, 17.0, 21.0],
+        cloudiness: 0.1,
+        hills: [[13.0, 13.0, 17.0], [9.0, 9.0, 11.0]],
+        ambient: [0.07, 0.072, 0.085],
+        shadow: 0.0,
+        visibility: 500.0,
+        headlights: 1.0,
+        lit_by_headlights: 0.8,
+        lamps: true,
+        sun: None,
+    };
+
+    /// The vehicle's headlights so far ahead: their light where they shine brightest, and half the width of their beam in metres.
+    pub fn beam(&self, ahead: f32) -> (f32, f32) {
+        // Brightest some metres ahead, then fading.
+        let reach = 1.0 / (1.0 + (ahead / 16.0) * (ahead / 16.0));
+        let rise = (ahead / 4.0).min(1.0);
+        (self.headlights * reach * rise, 1.6 + 0.28 * ahead)
+    }
+
+    /// The headlights' light on what stands upright at a place.
+    pub fn on_things(&self, right: f32, ahead: f32) -> f32 {
+        let (strength, half_width) = self.beam(ahead);
+        let side = right / half_width;
+        strength * self.lit_by_headlights * (1.0 - side * side).max(0.0)
+    }
 
     /// Draws where the sun stands, where it shows.
     pub fn place_sun(&self, random: &mut Random) -> Option<Sun> {

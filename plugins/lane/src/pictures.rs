@@ -17,6 +17,12 @@ fn frames_to_look_at() {
     let traffic = json!({"vehicle_ahead": 14, "oncoming": 40});
     for (name, parameters, road) in [
         ("day", json!({}), Value::Null),
+        ("night", json!({"light": "night", "vehicle_ahead": 14, "oncoming": 40}), Value::Null),
+        ("standard", json!({"conditions": "standard"}), Value::Null),
+        ("hard", json!({"conditions": "hard"}), Value::Null),
+        ("hard_day", json!({"conditions": "hard", "light": "day", "vehicle_ahead": 20}), Value::Null),
+        ("hard_night", json!({"conditions": "hard", "light": "night", "vehicle_ahead": 20}), Value::Null),
+        ("hard_wet", json!({"conditions": "hard", "light": "overcast", "wetness": 1}), Value::Null),
         ("dusk", json!({"light": "dusk"}), Value::Null),
         ("overcast", json!({"light": "overcast"}), Value::Null),
         ("worn", json!({"markings": "worn"}), Value::Null),
@@ -48,8 +54,11 @@ fn frames_to_look_at() {
 #[test]
 #[ignore = "measures time, which depends on the machine"]
 fn time_per_frame() {
-    for (width, height) in [(320, 160), (320, 240), (640, 480)] {
-        let mut simulator = lane(width, height);
+    let sizes = [(320, 160), (320, 240), (640, 480)].map(|size| (size, "easy"));
+    let conditions = ["standard", "hard"].map(|conditions| ((320, 160), conditions));
+    for ((width, height), conditions) in sizes.into_iter().chain(conditions) {
+        let parameters = json!({"width": width, "height": height, "conditions": conditions});
+        let mut simulator = lane_with(parameters).unwrap();
         let mut state = simulator.reset(&scenario(Value::Null, 1), 0).unwrap();
         let mut frame = FrameBuf::new(width, height);
         let mut times = Vec::new();
@@ -61,7 +70,7 @@ fn time_per_frame() {
         }
         times.sort_by(f64::total_cmp);
         println!(
-            "{width}x{height}: fastest {:.2} ms, median {:.2} ms, 99 % below {:.2} ms",
+            "{conditions} {width}x{height}: fastest {:.2} ms, median {:.2} ms, 99 % below {:.2} ms",
             times[0], times[200], times[396]
         );
     }

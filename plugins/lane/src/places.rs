@@ -1,9 +1,8 @@
 //! Where the pixels of a row lie on the road.
 
 use crate::field::{Field, Place};
+use crate::simd::BLOCK;
 
-/// Pixels in a block.
-pub const BLOCK: usize = 8;
 /// Longest block that counts as straight, in metres.
 const LONGEST: f32 = 0.5;
 
@@ -30,21 +29,16 @@ pub enum Block {
 }
 
 impl Block {
-    /// The place of pixel `within` of the block, which lies at `x`, `z`.
+    /// The place of pixel `within` of a block whose places lie on a straight line from `a` to `b`.
     #[inline(always)]
-    pub fn at(&self, field: &Field, within: usize, x: f32, z: f32) -> Option<Place> {
-        match self {
-            Self::Away => None,
-            Self::Straight(a, b) => {
-                let share = within as f32 * (1.0 / BLOCK as f32);
-                let mix = |a: f32, b: f32| a + (b - a) * share;
-                Some(Place {
-                    lateral: mix(a.lateral, b.lateral),
-                    along: mix(a.along, b.along),
-                    gradient: a.gradient,
-                })
-            }
-            Self::Any => field.at(x, z),
+    pub fn between(a: &Place, b: &Place, within: usize) -> Place {
+        let share = within as f32 * (1.0 / BLOCK as f32);
+        let mix = |a: f32, b: f32| a + (b - a) * share;
+        Place {
+            lateral: mix(a.lateral, b.lateral),
+            along: mix(a.along, b.along),
+            gradient: a.gradient,
+            shade: mix(a.shade, b.shade),
         }
     }
 }
@@ -112,7 +106,12 @@ mod tests {
                 let block = places.block(first);
                 for pixel in first..first + BLOCK {
                     let (x, z) = (start[0] + across[0] * pixel as f32, start[1] + across[1] * pixel as f32);
-                    let (fast, plain) = (block.at(&field, pixel - first, x, z), field.at(x, z));
+                    let fast = match &block {
+                        Block::Away => None,
+                        Block::Straight(a, b) => Some(Block::between(a, b, pixel - first)),
+                        Block::Any => field.at(x, z),
+                    };
+                    let plain = field.at(x, z);
                     if let (Some(fast), Some(plain)) = (fast, plain.filter(Place::is_near)) {
                         assert!((fast.lateral - plain.lateral).abs() < 0.01, "{fast:?} {plain:?}");
                         assert!((fast.along - plain.along).abs() < 0.06, "{fast:?} {plain:?}");

@@ -4,8 +4,9 @@
 //! the right one of two.
 
 use pdk_sdk::prelude::*;
-use pdk_sdk::serde_json::Value;
+use pdk_sdk::serde_json::{Value, json};
 
+use crate::crests;
 use crate::profile::Profile;
 use crate::section;
 use pdk_road::{Path, Point, distance};
@@ -32,26 +33,51 @@ pub struct Road {
     pub profile: Profile,
 }
 
+/// What a simulator makes of the roads that scenarios ask for.
+#[derive(Debug, Clone, Copy)]
+pub struct Layout {
+    /// Length of the segments of a road that the scenario leaves to the simulator, in metres.
+    pub segment: f64,
+    /// Straight road before the scenario's own and behind its last angle, in metres.
+    pub straight_ends: f64,
+    /// How far the road goes up and down where it has no heights of its own, in metres.
+    pub crests: f64,
+}
+
+impl Default for Layout {
+    /// As published: the road begins with its first angle, and is flat.
+    fn default() -> Self {
+        Self { segment: pdk_road::SEGMENT, straight_ends: 0.0, crests: 0.0 }
+    }
+}
+
 impl Road {
     /// Makes the road of a scenario.
     ///
     /// # Errors
     /// Where the road is not written as it has to be, or nothing that can be driven on: it bends too sharply, crosses
-    /// itself, is not flat, too short or too long.
-    pub fn new(road: &Value, seed: u64) -> Result<Self> {
-        match pdk_road::read(road).map_err(Error::new)? {
-            None => Self::random(seed),
-            Some(waypoints) => Self::from_waypoints(waypoints),
+    /// itself, is too steep, too short or too long.
+    pub fn new(road: &Value, seed: u64, layout: Layout) -> Result<Self> {
+        let Some(mut waypoints) = pdk_road::read(road).map_err(Error::new)? else {
+            return Self::random(seed, layout);
+        };
+        if layout.straight_ends > 0.0 {
+            if road.get("angles").is_some() {
+                let longer = with_end(road, layout.straight_ends);
+                waypoints = pdk_road::read(&longer).map_err(Error::new)?.unwrap_or_default();
+            }
+            waypoints = with_start(waypoints, layout.straight_ends);
         }
+        Self::from_waypoints(crests::raised(waypoints, layout.crests, seed))
     }
 
     /// A road with random angles that can be driven.
-    fn random(seed: u64) -> Result<Self> {
+    fn random(seed: u64, layout: Layout) -> Result<Self> {
         let mut random = pdk_sdk::seed::key(seed, "lane road", 0).sequence();
         let mut refused = Error::new("no road was tried");
         for _ in 0..1000 {
             let angles = pdk_road::random_angles(&mut random, pdk_road::NODES, RANDOM_ANGLE);
-            match Self::from_angles(&angles, &[pdk_road::SEGMENT; pdk_road::NODES], &[]) {
+            match Self::new(&json!({"angles": angles, "segment": layout.segment}), seed, layout) {
                 Ok(road) => return Ok(road),
                 Err(error) => refused = error,
             }
@@ -64,6 +90,7 @@ impl Road {
     ///
     /// # Errors
     /// As [`Road::new`].
+    #[cfg(test)]
     pub fn from_angles(angles: &[f64], lengths: &[f64], heights: &[f64]) -> Result<Self> {
         Self::from_waypoints(pdk_road::with_heights(angles, lengths, heights).map_err(Error::new)?)
     }
@@ -98,6 +125,40 @@ impl Road {
         let profile = Profile::through(&places.collect::<Vec<_>>())?;
         Ok(Self { waypoints, path, profile })
     }
+}
+
+/// A road of angles that goes straight on behind its last node, so that the segment before that is driven too.
+fn with_end(road: &Value, length: f64) -> Value {
+    let mut road = road.clone();
+    let count = road["angles"].as_array().map_or(0, Vec::len);
+    let segment = road.get("segment").cloned().unwrap_or(json!(pdk_road::SEGMENT));
+    if !segment.is_array() {
+        road["segment"] = vec![segment; count].into();
+    }
+    let mut extend = |field: &str, value: Option<Value>| {
+        if let Some(values) = road.get_mut(field).and_then(Value::as_array_mut) {
+            let value = value.or_else(|| values.last().cloned()).unwrap_or_default();
+            values.push(value);
+        }
+    };
+    extend("angles", Some(json!(0)));
+    extend("segment", Some(json!(length)));
+    extend("heights", None);
+    road
+}
+
+/// A road of waypoints with a straight piece before its start.
+fn with_start(waypoints: Vec<[f64; 3]>, length: f64) -> Vec<[f64; 3]> {
+    let (Some(&first), Some(&second)) = (waypoints.first(), waypoints.get(1)) else { return waypoints };
+    let apart = distance([first[0], first[2]], [second[0], second[2]]);
+    if apart == 0.0 {
+        return waypoints;
+    }
+    // Points as far apart as those behind them, so that the curve through them is the one that was.
+    let count = (length / apart.clamp(0.5, 5.0)).ceil();
+    let back = |i: f64, axis: usize| first[axis] - (second[axis] - first[axis]) / apart * length * i / count;
+    let before = (1..=count as usize).rev().map(|i| [back(i as f64, 0), first[1], back(i as f64, 2)]);
+    before.chain(waypoints.iter().copied()).collect()
 }
 
 /// Refuses bends that the far edge of the road could not follow.
@@ -152,20 +213,20 @@ fn check_crossings(path: &Path) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_sdk::serde_json::json;
 
     fn error(road: Value) -> String {
-        Road::new(&road, 0).unwrap_err().to_string()
+        Road::new(&road, 0, Layout::default()).unwrap_err().to_string()
     }
 
     #[test]
     fn eight_angles_make_the_published_road() {
-        let road = Road::new(&json!({"angles": [0, 0, 10, -20, 35, 0, -35, 0]}), 0).unwrap();
+        let road =
+            Road::new(&json!({"angles": [0, 0, 10, -20, 35, 0, -35, 0]}), 0, Layout::default()).unwrap();
         assert_eq!(road.waypoints.len(), 134);
         assert_eq!(road.waypoints[0], [0.0, 0.0, 0.0]);
         // A little longer than its seven chords of 25 m.
         assert!((175.0..178.0).contains(&road.path.length()), "{}", road.path.length());
-        let straight = Road::new(&json!({"angles": [0, 0, 0, 0, 0, 0, 0, 0]}), 0).unwrap();
+        let straight = Road::new(&json!({"angles": [0, 0, 0, 0, 0, 0, 0, 0]}), 0, Layout::default()).unwrap();
         assert!((straight.path.length() - 175.0).abs() < 1e-9);
     }
 
@@ -182,11 +243,11 @@ mod tests {
             if !segment.is_null() {
                 road["segment"] = segment;
             }
-            let road = Road::new(&road, 0).unwrap();
+            let road = Road::new(&road, 0, Layout::default()).unwrap();
             let expected = pdk_road::Road::from_angles(&angles, &lengths).unwrap();
             let waypoints: Vec<_> = expected.waypoints.iter().map(|&[x, z]| [x, 0.0, z]).collect();
             assert_eq!(road.waypoints, waypoints);
-            let given = Road::new(&json!({"waypoints": waypoints}), 0).unwrap();
+            let given = Road::new(&json!({"waypoints": waypoints}), 0, Layout::default()).unwrap();
             assert_eq!(road.path.points(), given.path.points());
             // Both measure along a curve, one in coarse pieces.
             assert!((road.path.length() / expected.length() - 1.0).abs() < 1e-3);
@@ -196,32 +257,33 @@ mod tests {
     #[test]
     fn heights_make_hills() {
         let angles = json!([0, 10, -10, 0, 0]);
-        let road = Road::new(&json!({"angles": angles, "heights": [0, 2, 2, 0, 0]}), 0).unwrap();
+        let road =
+            Road::new(&json!({"angles": angles, "heights": [0, 2, 2, 0, 0]}), 0, Layout::default()).unwrap();
         assert!(!road.profile.is_flat() && (road.profile.height(60.0) - 2.0).abs() < 0.3);
         // Given as waypoints it is the same road.
-        let again = Road::new(&json!({"waypoints": road.waypoints}), 3).unwrap();
+        let again = Road::new(&json!({"waypoints": road.waypoints}), 3, Layout::default()).unwrap();
         for along in 0..100 {
             assert_eq!(road.profile.height(f64::from(along)), again.profile.height(f64::from(along)));
         }
-        assert!(Road::new(&json!({"angles": angles}), 0).unwrap().profile.is_flat());
+        assert!(Road::new(&json!({"angles": angles}), 0, Layout::default()).unwrap().profile.is_flat());
     }
 
     #[test]
     fn positive_angles_turn_right() {
-        let road = Road::new(&json!({"angles": [0, 20, 20, 0]}), 0).unwrap();
+        let road = Road::new(&json!({"angles": [0, 20, 20, 0]}), 0, Layout::default()).unwrap();
         assert!(road.waypoints.last().unwrap()[0] > 5.0);
     }
 
     #[test]
     fn a_road_made_from_its_waypoints_is_the_same_road() {
-        let road = Road::new(&Value::Null, 5).unwrap();
-        let again = Road::new(&json!({"waypoints": road.waypoints}), 99).unwrap();
+        let road = Road::new(&Value::Null, 5, Layout::default()).unwrap();
+        let again = Road::new(&json!({"waypoints": road.waypoints}), 99, Layout::default()).unwrap();
         assert_eq!(road.path.points(), again.path.points());
     }
 
     #[test]
     fn random_roads_depend_on_the_seed_alone() {
-        let road = |seed| Road::new(&Value::Null, seed).unwrap().waypoints;
+        let road = |seed| Road::new(&Value::Null, seed, Layout::default()).unwrap().waypoints;
         assert_eq!(road(1), road(1));
         assert_ne!(road(1), road(2));
         for seed in 0..200 {
@@ -302,5 +364,40 @@ mod tests {
         let circle: Vec<i32> = vec![40; 12];
         let crossing = error(json!({"angles": circle}));
         assert!(crossing.starts_with("the road crosses itself: "), "{crossing}");
+    }
+
+    #[test]
+    fn straight_ends_are_straight_and_every_segment_counts() {
+        let layout = Layout { straight_ends: 24.0, ..Layout::default() };
+        for road in [
+            json!({"angles": [30, 0, -20, 10]}),
+            json!({"angles": [30, 0, -20, 10], "segment": [20, 25, 30, 40]}),
+        ] {
+            let plain = Road::new(&road, 0, Layout::default()).unwrap();
+            let ends = Road::new(&road, 0, layout).unwrap();
+            let segments = if road.get("segment").is_some() { 40.0 } else { 25.0 };
+            let more = ends.path.length() - plain.path.length();
+            assert!((more - 24.0 - segments).abs() < 1.5, "{more}");
+            let [x, z] = ends.path.direction(0);
+            for along in [6.0, 12.0, 18.0, 23.0] {
+                let [dx, dz] = ends.path.direction(ends.path.segment_at(along));
+                assert!((dx - x).abs() < 1e-6 && (dz - z).abs() < 1e-6, "{along}: {dx} {dz}");
+            }
+        }
+        let given = vec![[3.0, 1.0, 5.0], [3.0, 1.0, 6.3], [3.1, 1.0, 20.0], [9.0, 1.0, 60.0]];
+        let ends = Road::new(&json!({"waypoints": given}), 0, layout).unwrap();
+        assert!((ends.waypoints[0][2] - (5.0 - 24.0)).abs() < 1e-9 && ends.waypoints[0][0] == 3.0);
+        let plain = Road::new(&json!({"waypoints": given}), 0, Layout::default()).unwrap();
+        assert!((ends.path.length() - plain.path.length() - 24.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_road_left_to_the_simulator_has_the_segments_that_are_set() {
+        let layout = Layout { segment: 50.0, straight_ends: 32.0, crests: 2.0 };
+        for seed in 0..30 {
+            let road = Road::new(&Value::Null, seed, layout).unwrap();
+            assert!((420.0..450.0).contains(&road.path.length()), "{}", road.path.length());
+            assert!(!road.profile.is_flat());
+        }
     }
 }

@@ -7,6 +7,7 @@ use pdk_sdk::prelude::Random;
 use crate::field::Field;
 use crate::light::{Light, Sun};
 use crate::section;
+use crate::wear::Wear;
 use pdk_road::{Path, distance};
 
 /// Distance between posts along the road in metres.
@@ -36,6 +37,8 @@ pub struct Object {
     pub kind: ObjectKind,
     /// What the colours of its picture are multiplied with.
     pub tint: [f32; 3],
+    /// Which of several pictures of its kind it has.
+    pub variant: usize,
 }
 
 /// Kinds of object, each with its own picture.
@@ -49,6 +52,21 @@ pub enum ObjectKind {
     Broadleaf,
     /// A house.
     House,
+    /// A bush.
+    Bush,
+    /// A round sign that limits the speed.
+    LimitSign,
+    /// A triangle that warns.
+    WarningSign,
+    /// A board that points the way.
+    GuideSign,
+}
+
+impl ObjectKind {
+    /// Whether it is a sign.
+    pub fn is_sign(self) -> bool {
+        matches!(self, Self::LimitSign | Self::WarningSign | Self::GuideSign)
+    }
 }
 
 /// Everything around one road.
@@ -62,6 +80,8 @@ pub struct Scene {
     pub light: Light,
     /// Where the sun stands, where it shows.
     pub sun: Option<Sun>,
+    /// The state of the road, where the scene looks as cameras see it.
+    pub wear: Option<Wear>,
     /// Tangent of the elevation of the far and the near hills in each direction.
     hills: Vec<[f32; 2]>,
 }
@@ -75,12 +95,18 @@ impl Scene {
         while along < path.length() {
             for side in [-1.0, 1.0] {
                 let at = path.beside(along, section::ROAD_CENTRE + side * POST_OFFSET);
-                objects.push(Object { at, size: [0.13, 1.0], kind: ObjectKind::Post, tint: [1.0; 3] });
+                objects.push(Object {
+                    at,
+                    size: [0.13, 1.0],
+                    kind: ObjectKind::Post,
+                    tint: [1.0; 3],
+                    variant: 0,
+                });
             }
             along += POST_SPACING;
         }
         let trees = ((path.length() + 2.0 * TREES_BEYOND) * TREE_DENSITY) as usize;
-        for _ in 0..trees {
+        for i in 0..trees {
             let along = random.uniform(-TREES_BEYOND, path.length() + TREES_BEYOND);
             // More of them close to the road than far from it.
             let share = random.unit();
@@ -92,7 +118,7 @@ impl Scene {
             let width = height * if kind == ObjectKind::Conifer { 0.45 } else { 0.8 };
             let brightness = random.uniform(0.85, 1.12) as f32;
             if clear(&field, at, width) {
-                objects.push(Object { at, size: [width, height], kind, tint: [brightness; 3] });
+                objects.push(Object { at, size: [width, height], kind, tint: [brightness; 3], variant: i });
             }
         }
         let hills = hills(random);
@@ -111,10 +137,16 @@ impl Scene {
                         || distance(other.at, at) > width * 0.5 + other.size[0] * 0.5 + 1.0
                 });
                 let tint = [1.0, 0.5 + 0.5 * warmth, warmth];
-                objects.push(Object { at, size: [width, width * 0.82], kind: ObjectKind::House, tint });
+                objects.push(Object {
+                    at,
+                    size: [width, width * 0.82],
+                    kind: ObjectKind::House,
+                    tint,
+                    variant: 0,
+                });
             }
         }
-        Self { field, objects, hills, sun: light.place_sun(random), light: *light }
+        Self { field, objects, hills, sun: light.place_sun(random), light: *light, wear: None }
     }
 
     /// Tangent of the elevation of the far and the near hills in a direction, in radians clockwise from +z.
@@ -129,7 +161,7 @@ impl Scene {
 }
 
 /// Whether something of that width leaves the road free: a bend may have brought its place onto another part of it.
-fn clear(field: &Field, at: [f64; 2], width: f64) -> bool {
+pub fn clear(field: &Field, at: [f64; 2], width: f64) -> bool {
     let place = field.at((at[0] - field.origin()[0]) as f32, (at[1] - field.origin()[1]) as f32);
     let from_road = place.map_or(f64::INFINITY, |p| (f64::from(p.lateral) - section::ROAD_CENTRE).abs());
     from_road > section::PAVED_HALF_WIDTH + 1.0 + width / 2.0

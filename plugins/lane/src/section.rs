@@ -5,6 +5,10 @@
 
 pub use pdk_road::LANE_WIDTH;
 
+use crate::simd::BLOCK;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::{avx2, has_avx2};
+
 /// Where the middle of the road lies, seen from the centre line of the driven lane: to the left.
 pub const ROAD_CENTRE: f64 = -LANE_WIDTH / 2.0;
 /// Distance from the middle of the road to where the asphalt ends, in metres.
@@ -34,13 +38,30 @@ struct Ground {
     texture: f32,
 }
 
-/// Colour of grass without its texture.
-const GRASS: Ground = Ground { rgb: [94.0, 124.0, 56.0], texture: 0.2 };
-const ASPHALT: Ground = Ground { rgb: [88.0, 89.0, 92.0], texture: 0.075 };
+/// The colours of a section without their texture.
+#[derive(Debug, Clone, Copy)]
+struct Palette {
+    grass: Ground,
+    asphalt: Ground,
+    gravel: Ground,
+}
+
+/// Lush and clean, as in a drawing.
+const DRAWN: Palette = Palette {
+    grass: Ground { rgb: [94.0, 124.0, 56.0], texture: 0.2 },
+    asphalt: Ground { rgb: [88.0, 89.0, 92.0], texture: 0.075 },
+    gravel: Ground { rgb: [146.0, 134.0, 110.0], texture: 0.16 },
+};
+/// As cameras see the countryside in summer: paler, drier, closer to each other.
+const NATURAL: Palette = Palette {
+    grass: Ground { rgb: [126.0, 124.0, 74.0], texture: 0.24 },
+    asphalt: Ground { rgb: [104.0, 103.0, 104.0], texture: 0.085 },
+    gravel: Ground { rgb: [148.0, 138.0, 116.0], texture: 0.2 },
+};
+
 const WHITE: Ground = Ground { rgb: [232.0, 233.0, 228.0], texture: 0.035 };
-const GRAVEL: Ground = Ground { rgb: [146.0, 134.0, 110.0], texture: 0.16 };
-/// Colour of the line in the middle.
-const YELLOW: [f32; 3] = [236.0, 184.0, 48.0];
+/// Colour of the line in the middle of a drawn road.
+pub const YELLOW: [f32; 3] = [236.0, 184.0, 48.0];
 
 /// How the road is marked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,31 +88,123 @@ impl Markings {
     }
 }
 
+/// Places on the road along a row of pixels, in whole blocks.
+pub struct Across<'a> {
+    /// Distance to the right of the middle of the road in metres.
+    pub offset: &'a [f32],
+    /// How far a pixel extends across the road, in metres.
+    pub wide: &'a [f32],
+    /// Whether any pixel of a block lies near the road.
+    pub near: &'a [bool],
+}
+
 /// The section, in a form that gives means quickly.
 #[derive(Debug)]
 pub struct Section {
     markings: Markings,
+    grass: [f32; 4],
     /// Without the yellow line: sums of all samples before each: red, green, blue, texture.
     sums: Vec<[f32; 4]>,
 }
 
 impl Section {
+    /// The section with its markings, as in a drawing.
+    pub fn drawn(markings: Markings) -> Self {
+        Self::new(&DRAWN, markings, true)
+    }
+
+    /// The section without any paint, as cameras see it.
+    pub fn natural(markings: Markings) -> Self {
+        Self::new(&NATURAL, markings, false)
+    }
+
     /// Builds the sums.
-    pub fn new(markings: Markings) -> Self {
+    fn new(palette: &Palette, markings: Markings, painted: bool) -> Self {
+        let Ground { rgb: [red, green, blue], texture } = palette.grass;
+        let grass = [red, green, blue, texture];
         let mut sums = Vec::with_capacity(SAMPLES + 1);
         // Summed in double precision: the mean is a small difference of large sums.
         let mut total = [0.0f64; 4];
         sums.push([0.0; 4]);
         for i in 0..SAMPLES {
-            let ground = at((i as f32 + 0.5) / SAMPLES_PER_METRE - HALF_WIDTH, markings);
+            let offset = (i as f32 + 0.5) / SAMPLES_PER_METRE - HALF_WIDTH;
+            let ground = at(offset, palette, painted.then_some(markings));
             let values = [ground.rgb[0], ground.rgb[1], ground.rgb[2], ground.texture];
             for channel in 0..4 {
                 // Less the grass, which keeps the sums small.
-                total[channel] += f64::from(values[channel] - grass()[channel]);
+                total[channel] += f64::from(values[channel] - grass[channel]);
             }
             sums.push(total.map(|t| t as f32));
         }
-        Self { markings, sums }
+        Self { markings, grass, sums }
+    }
+
+    /// Grass as red, green, blue, texture.
+    pub fn grass(&self) -> [f32; 4] {
+        self.grass
+    }
+
+    /// Writes the means at places: red, green, blue, texture, in whole blocks. Blocks that are not near the road are left alone.
+    pub fn fill(&self, across: &Across<'_>, into: [&mut [f32]; 4]) {
+        #[cfg(target_arch = "x86_64")]
+        if has_avx2() {
+            // SAFETY: the processor has AVX2, which is all that this version asks for.
+            return unsafe { self.fill_avx2(across, into) };
+        }
+        self.fill_plainly(across, into);
+    }
+
+    fn fill_plainly(&self, across: &Across<'_>, into: [&mut [f32]; 4]) {
+        let blocks = across.near.iter().enumerate().filter(|(_, near)| **near);
+        for i in blocks.flat_map(|(block, _)| block * BLOCK..(block + 1) * BLOCK) {
+            let known = across.offset[i].abs() < HALF_WIDTH + 1.0;
+            let mean = if known { self.mean(across.offset[i], across.wide[i]) } else { self.grass };
+            for channel in 0..4 {
+                into[channel][i] = mean[channel];
+            }
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn fill_avx2(&self, across: &Across<'_>, into: [&mut [f32]; 4]) {
+        use std::arch::x86_64::*;
+
+        let set = |value: f32| _mm256_set1_ps(value);
+        let without_sign = _mm256_castsi256_ps(_mm256_set1_epi32(i32::MAX));
+        let place_in_sums = |place: __m256| {
+            // As `clamp` and a conversion: what is no number would be its lower bound there and is here too.
+            let inside = _mm256_min_ps(_mm256_max_ps(place, set(0.0)), set(SAMPLES as f32));
+            avx2::look_up!(&self.sums, _mm256_cvttps_epi32(inside))
+        };
+        let [red, green, blue, texture] = into.map(|values| values.as_chunks_mut::<BLOCK>().0);
+        let (offsets, wides) = (across.offset.as_chunks::<BLOCK>().0, across.wide.as_chunks::<BLOCK>().0);
+        for (block, _) in across.near.iter().enumerate().filter(|(_, near)| **near) {
+            let (offset, wide) = (avx2::load(&offsets[block]), avx2::load(&wides[block]));
+            let half = _mm256_mul_ps(
+                _mm256_max_ps(wide, set(1.0 / SAMPLES_PER_METRE)),
+                set(0.5 * SAMPLES_PER_METRE),
+            );
+            let place = _mm256_add_ps(
+                _mm256_mul_ps(_mm256_add_ps(offset, set(HALF_WIDTH)), set(SAMPLES_PER_METRE)),
+                set(0.5),
+            );
+            let low = _mm256_floor_ps(_mm256_sub_ps(place, half));
+            let high = _mm256_floor_ps(_mm256_add_ps(place, half));
+            let scale = _mm256_div_ps(set(1.0), _mm256_max_ps(_mm256_sub_ps(high, low), set(1.0)));
+            let (low, high) = (place_in_sums(low), place_in_sums(high));
+            let known =
+                _mm256_cmp_ps::<_CMP_LT_OQ>(_mm256_and_ps(offset, without_sign), set(HALF_WIDTH + 1.0));
+            let mean = |channel: usize| {
+                let grass = set(self.grass[channel]);
+                let more = _mm256_mul_ps(_mm256_sub_ps(high[channel], low[channel]), scale);
+                _mm256_blendv_ps(grass, _mm256_add_ps(grass, more), known)
+            };
+            avx2::store(&mut red[block], mean(0));
+            avx2::store(&mut green[block], mean(1));
+            avx2::store(&mut blue[block], mean(2));
+            avx2::store(&mut texture[block], mean(3));
+        }
     }
 
     /// The mean over `width` metres around the place `offset` metres to the right of the middle of the road: red, green,
@@ -104,30 +217,39 @@ impl Section {
         // Divided by the samples that there are, which need not be as many as the width says.
         let scale = 1.0 / (high - low).max(1.0);
         let (low, high) = (self.sum(low), self.sum(high));
-        let mut mean = grass();
+        let mut mean = self.grass;
         for channel in 0..4 {
             mean[channel] += (high[channel] - low[channel]) * scale;
         }
         mean
     }
 
-    /// As [`Section::mean`], with the yellow line as it is `along` the road, where a pixel extends `deep` metres that way.
+    /// The share of a pixel that the yellow line covers, `offset` metres to the right of the middle of the road and `along` it,
+    /// where the pixel extends `wide` and `deep` metres.
     #[inline(always)]
-    pub fn ground(&self, offset: f32, wide: f32, along: f32, deep: f32) -> [f32; 4] {
-        let mut ground = self.mean(offset, wide);
+    pub fn middle_line(&self, offset: f32, wide: f32, along: f32, deep: f32) -> f32 {
         let half_line = LINE_WIDTH as f32 / 2.0;
-        if offset.abs() < half_line + wide {
-            let line = cover(offset, wide.max(0.01), -half_line, half_line);
-            let share = match self.markings {
-                Markings::Solid => line,
-                Markings::Dashed => line * dash_cover(along, deep),
-                Markings::Worn => line * dash_cover(along, deep) * WORN,
-            };
-            for (c, yellow) in ground.iter_mut().zip(YELLOW) {
-                *c += (yellow - *c) * share;
-            }
+        if offset.abs() >= half_line + wide {
+            return 0.0;
         }
-        ground
+        let line = cover(offset, wide.max(0.01), -half_line, half_line);
+        match self.markings {
+            Markings::Solid => line,
+            Markings::Dashed => line * dash_cover(along, deep),
+            Markings::Worn => line * dash_cover(along, deep) * WORN,
+        }
+    }
+
+    /// The share of a pixel that a white edge line covers.
+    #[inline(always)]
+    pub fn edge_line(&self, offset: f32, wide: f32) -> f32 {
+        let half_line = LINE_WIDTH as f32 / 2.0;
+        let from = offset.abs() - EDGE_LINE as f32;
+        if from.abs() >= half_line + wide {
+            return 0.0;
+        }
+        let paint = if self.markings == Markings::Worn { WORN } else { 1.0 };
+        cover(from, wide.max(0.01), -half_line, half_line) * paint
     }
 
     /// Whether there is paint at a place so many metres to the right of the middle of the road and along it.
@@ -146,21 +268,17 @@ impl Section {
     }
 }
 
-/// Grass as red, green, blue, texture.
-pub const fn grass() -> [f32; 4] {
-    [GRASS.rgb[0], GRASS.rgb[1], GRASS.rgb[2], GRASS.texture]
-}
-
 /// The section at one place, `offset` metres to the right of the middle of the road.
-fn at(offset: f32, markings: Markings) -> Ground {
+fn at(offset: f32, palette: &Palette, paint: Option<Markings>) -> Ground {
+    let Palette { grass, asphalt, gravel } = *palette;
     let from_middle = offset.abs();
     let from_line = (from_middle - EDGE_LINE as f32).abs();
-    if from_line <= LINE_WIDTH as f32 / 2.0 {
+    if let (true, Some(markings)) = (from_line <= LINE_WIDTH as f32 / 2.0, paint) {
         let paint = if markings == Markings::Worn { WORN } else { 1.0 };
         let mixed = |white: f32, asphalt: f32| asphalt + (white - asphalt) * paint;
         return Ground {
-            rgb: [0, 1, 2].map(|c| mixed(WHITE.rgb[c], ASPHALT.rgb[c])),
-            texture: mixed(WHITE.texture, ASPHALT.texture),
+            rgb: [0, 1, 2].map(|c| mixed(WHITE.rgb[c], asphalt.rgb[c])),
+            texture: mixed(WHITE.texture, asphalt.texture),
         };
     }
     let paved = PAVED_HALF_WIDTH as f32;
@@ -171,14 +289,14 @@ fn at(offset: f32, markings: Markings) -> Ground {
         let from_lane = (from_middle - LANE_WIDTH as f32 / 2.0).abs();
         let drip = (1.0 - from_lane / 0.35).max(0.0);
         let brightness = 1.0 + 0.07 * polish - 0.05 * drip;
-        return Ground { rgb: ASPHALT.rgb.map(|c| c * brightness), texture: ASPHALT.texture };
+        return Ground { rgb: asphalt.rgb.map(|c| c * brightness), texture: asphalt.texture };
     }
     // Gravel, overgrown the more the farther out.
     let overgrown = ((from_middle - paved - 0.25) / 1.1).clamp(0.0, 1.0);
     let mixed = |gravel: f32, grass: f32| gravel + (grass - gravel) * overgrown;
     Ground {
-        rgb: [0, 1, 2].map(|c| mixed(GRAVEL.rgb[c], GRASS.rgb[c])),
-        texture: mixed(GRAVEL.texture, GRASS.texture),
+        rgb: [0, 1, 2].map(|c| mixed(gravel.rgb[c], grass.rgb[c])),
+        texture: mixed(gravel.texture, grass.texture),
     }
 }
 
@@ -204,24 +322,29 @@ mod tests {
 
     #[test]
     fn a_mean_is_the_mean_of_the_samples() {
-        let section = Section::new(Markings::Dashed);
+        let section = Section::drawn(Markings::Dashed);
         for (offset, width) in [(3.9, 0.3), (0.0, 0.02), (-4.3, 2.0), (6.9, 0.5), (1.0, 13.0)] {
             let count = 4000;
             let direct = (0..count)
                 .map(|i| {
-                    at(offset + width * ((i as f32 + 0.5) / count as f32 - 0.5), Markings::Dashed).rgb[0]
+                    at(
+                        offset + width * ((i as f32 + 0.5) / count as f32 - 0.5),
+                        &DRAWN,
+                        Some(Markings::Dashed),
+                    )
+                    .rgb[0]
                 })
                 .sum::<f32>()
                 / count as f32;
             let mean = section.mean(offset, width)[0];
             assert!((mean - direct).abs() < 0.7, "{offset} {width}: {mean} {direct}");
         }
-        assert_eq!(section.mean(50.0, 3.0), grass());
+        assert_eq!(section.mean(50.0, 3.0), section.grass());
     }
 
     #[test]
     fn the_edge_line_is_white_and_lies_inside_the_lane_edge() {
-        let section = Section::new(Markings::Dashed);
+        let section = Section::drawn(Markings::Dashed);
         for side in [-1.0, 1.0] {
             assert_eq!(section.mean(side * EDGE_LINE as f32, 0.05)[0].round(), WHITE.rgb[0]);
         }
@@ -240,13 +363,38 @@ mod tests {
 
     #[test]
     fn markings_differ_where_there_is_paint() {
-        let [dashed, solid, worn] = [Markings::Dashed, Markings::Solid, Markings::Worn].map(Section::new);
+        let [dashed, solid, worn] = [Markings::Dashed, Markings::Solid, Markings::Worn].map(Section::drawn);
         // Five metres on there is a gap between dashes.
-        let yellow = |section: &Section, along| section.ground(0.0, 0.02, along, 0.02)[0];
+        let yellow = |section: &Section, along| section.middle_line(0.0, 0.02, along, 0.02);
         assert!((yellow(&dashed, 1.0) - yellow(&solid, 5.0)).abs() < 0.01);
-        assert!(yellow(&dashed, 5.0) < 100.0 && yellow(&worn, 1.0) < 0.7 * yellow(&dashed, 1.0));
+        assert!(yellow(&dashed, 5.0) < 0.01 && yellow(&worn, 1.0) < 0.7 * yellow(&dashed, 1.0));
         let white = |section: &Section| section.mean(EDGE_LINE as f32, 0.05)[0];
-        assert!(white(&worn) < 0.7 * white(&dashed) && white(&worn) > 1.3 * ASPHALT.rgb[0]);
-        assert_eq!(dashed.ground(2.0, 0.1, 1.0, 0.1), dashed.mean(2.0, 0.1));
+        assert!(white(&worn) < 0.7 * white(&dashed) && white(&worn) > 1.3 * DRAWN.asphalt.rgb[0]);
+        assert_eq!(dashed.middle_line(2.0, 0.1, 1.0, 0.1), 0.0);
+        assert_eq!((dashed.edge_line(EDGE_LINE as f32, 0.05), dashed.edge_line(2.0, 0.1)), (1.0, 0.0));
+    }
+
+    #[test]
+    fn blocks_are_their_places_one_by_one_on_every_processor() {
+        let section = Section::drawn(Markings::Dashed);
+        let offset: Vec<f32> = (0..400).map(|i| (i as f32 - 200.0) * 0.05).chain([f32::NAN; 8]).collect();
+        let wide: Vec<f32> = (0..408).map(|i| 0.001 * 1.03f32.powi(i % 300)).collect();
+        let near: Vec<bool> = (0..51).map(|i| i % 7 != 3).collect();
+        let across = Across { offset: &offset, wide: &wide, near: &near };
+        let filled = || {
+            let mut into: [Vec<f32>; 4] = std::array::from_fn(|_| vec![-1.0; 408]);
+            section.fill(&across, into.each_mut().map(Vec::as_mut_slice));
+            into.map(|values| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>())
+        };
+        let found = filled();
+        assert_eq!(found, crate::simd::portably(filled));
+        for i in 0..408 {
+            let expected = match near[i / 8] {
+                false => [-1.0; 4],
+                true if offset[i].abs() < 8.0 => section.mean(offset[i], wide[i]),
+                true => section.grass(),
+            };
+            assert_eq!([0, 1, 2, 3].map(|c| f32::from_bits(found[c][i])), expected, "{i}");
+        }
     }
 }

@@ -2,15 +2,23 @@
 
 use pdk_sdk::prelude::*;
 
+use crate::autopilot::Autopilot;
 use crate::camera::{AHEAD_OF_CENTRE, Mounting, Projection};
+use crate::conditions::{self, Conditions};
+use crate::delay::Delay;
 use crate::labels::Label;
-use crate::light::{self, Light};
+use crate::light::Light;
+use crate::parked::Parked;
 use crate::render::{Pose, Renderer, World};
-use crate::road::Road;
+use crate::road::{Layout, Road};
+use crate::roadside;
 use crate::scene::Scene;
 use crate::section::{self, Markings};
+use crate::sensor::{self, Sensor};
+use crate::things::Shown;
 use crate::vehicle::Vehicle;
-use pdk_road::traffic::{self, Seen, Traffic, Wanted};
+use crate::wear::Wear;
+use pdk_road::traffic::{self, Traffic, Wanted};
 use pdk_road::{Located, Point};
 
 /// How far from its last place along the road the vehicle is looked for, in metres, where it does not move faster: so a
@@ -28,8 +36,10 @@ pub struct Lane {
     camera: Camera,
     initial_speed: f64,
     speed_limit: f64,
-    light: Light,
+    conditions: Conditions,
     traffic: Wanted,
+    autopilot: Option<Autopilot>,
+    delay: Delay,
     renderer: Renderer,
     drive: Option<Drive>,
 }
@@ -39,6 +49,9 @@ struct Drive {
     road: Road,
     scene: Scene,
     traffic: Traffic,
+    parked: Parked,
+    /// What the camera's noise is drawn by.
+    noise: Key,
     vehicle: Vehicle,
     located: Located,
     /// Frames since the start.
@@ -52,7 +65,7 @@ struct Drive {
 impl Component for Lane {
     fn description() -> Description {
         let mounting = Mounting::default();
-        Description::simulator("lane", "A two-lane road through grassland, built in: nothing to install")
+        let description = Description::simulator("lane", "A two-lane road through grassland, built in: nothing to install")
             .version(2)
             .parameter(
                 Parameter::integer("width", 320, "width of the camera's frames")
@@ -89,20 +102,10 @@ impl Component for Lane {
                     .unit("degrees"),
             )
             .parameter(
-                Parameter::number("initial_speed", 8.0, "speed of the vehicle at the start of the road")
-                    .range(0.0, 50.0)
-                    .unit("m/s"),
-            )
-            .parameter(
                 Parameter::number("speed_limit", 20.0, "speed that the vehicle never exceeds")
                     .range(0.1, 50.0)
                     .unit("m/s"),
             )
-            .parameter(Parameter::choice(
-                "light",
-                &light::NAMES,
-                "the light: a clear day, dusk with headlights, or an overcast sky",
-            ))
             .parameter(Parameter::choice(
                 "markings",
                 &Markings::NAMES,
@@ -126,11 +129,22 @@ impl Component for Lane {
                 .range(0.5, 40.0)
                 .unit("m/s"),
             )
+            .parameter(Parameter::boolean(
+                "autopilot",
+                false,
+                "the vehicle drives itself, by what only the simulator knows, and does not heed controls: to record what a network is \
+                 to learn from",
+            ))
             .parameter(
-                Parameter::number("oncoming", 6.0, "oncoming vehicles a kilometre")
-                    .range(0.0, 60.0)
-                    .unit("1/km"),
-            )
+                Parameter::number(
+                    "autopilot_swing",
+                    0.0,
+                    "how far the autopilot swings about the middle of the lane; it drives at the initial speed where the road allows",
+                )
+                .range(0.0, 1.8)
+                .unit("m"),
+            );
+        conditions::parameters().into_iter().fold(description, Description::parameter)
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -139,7 +153,8 @@ impl Component for Lane {
             height: config.integer("height") as u32,
             rate: config.number("rate"),
         };
-        let (initial_speed, speed_limit) = (config.number("initial_speed"), config.number("speed_limit"));
+        let conditions = Conditions::new(config)?;
+        let (initial_speed, speed_limit) = (conditions.fixed("initial_speed"), config.number("speed_limit"));
         if initial_speed > speed_limit {
             return Err(Error::new(format!(
                 "initial_speed is {initial_speed} m/s, above speed_limit, which is {speed_limit} m/s: lower the \
@@ -156,14 +171,33 @@ impl Component for Lane {
         };
         let size = [camera.width as usize, camera.height as usize];
         let projection = Projection::new(size[0], size[1], mounting);
-        let renderer = Renderer::new(projection, size, markings, &mut random);
-        let light = Light::named(config.text("light"));
+        let setting = sensor::Setting {
+            noise: conditions.fixed("sensor_noise"),
+            exposure: conditions.fixed("auto_exposure"),
+            vignetting: conditions.fixed("vignetting"),
+        };
+        let sensor = Sensor::new(setting, size, &mut pdk_sdk::seed::key(0, "lane sensor", 0).sequence());
+        let renderer = Renderer::new((projection, size), markings, conditions.natural(), sensor, &mut random);
         let traffic = Wanted {
             gap: config.number("vehicle_ahead"),
             speed: config.number("vehicle_ahead_speed"),
-            oncoming: config.number("oncoming"),
+            oncoming: conditions.fixed("oncoming"),
         };
-        Ok(Self { camera, initial_speed, speed_limit, light, traffic, renderer, drive: None })
+        let autopilot = config
+            .boolean("autopilot")
+            .then(|| Autopilot { speed: initial_speed, swing: config.number("autopilot_swing") });
+        let delay = Delay::new(conditions.fixed("control_delay"), camera.rate);
+        Ok(Self {
+            camera,
+            initial_speed,
+            speed_limit,
+            conditions,
+            traffic,
+            autopilot,
+            delay,
+            renderer,
+            drive: None,
+        })
     }
 }
 
@@ -194,18 +228,36 @@ impl Simulator for Lane {
     }
 
     fn reset(&mut self, scenario: &Scenario, _slot: u32) -> Result<State> {
-        let road = Road::new(&scenario.road, scenario.seed)?;
-        let mut random = pdk_sdk::seed::key(scenario.seed, "lane scene", 0).sequence();
-        let scene = Scene::new(&road.path, &self.light, &mut random);
-        let mut random = pdk_sdk::seed::key(scenario.seed, traffic::KEY, 0).sequence();
-        let traffic = Traffic::new(self.traffic, road.path.length(), FRONT, &mut random);
-        self.renderer.prepare(&scene, traffic.count());
+        let seed = scenario.seed;
+        let conditions = self.conditions.draw(seed);
+        let layout = Layout {
+            segment: conditions.get("segment"),
+            straight_ends: conditions.get("straight_ends"),
+            crests: conditions.get("crests"),
+        };
+        let road = Road::new(&scenario.road, seed, layout)?;
+        // Each part of a scene has random numbers of its own, so that none changes when another one draws more.
+        let random = |component: &str| pdk_sdk::seed::key(seed, component, 0).sequence();
+        let length = road.path.length();
+        let light = Light::named(&conditions.light);
+        let mut scene = Scene::new(&road.path, &light, &mut random("lane scene"));
+        let lining = (conditions.get("trees"), conditions.get("signs"));
+        roadside::furnish(&mut scene, &road.path, lining, &mut random("lane roadside"));
+        scene.wear =
+            conditions.natural.then(|| Wear::new(conditions.wear(), length, &mut random("lane wear")));
+        let traffic = Traffic::new(self.traffic, length, FRONT, &mut random(traffic::KEY));
+        let parked = Parked::new(conditions.get("parked"), length, &mut random("lane parked"));
+        self.renderer.prepare(&scene, traffic.count() + parked.all().len());
+        self.delay.reset();
+        let noise = pdk_sdk::seed::key(seed, "lane noise", 0);
         let [dx, dz] = road.path.direction(0);
         let start = road.path.points()[0];
         let vehicle = Vehicle::at(start, libm::atan2(dx, dz), self.initial_speed);
         let located = road.path.locate(vehicle.centre(), 0, 1);
         let collided = traffic.collides(0.0, located.along, located.lateral);
-        let drive = Drive { road, scene, traffic, vehicle, located, frames: 0, farthest: 0.0, collided };
+        let (frames, farthest) = (0, 0.0);
+        let drive =
+            Drive { road, scene, traffic, parked, noise, vehicle, located, frames, farthest, collided };
         let state = drive.state(self.camera.rate);
         self.drive = Some(drive);
         Ok(state)
@@ -222,7 +274,7 @@ impl Simulator for Lane {
                 self.camera.height
             )));
         }
-        self.renderer.draw(drive.world(self.camera.rate), drive.pose(), into);
+        self.renderer.draw(drive.world(self.camera.rate), drive.pose(), (&drive.noise, drive.frames), into);
         Ok(drive.state(self.camera.rate))
     }
 
@@ -256,7 +308,15 @@ impl Simulator for Lane {
         }
         let slope = drive.road.profile.slope(drive.located.along);
         let before = (drive.vehicle.centre(), drive.located, drive.time(self.camera.rate));
-        drive.vehicle.advance(control, 1.0 / self.camera.rate, slope, self.speed_limit);
+        let control = self.autopilot.map_or(control, |autopilot| {
+            let gap = drive.traffic.free_distance(before.2, drive.located.along + FRONT);
+            autopilot.control(before.2, &drive.vehicle, (&drive.road.path, drive.located), gap)
+        });
+        for (control, share) in self.delay.effective(control) {
+            if share > 0.0 {
+                drive.vehicle.advance(control, share / self.camera.rate, slope, self.speed_limit);
+            }
+        }
         drive.frames += 1;
         drive.arrive(before, self.camera.rate);
         Ok(drive.state(self.camera.rate))
@@ -292,11 +352,10 @@ impl Drive {
             let share = f64::from(part) / parts;
             // The end is exact.
             let between = |a: f64, b: f64| if share == 1.0 { b } else { a + (b - a) * share };
-            self.traffic.collides(
-                between(start, self.time(rate)),
-                between(from.along, self.located.along),
-                between(from.lateral, self.located.lateral),
-            )
+            let along = between(from.along, self.located.along);
+            let lateral = between(from.lateral, self.located.lateral);
+            self.traffic.collides(between(start, self.time(rate)), along, lateral)
+                || self.parked.touches(along, lateral)
         });
     }
 
@@ -310,9 +369,12 @@ impl Drive {
     }
 
     /// What the camera may see.
-    fn world(&self, rate: f64) -> World<'_, impl Iterator<Item = Seen>> {
+    fn world(&self, rate: f64) -> World<'_, impl Iterator<Item = Shown>> {
         let path = &self.road.path;
-        let vehicles = self.traffic.seen(self.time(rate), path.length());
+        let driven = self.traffic.seen(self.time(rate), path.length());
+        let driven = driven.map(|seen| Shown { seen, parked: false });
+        let parked = self.parked.all().iter().map(|&seen| Shown { seen, parked: true });
+        let vehicles = driven.chain(parked);
         World { scene: &self.scene, path, profile: &self.road.profile, vehicles }
     }
 

@@ -1,9 +1,10 @@
 //! Draws a row of sky: its colour, clouds, the glow around the sun, and the hills on the horizon.
 
 use crate::camera::Projection;
-use crate::ground::{Room, byte, interleave};
 use crate::light::Light;
+use crate::room::{Room, interleave, to_bytes};
 use crate::scene::Scene;
+use crate::simd::vectorised;
 use crate::texture::{Scale, Texture};
 use crate::view::View;
 
@@ -97,7 +98,6 @@ impl Sky {
     }
 
     /// Draws row `y` (0.5 in the middle of the first one).
-    #[inline(always)]
     pub fn draw(
         &mut self,
         (view, projection): (&View, &Projection),
@@ -108,8 +108,6 @@ impl Sky {
     ) {
         let left = 0.5 - projection.centre_x as f32;
         let light = &scene.light;
-        let Room { numbers, bytes, grain, .. } = room;
-        let count = numbers.len();
         let colours = &mut self.colours;
         for (channel, colour) in colours.iter_mut().zip(sky.colour) {
             channel.fill(colour);
@@ -119,21 +117,14 @@ impl Sky {
         if open && sky.clouds > 0.0 {
             let start = [0, 1].map(|k| view.ahead[k] * sky.ahead + view.right[k] * (sky.right * left));
             let step = view.right.map(|r| r * sky.right);
-            let density = texture.fill(grain, numbers, (start, step), sky.scale);
+            texture.fill(&mut room.grain, (start, step), sky.scale);
             for (channel, cloud) in colours.iter_mut().zip(light.cloud) {
-                for (value, density) in channel.iter_mut().zip(density) {
-                    let cover = ((density + light.cloudiness) * 1.6).clamp(0.0, 1.0) * sky.clouds;
-                    *value += (cloud - *value) * cover;
-                }
+                cover_by_clouds(channel, &room.grain, cloud, (light.cloudiness, sky.clouds));
             }
         }
-        if let (true, Some([column, sun_row, extent]), Some(glow)) = (open, self.sun, light.sun) {
-            let dy = y - sun_row;
+        if let (true, Some(sun), Some(glow)) = (open, self.sun, light.sun) {
             for (channel, own) in colours.iter_mut().zip(glow.colour) {
-                for (value, number) in channel.iter_mut().zip(numbers.iter()) {
-                    let dx = number + 0.5 - column;
-                    *value += own * (extent / (extent + dx * dx + dy * dy));
-                }
+                add_glow(channel, &room.numbers, own, sun, y);
             }
         }
         for (tops, colour) in self.hill_tops.iter().zip(light.hills) {
@@ -141,21 +132,50 @@ impl Sky {
                 continue;
             }
             for channel in 0..3 {
-                let (hill, haze) = (colour[channel], light.haze[channel]);
-                for (value, top) in colours[channel].iter_mut().zip(tops) {
-                    let cover = (y + 0.5 - top).clamp(0.0, 1.0);
-                    // Haze gathers at the foot of the hills.
-                    let share = ((y - top) / (self.horizon - top + 1.0)).clamp(0.0, 1.0) * 0.45;
-                    let seen = hill + (haze - hill) * share;
-                    *value += (seen - *value) * cover;
-                }
+                let air = (colour[channel], light.haze[channel]);
+                cover_by_hills(&mut colours[channel], tops, air, self.horizon, y);
             }
         }
-        for (bytes, colours) in bytes.iter_mut().zip(&self.colours) {
-            for i in 0..count {
-                bytes[i] = byte(colours[i]);
-            }
+        for (bytes, colours) in room.bytes.iter_mut().zip(&self.colours) {
+            to_bytes(colours, bytes);
         }
-        interleave(bytes, row);
+        interleave(&room.bytes, row);
+    }
+}
+
+vectorised! {
+    fn cover_by_clouds / cover_by_clouds_avx2(values: &mut [f32], density: &[f32], cloud: f32, most: (f32, f32)) {
+        let (cloudiness, clouds) = most;
+        for (value, density) in values.iter_mut().zip(density) {
+            let cover = ((density + cloudiness) * 1.6).clamp(0.0, 1.0) * clouds;
+            *value += (cloud - *value) * cover;
+        }
+    }
+}
+
+vectorised! {
+    /// `sun` is its column and row, and the square of the extent of its glow.
+    fn add_glow / add_glow_avx2(values: &mut [f32], numbers: &[f32], colour: f32, sun: [f32; 3], y: f32) {
+        let [column, row, extent] = sun;
+        let dy = y - row;
+        for (value, number) in values.iter_mut().zip(numbers) {
+            let dx = number + 0.5 - column;
+            *value += colour * (extent / (extent + dx * dx + dy * dy));
+        }
+    }
+}
+
+vectorised! {
+    fn cover_by_hills / cover_by_hills_avx2(
+        values: &mut [f32], tops: &[f32], air: (f32, f32), horizon: f32, y: f32,
+    ) {
+        let (hill, haze) = air;
+        for (value, top) in values.iter_mut().zip(tops) {
+            let cover = (y + 0.5 - top).clamp(0.0, 1.0);
+            // Haze gathers at the foot of the hills.
+            let share = ((y - top) / (horizon - top + 1.0)).clamp(0.0, 1.0) * 0.45;
+            let seen = hill + (haze - hill) * share;
+            *value += (seen - *value) * cover;
+        }
     }
 }

@@ -1,21 +1,31 @@
 //! Pictures with transparency, drawn into frames at any size.
 
 use pdk_sdk::prelude::FrameMut;
+use wide::f32x4;
 
-use crate::ground::byte;
+use crate::room::byte;
 
 /// Texels along a side of a picture; a power of two.
 const SIZE: usize = 128;
 /// Pictures are drawn larger by this factor and reduced, which smooths their edges.
 const FINENESS: usize = 3;
 
-/// One copy of a picture: colours multiplied by their opacity, then the opacity.
-type Level = Vec<[f32; 4]>;
+/// The texels of a picture: colours multiplied by their opacity, then the opacity.
+type Texels = Vec<[f32; 4]>;
+
+/// One copy of a picture.
+#[derive(Debug)]
+struct Level {
+    /// Texels along a side, without a transparent border one texel wide.
+    size: usize,
+    texels: Texels,
+    /// For each row of texels and the one below it: from the first to behind the last column that is not transparent.
+    opaque: Vec<std::ops::Range<usize>>,
+}
 
 /// A picture with smaller copies.
 #[derive(Debug)]
 pub struct Sprite {
-    /// With a transparent border one texel wide.
     levels: Vec<Level>,
 }
 
@@ -71,7 +81,7 @@ impl Sprite {
     }
 
     /// The picture and its smaller copies.
-    fn of(largest: Level) -> Self {
+    fn of(largest: Texels) -> Self {
         let mut levels = vec![largest];
         let mut size = SIZE / 2;
         while size > 0 {
@@ -86,7 +96,7 @@ impl Sprite {
             levels.push(smaller);
             size /= 2;
         }
-        let levels = levels.iter().map(|level| bordered(level)).collect();
+        let levels = levels.iter().map(|texels| Level::of(texels)).collect();
         Self { levels }
     }
 
@@ -110,27 +120,40 @@ impl Sprite {
     }
 
     /// Draws the picture into a frame.
-    #[inline(always)]
     pub fn draw(&self, frame: &mut FrameMut<'_>, at: Placement) {
         let area = Area::new(self, frame.width(), frame.height(), &at);
         let (haze, share) = at.haze;
         // What each texel's colour is multiplied with, and what the air adds where the picture is opaque.
         let own = [0, 1, 2].map(|c| area.opacity * at.tint[c] * (1.0 - share));
         let air = [0, 1, 2].map(|c| haze[c] * share);
+        let (own, air) =
+            (f32x4::new([own[0], own[1], own[2], 0.0]), f32x4::new([air[0], air[1], air[2], 0.0]));
+        let stride = area.level.size + 2;
         for y in area.rows.clone() {
-            let first = area.columns.start;
-            let row = &mut frame.row_mut(y)[first * 3..area.columns.end * 3];
-            for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
-                let texel = area.texel(first + x, y);
-                let cover = texel[3] * area.opacity;
+            let (top, fy) = area.texel_row(y);
+            let fy = f32x4::splat(fy);
+            let columns = area.seen(top);
+            let first = columns.start;
+            let texels = &area.level.texels[top * stride..(top + 2) * stride];
+            let row = &mut frame.row_mut(y)[first * 3..columns.end * 3];
+            for (x, pixel) in row.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+                let (left, fx) = area.texel_column(first + x);
+                let corner = |at: usize| f32x4::new(texels[at]);
+                let mix = |a: f32x4, b: f32x4, share: f32x4| a + (b - a) * share;
+                let fx = f32x4::splat(fx);
+                let upper = mix(corner(left), corner(left + 1), fx);
+                let lower = mix(corner(stride + left), corner(stride + left + 1), fx);
+                let texel = mix(upper, lower, fy);
+                let cover = texel.to_array()[3] * area.opacity;
                 if cover <= 0.003 {
                     continue;
                 }
-                for channel in 0..3 {
-                    let seen = texel[channel] * own[channel] + air[channel] * cover;
-                    let behind = f32::from(pixel[channel]);
-                    pixel[channel] = byte(behind + seen - behind * cover);
-                }
+                let cover = f32x4::splat(cover);
+                let [red, green, blue] = pixel.map(f32::from);
+                let behind = f32x4::new([red, green, blue, 0.0]);
+                let seen = texel * own + air * cover;
+                let [red, green, blue, _] = (behind + seen - behind * cover).to_array();
+                *pixel = [red, green, blue].map(byte);
             }
         }
     }
@@ -141,14 +164,12 @@ struct Area<'a> {
     rows: std::ops::Range<usize>,
     columns: std::ops::Range<usize>,
     opacity: f32,
-    texture: &'a Level,
-    size: usize,
+    level: &'a Level,
     corner: [f32; 2],
     step: [f32; 2],
 }
 
 impl<'a> Area<'a> {
-    #[inline(always)]
     fn new(picture: &'a Sprite, frame_width: usize, frame_height: usize, at: &Placement) -> Self {
         // What is narrower than a pixel becomes a pixel wide and the fainter for it.
         let [width, height] = at.size.map(|s| s.max(1.0));
@@ -167,47 +188,130 @@ impl<'a> Area<'a> {
         while ((2usize << level) as f32) <= texels && level + 1 < picture.levels.len() {
             level += 1;
         }
-        let size = SIZE >> level;
-        let step = [size as f32 / width, size as f32 / height];
-        Self { rows, columns, opacity, texture: &picture.levels[level], size, corner: [left, top], step }
+        let level = &picture.levels[level];
+        let step = [level.size as f32 / width, level.size as f32 / height];
+        Self { rows, columns, opacity, level, corner: [left, top], step }
     }
 
     /// What the picture has in the middle of a pixel.
-    #[inline(always)]
     fn texel(&self, x: usize, y: usize) -> [f32; 4] {
-        let u = (x as f32 + 0.5 - self.corner[0]) * self.step[0] - 0.5;
-        let v = (y as f32 + 0.5 - self.corner[1]) * self.step[1] - 0.5;
-        bilinear(self.texture, self.size, u, v)
+        let ((left, fx), (top, fy)) = (self.texel_column(x), self.texel_row(y));
+        let (texels, stride) = (&self.level.texels, self.level.size + 2);
+        let at = top * stride + left;
+        let ([a, b], [c, d]) = ([texels[at], texels[at + 1]], [texels[at + stride], texels[at + stride + 1]]);
+        [0, 1, 2, 3].map(|k| {
+            let upper = a[k] + (b[k] - a[k]) * fx;
+            let lower = c[k] + (d[k] - c[k]) * fx;
+            upper + (lower - upper) * fy
+        })
+    }
+
+    /// The row of texels above the middle of a pixel, and how far below it that lies. Rows count from the border.
+    #[inline(always)]
+    fn texel_row(&self, y: usize) -> (usize, f32) {
+        self.place((y as f32 + 0.5 - self.corner[1]) * self.step[1] - 0.5)
+    }
+
+    /// The column of texels to the left of the middle of a pixel, as [`Area::texel_row`].
+    #[inline(always)]
+    fn texel_column(&self, x: usize) -> (usize, f32) {
+        self.place((x as f32 + 0.5 - self.corner[0]) * self.step[0] - 0.5)
+    }
+
+    #[inline(always)]
+    fn place(&self, texel: f32) -> (usize, f32) {
+        let place = (texel + 1.0).clamp(0.0, self.level.size as f32);
+        let whole = place as i32;
+        (whole as usize, place - whole as f32)
+    }
+
+    /// The columns in which a row of texels shows anything; some more at the edges.
+    fn seen(&self, row: usize) -> std::ops::Range<usize> {
+        let opaque = &self.level.opaque[row];
+        if opaque.is_empty() {
+            return self.columns.start..self.columns.start;
+        }
+        let pixel = |texel: f32| self.corner[0] + (texel - 1.0) / self.step[0];
+        let first = (pixel(opaque.start as f32 - 1.0) - 1.0).max(0.0) as usize;
+        let last = (pixel(opaque.end as f32 + 1.0) + 2.0).max(0.0) as usize;
+        let first = first.clamp(self.columns.start, self.columns.end);
+        first..last.clamp(first, self.columns.end)
     }
 }
 
-/// A copy with a transparent border.
-fn bordered(level: &[[f32; 4]]) -> Level {
-    let size = level.len().isqrt();
-    let mut wide = vec![[0.0; 4]; (size + 2) * (size + 2)];
-    for (y, row) in level.chunks_exact(size).enumerate() {
-        let first = (y + 1) * (size + 2) + 1;
-        wide[first..first + size].copy_from_slice(row);
+impl Level {
+    /// A copy with a transparent border.
+    fn of(texels: &[[f32; 4]]) -> Self {
+        let size = texels.len().isqrt();
+        let stride = size + 2;
+        let mut wide = vec![[0.0; 4]; stride * stride];
+        for (y, row) in texels.chunks_exact(size).enumerate() {
+            let first = (y + 1) * stride + 1;
+            wide[first..first + size].copy_from_slice(row);
+        }
+        let both = |row: usize, column: usize| {
+            wide[row * stride + column][3] > 0.0 || wide[(row + 1) * stride + column][3] > 0.0
+        };
+        let opaque = (0..=size).map(|row| {
+            let first = (0..stride).find(|column| both(row, *column)).unwrap_or(0);
+            let last = (0..stride).rfind(|column| both(row, *column)).map_or(0, |column| column + 1);
+            first..last
+        });
+        Self { size, opaque: opaque.collect(), texels: wide }
     }
-    wide
 }
 
-/// The picture at a place in texels; around it lies a transparent border.
-#[inline(always)]
-fn bilinear(texels: &[[f32; 4]], size: usize, u: f32, v: f32) -> [f32; 4] {
-    let most = size as f32;
-    // Places count from the border.
-    let (u, v) = ((u + 1.0).clamp(0.0, most), (v + 1.0).clamp(0.0, most));
-    let (left, top) = (u as i32 as usize, v as i32 as usize);
-    let (fx, fy) = (u - left as f32, v - top as f32);
-    let stride = size + 2;
-    let at = top * stride + left;
-    let ([a, b], [c, d]) = ([texels[at], texels[at + 1]], [texels[at + stride], texels[at + stride + 1]]);
-    let mut mixed = [0.0; 4];
-    for k in 0..4 {
-        let upper = a[k] + (b[k] - a[k]) * fx;
-        let lower = c[k] + (d[k] - c[k]) * fx;
-        mixed[k] = upper + (lower - upper) * fy;
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_sdk::prelude::{FrameBuf, Key};
+
+    /// The texels one by one, as the mathematics has it.
+    fn drawn_plainly(picture: &Sprite, frame: &mut FrameMut<'_>, at: &Placement) {
+        let area = Area::new(picture, frame.width(), frame.height(), at);
+        let (haze, share) = at.haze;
+        for y in area.rows.clone() {
+            for x in area.columns.clone() {
+                let texel = area.texel(x, y);
+                let cover = texel[3] * area.opacity;
+                if cover <= 0.003 {
+                    continue;
+                }
+                let pixel = &mut frame.row_mut(y)[x * 3..x * 3 + 3];
+                for channel in 0..3 {
+                    let own = area.opacity * at.tint[channel] * (1.0 - share);
+                    let seen = texel[channel] * own + haze[channel] * share * cover;
+                    let behind = f32::from(pixel[channel]);
+                    pixel[channel] = byte(behind + seen - behind * cover);
+                }
+            }
+        }
     }
-    mixed
+
+    #[test]
+    fn a_picture_is_its_texels_one_by_one() {
+        let mut random = Key([8; 32]).sequence();
+        let pictures =
+            [crate::artwork::broadleaf(&mut random), crate::artwork::shadow(), crate::artwork::post()];
+        for _ in 0..300 {
+            let [width, height] = [0.3, 0.3].map(|least| least + 90.0 * random.unit() * random.unit());
+            let at = Placement {
+                left: random.uniform(-60.0, 70.0) as f32,
+                top: random.uniform(-60.0, 50.0) as f32,
+                size: [width as f32, height as f32],
+                depth: 9.0,
+                opacity: random.unit() as f32,
+                tint: [0.9, 1.1, random.unit() as f32],
+                haze: ([200.0, 210.0, 220.0], random.unit() as f32),
+                bottom: random.uniform(10.0, 90.0) as f32,
+            };
+            for picture in &pictures {
+                let grey = || FrameBuf::from_vec(vec![99; 64 * 48 * 3], 64, 48).unwrap();
+                let (mut fast, mut plain) = (grey(), grey());
+                picture.draw(&mut fast.as_mut(), at);
+                drawn_plainly(picture, &mut plain.as_mut(), &at);
+                assert!(fast == plain, "{at:?}");
+            }
+        }
+    }
 }

@@ -179,7 +179,7 @@ fn blur(frame: &mut FrameMut<'_>, radius: usize) {
 }
 
 /// The frame of a simulator after some steps of a scenario.
-fn frame_after(simulator: &mut Lane, seed: u64, steps: usize) -> FrameBuf {
+pub fn frame_after(simulator: &mut Lane, seed: u64, steps: usize) -> FrameBuf {
     let camera = simulator.camera();
     let mut state = simulator.reset(&scenario(Value::Null, seed), 0).unwrap();
     for _ in 0..steps {
@@ -484,7 +484,7 @@ fn labels_say_what_the_pixels_show() {
         labels.iter().filter(|label| **label == number).count()
     };
     assert_eq!(
-        ["sky", "ground", "road", "marking", "vehicle", "vegetation", "building", "post"]
+        ["sky", "ground", "road", "marking", "vehicle", "vegetation", "building", "post", "sign"]
             .map(count)
             .iter()
             .sum::<usize>(),
@@ -538,4 +538,39 @@ fn distances_are_those_of_the_camera() {
     let column: Vec<f32> = (height * 2 / 3..height).map(|y| depth[y * width + width / 2]).collect();
     assert!(column.is_sorted_by(|far, near| far > near), "{column:?}");
     assert!(simulator.depth(&mut [0.0; 3]).unwrap_err().message().contains("room for 3 distances"));
+}
+
+/// The frames of a few scenarios, so that records of drives keep their meaning: a number for each, FNV-1a over the bytes of some
+/// frames. Where one changes on purpose, so does the simulator's version.
+#[test]
+fn frames_are_those_of_earlier_versions() {
+    let hills = json!({"angles": [0, 12, -10, 8, -20, 15, -10, 0], "heights": [0, 3, 4, 1, -2, 0, 3, 3]});
+    let digest = |parameters: Value, road: Value, seed: u64| {
+        let mut simulator = lane_with(parameters).unwrap();
+        let camera = simulator.camera();
+        let mut frame = FrameBuf::new(camera.width as usize, camera.height as usize);
+        let mut state = simulator.reset(&scenario(road, seed), 0).unwrap();
+        let mut digest = 0xcbf2_9ce4_8422_2325u64;
+        for step in 0..200 {
+            if step % 8 == 0 {
+                state = simulator.frame(frame.as_mut()).unwrap();
+                for byte in frame.data() {
+                    digest = (digest ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3);
+                }
+            }
+            state = simulator.act(guide(&simulator, &state)).unwrap();
+        }
+        digest
+    };
+    let found = [
+        digest(json!({}), Value::Null, 1),
+        digest(json!({"width": 320, "height": 240, "markings": "solid"}), Value::Null, 2),
+        digest(json!({"light": "dusk", "vehicle_ahead": 14, "oncoming": 40}), Value::Null, 3),
+        digest(json!({"light": "overcast", "markings": "worn", "width": 161, "height": 83}), Value::Null, 4),
+        digest(json!({"vehicle_ahead": 20, "oncoming": 30}), hills, 5),
+    ];
+    assert_eq!(
+        found.map(|digest| format!("{digest:016x}")),
+        ["83e2f5b57681bd1a", "bfadcc4720cd605d", "c022771d48f47636", "67b536141001bfb5", "bd23413df97008d2"]
+    );
 }

@@ -2,22 +2,23 @@
 
 use pdk_sdk::prelude::Random;
 
-/// Texels along a side of the largest copy; a power of two, so that coordinates wrap by masking.
-const SIZE: usize = 1 << SHIFT;
-const SHIFT: usize = 8;
-/// Number of copies, each half as large as the one before.
-const LEVELS: usize = 9;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::{BLOCK, avx2, has_avx2};
 
-/// 1.5 * 2^23: see [`Texture::fill`].
+/// Texels along a side of the largest copy of a texture that is drawn here; a power of two, so that coordinates wrap by masking.
+const SIZE: usize = 256;
+
+/// 1.5 * 2^23: see [`Reading::fill`].
 const ROUNDING: f32 = 12_582_912.0;
 
-/// Random brightness from about -1 to 1, mean 0, that repeats every 256 texels.
+/// Brightness from about -1 to 1, mean 0, that repeats.
 #[derive(Debug)]
 pub struct Texture {
-    /// For each texel of each copy: its own brightness, that of its right and lower neighbour, and of the one between these.
+    /// Copies, each half as large as the one before, the last one texel large. For each texel of each copy: its own brightness,
+    /// that of its right and lower neighbour, and of the one between these.
     levels: Vec<Vec<[f32; 4]>>,
     /// Root mean square of each copy.
-    spreads: [f32; LEVELS],
+    spreads: Vec<f32>,
 }
 
 /// How to read the texture at one scale.
@@ -46,11 +47,18 @@ impl Texture {
                 }
             }
         }
-        let mean = finest.iter().map(|&v| f64::from(v)).sum::<f64>() / (SIZE * SIZE) as f64;
+        Self::of(finest)
+    }
+
+    /// A texture from its texels, row by row: a square whose side is a power of two. The mean is taken out.
+    pub fn of(mut finest: Vec<f32>) -> Self {
+        let mean = finest.iter().map(|&v| f64::from(v)).sum::<f64>() / finest.len() as f64;
         finest.iter_mut().for_each(|v| *v -= mean as f32);
+        let mut size = finest.len().isqrt();
         let mut levels = vec![finest];
-        for level in 1..LEVELS {
-            let (above, size) = (&levels[level - 1], SIZE >> level);
+        while size > 1 {
+            size /= 2;
+            let above = &levels[levels.len() - 1];
             let texel = |x: usize, y: usize| above[y * size * 2 + x];
             let smaller = (0..size * size)
                 .map(|i| {
@@ -60,10 +68,9 @@ impl Texture {
                 .collect();
             levels.push(smaller);
         }
-        let mut spreads = [0.0; LEVELS];
-        for (spread, level) in spreads.iter_mut().zip(&levels) {
-            *spread = (level.iter().map(|v| v * v).sum::<f32>() / level.len() as f32).sqrt();
-        }
+        let spread =
+            |level: &Vec<f32>| (level.iter().map(|v| v * v).sum::<f32>() / level.len() as f32).sqrt();
+        let spreads = levels.iter().map(spread).collect();
         let levels = levels.iter().map(|level| with_neighbours(level)).collect();
         Self { levels, spreads }
     }
@@ -74,73 +81,144 @@ impl Texture {
     /// its contrast falls to that of the next, so that the change does not show as an edge.
     pub fn scale(&self, frequency: f32, footprint: f32) -> Scale {
         let texels = (frequency * footprint).max(1.0);
-        let position = libm::log2f(texels).min((LEVELS - 2) as f32 - 0.001);
+        let position = libm::log2f(texels).min((self.levels.len() - 2) as f32 - 0.001);
         let level = position as usize;
         let share = position - level as f32;
         let next = self.spreads[level + 1] / self.spreads[level];
         Scale { frequency: frequency / (1u32 << level) as f32, level, strength: 1.0 + (next - 1.0) * share }
     }
 
-    /// The brightness at places in a row: `start` and so many times `step` further, x and z in metres.
-    #[inline(always)]
-    pub fn fill<'a>(
+    /// Writes the brightness at places in a row: `start` and so many times `step` further, x and z in metres. The row has whole
+    /// blocks.
+    pub fn fill(&self, row: &mut [f32], (start, step): ([f32; 2], [f32; 2]), scale: Scale) {
+        let reading = self.reading(scale);
+        let (start, step) = (start.map(|s| s * scale.frequency), step.map(|s| s * scale.frequency));
+        #[cfg(target_arch = "x86_64")]
+        if has_avx2() {
+            // SAFETY: the processor has AVX2, which is all that this version asks for.
+            return unsafe { reading.fill_avx2(row, (start, step)) };
+        }
+        reading.fill(row, (start, step));
+    }
+
+    /// Writes the brightness at any places, x and y in metres and moved by `shift`, with texels that are `stretch` times as long in
+    /// y. All have whole blocks.
+    pub fn fill_at(
         &self,
-        line: &'a mut Line,
-        numbers: &[f32],
-        (start, step): ([f32; 2], [f32; 2]),
+        row: &mut [f32],
+        (x, y): (&[f32], &[f32]),
+        shift: [f32; 2],
+        stretch: f32,
         scale: Scale,
-    ) -> &'a [f32] {
-        let texels = &self.levels[scale.level][..];
-        let shift = (SHIFT - scale.level) as u32;
-        let mask = (1u32 << shift) - 1;
-        let count = numbers.len();
-        let Line { fx, fy, index, corners: [a, b, c, d], values } = line;
-        let (fx, fy, index) = (&mut fx[..count], &mut fy[..count], &mut index[..count]);
-        let [su, sv] = start.map(|s| s * scale.frequency);
-        let [du, dv] = step.map(|s| s * scale.frequency);
-        for i in 0..count {
-            // A number just above 1.5 * 2^23 has no fraction: adding and subtracting rounds, faster than any conversion,
-            // and the lowest bits are those of the whole number.
-            let (u, v) = (su + numbers[i] * du, sv + numbers[i] * dv);
-            let (left, top) = (u - 0.5 + ROUNDING, v - 0.5 + ROUNDING);
-            fx[i] = u - (left - ROUNDING);
-            fy[i] = v - (top - ROUNDING);
-            index[i] = ((top.to_bits() & mask) << shift) | (left.to_bits() & mask);
+    ) {
+        let reading = self.reading(scale);
+        let frequencies = [scale.frequency, scale.frequency / stretch];
+        #[cfg(target_arch = "x86_64")]
+        if has_avx2() {
+            // SAFETY: the processor has AVX2, which is all that this version asks for.
+            return unsafe { reading.fill_at_avx2(row, (x, y), shift, frequencies) };
         }
-        let (a, b, c, d) = (&mut a[..count], &mut b[..count], &mut c[..count], &mut d[..count]);
-        for i in 0..count {
-            [a[i], b[i], c[i], d[i]] = texels[index[i] as usize];
-        }
-        let values = &mut values[..count];
-        for i in 0..count {
-            let upper = a[i] + (b[i] - a[i]) * fx[i];
-            let lower = c[i] + (d[i] - c[i]) * fx[i];
-            values[i] = (upper + (lower - upper) * fy[i]) * scale.strength;
-        }
-        values
+        reading.fill_at(row, (x, y), shift, frequencies);
+    }
+
+    fn reading(&self, scale: Scale) -> Reading<'_> {
+        let texels = &self.levels[scale.level];
+        let shift = texels.len().ilog2() / 2;
+        Reading { texels, shift, mask: (1 << shift) - 1, strength: scale.strength }
     }
 }
 
-/// Room for the texture along one row of pixels.
-#[derive(Debug)]
-pub struct Line {
-    fx: Vec<f32>,
-    fy: Vec<f32>,
-    index: Vec<u32>,
-    corners: [Vec<f32>; 4],
-    values: Vec<f32>,
+/// As [`Reading::at`], for eight places.
+#[cfg(target_arch = "x86_64")]
+macro_rules! at_avx2 {
+    ($reading:expr, $u:expr, $v:expr) => {{
+        let (reading, u, v): (&Reading<'_>, __m256, __m256) = ($reading, $u, $v);
+        let (half, rounding) = (_mm256_set1_ps(0.5), _mm256_set1_ps(ROUNDING));
+        let mask = _mm256_set1_epi32(reading.mask as i32);
+        let left = _mm256_add_ps(_mm256_sub_ps(u, half), rounding);
+        let top = _mm256_add_ps(_mm256_sub_ps(v, half), rounding);
+        let fx = _mm256_sub_ps(u, _mm256_sub_ps(left, rounding));
+        let fy = _mm256_sub_ps(v, _mm256_sub_ps(top, rounding));
+        let column = _mm256_and_si256(_mm256_castps_si256(left), mask);
+        let shift = _mm_cvtsi32_si128(reading.shift as i32);
+        let line = _mm256_sll_epi32(_mm256_and_si256(_mm256_castps_si256(top), mask), shift);
+        let [a, b, c, d] = avx2::look_up!(reading.texels, _mm256_or_si256(line, column));
+        let (upper, lower) = (avx2::mix(a, b, fx), avx2::mix(c, d, fx));
+        _mm256_mul_ps(avx2::mix(upper, lower, fy), _mm256_set1_ps(reading.strength))
+    }};
 }
 
-impl Line {
-    /// Room for rows of so many pixels.
-    pub fn new(width: usize) -> Self {
-        let room = || vec![0.0; width];
-        Self {
-            fx: room(),
-            fy: room(),
-            index: vec![0; width],
-            corners: std::array::from_fn(|_| room()),
-            values: room(),
+/// One copy of the texture, as it is read.
+struct Reading<'a> {
+    texels: &'a [[f32; 4]],
+    /// The copy has `1 << shift` texels along a side, and `mask` takes what is beyond.
+    shift: u32,
+    mask: u32,
+    strength: f32,
+}
+
+impl Reading<'_> {
+    /// As [`Texture::fill`], in texels.
+    fn fill(&self, row: &mut [f32], ([su, sv], [du, dv]): ([f32; 2], [f32; 2])) {
+        for (i, value) in row.iter_mut().enumerate() {
+            *value = self.at(su + i as f32 * du, sv + i as f32 * dv);
+        }
+    }
+
+    /// As [`Texture::fill_at`], with texels a metre both ways.
+    fn fill_at(&self, row: &mut [f32], (x, y): (&[f32], &[f32]), shift: [f32; 2], frequencies: [f32; 2]) {
+        for ((value, x), y) in row.iter_mut().zip(x).zip(y) {
+            *value = self.at((x + shift[0]) * frequencies[0], (y + shift[1]) * frequencies[1]);
+        }
+    }
+
+    #[inline(always)]
+    fn at(&self, u: f32, v: f32) -> f32 {
+        // A number just above 1.5 * 2^23 has no fraction: adding and subtracting rounds, faster than any conversion,
+        // and the lowest bits are those of the whole number.
+        let (left, top) = (u - 0.5 + ROUNDING, v - 0.5 + ROUNDING);
+        let (fx, fy) = (u - (left - ROUNDING), v - (top - ROUNDING));
+        let index = ((top.to_bits() & self.mask) << self.shift) | (left.to_bits() & self.mask);
+        let [a, b, c, d] = self.texels[index as usize];
+        let upper = a + (b - a) * fx;
+        let lower = c + (d - c) * fx;
+        (upper + (lower - upper) * fy) * self.strength
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn fill_avx2(&self, row: &mut [f32], (start, step): ([f32; 2], [f32; 2])) {
+        use std::arch::x86_64::*;
+
+        let [su, sv] = start.map(|s| _mm256_set1_ps(s));
+        let [du, dv] = step.map(|s| _mm256_set1_ps(s));
+        let mut numbers = _mm256_setr_ps(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0);
+        for block in row.as_chunks_mut::<BLOCK>().0 {
+            let u = _mm256_add_ps(su, _mm256_mul_ps(numbers, du));
+            let v = _mm256_add_ps(sv, _mm256_mul_ps(numbers, dv));
+            numbers = _mm256_add_ps(numbers, _mm256_set1_ps(BLOCK as f32));
+            avx2::store(block, at_avx2!(self, u, v));
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn fill_at_avx2(
+        &self,
+        row: &mut [f32],
+        (x, y): (&[f32], &[f32]),
+        shift: [f32; 2],
+        frequencies: [f32; 2],
+    ) {
+        use std::arch::x86_64::*;
+
+        let [fx, fy] = frequencies.map(|f| _mm256_set1_ps(f));
+        let [sx, sy] = shift.map(|s| _mm256_set1_ps(s));
+        let (x, y) = (x.as_chunks::<BLOCK>().0, y.as_chunks::<BLOCK>().0);
+        for ((block, x), y) in row.as_chunks_mut::<BLOCK>().0.iter_mut().zip(x).zip(y) {
+            let u = _mm256_mul_ps(_mm256_add_ps(avx2::load(x), sx), fx);
+            let v = _mm256_mul_ps(_mm256_add_ps(avx2::load(y), sy), fy);
+            avx2::store(block, at_avx2!(self, u, v));
         }
     }
 }
@@ -170,20 +248,33 @@ fn bilinear(texels: &[f32], size: usize, x: f32, y: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd;
     use pdk_sdk::prelude::Key;
 
     #[test]
-    fn a_row_is_its_places_one_by_one() {
+    fn a_row_is_its_places_one_by_one_on_every_processor() {
         let texture = Texture::new(&mut Key([1; 32]).sequence());
-        let numbers: Vec<f32> = (0..40).map(|i| i as f32).collect();
         for footprint in [0.01, 0.2, 3.0] {
             let scale = texture.scale(30.0, footprint);
             let (start, step) = ([3.7, -8.1], [0.31, 0.17]);
-            let (mut line, mut single) = (Line::new(40), Line::new(1));
-            let row = texture.fill(&mut line, &numbers, (start, step), scale).to_vec();
+            let mut row = [0.0f32; 40];
+            texture.fill(&mut row, (start, step), scale);
+            let mut plain = [0.0f32; 40];
+            simd::portably(|| texture.fill(&mut plain, (start, step), scale));
+            assert_eq!(row.map(f32::to_bits), plain.map(f32::to_bits));
+            let places: [Vec<f32>; 2] =
+                [0, 1].map(|k| (0..40).map(|i| start[k] + i as f32 * step[k]).collect());
+            let (mut anywhere, mut plainly) = ([0.0f32; 40], [0.0f32; 40]);
+            texture.fill_at(&mut anywhere, (&places[0], &places[1]), [0.3, -2.0], 2.5, scale);
+            simd::portably(|| {
+                texture.fill_at(&mut plainly, (&places[0], &places[1]), [0.3, -2.0], 2.5, scale)
+            });
+            assert_eq!(anywhere.map(f32::to_bits), plainly.map(f32::to_bits));
             for (i, value) in row.into_iter().enumerate() {
-                let alone = texture.fill(&mut single, &[i as f32], (start, step), scale)[0];
-                assert_eq!(value.to_bits(), alone.to_bits());
+                let mut alone = [0.0; 1];
+                let at = [0, 1].map(|k| start[k] + i as f32 * step[k]);
+                simd::portably(|| texture.fill(&mut alone, (at, [0.0; 2]), scale));
+                assert!((value - alone[0]).abs() < 2e-3, "{value} {alone:?}");
             }
         }
     }
@@ -192,10 +283,13 @@ mod tests {
     fn the_texture_repeats_and_fades_with_distance() {
         let texture = Texture::new(&mut Key([1; 32]).sequence());
         let near = texture.scale(8.0, 0.01);
-        let mut line = Line::new(1);
-        let mut at = |x: f32, z: f32, scale| texture.fill(&mut line, &[0.0], ([x, z], [0.0; 2]), scale)[0];
+        let at = |x: f32, z: f32, scale| {
+            let mut block = [0.0; 8];
+            texture.fill(&mut block, ([x, z], [0.0; 2]), scale);
+            block[0]
+        };
         assert_eq!(at(3.25, -7.5, near), at(3.25 + 32.0, -7.5 - 64.0, near));
-        let mut spread = |scale| {
+        let spread = |scale| {
             (0..1000).map(|i| at(i as f32 * 0.37, i as f32 * 0.11, scale).abs()).sum::<f32>() / 1000.0
         };
         assert!(spread(near) > 0.2, "{}", spread(near));

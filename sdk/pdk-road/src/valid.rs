@@ -19,6 +19,17 @@ impl Default for MapBox {
     }
 }
 
+impl MapBox {
+    /// The default one, grown as the segments of a road are longer on average than published ones: so a road of 50 m segments
+    /// may cover twice the ground both ways.
+    pub fn for_segments(lengths: &[f64]) -> Self {
+        let mean = lengths.iter().sum::<f64>() / lengths.len().max(1) as f64;
+        let scale = (mean / crate::SEGMENT).max(1.0);
+        let Self { low, high } = Self::default();
+        Self { low: low.map(|v| v * scale), high: high.map(|v| v * scale) }
+    }
+}
+
 /// Refuses roads with a bend of a smaller radius than this, in metres along the line.
 ///
 /// # Errors
@@ -136,6 +147,10 @@ mod tests {
         assert_eq!(check(&road(&[0.0; 8], SEGMENT), 8.0, &MapBox::default()), Ok(()));
         let error = check(&road(&[0.0; 12], SEGMENT), 8.0, &MapBox::default()).unwrap_err();
         assert!(error.starts_with("the road leaves the map 226 m after its start"), "{error}");
+        // Longer segments need a larger map, shorter ones leave it as it is.
+        assert_eq!(check(&road(&[0.0; 8], 50.0), 8.0, &MapBox::for_segments(&[50.0; 8])), Ok(()));
+        assert!(check(&road(&[0.0; 8], 50.0), 8.0, &MapBox::default()).is_err());
+        assert_eq!(MapBox::for_segments(&[10.0; 8]), MapBox::default());
     }
 
     #[test]

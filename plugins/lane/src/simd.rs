@@ -1,0 +1,170 @@
+//! Code that is compiled twice: for every processor, and for those with AVX2, chosen at run time.
+//!
+//! The first is plain Rust and the standard: tests compare the second with it. Both do the same single operations in the same
+//! order, so the bytes are the same.
+
+/// Pixels that are worked on at a time. Rows of values are as long as whole blocks, so that no block is cut.
+pub const BLOCK: usize = 8;
+
+/// The length of a row of values for so many pixels: whole blocks.
+pub fn padded(pixels: usize) -> usize {
+    pixels.div_ceil(BLOCK) * BLOCK
+}
+
+/// Defines a function that is compiled for AVX2 as well: `fn NAME / AVX2 (arguments) { body }`.
+macro_rules! vectorised {
+    ($(#[$attribute:meta])* $visibility:vis fn $name:ident / $avx2:ident
+     ($($argument:ident: $type:ty),* $(,)?) $body:block) => {
+        $(#[$attribute])*
+        #[allow(clippy::too_many_arguments)]
+        $visibility fn $name($($argument: $type),*) {
+            #[inline(always)]
+            #[allow(clippy::too_many_arguments)]
+            fn portable($($argument: $type),*) $body
+
+            #[cfg(target_arch = "x86_64")]
+            #[target_feature(enable = "avx2")]
+            #[allow(clippy::too_many_arguments)]
+            fn $avx2($($argument: $type),*) {
+                portable($($argument),*)
+            }
+
+            #[cfg(target_arch = "x86_64")]
+            if $crate::simd::has_avx2() {
+                // SAFETY: the processor has AVX2, which is all that this version asks for.
+                return unsafe { $avx2($($argument),*) };
+            }
+            portable($($argument),*)
+        }
+    };
+}
+pub(crate) use vectorised;
+
+/// Whether the versions for AVX2 are to be used.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub fn has_avx2() -> bool {
+    std::arch::is_x86_feature_detected!("avx2") && !portable_only()
+}
+
+/// Whether a test has asked for the portable versions on this thread.
+#[cfg(all(test, target_arch = "x86_64"))]
+fn portable_only() -> bool {
+    PORTABLE_ONLY.get()
+}
+
+#[cfg(all(not(test), target_arch = "x86_64"))]
+#[inline(always)]
+const fn portable_only() -> bool {
+    false
+}
+
+#[cfg(test)]
+thread_local! {
+    pub static PORTABLE_ONLY: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+}
+
+/// The portable result of a piece of work, for comparison.
+#[cfg(test)]
+pub fn portably<T>(work: impl FnOnce() -> T) -> T {
+    PORTABLE_ONLY.set(true);
+    let result = work();
+    PORTABLE_ONLY.set(false);
+    result
+}
+
+#[cfg(target_arch = "x86_64")]
+pub mod avx2 {
+    //! Building blocks for AVX2.
+
+    use std::arch::x86_64::*;
+
+    /// The entries of a table at eight places, as four vectors: all first values, all second ones and so on. A macro, because
+    /// a function for AVX2 that gives back four vectors passes them through memory where it is not inlined.
+    ///
+    /// # Panics
+    /// Where a place lies outside of the table.
+    macro_rules! look_up {
+        ($table:expr, $places:expr) => {{
+            let (table, places): (&[[f32; 4]], __m256i) = ($table, $places);
+            let mut at = [0u32; 8];
+            // SAFETY: it has room for the eight places, and needs no alignment.
+            unsafe { _mm256_storeu_si256(at.as_mut_ptr().cast(), places) };
+            let entry = |place: u32| {
+                let entry = &table[place as usize];
+                // SAFETY: an entry is four floats, and needs no alignment.
+                unsafe { _mm_loadu_ps(entry.as_ptr()) }
+            };
+            let a = _mm256_set_m128(entry(at[4]), entry(at[0]));
+            let b = _mm256_set_m128(entry(at[5]), entry(at[1]));
+            let c = _mm256_set_m128(entry(at[6]), entry(at[2]));
+            let d = _mm256_set_m128(entry(at[7]), entry(at[3]));
+            // Transposed within each half: the first half holds places 0 to 3, the second 4 to 7.
+            let (ab_low, ab_high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+            let (cd_low, cd_high) = (_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+            [
+                _mm256_shuffle_ps::<0x44>(ab_low, cd_low),
+                _mm256_shuffle_ps::<0xEE>(ab_low, cd_low),
+                _mm256_shuffle_ps::<0x44>(ab_high, cd_high),
+                _mm256_shuffle_ps::<0xEE>(ab_high, cd_high),
+            ]
+        }};
+    }
+    pub(crate) use look_up;
+
+    /// `a + (b - a) * share`, in these steps.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    pub fn mix(a: __m256, b: __m256, share: __m256) -> __m256 {
+        _mm256_add_ps(a, _mm256_mul_ps(_mm256_sub_ps(b, a), share))
+    }
+
+    /// The eight values of a block.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    pub fn load(block: &[f32; super::BLOCK]) -> __m256 {
+        // SAFETY: a block has eight floats, and needs no alignment.
+        unsafe { _mm256_loadu_ps(block.as_ptr()) }
+    }
+
+    /// Writes the eight values of a block.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    pub fn store(block: &mut [f32; super::BLOCK], values: __m256) {
+        // SAFETY: a block has eight floats, and needs no alignment.
+        unsafe { _mm256_storeu_ps(block.as_mut_ptr(), values) };
+    }
+}
+
+#[cfg(all(test, target_arch = "x86_64"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_look_up_is_that_of_the_places_one_by_one() {
+        if !has_avx2() {
+            println!("skipped: this processor has no AVX2");
+            return;
+        }
+        let table: Vec<[f32; 4]> = (0..50).map(|i| [0, 1, 2, 3].map(|k| (i * 4 + k) as f32)).collect();
+        let places = [3u32, 49, 0, 17, 17, 8, 31, 2];
+        #[target_feature(enable = "avx2")]
+        fn looked_up(table: &[[f32; 4]], places: &[u32; 8]) -> [[f32; 8]; 4] {
+            use std::arch::x86_64::*;
+            // SAFETY: there are eight places.
+            let found = avx2::look_up!(table, unsafe { _mm256_loadu_si256(places.as_ptr().cast()) });
+            found.map(|values| {
+                let mut block = [0.0; 8];
+                avx2::store(&mut block, values);
+                block
+            })
+        }
+        // SAFETY: the processor has AVX2.
+        let found = unsafe { looked_up(&table, &places) };
+        for (k, values) in found.iter().enumerate() {
+            for (value, place) in values.iter().zip(places) {
+                assert_eq!(*value, table[place as usize][k]);
+            }
+        }
+    }
+}
