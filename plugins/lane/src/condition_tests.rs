@@ -100,14 +100,14 @@ fn what_was_added_is_labelled_and_its_distance_known() {
             let name = names[usize::from(*label)].as_str();
             assert!((name == "sky") == depth[i].is_infinite(), "{name} at {}", depth[i]);
             vehicles += usize::from(name == "vehicle");
-            signs += usize::from(name == "sign");
+            signs += usize::from(name == "traffic_sign");
             // Both stand on the ground, at the distance of the row on which they do, or nearer than what they hide.
-            if name == "vehicle" || name == "sign" {
+            if name == "vehicle" || name == "traffic_sign" {
                 assert!((1.0..260.0).contains(&depth[i]));
                 let below = (i / width + 1..height).map(|y| y * width + i % width);
-                let foot = below
-                    .clone()
-                    .find(|&j| !["vehicle", "sign"].contains(&names[usize::from(labels[j])].as_str()));
+                let foot = below.clone().find(|&j| {
+                    !["vehicle", "traffic_sign"].contains(&names[usize::from(labels[j])].as_str())
+                });
                 if let Some(foot) = foot.filter(|foot| {
                     ["ground", "road", "marking"].contains(&names[usize::from(labels[*foot])].as_str())
                 }) {

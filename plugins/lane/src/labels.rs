@@ -30,7 +30,7 @@ pub enum Label {
 impl Label {
     /// The names, in the order of the numbers.
     pub const NAMES: [&str; 9] =
-        ["sky", "ground", "road", "marking", "vehicle", "vegetation", "building", "post", "sign"];
+        ["sky", "ground", "road", "marking", "vehicle", "vegetation", "building", "post", "traffic_sign"];
 
     /// Its number.
     pub fn number(self) -> u8 {

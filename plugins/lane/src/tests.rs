@@ -484,7 +484,7 @@ fn labels_say_what_the_pixels_show() {
         labels.iter().filter(|label| **label == number).count()
     };
     assert_eq!(
-        ["sky", "ground", "road", "marking", "vehicle", "vegetation", "building", "post", "sign"]
+        ["sky", "ground", "road", "marking", "vehicle", "vegetation", "building", "post", "traffic_sign"]
             .map(count)
             .iter()
             .sum::<usize>(),

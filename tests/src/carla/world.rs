@@ -596,6 +596,7 @@ fn tag(name: &str, version: &str) -> u8 {
         "vegetation" => [9, 9],
         "building" => [1, 3],
         "post" => [5, 6],
+        "traffic_sign" => [12, 8],
         other => panic!("CARLA has no tag for {other}"),
     };
     if version == "0.9.13" { until_0_9_13 } else { since }
