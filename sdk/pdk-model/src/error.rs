@@ -82,7 +82,7 @@ fn without_numbers(mut message: String) -> String {
     while let Some(start) = message[from..].find(BEFORE).map(|at| from + at) {
         let digits = start + BEFORE.len();
         let count = message[digits..].bytes().take_while(u8::is_ascii_digit).count();
-        match message[digits + count..].starts_with(')') {
+        match count > 0 && message[digits + count..].starts_with(')') {
             true => message.replace_range(start..digits + count + 1, ""),
             false => from = digits,
         }

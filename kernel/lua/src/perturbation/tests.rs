@@ -115,7 +115,7 @@ fn wrong_declarations_are_refused_with_the_field_and_the_remedy() {
         ),
         (
             "return { doc = 'x', apply = print, speed = 1 }",
-            "the perturbation has an unknown field `speed`; there is doc, apply, mask, name, family, source, mathematics, \
+            "the perturbation has an unknown field `speed`; there are doc, apply, mask, name, family, source, mathematics, \
              draws_per_sequence, draws_per_frame, divergence, grows_with, version, temporal, default, parameters",
         ),
         (
@@ -226,7 +226,7 @@ fn what_a_script_says_of_itself_reaches_the_description() {
         ("draws_per_frame = 'a\\nb'", "`draws_per_frame` of the perturbation has to be one line of text"),
         ("divergence = 3", "`divergence` of the perturbation is 3, but has to be a text or a list of texts"),
         ("divergence = { '' }", "`divergence` 1 of the perturbation has to be one line of text"),
-        ("grows_with = { z = 1 }", "`grows_with` names no parameter with `z`; there is s"),
+        ("grows_with = { z = 1 }", "`grows_with` names no parameter with `z`; there is only s"),
         ("grows_with = { s = 9 }", "`grows_with`: perturbation `foo`: parameter `s` is 9.0, but has to be"),
         ("grows_with = { s = { 1 } }", "`s` in `grows_with` has to be a list of 5 numbers"),
         (
@@ -281,7 +281,7 @@ fn misuse_is_refused_with_the_line_and_the_remedy() {
     for (source, expected) in [
         (
             "return cx.strenght",
-            "cx has no field `strenght`; there is intensity, frame_index, time, frame_random, sequence_random",
+            "cx has no field `strenght`; there are intensity, frame_index, time, frame_random, sequence_random",
         ),
         ("return cx.intensty", "cx has no field `intensty`; did you mean `intensity`?"),
         (
