@@ -1,6 +1,7 @@
 """What a cluster costs: three nodes of Ray on this machine, against this machine alone.
 
-    pip install 'pdk[ray]' and the wheel, then: python tests/speed/cluster.py [SCENARIOS]
+    venv/bin/pip install target/pdk-dist/pdk-*.whl 'ray>=2.9'
+    venv/bin/python tests/speed/cluster.py              # or one of: overhead, search
 
 Prints, as Markdown: the overhead of a scenario, the processor time of the pool for each, and a search of five generations with a comparison
 of the ledgers.
@@ -47,36 +48,44 @@ def lines(folder):
     return sorted((folder / "scenarios.jsonl").read_text().splitlines())
 
 
-def main(count):
+def overhead(pool, folder):
+    count = 200
+    print(f"{count} scenarios of two frames, two workers, load {os.getloadavg()[0]:.1f}:\n")
+    print("| workers from | ms a scenario | pool, ms of processor time |\n|---|---:|---:|")
+    for name, more in (("this machine", {"workers": 2}), ("Ray", {"pool": pool}), ("Ray, `--shared`", {"pool": pool + " --shared"})):
+        wall, cpu = drives(count, folder / name.replace(" ", ""), **more)
+        print(f"| {name} | {1000 * wall / count:.1f} | {1000 * cpu / count:.1f} |", flush=True)
+
+
+def search(pool, folder):
+    settings = {
+        "strategy": {"name": "nsga2_dt", "population": 12},
+        "evaluations": 60,
+        "duration": 4,
+        "perturbations": ["contrast", "fog_filter", "gaussian_noise", "translate_image"],
+    }
+    times = {}
+    for name, more in (("here", {"workers": 2}), ("ray", {"pool": pool})):
+        began = time.monotonic()
+        pdk.run("search", settings, out=folder / f"search-{name}", seed=1, **more)
+        times[name] = time.monotonic() - began
+    same = lines(folder / "search-here") == lines(folder / "search-ray")
+    tables = [(folder / f"search-{name}/search.csv").read_bytes() for name in times]
+    print(f"\nfive generations of 12: here {times['here']:.1f} s, on Ray {times['ray']:.1f} s; ledgers equal as sets: {same}")
+    print(f"tables of the search equal: {tables[0] == tables[1]}")
+
+
+def main(parts):
     cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
     cluster.add_node(num_cpus=1)
     cluster.add_node(num_cpus=1)
     cluster.wait_for_nodes()
     pool = f"ray --slots 2 --address {cluster.address}"
     with tempfile.TemporaryDirectory() as folder:
-        folder = Path(folder)
-        print(f"{count} scenarios of two frames, two workers:\n")
-        print("| workers from | ms a scenario | pool, ms of processor time |\n|---|---:|---:|")
-        for name, more in (("this machine", {"workers": 2}), ("Ray", {"pool": pool}), ("Ray, `--shared`", {"pool": pool + " --shared"})):
-            wall, cpu = drives(count, folder / name.replace(" ", ""), **more)
-            print(f"| {name} | {1000 * wall / count:.1f} | {1000 * cpu / count:.1f} |", flush=True)
-        settings = {
-            "strategy": {"name": "nsga2_dt", "population": 12},
-            "evaluations": 60,
-            "duration": 4,
-            "perturbations": ["contrast", "fog_filter", "gaussian_noise", "translate_image"],
-        }
-        times = {}
-        for name, more in (("here", {"workers": 2}), ("ray", {"pool": pool})):
-            began = time.monotonic()
-            pdk.run("search", settings, out=folder / f"search-{name}", seed=1, **more)
-            times[name] = time.monotonic() - began
-        same = lines(folder / "search-here") == lines(folder / "search-ray")
-        tables = [(folder / f"search-{name}/search.csv").read_bytes() for name in times]
-        print(f"\nfive generations of 12: here {times['here']:.1f} s, on Ray {times['ray']:.1f} s; ledgers equal as sets: {same}")
-        print(f"tables of the search equal: {tables[0] == tables[1]}")
+        for part in parts or ["overhead", "search"]:
+            {"overhead": overhead, "search": search}[part](pool, Path(folder))
     cluster.shutdown()
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
+    main(sys.argv[1:])

@@ -186,6 +186,7 @@ fn a_pipeline_in_lua_is_told_line_by_line() {
         folder.path(),
         "local outcomes = pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 1, scenarios = { {} } })
          pdk.show(outcomes)
+         pdk.table({ 'a' }, { { 'b\\27[2Jc' } })
          pdk.drive({ simulator = 'lane', driver = 'nobody', scenarios = { {} } })",
     );
     // Its input stays open, as that of a program that is there.
@@ -197,6 +198,11 @@ fn a_pipeline_in_lua_is_told_line_by_line() {
         messages.iter().any(|message| message["text"].as_str().is_some_and(|text| text.contains("nominal")))
     );
     assert!(messages.iter().any(|message| message["progress"]["frames"] == 21), "{messages:?}");
+    // What a terminal would obey is shown.
+    let told = |part: &str| {
+        messages.iter().any(|message| message["text"].as_str().is_some_and(|text| text.contains(part)))
+    };
+    assert!(told("b\\u{1b}[2Jc") && !told("\u{1b}"), "{messages:?}");
     let end = &messages.last().unwrap()["end"];
     assert!(end["failure"]["message"].as_str().unwrap().contains("there is no driver `nobody`"), "{end}");
     assert_eq!(json_lines(&folder.path().join("out/scenarios.jsonl")).len(), 1);

@@ -1,5 +1,6 @@
 //! Who follows a run while it goes on: a person at a terminal, a program that reads lines of JSON, or nobody.
 
+use std::borrow::Cow;
 use std::cell::Cell;
 use std::io;
 use std::time::{Duration, Instant};
@@ -47,7 +48,7 @@ pub enum Told<'a> {
         /// Frames that there are, as far as it is known.
         of: u64,
     },
-    /// A table that the pipeline prints.
+    /// A table that the pipeline prints, without what a terminal would obey.
     Text(&'a str),
     /// What a call returned.
     Returned(&'a Value),
@@ -71,13 +72,13 @@ pub enum Told<'a> {
 pub struct Failed<'a> {
     /// Its kind.
     kind: ErrorKind,
-    /// Its sentence.
-    message: &'a str,
+    /// Its sentence, without what a terminal would obey.
+    message: Cow<'a, str>,
 }
 
 impl<'a> From<&'a Error> for Failed<'a> {
     fn from(error: &'a Error) -> Self {
-        Self { kind: error.kind(), message: error.message() }
+        Self { kind: error.kind(), message: output::printable(error.message()) }
     }
 }
 
@@ -147,7 +148,7 @@ impl Progress {
     pub fn print(&self, text: &str) {
         match self.audience {
             Audience::Person => self.bar.suspend(|| println!("{text}")),
-            Audience::Program => tell(&Told::Text(text)),
+            Audience::Program => tell(&Told::Text(&output::printable(text))),
             Audience::Nobody => {}
         }
     }

@@ -156,7 +156,12 @@ impl Drive {
             value => value.as_bool().map(Some).ok_or_else(|| wrong(name)),
         };
         let position = points(&json!([told["position"]])).ok_or_else(|| wrong("position"))?[0];
-        let place = self.track.as_mut().map(|track| track.find(position));
+        let place = self.track.as_mut().map(|track| {
+            if self.steps == 0 {
+                track.stand(position);
+            }
+            track.find(position)
+        });
         let follows = |name: &str, value: Option<f64>| {
             value.ok_or_else(|| {
                 Error::new(format!(
@@ -200,7 +205,10 @@ mod tests {
     #[test]
     fn what_is_not_told_follows_from_the_road() {
         let road = vec![[0.0, 0.0, 0.0], [0.0, 0.0, 100.0]];
-        let mut drive = Drive { track: Some(Track::new(road).unwrap()), steps: 2, ..Drive::default() };
+        let mut drive = Drive { track: Some(Track::new(road).unwrap()), ..Drive::default() };
+        let start = drive.follow(&json!({ "state": { "position": [1.5, 0, 0], "speed": 8 } }), CAMERA, "it");
+        assert_eq!(start.unwrap().heading, 0.0);
+        drive.steps = 2;
         let told = json!({ "state": { "position": [1.5, 0, 25], "speed": 8 } });
         let state = drive.follow(&told, CAMERA, "it").unwrap();
         assert_eq!((state.time, state.speed, state.vehicle_ahead), (0.1, 8.0, f64::INFINITY));

@@ -74,6 +74,13 @@ impl Track {
         self.farthest = 0.0;
     }
 
+    /// Puts the vehicle at a position near the start, `[x, height, z]` in metres, in the direction of the road.
+    pub fn stand(&mut self, [x, _, z]: [f64; 3]) {
+        self.restart();
+        self.position = [x, z];
+        self.headed.0 = [x, z];
+    }
+
     /// The waypoints.
     pub fn waypoints(&self) -> &[[f64; 3]] {
         &self.waypoints
@@ -131,6 +138,10 @@ mod tests {
         assert!(place.finished && place.progress == 1.0 && place.cross_track_error < -0.99);
         track.restart();
         assert!(!track.find([5.0, 1.0, 1.0]).finished);
+        // Beside the start it has not come from the start.
+        track.stand([6.0, 1.0, 0.0]);
+        assert_eq!(track.find([6.0, 1.0, 0.0]).heading, 0.0);
+        assert_eq!(track.find([6.0, 1.0, 1.0]).heading, 0.0);
     }
 
     #[test]

@@ -36,9 +36,7 @@ class Worker:
             hello["hello"]["search"] = search
         self._blobs = blobs
         # Its own errors are those of this process, which Ray shows to whoever runs the pool.
-        self._child = subprocess.Popen(
-            [str(pdk.executable()), "worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment()
-        )
+        self._child = subprocess.Popen([str(pdk.executable()), "worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment())
         self._say(hello)
         return self._hear()
 

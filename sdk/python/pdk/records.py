@@ -1,9 +1,9 @@
 """Records of runs: scenarios, telemetry and traces as frames of pandas and arrays of numpy.
 
-    record = pdk.Record("runs/study-1")
-    record.scenarios()                    # a row for each scenario
-    record.telemetry(0)                   # a row for each frame of the first one
-    numbers, frames = record.frames(0)    # what the driver saw, as far as it was recorded
+record = pdk.Record("runs/study-1")
+record.scenarios()                    # a row for each scenario
+record.telemetry(0)                   # a row for each frame of the first one
+numbers, frames = record.frames(0)    # what the driver saw, as far as it was recorded
 """
 
 from __future__ import annotations
@@ -139,9 +139,7 @@ class Record:
         """What happened in a scenario: pairs of a time in seconds and a text."""
         return _pdk.trace_events(self.trace(scenario))
 
-    def frames(
-        self, scenario: int | str, topic: str = "perturbed"
-    ) -> tuple[NDArray[numpy.uint64], NDArray[numpy.uint8]]:
+    def frames(self, scenario: int | str, topic: str = "perturbed") -> tuple[NDArray[numpy.uint64], NDArray[numpy.uint8]]:
         """The recorded frames of a scenario: their numbers, and an array of frames x height x width x 3, dtype uint8.
 
         `topic` is raw, as the camera saw it, or perturbed, as the driver saw it. Traces hold JPEG, and only some frames; see

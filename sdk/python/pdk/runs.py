@@ -149,16 +149,17 @@ class Session:
         self._defaults = {name: value for name, value in shared.items() if value is not None}
         self._lock = threading.RLock()
         self._pending = 0
-        self._rates = {}
-        self._program = Program([*_caller(), *words], progress)
+        self._rates: dict[str, float] = {}
+        program = Program([*_caller(), *words], progress)
+        self._program: Program | None = program
         try:
             #: How many scenarios are driven at the same time.
-            self.slots = self._program.receive("ready")["slots"]
+            self.slots: int = program.receive("ready")["slots"]
             if settings is not None:
                 self._call("settings", settings)
             self._call("defaults", self._defaults)
         except BaseException:
-            self._program.close()
+            program.close()
             raise
 
     def _call(self, function, argument):

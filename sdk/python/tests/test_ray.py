@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -91,6 +92,24 @@ def test_a_study_on_three_nodes_gives_the_same_ledger(cluster, study, cache):
     assert (cache / "travelled" / name / "darker.lua").read_text() == DARKER
     shared = study("shared", pool=f"ray --shared --slots 2 --address {cluster.address}")
     assert ledger(shared) == ledger(here)
+
+
+def test_a_network_travels_by_its_content(cluster, tmp_path, cache):
+    network = Path(__file__).parents[3] / "scripts/models/dave2.onnx"
+    if not network.is_file():
+        pytest.skip(f"{network} is not there")
+    model = tmp_path / "pilot.onnx"
+    model.write_bytes(network.read_bytes())
+    shared = {"simulator": "lane", "driver": {"name": "onnx", "model": str(model)}, "duration": 1, "seed": 1}
+    digests = []
+    for out, pool in (("here", None), ("there", f"ray --slots 1 --address {cluster.address}")):
+        with pdk.Session(**shared, out=tmp_path / out, pool=pool) as session:
+            digests.append(session.drive([{}])[0]["digest"])
+    assert digests[0] == digests[1]
+    name = hashlib.sha256(model.read_bytes()).hexdigest()[:32]
+    assert (cache / "travelled" / name / "pilot.onnx").is_file()
+    # The record names the file where it is on the session's machine.
+    assert session.record.lines()[0]["scenario"]["driver"]["parameters"]["model"] == str(model)
 
 
 def test_a_node_that_is_killed_in_the_middle_costs_nothing_but_time(cluster, study):

@@ -240,6 +240,15 @@ def test_records_are_frames_of_pandas(pipeline):
     assert len(telemetry) == table.frames[3] and telemetry.time.is_monotonic_increasing
 
 
+def test_without_pandas_it_is_said_what_is_missing(pipeline, monkeypatch):
+    _, record = pipeline
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    for read in (record.scenarios, record.results, lambda: record.telemetry(0)):
+        with pytest.raises(pdk.Error, match="needs pandas; install it with `pip install pandas`"):
+            read()
+    assert len(record.steps(0)["time"]) > 0
+
+
 def test_parts_are_put_together(pipeline, tmp_path):
     folder, _ = pipeline
     parts = [tmp_path / f"part{number}" for number in (1, 2)]
