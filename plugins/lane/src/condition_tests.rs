@@ -4,6 +4,7 @@ use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Value, json};
 
 use crate::conditions::NAMES;
+use crate::road::{Layout, Road};
 use crate::tests::{frame_after, guide, lane_with, scenario};
 
 /// The last state of a drive by the autopilot.
@@ -158,4 +159,29 @@ fn parked_vehicles_are_hit_by_who_leaves_the_lane() {
         assert!(!state.finished, "{state:?}");
     }
     assert!(state.cross_track_error > 1.9, "{state:?}");
+}
+
+#[test]
+fn straight_ends_are_straight_and_every_segment_counts() {
+    let layout = Layout { straight_ends: 24.0, ..Layout::default() };
+    for road in [
+        json!({"angles": [30, 0, -20, 10]}),
+        json!({"angles": [30, 0, -20, 10], "segment": [20, 25, 30, 40]}),
+    ] {
+        let plain = Road::new(&road, 0, Layout::default()).unwrap();
+        let ends = Road::new(&road, 0, layout).unwrap();
+        let segments = if road.get("segment").is_some() { 40.0 } else { 25.0 };
+        let more = ends.path.length() - plain.path.length();
+        assert!((more - 24.0 - segments).abs() < 1.5, "{more}");
+        let [x, z] = ends.path.direction(0);
+        for along in [6.0, 12.0, 18.0, 23.0] {
+            let [dx, dz] = ends.path.direction(ends.path.segment_at(along));
+            assert!((dx - x).abs() < 1e-6 && (dz - z).abs() < 1e-6, "{along}: {dx} {dz}");
+        }
+    }
+    let given = vec![[3.0, 1.0, 5.0], [3.0, 1.0, 6.3], [3.1, 1.0, 20.0], [9.0, 1.0, 60.0]];
+    let ends = Road::new(&json!({"waypoints": given}), 0, layout).unwrap();
+    assert!((ends.waypoints[0][2] - (5.0 - 24.0)).abs() < 1e-9 && ends.waypoints[0][0] == 3.0);
+    let plain = Road::new(&json!({"waypoints": given}), 0, Layout::default()).unwrap();
+    assert!((ends.path.length() - plain.path.length() - 24.0).abs() < 0.01);
 }

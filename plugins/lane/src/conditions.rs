@@ -287,10 +287,12 @@ mod tests {
     use super::*;
     use pdk_sdk::serde_json::{Map, Value, json};
 
-    use crate::simulator::Lane;
+    fn description() -> Description {
+        parameters().into_iter().fold(Description::simulator("lane", "A road"), Description::parameter)
+    }
 
     fn conditions(parameters: Value) -> Result<Conditions> {
-        Conditions::new(&Config::check(&Lane::description(), parameters.as_object().unwrap())?)
+        Conditions::new(&Config::check(&description(), parameters.as_object().unwrap())?)
     }
 
     #[test]
@@ -345,7 +347,7 @@ mod tests {
         let error = conditions(json!({"segment": 4})).unwrap_err().to_string();
         assert!(error.starts_with("segment is 4, but has to be from 10 to 500"), "{error}");
         // What is filled in by default may be given back.
-        let filled = Config::check(&Lane::description(), &Map::new()).unwrap();
-        assert!(Config::check(&Lane::description(), filled.values()).is_ok());
+        let filled = Config::check(&description(), &Map::new()).unwrap();
+        assert!(Config::check(&description(), filled.values()).is_ok());
     }
 }

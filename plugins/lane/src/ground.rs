@@ -1,7 +1,6 @@
 //! Draws a row of ground: the road with its markings, gravel and grass.
 
 use crate::camera::Projection;
-use crate::damage;
 use crate::field::Place;
 use crate::labels::Label;
 use crate::light::Light;
@@ -13,12 +12,11 @@ use crate::simd::{BLOCK, vectorised};
 use crate::terrain::Strip;
 use crate::texture::{Scale, Texture};
 use crate::view::View;
-use crate::weathered;
+use crate::weathered::{self, Weathered, WeatheredRow};
 
-/// Texels a metre of the layers of texture: grain everywhere, patches in the grass, and what is as large as leaves and tufts.
+/// Texels a metre of the two layers of texture: grain everywhere, and patches in the grass.
 const GRAIN: f32 = 30.0;
 const PATCHES: f32 = 0.45;
-const LEAVES: f32 = 3.2;
 /// What patches add to the colour of drawn grass.
 const PATCH: [f32; 3] = [24.0, 13.0, -2.0];
 /// The share of the air's colour that no distance exceeds.
@@ -27,26 +25,24 @@ const MOST_HAZE: f64 = 0.9;
 /// A row of ground, prepared.
 #[derive(Debug, Clone, Copy)]
 pub struct GroundRow {
-    pub ahead: f32,
-    pub pixel_width: f32,
+    ahead: f32,
+    pixel_width: f32,
     pixel_depth: f32,
-    pub haze: f32,
+    haze: f32,
     grain: Scale,
     patches: Scale,
-    pub leaves: Scale,
-    /// How to read the picture of damage.
-    pub damage: Scale,
     /// Light of the headlights where they shine brightest, and half the width of their beam in metres.
     beam: (f32, f32),
-    /// What a wet road shows of the sky there, and how much of it where it is a mirror.
-    pub mirrored: ([f32; 3], f32),
+    /// What it takes besides where the road is weathered.
+    weathered: Option<WeatheredRow>,
 }
 
 impl GroundRow {
     /// The row that shows this strip.
     pub fn new(
         strip: Strip,
-        (texture, damage): (&Texture, &Texture),
+        texture: &Texture,
+        damage: Option<&Texture>,
         light: &Light,
         projection: &Projection,
     ) -> Self {
@@ -54,8 +50,8 @@ impl GroundRow {
         // flickers.
         let footprint = (strip.pixel_width * strip.pixel_depth).sqrt() as f32;
         let ahead = strip.ahead as f32;
-        // On the road's damage a texel is longer than wide, as a pixel is.
-        let on_damage = ((strip.pixel_width * strip.pixel_depth) as f32 / damage::STRETCH).sqrt();
+        let weathered =
+            damage.map(|damage| WeatheredRow::new(&strip, texture, damage, light, projection.height));
         Self {
             ahead,
             pixel_width: strip.pixel_width as f32,
@@ -63,10 +59,8 @@ impl GroundRow {
             haze: (MOST_HAZE * (1.0 - libm::exp(-strip.ahead.abs() / light.visibility))) as f32,
             grain: texture.scale(GRAIN, footprint),
             patches: texture.scale(PATCHES, footprint),
-            leaves: texture.scale(LEAVES, footprint),
-            damage: damage.scale(damage::ACROSS, on_damage),
             beam: light.beam(ahead),
-            mirrored: weathered::mirrored(light, strip.ahead, projection.height),
+            weathered,
         }
     }
 
@@ -146,8 +140,13 @@ impl Ground<'_> {
         let light = &self.scene.light;
         let left = 0.5 - self.projection.centre_x as f32;
         light_up(ground.beam, left, ground.pixel_width, &room.numbers, &mut room.beam);
-        match &self.scene.wear {
-            None => {
+        match (&self.scene.wear, &ground.weathered) {
+            (Some(wear), Some(row)) => {
+                self.texture.fill(&mut room.leaves, (start, across), row.leaves);
+                let Self { section, damage, .. } = self;
+                weathered::finish(&Weathered { section, damage, wear, light }, row, ground.haze, room);
+            }
+            _ => {
                 self.paint_middle(room);
                 roughen(&mut room.rough, &room.grain, &mut room.meadow, &room.patches);
                 for channel in 0..3 {
@@ -157,10 +156,6 @@ impl Ground<'_> {
                     let (colours, bytes) = (&colours[channel], &mut bytes[channel]);
                     finish(colours, rough, meadow, beam, patch, ambient, air, bytes);
                 }
-            }
-            Some(wear) => {
-                self.texture.fill(&mut room.leaves, (start, across), ground.leaves);
-                weathered::finish(self, wear, ground, room);
             }
         }
         interleave(&room.bytes, row);

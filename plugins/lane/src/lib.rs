@@ -15,6 +15,7 @@ mod crests;
 mod damage;
 mod delay;
 mod driver;
+mod ends;
 mod field;
 mod ground;
 mod labels;

@@ -126,8 +126,8 @@ impl Renderer {
         for y in 0..self.height {
             self.rows.push(match self.terrain.strip(y) {
                 Some(strip) => {
-                    let textures = (&self.texture, &self.damage);
-                    Row::Ground(GroundRow::new(strip, textures, &scene.light, &self.projection))
+                    let damage = scene.wear.is_some().then_some(&self.damage);
+                    Row::Ground(GroundRow::new(strip, &self.texture, damage, &scene.light, &self.projection))
                 }
                 None => {
                     let y = y as f64 + 0.5;

@@ -7,6 +7,7 @@ use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Value, json};
 
 use crate::crests;
+use crate::ends;
 use crate::profile::Profile;
 use crate::section;
 use pdk_road::{Path, Point, distance};
@@ -63,10 +64,10 @@ impl Road {
         };
         if layout.straight_ends > 0.0 {
             if road.get("angles").is_some() {
-                let longer = with_end(road, layout.straight_ends);
+                let longer = ends::with_end(road, layout.straight_ends);
                 waypoints = pdk_road::read(&longer).map_err(Error::new)?.unwrap_or_default();
             }
-            waypoints = with_start(waypoints, layout.straight_ends);
+            waypoints = ends::with_start(waypoints, layout.straight_ends);
         }
         Self::from_waypoints(crests::raised(waypoints, layout.crests, seed))
     }
@@ -125,40 +126,6 @@ impl Road {
         let profile = Profile::through(&places.collect::<Vec<_>>())?;
         Ok(Self { waypoints, path, profile })
     }
-}
-
-/// A road of angles that goes straight on behind its last node, so that the segment before that is driven too.
-fn with_end(road: &Value, length: f64) -> Value {
-    let mut road = road.clone();
-    let count = road["angles"].as_array().map_or(0, Vec::len);
-    let segment = road.get("segment").cloned().unwrap_or(json!(pdk_road::SEGMENT));
-    if !segment.is_array() {
-        road["segment"] = vec![segment; count].into();
-    }
-    let mut extend = |field: &str, value: Option<Value>| {
-        if let Some(values) = road.get_mut(field).and_then(Value::as_array_mut) {
-            let value = value.or_else(|| values.last().cloned()).unwrap_or_default();
-            values.push(value);
-        }
-    };
-    extend("angles", Some(json!(0)));
-    extend("segment", Some(json!(length)));
-    extend("heights", None);
-    road
-}
-
-/// A road of waypoints with a straight piece before its start.
-fn with_start(waypoints: Vec<[f64; 3]>, length: f64) -> Vec<[f64; 3]> {
-    let (Some(&first), Some(&second)) = (waypoints.first(), waypoints.get(1)) else { return waypoints };
-    let apart = distance([first[0], first[2]], [second[0], second[2]]);
-    if apart == 0.0 {
-        return waypoints;
-    }
-    // Points as far apart as those behind them, so that the curve through them is the one that was.
-    let count = (length / apart.clamp(0.5, 5.0)).ceil();
-    let back = |i: f64, axis: usize| first[axis] - (second[axis] - first[axis]) / apart * length * i / count;
-    let before = (1..=count as usize).rev().map(|i| [back(i as f64, 0), first[1], back(i as f64, 2)]);
-    before.chain(waypoints.iter().copied()).collect()
 }
 
 /// Refuses bends that the far edge of the road could not follow.
@@ -364,31 +331,6 @@ mod tests {
         let circle: Vec<i32> = vec![40; 12];
         let crossing = error(json!({"angles": circle}));
         assert!(crossing.starts_with("the road crosses itself: "), "{crossing}");
-    }
-
-    #[test]
-    fn straight_ends_are_straight_and_every_segment_counts() {
-        let layout = Layout { straight_ends: 24.0, ..Layout::default() };
-        for road in [
-            json!({"angles": [30, 0, -20, 10]}),
-            json!({"angles": [30, 0, -20, 10], "segment": [20, 25, 30, 40]}),
-        ] {
-            let plain = Road::new(&road, 0, Layout::default()).unwrap();
-            let ends = Road::new(&road, 0, layout).unwrap();
-            let segments = if road.get("segment").is_some() { 40.0 } else { 25.0 };
-            let more = ends.path.length() - plain.path.length();
-            assert!((more - 24.0 - segments).abs() < 1.5, "{more}");
-            let [x, z] = ends.path.direction(0);
-            for along in [6.0, 12.0, 18.0, 23.0] {
-                let [dx, dz] = ends.path.direction(ends.path.segment_at(along));
-                assert!((dx - x).abs() < 1e-6 && (dz - z).abs() < 1e-6, "{along}: {dx} {dz}");
-            }
-        }
-        let given = vec![[3.0, 1.0, 5.0], [3.0, 1.0, 6.3], [3.1, 1.0, 20.0], [9.0, 1.0, 60.0]];
-        let ends = Road::new(&json!({"waypoints": given}), 0, layout).unwrap();
-        assert!((ends.waypoints[0][2] - (5.0 - 24.0)).abs() < 1e-9 && ends.waypoints[0][0] == 3.0);
-        let plain = Road::new(&json!({"waypoints": given}), 0, Layout::default()).unwrap();
-        assert!((ends.path.length() - plain.path.length() - 24.0).abs() < 0.01);
     }
 
     #[test]

@@ -291,8 +291,13 @@ mod tests {
     #[test]
     fn a_picture_is_its_texels_one_by_one() {
         let mut random = Key([8; 32]).sequence();
-        let pictures =
-            [crate::artwork::broadleaf(&mut random), crate::artwork::shadow(), crate::artwork::post()];
+        let soft =
+            Sprite::veil([10.0, 40.0, 90.0], |x, y| (1.0 - 4.0 * (x - 0.5) * (x - 0.5) - y * y).max(0.0));
+        let ring = Sprite::drawn(|x, y| {
+            let from_middle = x * x + (2.0 * y - 1.0) * (2.0 * y - 1.0);
+            (0.3..0.9).contains(&from_middle).then_some([200.0 * y, 90.0, 120.0 + 60.0 * x])
+        });
+        let pictures = [soft, ring, Sprite::drawn(|x, _| (x.abs() < 0.2).then_some([255.0; 3]))];
         for _ in 0..300 {
             let [width, height] = [0.3, 0.3].map(|least| least + 90.0 * random.unit() * random.unit());
             let at = Placement {

@@ -1,11 +1,12 @@
 //! Finishes a row of ground as cameras see it: damaged asphalt, worn paint, shadows of trees, and a film of water.
 
 use crate::damage;
-use crate::ground::{Ground, GroundRow};
 use crate::light::Light;
 use crate::room::{RoadPlaces, Room, byte};
-use crate::section;
+use crate::section::{self, Section};
 use crate::simd::{BLOCK, vectorised};
+use crate::terrain::Strip;
+use crate::texture::{Scale, Texture};
 use crate::wear::{Line, Wear};
 
 /// Colours of fresh paint: a camera that exposes for the road never sees it as bright as paper.
@@ -20,8 +21,47 @@ const SUN_SHARE: [f32; 3] = [0.68, 0.63, 0.53];
 const WET_DARKER: f32 = 0.45;
 const SWALLOWED: f32 = 0.3;
 
+/// Texels a metre of the texture of what is as large as leaves and tufts.
+const LEAVES: f32 = 3.2;
+
+/// A row of weathered ground, prepared.
+#[derive(Debug, Clone, Copy)]
+pub struct WeatheredRow {
+    /// How to read the texture of what is as large as leaves.
+    pub leaves: Scale,
+    /// How to read the picture of damage.
+    damage: Scale,
+    /// What a wet road shows of the sky there, and how much of it where it is a mirror.
+    mirrored: ([f32; 3], f32),
+}
+
+impl WeatheredRow {
+    /// The row that shows this strip to a camera so high above the road.
+    pub fn new(strip: &Strip, texture: &Texture, damage: &Texture, light: &Light, height: f64) -> Self {
+        let area = strip.pixel_width * strip.pixel_depth;
+        // On the road's damage a texel is longer than wide, as a pixel is.
+        let on_damage = (area as f32 / damage::STRETCH).sqrt();
+        Self {
+            leaves: texture.scale(LEAVES, area.sqrt() as f32),
+            damage: damage.scale(damage::ACROSS, on_damage),
+            mirrored: mirrored(light, strip.ahead, height),
+        }
+    }
+}
+
+/// What weathered ground is drawn with.
+pub struct Weathered<'a> {
+    /// The road without paint.
+    pub section: &'a Section,
+    /// The picture of damage.
+    pub damage: &'a Texture,
+    /// The state of the road.
+    pub wear: &'a Wear,
+    pub light: &'a Light,
+}
+
 /// What a mirror on the ground so far ahead shows of the sky, and how much of it, where water has a refractive index of 1.33.
-pub fn mirrored(light: &Light, ahead: f64, height: f64) -> ([f32; 3], f32) {
+fn mirrored(light: &Light, ahead: f64, height: f64) -> ([f32; 3], f32) {
     let ahead = ahead.max(0.1);
     let sine = height / (ahead * ahead + height * height).sqrt();
     let grazing = 1.0 - sine;
@@ -43,16 +83,16 @@ pub fn left(wear: &Wear, offset: f32, along: f32, texture: f32) -> f32 {
     Wear::left(wear.at(line, along), texture)
 }
 
-/// Finishes a row whose surface and textures are there.
-pub fn finish(ground: &Ground<'_>, wear: &Wear, row: &GroundRow, room: &mut Room) {
+/// Finishes a row whose surface and textures are there; `haze` is the share of the air's colour.
+pub fn finish(ground: &Weathered<'_>, row: &WeatheredRow, haze: f32, room: &mut Room) {
+    let Weathered { wear, light, .. } = *ground;
     let near = &room.places.near;
     let first = near.iter().position(|near| *near).unwrap_or(near.len()) * BLOCK;
     let last = near.iter().rposition(|near| *near).map_or(first, |block| (block + 1) * BLOCK);
     if first < last {
-        damage_asphalt(ground, wear, row, room, first..last);
-        paint(ground, wear, room, first..last);
+        damage_asphalt(ground, row, room, first..last);
+        paint(ground, room, first..last);
     }
-    let light = &ground.scene.light;
     room.sun.fill(1.0);
     room.gloss.fill(0.0);
     if first < last {
@@ -71,7 +111,7 @@ pub fn finish(ground: &Ground<'_>, wear: &Wear, row: &GroundRow, room: &mut Room
     }
     let rough = &mut room.rough;
     roughen(rough, &room.grain);
-    let (mirrored, clear) = (row.mirrored.0, 1.0 - row.haze);
+    let (mirrored, clear) = (row.mirrored.0, 1.0 - haze);
     for channel in 0..3 {
         let light = Channel {
             patch: PATCH[channel],
@@ -79,7 +119,7 @@ pub fn finish(ground: &Ground<'_>, wear: &Wear, row: &GroundRow, room: &mut Room
             ambient: light.ambient[channel],
             sun: SUN_SHARE[channel] * if light.shadow > 0.0 { 1.0 } else { 0.0 },
             clear,
-            haze: light.haze[channel] * row.haze,
+            haze: light.haze[channel] * haze,
             mirrored: mirrored[channel],
         };
         let Room { colours, rough, meadow, patches, leaves, beam, sun, gloss, bytes, .. } = room;
@@ -90,12 +130,12 @@ pub fn finish(ground: &Ground<'_>, wear: &Wear, row: &GroundRow, room: &mut Room
 }
 
 fn damage_asphalt(
-    ground: &Ground<'_>,
-    wear: &Wear,
-    row: &GroundRow,
+    ground: &Weathered<'_>,
+    row: &WeatheredRow,
     room: &mut Room,
     range: std::ops::Range<usize>,
 ) {
+    let wear = ground.wear;
     if wear.damage <= 0.0 {
         return;
     }
@@ -108,7 +148,7 @@ fn damage_asphalt(
 }
 
 /// Paints the lines, as far as they are there.
-fn paint(ground: &Ground<'_>, wear: &Wear, room: &mut Room, range: std::ops::Range<usize>) {
+fn paint(ground: &Weathered<'_>, room: &mut Room, range: std::ops::Range<usize>) {
     let RoadPlaces { offset, along, wide, deep, .. } = &room.places;
     for i in range {
         let offset = offset[i];
@@ -120,7 +160,7 @@ fn paint(ground: &Ground<'_>, wear: &Wear, room: &mut Room, range: std::ops::Ran
         let (share, colour) = if edge > middle { (edge, WHITE) } else { (middle, YELLOW) };
         if share > 0.0 {
             let texture = 0.7 * room.grain[i] + 0.8 * room.leaves[i];
-            let share = share * left(wear, offset, along[i], texture);
+            let share = share * left(ground.wear, offset, along[i], texture);
             for (colours, paint) in room.colours.iter_mut().zip(colour) {
                 colours[i] += (paint - colours[i]) * share;
             }
