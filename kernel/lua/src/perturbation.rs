@@ -358,12 +358,11 @@ fn strict(lua: &Lua, names: Vec<String>) -> mlua::Result<Table> {
     metatable.raw_set(
         "__index",
         lua.create_function(move |_, (_, name): (Value, Value)| -> mlua::Result<Value> {
-            let remedy = match &name {
-                Value::String(name) => {
-                    suggest::hint(&name.to_string_lossy(), names.iter().map(String::as_str))
-                }
-                _ => format!("there is {}", names.join(", ")),
+            let wanted = match &name {
+                Value::String(name) => name.to_string_lossy(),
+                _ => String::new(),
             };
+            let remedy = suggest::hint(&wanted, names.iter().map(String::as_str));
             Err(mlua::Error::runtime(format!("cx has no field {}; {remedy}", text(&name))))
         })?,
     )?;

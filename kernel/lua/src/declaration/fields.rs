@@ -31,10 +31,8 @@ impl Fields<'_> {
                 }
             };
             if !self.record.names().any(|known| known == name) {
-                let remedy = match suggest::nearest(&name, self.record.names()) {
-                    Some(near) => format!("did you mean `{near}`?"),
-                    None => format!("there is {}", self.record.names().collect::<Vec<_>>().join(", ")),
-                };
+                let known: Vec<&str> = self.record.names().collect();
+                let remedy = suggest::hint(&name, known.iter().copied());
                 return Err(Error::new(format!("{} has an unknown field `{name}`; {remedy}", self.of)));
             }
         }
