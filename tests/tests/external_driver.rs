@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use pdk_tests::process::{json_lines, pipeline};
-use pdk_tests::processes::{BusFolder, ended_within};
+use pdk_tests::processes::{BusFolder, comes_true, ended_within};
 use pdk_tests::tried::{self, Tried};
 use pdk_tests::{Pdk, repository, target_folder, temp};
 use serde_json::{Value, json};
@@ -53,6 +53,7 @@ def drive(frame, context):
             time.sleep(3)
     return (float(frame[:, 160:, 0].mean()) - float(frame[:, :160, 0].mean())) / 1000.0, 0.25
 
+open(f"{mark}-{os.getpid()}", "w").close()
 pdk_driver.serve(drive, exchange=sys.argv[3] if len(sys.argv) > 3 else None)
 "#;
 
@@ -205,8 +206,10 @@ fn two_at_once_are_said() {
     }
     let (folder, bus) = (temp(), BusFolder::new());
     let drivers = [0, 1].map(|_| shared(&bus, folder.path(), "none"));
-    // Both are there when the first frame comes.
-    std::thread::sleep(Duration::from_secs(3));
+    // Both are there when the first frame comes: each leaves a mark, and then needs a moment to connect.
+    let begun = || drivers.iter().all(|driver| folder.path().join(format!("mark-{}", driver.id())).exists());
+    assert!(comes_true(Duration::from_secs(30), begun));
+    std::thread::sleep(Duration::from_secs(2));
     let driver = json!({"name": "process", "exchange": "shared"}).to_string();
     let out = folder.path().join("out");
     let (variable, place) = bus.variable();

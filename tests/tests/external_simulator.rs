@@ -141,7 +141,7 @@ fn one_that_fails_ends_its_scenario_with_that_cause() {
         return;
     }
     for (fault, kind, says) in [
-        ("reset", "failed", "the simulator `python3` failed: ValueError: no such town"),
+        ("reset", "failed", "failed: ValueError: no such town"),
         ("die", "lost", "ended (exit status: 3), and wrote last: out of memory"),
         ("hang", "late", "has not answered within 2 s"),
         ("nonsense", "nonsense", "answered with the position [0,0]"),
