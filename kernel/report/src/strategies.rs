@@ -29,6 +29,9 @@ struct Row {
     cells: Vec<(String, String)>,
 }
 
+/// What is drawn over the tests: the name of the axis, the title, and its value.
+type Progress<'a> = (&'a str, &'a str, fn(&Reached) -> f64);
+
 /// A number of a search.
 struct Measure {
     name: &'static str,
@@ -89,7 +92,7 @@ fn comparison(searches: &[&Search]) -> Result<Comparison> {
         Row { strategy: (*name).to_owned(), searches: own.len(), cells: MEASURES.iter().map(cell).collect() }
     };
     let mut curves = Vec::new();
-    let reached: [(&str, &str, fn(&Reached) -> f64); 2] = [
+    let reached: [Progress<'_>; 2] = [
         ("distinct failures", "Failures unlike each other over the tests, by strategy", |at| {
             at.distinct as f64
         }),
