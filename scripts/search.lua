@@ -15,6 +15,8 @@
 -- search.csv and search.json in the record hold all tests, of several searches STRATEGY-NUMBER.csv and .json. A test that failed
 -- is driven again with `pdk replay RUN --scenario ID`.
 
+local study = require("@pdk/study")
+
 local settings = pdk.settings({
 	simulator = "lane",
 	driver = "dave2",
@@ -156,13 +158,6 @@ for place, strategy in strategies do
 	end
 end
 
-local function median(values): number
-	local sorted = table.clone(values)
-	table.sort(sorted)
-	local middle = #sorted // 2
-	return if #sorted % 2 == 1 then sorted[middle + 1] else (sorted[middle] + sorted[middle + 1]) / 2
-end
-
 -- The others are compared with the first of `against`, or with nothing.
 local base = if #strategies > 1 then 2 else nil
 local header: { string }, rows = { "strategy", "searches" }, {}
@@ -176,7 +171,7 @@ for place, strategy in strategies do
 	local row: { any } = { called(strategy), settings.searches }
 	for of in measures do
 		local values = all[place][of]
-		table.insert(row, string.format("%g (%g to %g)", median(values), math.min(table.unpack(values)), math.max(table.unpack(values))))
+		table.insert(row, string.format("%g (%g to %g)", study.median(values), math.min(table.unpack(values)), math.max(table.unpack(values))))
 		if base then
 			local compared = if place == base then nil else pdk.compare_independent(values, all[base][of])
 			table.insert(row, if compared then string.format("%.2f, %.3g", compared.effect_size, compared.p) else "")

@@ -2,6 +2,7 @@
 //! `PDK_SHOW=1` prints all of it.
 
 use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
@@ -19,6 +20,16 @@ pub struct Tried {
     pub took: Duration,
     /// The lines of its ledger.
     pub lines: Vec<Value>,
+}
+
+/// Whether Python has what drivers and simulators in another process need.
+pub fn python() -> bool {
+    let found = Command::new("python3").args(["-c", "import iceoryx2, numpy"]).stderr(Stdio::null()).status();
+    let found = found.is_ok_and(|status| status.success());
+    if !found {
+        eprintln!("skipped: python3 has no iceoryx2 and numpy");
+    }
+    found
 }
 
 /// Runs a pipeline with these settings and one worker, unless they say otherwise. Drivers in Python find their module.

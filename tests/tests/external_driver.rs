@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true, ended_within};
-use pdk_tests::tried::{self, Tried};
+use pdk_tests::tried::{self, Tried, python};
 use pdk_tests::{Pdk, repository, target_folder, temp};
 use serde_json::{Value, json};
 
@@ -56,16 +56,6 @@ def drive(frame, context):
 open(f"{mark}-{os.getpid()}", "w").close()
 pdk_driver.serve(drive, exchange=sys.argv[3] if len(sys.argv) > 3 else None)
 "#;
-
-/// Whether Python has what the drivers need.
-fn python() -> bool {
-    let found = Command::new("python3").args(["-c", "import iceoryx2, numpy"]).stderr(Stdio::null()).status();
-    let found = found.is_ok_and(|status| status.success());
-    if !found {
-        eprintln!("skipped: python3 has no iceoryx2 and numpy");
-    }
-    found
-}
 
 #[track_caller]
 fn run(driver: &Value, more: &[(&str, &str)]) -> Tried {

@@ -2,11 +2,11 @@
 
 #![allow(clippy::unwrap_used)]
 
-use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true};
+use pdk_tests::tried::python;
 use pdk_tests::{Finished, Pdk, repository, temp};
 use serde_json::{Value, json};
 
@@ -67,16 +67,6 @@ class Town:
 
 pdk_simulator.serve(Town, exchange=sys.argv[3] if len(sys.argv) > 3 else None)
 "#;
-
-/// Whether Python has what simulators need.
-fn python() -> bool {
-    let found = Command::new("python3").args(["-c", "import iceoryx2, numpy"]).stderr(Stdio::null()).status();
-    let found = found.is_ok_and(|status| status.success());
-    if !found {
-        eprintln!("skipped: python3 has no iceoryx2 and numpy");
-    }
-    found
-}
 
 /// The run with this fault, and the lines of its ledger.
 #[track_caller]
