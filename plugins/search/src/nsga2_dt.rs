@@ -3,8 +3,8 @@
 //! Ben Abdessalem, Nejati, Briand, Stifter, "Testing vision-based control systems using learnable evolutionary algorithms"
 //! (2018). A decision tree over all evaluations tells in which regions most candidates are critical. In these, offspring is bred
 //! that stays within the region, and the rest of the region is filled, so that its extent shows. A share of the evaluations goes
-//! elsewhere, two thirds of it to several places that are better than all that lies next to them, so that
-//! further regions are found. (What is best of all lies just beside the regions that are known.)
+//! elsewhere, two thirds of it to several places that are better than all that lies next to them, so that further regions are found.
+//! (What is best of all lies just beside the regions that are known.)
 //!
 //! `variant=published` is the algorithm as its published integration runs it: see [`crate::published`].
 
@@ -58,6 +58,7 @@ impl Rule for Nsga2Dt {
             "nsga2_dt",
             "NSGA-II-DT: NSGA-II, guided by a decision tree into the regions in which candidates are critical",
         )
+        .version(2)
         .source("R. Ben Abdessalem, S. Nejati, L. Briand, T. Stifter (2018)")
         .divergence(
             "`variant=published` searches from the front of each region alone, leaves the regions' bounds out, passes over \
