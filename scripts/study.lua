@@ -1,178 +1,336 @@
--- Which perturbations degrade a driver most: perturbations x levels x random roads, ranked.
+-- Which perturbations break drivers: perturbations x drivers x conditions x random roads, ranked.
 --
 --   pdk run study
---   pdk run study --set perturbations=gaussian_noise,dirty_lens --set levels=0,2,4 --set roads=4
---   pdk run study --set against=dave2_augmented
+--   pdk run study --set drivers=dave2 --set conditions=standard --set perturbations=gaussian_noise,dirty_lens
+--   pdk run study --set search=all --set repeats=3
+--   pdk run study --set simulator=donkey --set conditions= --set drivers=pilot.onnx
 --
--- The ranking goes by the share of scenarios that failed, then by how much the mean |XTE| of those that did not grew over that
--- of the same road with a clear view. Roads are the unit: intervals come from how roads differ, and perturbations that cannot be
--- told from the first of their group share its number. A perturbation that draws at random is driven several times at each level on
--- each road. Roads that a driver does not manage with a clear view are left out. ranking.json in the record holds what the tables
--- show, and failures by level and by road. With `against` another driver is driven too, and compared road by road.
+-- On each road the highest level is driven first. Where the driver survives it, the levels below count as survived too; where it
+-- does not, levels are halved until it is known from which one on it fails. So most drives go where the answer is open. With
+-- search=all every level is driven, which also finds levels that are worse than those above them.
+--
+-- The ranking goes by the share of levels at which drivers fail: the mean over the roads of all conditions and over the drivers.
+-- Roads are the unit: intervals come from how roads differ, and perturbations that cannot be told from the first of their group
+-- share its number. Drivers are compared road by road. Roads that a driver does not manage with a clear view are left out for it.
+-- An error of a component says nothing about a driver and is counted apart.
+--
+-- ranking.json in the record holds what the tables show and more: failures by level, and the level from which on each driver fails
+-- in each of the conditions, with intervals.
 
 local study = require("@pdk/study")
 
 local settings = pdk.settings({
 	simulator = "lane",
-	driver = "dave2",
-	against = "", -- another driver to compare with; none where it is empty
+	conditions = { "easy", "standard", "hard" }, -- of lane; none: the simulator as it is
+	drivers = { "dave2", "dave2_augmented", "dave2_temporal", "dave2_tub" }, -- the others are compared with the first
 	perturbations = {}, -- none: the default set
 	levels = { 0, 1, 2, 3, 4 },
-	roads = 10, -- how many random roads
+	search = "bisect", -- or "all"
+	roads = 6, -- how many random roads in each of the conditions; fewer than 4 leave the failing level open
 	road_seed = 1, -- seed of the first road; each further one has the next
 	limit = 35, -- largest angle of a road in degrees
-	segment = 25, -- length of its segments in metres: 37.5 and 50 match the speeds of the conditions standard and hard of lane
+	segment = 0, -- length of its segments in metres; 0: what the conditions' speed calls for
 	attempts = 1000, -- draws until a road is valid
-	repeats = 3, -- how often a perturbation that draws at random is driven at each level on each road
-	duration = 30, -- seconds of simulation time
+	repeats = 1, -- how often a perturbation that draws at random is driven on each road, each time with other luck
+	duration = 40, -- seconds of simulation time
 	failure = {}, -- what counts as a failure: see FailureCriteria
 	confidence = 0.95, -- of the intervals
 	images_every = 0, -- every how many frames the record keeps an image; 0 for none
 })
 
 local names, levels = study.checked(settings, { "roads", "attempts", "repeats" })
-local drivers: { any } = { settings.driver }
-if settings.against ~= "" then
-	table.insert(drivers, settings.against)
+if settings.search ~= "bisect" and settings.search ~= "all" then
+	error(`search is {settings.search}, but has to be bisect or all`, 0)
 end
-local most = 1
-for _, name in names do
-	most = math.max(most, study.repeats(settings, name))
+if #settings.drivers == 0 then
+	error("drivers is empty; name at least one", 0)
 end
-local driven, left_out = study.roads(settings, most, drivers)
-if #driven == 0 then
-	error("no road was managed without perturbation, so there is nothing to compare with", 0)
+local percent = string.format("%g %%", 100 * settings.confidence)
+
+local function interval(estimate): string
+	return string.format("%.2f to %.2f", estimate.low, estimate.high)
 end
 
--- Counts of drives that say something about the driver.
-local function counts()
-	return { scenarios = 0, failures = 0, unsafe = 0, stopped = 0, times = {} }
-end
-local function count(into, outcome)
-	into.scenarios += 1
-	if not outcome.success then
-		into.failures += 1
-		into[outcome.verdict] += 1
-		table.insert(into.times, outcome.time)
+-- The level that is driven next on a road; nothing where enough is known.
+local function next_level(searcher): number?
+	if searcher.error then
+		return nil
+	elseif settings.search == "all" then
+		return levels[#searcher.trials + 1]
 	end
-end
-
--- Whether drives failed, in a list for each road, and the same with the level.
-local function lists()
-	local made = {}
-	for i in driven do
-		made[i] = {}
+	local lowest, highest = levels[1], levels[#levels]
+	local next = pdk.next_level(searcher.trials, { lowest = lowest, highest = highest, resolution = 1 })
+	if not next then
+		return nil
 	end
-	return made
-end
-
--- Drives all perturbations with a driver, and returns what came of each by its name.
-local function measured(driver)
-	local scenarios, of, by_name = {}, {}, {}
-	for _, name in names do
-		local entry = { all = counts(), errors = 0, by_level = {}, trials = lists(), failed = lists(), increases = lists() }
-		by_name[name] = entry
-		for _, level in levels do
-			entry.by_level[level] = { counted = counts(), failed = lists() }
-			for place, road in driven do
-				for again = 1, study.repeats(settings, name) do
-					table.insert(scenarios, {
-						name = study.called(`{name}@{level}`, road.number, again),
-						road = road.road,
-						["repeat"] = again - 1, -- luck of its own for each
-						perturbations = { { name = name, level = level } },
-					})
-					table.insert(of, { entry = entry, level = level, place = place, nominal = road.nominal[again] })
+	-- Only levels of the study are driven: the lowest of them that is not below.
+	for _, level in levels do
+		if level >= next then
+			for _, trial in searcher.trials do
+				if trial.level == level then
+					return nil
 				end
+			end
+			return level
+		end
+	end
+	return nil
+end
+
+-- Drives all perturbations with a driver in some conditions, all roads at once so that all cores work.
+local function measured(place)
+	local searchers = {}
+	for _, name in names do
+		for _, road in place.roads do
+			for again = 1, study.repeats(settings, name) do
+				table.insert(searchers, { perturbation = name, road = road, again = again, trials = {}, outcomes = {} })
 			end
 		end
 	end
-	for i, outcome in study.drive(settings, scenarios, driver) do
-		local entry, level, place = of[i].entry, of[i].level, of[i].place
-		if outcome.cause == "error" then
-			-- A component failed, which says nothing about the driver.
-			entry.errors += 1
-			continue
+	while true do
+		local scenarios, under_way = {}, {}
+		for _, searcher in searchers do
+			local level = next_level(searcher)
+			if level then
+				table.insert(under_way, { searcher = searcher, level = level })
+				table.insert(scenarios, {
+					name = study.called(`{searcher.perturbation}@{level}`, searcher.road.number, searcher.again),
+					road = searcher.road.road,
+					["repeat"] = searcher.again - 1,
+					perturbations = { { name = searcher.perturbation, level = level } },
+				})
+			end
 		end
-		local failed = not outcome.success
-		count(entry.all, outcome)
-		count(entry.by_level[level].counted, outcome)
-		table.insert(entry.by_level[level].failed[place], failed)
-		table.insert(entry.failed[place], failed)
-		table.insert(entry.trials[place], { level = level, failed = failed })
-		if not failed then
-			table.insert(entry.increases[place], outcome.mean_cross_track_error - of[i].nominal)
+		if #scenarios == 0 then
+			return searchers
+		end
+		for i, outcome in study.drive(place.settings, scenarios, place.driver) do
+			local searcher = under_way[i].searcher
+			if outcome.cause == "error" then
+				searcher.error = outcome.error
+				continue
+			end
+			table.insert(searcher.trials, { level = under_way[i].level, failed = not outcome.success })
+			table.insert(searcher.outcomes, outcome)
+		end
+	end
+end
+
+-- Whether a driver fails at a level, by the drives on one road: that at this level, or else that at the nearest level below it which
+-- was failed, or above it which was survived.
+local function fails(trials, level: number): boolean
+	local failed, nearest = false, math.huge
+	for _, trial in trials do
+		local tells = trial.level == level or (trial.failed and trial.level < level) or (not trial.failed and trial.level > level)
+		if tells and math.abs(trial.level - level) < nearest then
+			failed, nearest = trial.failed, math.abs(trial.level - level)
+		end
+	end
+	return failed
+end
+
+-- The simulator in each of the conditions, and the roads that each driver manages there.
+local in_conditions: { any } = if #settings.conditions > 0 then settings.conditions else { "" }
+local places, nominal_rows, left_out = {}, {}, {}
+for _, conditions in in_conditions do
+	local these = study.in_conditions(settings, conditions)
+	for _, driver in settings.drivers do
+		local roads, without = study.roads(these, 1, { driver })
+		local errors, over_line = {}, 0
+		for _, road in roads do
+			table.insert(errors, road.nominal[1])
+			over_line += if road.over_line[1] then 1 else 0
+		end
+		for _, road in without do
+			table.insert(left_out, { conditions = conditions, driver = driver, road = road.road, cause = road.cause })
+		end
+		table.insert(places, { conditions = conditions, driver = driver, settings = these, roads = roads })
+		local mean = study.mean(errors)
+		table.insert(nominal_rows, { conditions, driver, `{#roads} of {settings.roads}`, over_line, mean or "" } :: { any })
+	end
+end
+print("With a clear view")
+pdk.table({ "conditions", "driver", "roads managed", "wheel over the line", "mean |XTE| m" }, nominal_rows)
+local managed = 0
+for _, place in places do
+	managed += #place.roads
+end
+if managed == 0 then
+	error("no road was managed without perturbation, so there is nothing to compare with", 0)
+end
+
+-- What came of each perturbation with a driver in some conditions: for each road the share of levels that fail, and the drives.
+local function results(place)
+	local by_name = {}
+	for _, name in names do
+		by_name[name] = { trials = {}, shares = {}, by_level = {}, drives = 0, failures = 0, unsafe = 0, stopped = 0, errors = 0, times = {}, increases = {} }
+		for i in levels do
+			by_name[name].by_level[i] = {}
+		end
+	end
+	local of_road = {}
+	for _, searcher in measured(place) do
+		local entry = by_name[searcher.perturbation]
+		entry.errors += if searcher.error then 1 else 0
+		for _, outcome in searcher.outcomes do
+			entry.drives += 1
+			if not outcome.success then
+				entry.failures += 1
+				entry[outcome.verdict] += 1
+				table.insert(entry.times, outcome.time)
+			end
+		end
+		local trials = searcher.trials
+		local last = trials[1]
+		-- The highest level comes first, or last: how much worse a drive got that was not cut short.
+		if settings.search == "all" then
+			last = trials[#trials]
+		end
+		if last and not last.failed and last.level == levels[#levels] then
+			local outcome = searcher.outcomes[if settings.search == "all" then #trials else 1]
+			table.insert(entry.increases, outcome.mean_cross_track_error - searcher.road.nominal[1])
+		end
+		if #trials > 0 then
+			local key = `{searcher.perturbation} {searcher.road.number}`
+			of_road[key] = of_road[key] or { entry = entry, road = searcher.road.number, searchers = {} }
+			table.insert(of_road[key].searchers, trials)
+		end
+	end
+	for _, name in names do
+		local entry = by_name[name]
+		for number = 1, settings.roads do
+			local on_road = of_road[`{name} {number}`]
+			entry.shares[number] = false
+			if on_road then
+				local all, failed = {}, 0
+				for _, trials in on_road.searchers do
+					table.move(trials, 1, #trials, #all + 1, all)
+				end
+				for i, level in levels do
+					local here = 0
+					for _, trials in on_road.searchers do
+						here += if fails(trials, level) then 1 else 0
+					end
+					entry.by_level[i][number] = here / #on_road.searchers
+					failed += here
+				end
+				table.insert(entry.trials, all)
+				entry.shares[number] = failed / #on_road.searchers / #levels
+			end
 		end
 	end
 	return by_name
 end
 
-local by_name = measured(settings.driver)
+for _, place in places do
+	place.results = if #place.roads > 0 then results(place) else nil
+end
+
+-- The places that a test picks, and of each perturbation in them: the share of failing levels on each road (of each of the
+-- conditions), over all of their drivers; and all drives by road.
+local function pooled(name: string, picks)
+	local shares, trials = {}, {}
+	for _, conditions in in_conditions do
+		for number = 1, settings.roads do
+			local of_drivers = {}
+			for _, place in places do
+				local share = place.results and place.conditions == conditions and picks(place) and place.results[name].shares[number]
+				if share then
+					table.insert(of_drivers, share)
+				end
+			end
+			table.insert(shares, (study.mean(of_drivers) or false) :: any)
+		end
+	end
+	for _, place in places do
+		if place.results and picks(place) then
+			table.move(place.results[name].trials, 1, #place.results[name].trials, #trials + 1, trials)
+		end
+	end
+	return shares, trials
+end
+
+local function known(shares): { number }
+	local values = {}
+	for _, share in shares do
+		if share then
+			table.insert(values, share)
+		end
+	end
+	return values
+end
+
 local entries, not_driven = {}, {}
 for _, name in names do
-	local found = by_name[name]
-	if found.all.scenarios == 0 then
+	local shares = pooled(name, function() return true end)
+	local share = pdk.mean_share(shares, settings.confidence)
+	if not share then
 		table.insert(not_driven, name)
 		continue
 	end
-	local share = pdk.failed_share(found.failed, settings.confidence)
-	local increases = {}
-	for _, on_road in found.increases do
-		if #on_road > 0 then
-			table.insert(increases, study.mean(on_road))
-		end
-	end
-	local increase = pdk.mean(increases, settings.confidence)
-	local by_level = {}
-	for _, level in levels do
-		local at = found.by_level[level]
-		local estimate = pdk.failed_share(at.failed, settings.confidence)
-		table.insert(by_level, {
-			level = level,
-			scenarios = at.counted.scenarios,
-			failures = at.counted.failures,
-			unsafe = at.counted.unsafe,
-			stopped = at.counted.stopped,
-			failed_share = estimate and estimate.value,
-			failed_share_low = estimate and estimate.low,
-			failed_share_high = estimate and estimate.high,
-			median_time_to_failure = study.median(at.counted.times),
-		})
-	end
-	local by_road = {}
-	for i, failed in found.failed do
-		local failures = 0
-		for _, one in failed do
-			failures += if one then 1 else 0
-		end
-		table.insert(by_road, { road = driven[i].number, scenarios = #failed, failures = failures })
-	end
-	table.insert(entries, {
+	local entry = {
 		perturbation = name,
-		scenarios = found.all.scenarios,
-		failures = found.all.failures,
-		unsafe = found.all.unsafe,
-		stopped = found.all.stopped,
-		errors = found.errors,
+		shares = shares,
 		failed_share = share.value,
 		failed_share_low = share.low,
 		failed_share_high = share.high,
-		failing_level = pdk.failing_level(found.trials, settings.confidence),
-		median_time_to_failure = study.median(found.all.times),
-		mean_cross_track_error_increase = increase and increase.value,
-		mean_cross_track_error_increase_low = increase and increase.low,
-		mean_cross_track_error_increase_high = increase and increase.high,
-		by_level = by_level,
-		by_road = by_road,
-	})
+		drives = 0,
+		failures = 0,
+		unsafe = 0,
+		stopped = 0,
+		errors = 0,
+		by_driver = {},
+		by_conditions = {},
+		cells = {},
+	}
+	local times, increases = {}, {}
+	for _, place in places do
+		local of = place.results and place.results[name]
+		if not of then
+			continue
+		end
+		for _, count in { "drives", "failures", "unsafe", "stopped", "errors" } do
+			entry[count] += of[count]
+		end
+		table.move(of.times, 1, #of.times, #times + 1, times)
+		table.move(of.increases, 1, #of.increases, #increases + 1, increases)
+		local by_level = {}
+		for i, level in levels do
+			local here = known(of.by_level[i])
+			table.insert(by_level, { level = level, roads = #here, failed_share = study.mean(here) })
+		end
+		table.insert(entry.cells, {
+			conditions = place.conditions,
+			driver = place.driver,
+			drives = of.drives,
+			failures = of.failures,
+			unsafe = of.unsafe,
+			stopped = of.stopped,
+			errors = of.errors,
+			failing_level = pdk.failing_level(of.trials, settings.confidence),
+			median_time_to_failure = study.median(of.times),
+			mean_cross_track_error_increase = study.mean(of.increases),
+			by_level = by_level,
+		})
+	end
+	for _, driver in settings.drivers do
+		local _, trials = pooled(name, function(place) return place.driver == driver end)
+		table.insert(entry.by_driver, { driver = driver, failing_level = pdk.failing_level(trials, settings.confidence) })
+	end
+	for _, conditions in in_conditions do
+		local _, trials = pooled(name, function(place) return place.conditions == conditions end)
+		table.insert(entry.by_conditions, { conditions = conditions, failing_level = pdk.failing_level(trials, settings.confidence) })
+	end
+	entry.median_time_to_failure = study.median(times)
+	entry.mean_cross_track_error_increase = study.mean(increases)
+	table.insert(entries, entry)
 end
 table.sort(entries, function(a, b)
 	if a.failed_share ~= b.failed_share then
 		return a.failed_share > b.failed_share
 	end
 	-- Where nothing came to the end, there is no mean.
-	local of_a = a.mean_cross_track_error_increase or math.huge
-	local of_b = b.mean_cross_track_error_increase or math.huge
+	local of_a, of_b = a.mean_cross_track_error_increase or math.huge, b.mean_cross_track_error_increase or math.huge
 	if of_a ~= of_b then
 		return of_a > of_b
 	end
@@ -180,105 +338,118 @@ table.sort(entries, function(a, b)
 end)
 local in_order = {}
 for _, entry in entries do
-	table.insert(in_order, study.shares(by_name[entry.perturbation].failed))
+	table.insert(in_order, entry.shares)
 end
 local groups = pdk.groups(in_order, settings.confidence)
 
-local percent = string.format("%g %%", 100 * settings.confidence)
-local header = { "rank", "group", "perturbation", "failed", "share", percent, "unsafe", "stopped", "fails at", percent, "time to failure s", "|XTE| increase m" }
+local header = { "rank", "group", "perturbation", "failing levels", percent }
+for _, driver in settings.drivers do
+	table.insert(header, `{driver} fails at`)
+end
+table.insert(header, "time to failure s")
+table.insert(header, "|XTE| increase m")
 local rows = {}
 for rank, entry in entries do
-	entry.rank = rank
-	entry.group = groups[rank]
-	local at, interval = study.shown(entry.failing_level, levels[#levels])
-	table.insert(rows, {
-		rank,
-		entry.group,
-		entry.perturbation,
-		`{entry.failures} of {entry.scenarios}`,
-		entry.failed_share,
-		string.format("%.3f to %.3f", entry.failed_share_low, entry.failed_share_high),
-		entry.unsafe,
-		entry.stopped,
-		at,
-		interval,
-		entry.median_time_to_failure or "",
-		entry.mean_cross_track_error_increase or "",
-	} :: { any })
+	entry.rank, entry.group, entry.shares = rank, groups[rank], nil
+	local row: { any } = { rank, entry.group, entry.perturbation, entry.failed_share, string.format("%.2f to %.2f", entry.failed_share_low, entry.failed_share_high) }
+	for _, of in entry.by_driver do
+		table.insert(row, if of.failing_level then (study.shown(of.failing_level, levels[#levels])) else "unknown")
+	end
+	table.insert(row, entry.median_time_to_failure or "")
+	table.insert(row, entry.mean_cross_track_error_increase or "")
+	table.insert(rows, row)
 end
+print("Perturbations, by the share of levels at which drivers fail")
 pdk.table(header, rows)
 if #not_driven > 0 then
 	print(`Not ranked, because a component failed in every scenario: {table.concat(not_driven, ", ")}`)
 end
 
-local totals, by_level = {}, {}
-for i, level in levels do
-	local scenarios, failures, unsafe, stopped, failed = 0, 0, 0, 0, lists()
-	for _, entry in entries do
-		local at = entry.by_level[i]
-		scenarios += at.scenarios
-		failures += at.failures
-		unsafe += at.unsafe
-		stopped += at.stopped
-		for place, on_road in by_name[entry.perturbation].by_level[level].failed do
-			for _, one in on_road do
-				table.insert(failed[place], one)
+-- Each of the conditions and drivers at each level: the share of roads and perturbations that fail.
+local totals, total_rows = {}, {}
+for _, place in places do
+	if not place.results then
+		continue
+	end
+	local row: { any } = { place.conditions, place.driver }
+	local between = 0
+	local by_level = {}
+	for i, level in levels do
+		local of_names = {}
+		for _, name in names do
+			local share = study.mean(known(place.results[name].by_level[i]))
+			if share then
+				table.insert(of_names, share)
+				between += if share > 0 and share < 1 then 1 else 0
+			end
+		end
+		local share = study.mean(of_names)
+		table.insert(by_level, { level = level, failed_share = share })
+		table.insert(row, share or "")
+	end
+	between /= #names * #levels
+	table.insert(row, between)
+	table.insert(totals, { conditions = place.conditions, driver = place.driver, by_level = by_level, between = between })
+	table.insert(total_rows, row)
+end
+header = { "conditions", "driver" }
+for _, level in levels do
+	table.insert(header, `fail at {level}`)
+end
+table.insert(header, "cells between 0 and 1")
+print("Share of perturbations and roads that fail, by level")
+pdk.table(header, total_rows)
+
+-- The first driver's share of failing levels less that of each other, road by road, over all perturbations.
+local comparisons, compared_rows = {}, {}
+local function over_perturbations(driver: string)
+	local sums = {}
+	for _, name in names do
+		for i, share in (pooled(name, function(place) return place.driver == driver end)) do
+			sums[i] = sums[i] or {}
+			if share then
+				table.insert(sums[i], share)
 			end
 		end
 	end
-	local share = pdk.failed_share(failed, settings.confidence)
-	if share then
-		table.insert(totals, { level, `{failures} of {scenarios}`, unsafe, stopped, share.value, string.format("%.3f to %.3f", share.low, share.high) } :: { any })
-		table.insert(by_level, { level = level, scenarios = scenarios, failures = failures, unsafe = unsafe, stopped = stopped, failed_share = share.value, failed_share_low = share.low, failed_share_high = share.high })
+	local shares = {}
+	for i, on_road in sums do
+		shares[i] = (study.mean(on_road) or false) :: any
+	end
+	return shares
+end
+for i = 2, #settings.drivers do
+	local first, other = settings.drivers[1], settings.drivers[i]
+	local paired = pdk.compare(over_perturbations(first), over_perturbations(other), settings.confidence)
+	if paired then
+		table.insert(comparisons, { driver = first, against = other, paired = paired })
+		table.insert(compared_rows, { other, paired.difference.value, interval(paired.difference), paired.effect_size, paired.p, paired.roads } :: { any })
 	end
 end
-if #totals > 0 then
-	pdk.table({ "level", "failed", "unsafe", "stopped", "share", percent }, totals)
+if #compared_rows > 0 then
+	print(`Failing levels of {settings.drivers[1]} less those of the others, road by road`)
+	pdk.table({ "driver", "difference", percent, "effect size", "p", "roads" }, compared_rows)
 end
 
--- The share that failed with this driver less that with the other, road by road.
-local comparison = nil
-if settings.against ~= "" then
-	local other = measured(settings.against)
-	local shown = {}
-	comparison = {}
-	for _, entry in entries do
-		local paired = pdk.compare(study.shares(by_name[entry.perturbation].failed), study.shares(other[entry.perturbation].failed), settings.confidence)
-		if paired then
-			table.insert(comparison, { perturbation = entry.perturbation, paired = paired })
-			local difference = paired.difference
-			table.insert(shown, {
-				entry.perturbation,
-				difference.value,
-				string.format("%.3f to %.3f", difference.low, difference.high),
-				paired.effect_size,
-				paired.p,
-				paired.roads,
-			} :: { any })
-		end
+local nominal = {}
+for _, place in places do
+	local roads = {}
+	for _, road in place.roads do
+		table.insert(roads, { road = road.number, seed = road.seed, angles = road.angles, mean_cross_track_error = road.nominal[1], over_line = road.over_line[1] })
 	end
-	print(`Failed share of the driver less that of {settings.against}, road by road`)
-	pdk.table({ "perturbation", "difference", percent, "effect size", "p", "roads" }, shown)
-end
-
-local roads = {}
-for _, place in driven do
-	table.insert(roads, {
-		road = place.number,
-		seed = place.seed,
-		angles = place.angles,
-		nominal_mean_cross_track_error = place.nominal[1],
-	})
+	table.insert(nominal, { conditions = place.conditions, driver = place.driver, roads = roads })
 end
 pdk.save("ranking.json", {
 	simulator = settings.simulator,
-	driver = settings.driver,
-	against = if settings.against ~= "" then settings.against else nil,
-	ranking = entries,
-	by_level = by_level,
-	comparison = comparison,
+	conditions = settings.conditions,
+	drivers = settings.drivers,
+	levels = levels,
+	roads = settings.roads,
 	confidence = settings.confidence,
-	roads = roads,
+	nominal = nominal,
+	ranking = entries,
+	by_level = totals,
+	comparisons = comparisons,
 	left_out = left_out,
 	not_driven = not_driven,
 })

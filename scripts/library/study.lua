@@ -48,6 +48,23 @@ function study.called(what: string, road: number, again: number): string
 	return if again > 1 then `{name}, repeat {again}` else name
 end
 
+-- The length of a road's segments in metres that matches the speed at which drivers go in the conditions of `lane`.
+local segments = { easy = 25, standard = 37.5, hard = 50 }
+
+-- The settings for some conditions of the simulator: as they are where it is left as it is, with "".
+function study.in_conditions(settings, conditions: string)
+	local these = table.clone(settings)
+	if conditions ~= "" then
+		local simulator = if type(settings.simulator) == "table" then table.clone(settings.simulator) else { name = settings.simulator }
+		simulator.conditions = conditions
+		these.simulator = simulator
+	end
+	if settings.segment == 0 then
+		these.segment = segments[conditions] or segments.easy
+	end
+	return these
+end
+
 -- Drives scenarios with the simulator that is set and a driver.
 function study.drive(settings, scenarios, driver)
 	return pdk.drive({
@@ -62,13 +79,13 @@ end
 
 -- Makes the random roads that are set and drives each with a clear view, `repeats` times, with each of the drivers. Returns those
 -- that all manage every time, each with its number, seed, angles and road, and with the mean |XTE| of each drive of the first
--- driver; and what is said of the others.
+-- driver and whether a wheel was over the line; and what is said of the others.
 function study.roads(settings, repeats: number, drivers)
 	local roads = {}
 	for number = 1, settings.roads do
 		local seed = settings.road_seed + number - 1
 		local made = pdk.road({ seed = seed, limit = settings.limit, segment = settings.segment, attempts = settings.attempts })
-		table.insert(roads, { number = number, seed = seed, angles = made.angles, road = made.road, nominal = {} })
+		table.insert(roads, { number = number, seed = seed, angles = made.angles, road = made.road, nominal = {}, over_line = {} })
 	end
 	local left_out, out = {}, {}
 	for place, driver in drivers do
@@ -89,6 +106,7 @@ function study.roads(settings, repeats: number, drivers)
 			if outcome.success then
 				if place == 1 then
 					table.insert(of[i].nominal, outcome.mean_cross_track_error)
+					table.insert(of[i].over_line, outcome.measures.over_line_seconds > 0)
 				end
 			elseif not out[number] then
 				out[number] = true

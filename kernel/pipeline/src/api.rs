@@ -104,6 +104,7 @@ pub const API: ApiTable = ApiTable {
         },
         statistics::FAILED_SHARE,
         statistics::MEAN,
+        statistics::MEAN_SHARE,
         statistics::COMPARE,
         statistics::COMPARE_INDEPENDENT,
         statistics::GROUPS,

@@ -51,6 +51,21 @@ pub const MEAN: ApiFunction = ApiFunction {
     },
 };
 
+/// `pdk.mean_share`.
+pub const MEAN_SHARE: ApiFunction = ApiFunction {
+    name: "mean_share",
+    signature: "(roads: { number | false }, confidence: number?) -> Estimate?",
+    doc: "The mean over roads of a share, such as that of the levels at which a driver fails, from 0 to 1; `false` where a road was \
+          not driven. Nothing where none was.",
+    make: |lua| {
+        function(lua, "pdk.mean_share", |_, [roads, confidence]| {
+            let place = "pdk.mean_share";
+            let values: Vec<f64> = shares(place, &roads)?.into_iter().flatten().collect();
+            Ok(json!(mean::over_roads(&values, SHARE, level_of_confidence(place, &confidence)?)))
+        })
+    },
+};
+
 /// `pdk.compare`.
 pub const COMPARE: ApiFunction = ApiFunction {
     name: "compare",

@@ -4,7 +4,7 @@ use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 
 use crate::backend;
-use crate::model_file::{ModelFile, Source};
+use crate::model_file::{Inputs, ModelFile, Source};
 use crate::pixels::Pixels;
 use crate::selection::{Selection, Slot};
 use crate::session::Session;
@@ -22,7 +22,7 @@ pub struct Onnx {
     pixels: Pixels,
     selection: Selection,
     throttle: f64,
-    values: Vec<f32>,
+    inputs: Inputs,
     outputs: Vec<Vec<f32>>,
     resized: FrameBuf,
 }
@@ -31,8 +31,9 @@ impl Component for Onnx {
     fn description() -> Description {
         let model = Parameter::path(
             "model",
-            "the ONNX file: an image in, to whose size frames are resized, steering and maybe throttle out; a second input called \
-             `speed` gets the speed in m/s",
+            "the ONNX file: an image in, to whose size frames are resized, steering and maybe throttle out; an input called `speed` \
+             gets the speed in m/s; an input called `NAME_in` gets what the output `NAME_out` was at the frame before, and zeros at \
+             the first",
         );
         let description = Description::driver("onnx", "Drives with a neural network")
             .family("network")
@@ -108,21 +109,17 @@ impl Onnx {
     fn make(source: Source, place: &str, config: &Config) -> Result<Self> {
         let model = ModelFile::read(source, config.text("layout"))?;
         let mut session = backend::open(&model.network(), config.text("backend"))?;
-        // A first run shows how many values each output has, which files need not declare.
-        let mut outputs = vec![Vec::new(); model.outputs.len()];
-        let values = vec![0.0; model.input.len()];
-        session.run(&model.values(&values, &[0.0]), &mut outputs)?;
-        let sizes: Vec<_> = outputs.iter().map(Vec::len).collect();
+        let sizes = model.try_out(&mut *session, 0.0)?;
         let (steering, throttle) = (config.text("steering_output"), config.text("throttle_output"));
-        let selection = Selection::new(&model.outputs, &sizes, steering, throttle)?;
+        let selection = model.selection(&sizes, steering, throttle)?;
         Ok(Self {
             place: format!("{place} on {}", session.backend()),
             session,
             pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
             selection,
             throttle: config.number("throttle"),
-            values,
-            outputs,
+            inputs: model.inputs(),
+            outputs: vec![Vec::new(); model.outputs.len()],
             resized: FrameBuf::new(model.input.width, model.input.height),
             model,
         })
@@ -148,8 +145,10 @@ impl Onnx {
             resize_linear(frame, self.resized.as_mut());
         }
         let frame = if same_size { frame } else { self.resized.as_ref() };
-        self.pixels.write(frame, &mut self.values);
-        self.session.run(&self.model.values(&self.values, &[cx.speed as f32]), &mut self.outputs)?;
+        self.pixels.write(frame, self.inputs.image());
+        self.inputs.move_at(cx.speed as f32);
+        self.session.run(self.inputs.values(), &mut self.outputs)?;
+        self.inputs.remember(&mut self.outputs);
         let steering = self.output(self.selection.steering, "steering", cx)?;
         let throttle = match self.selection.throttle {
             Some(slot) => self.output(slot, "throttle", cx)?,
@@ -160,6 +159,11 @@ impl Onnx {
 }
 
 impl Driver for Onnx {
+    fn reset(&mut self) -> Result<()> {
+        self.inputs.forget();
+        Ok(())
+    }
+
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
         self.infer(frame, cx).map_err(|e| e.at(&self.place))
     }

@@ -80,6 +80,36 @@ fn a_speed_input_gets_the_speed() {
 }
 
 #[test]
+fn what_a_network_remembers_comes_back_with_the_next_frame() {
+    let frame = frame(6, 4);
+    let pilot = || Pilot { outputs: vec![("control", 1)], gain: 0.1, ..Pilot::new(&["1", "3", "4", "6"]) };
+    let steers = pilot();
+    // Adds what it gave before to what it gives.
+    let sums = Pilot { second_input: Some("sum_in"), copy: Some("sum_out"), ..pilot() };
+    let (steers, sums) = (steers.file(), sums.file());
+    for backend in backends() {
+        let alone =
+            drive(&mut open(json!({"model": steers.path(), "backend": backend})).unwrap(), &frame).steering;
+        assert!(alone.abs() > 1e-4, "a test that tells: {alone}");
+        let mut driver = open(json!({"model": sums.path(), "backend": backend})).unwrap();
+        for times in [1.0, 2.0, 3.0] {
+            let control = drive(&mut driver, &frame);
+            assert!((control.steering - times * alone).abs() < 1e-5, "{times}: {control:?}, {alone}");
+            assert_eq!(control.throttle, 0.3, "what is remembered is no throttle");
+        }
+        driver.reset().unwrap();
+        assert!((drive(&mut driver, &frame).steering - alone).abs() < 1e-6, "it forgets between scenarios");
+    }
+    let two =
+        Pilot { second_input: Some("sum_in"), copy: Some("sum_out"), ..Pilot::new(&["1", "3", "4", "6"]) };
+    let error = open(json!({"model": two.file().path(), "backend": "tract"})).unwrap_err().to_string();
+    assert!(error.contains("its output `sum_out` has 2 values, but the input"), "{error}");
+    let alone = Pilot { second_input: Some("sum_in"), ..Pilot::new(&["1", "3", "4", "6"]) };
+    let error = open(json!({"model": alone.file().path()})).unwrap_err().to_string();
+    assert!(error.contains("its inputs are `image`, `sum_in`, but it has to have one"), "{error}");
+}
+
+#[test]
 fn scale_and_colours_reach_the_model() {
     let frame = frame(6, 4);
     let pilot = Pilot { gain: 100.0, ..Pilot::new(&["1", "4", "6", "3"]) };

@@ -18,6 +18,8 @@ pub struct Pilot {
     pub outputs: Vec<(&'static str, usize)>,
     /// The name of a second input of one number, which is added to each output.
     pub second_input: Option<&'static str>,
+    /// The name of another output, which has the values of the first.
+    pub copy: Option<&'static str>,
     /// The operator that flattens the image; another one makes a model that no one can run.
     pub operator: &'static str,
     /// Factor on all weights.
@@ -32,6 +34,7 @@ impl Pilot {
             element: DataType::Float,
             outputs: vec![("control", 2)],
             second_input: None,
+            copy: None,
             operator: "Flatten",
             gain: 1.0,
         }
@@ -90,6 +93,15 @@ impl Pilot {
             }
             graph.output.push(value_info(
                 name,
+                DataType::Float,
+                &[self.dims[0].clone(), columns.to_string()],
+            ));
+        }
+        if let Some(copy) = self.copy {
+            let (of, columns) = self.outputs[0];
+            graph.node.push(node("Identity", &[of], copy));
+            graph.output.push(value_info(
+                copy,
                 DataType::Float,
                 &[self.dims[0].clone(), columns.to_string()],
             ));

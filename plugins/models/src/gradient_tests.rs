@@ -34,7 +34,7 @@ fn open(model: &ModelProto, backend: &str) -> Result<Box<dyn Session>> {
 fn run(model: &ModelProto, backend: &str, x: &Tensor) -> Result<Vec<f64>> {
     let values: Vec<f32> = x.values.iter().map(|&value| value as f32).collect();
     let mut outputs = vec![Vec::new()];
-    open(model, backend)?.run(&[&values], &mut outputs)?;
+    open(model, backend)?.run(&[values], &mut outputs)?;
     Ok(outputs[0].iter().map(|&value| f64::from(value)).collect())
 }
 
@@ -111,8 +111,9 @@ fn gradients_of_random_graphs_are_right_on_every_backend() {
 #[test]
 fn gradients_of_networks_are_right_and_cost_little_more_than_the_network() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    let mut paths =
-        vec![root.join("scripts/models/dave2.onnx"), root.join("scripts/models/dave2_augmented.onnx")];
+    let mut paths = ["dave2", "dave2_augmented", "dave2_temporal"]
+        .map(|name| root.join(format!("scripts/models/{name}.onnx")))
+        .to_vec();
     paths.extend(fixture::shared("tub_pilot.onnx"));
     for path in paths {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
@@ -123,7 +124,8 @@ fn gradients_of_networks_are_right_and_cost_little_more_than_the_network() {
                 "image" => {
                     numbers(4, shape.iter().product()).iter().map(|v| (127.0 + 100.0 * v).round()).collect()
                 }
-                _ => vec![8.0],
+                "speed" => vec![8.0],
+                _ => numbers(5, shape.iter().product()),
             };
             (name.to_owned(), Tensor::floats(shape, values))
         });

@@ -34,15 +34,18 @@ mod gradient_tests;
 /// Where it cannot be read, prepared or run.
 #[doc(hidden)]
 pub fn try_model(path: &std::path::Path) -> pdk_sdk::error::Result<()> {
-    use session::Session;
     let model = model_file::ModelFile::read(model_file::Source::File(path.to_owned()), "auto")?;
-    let image = vec![0.5; model.input.len()];
-    let mut outputs = vec![Vec::new(); model.outputs.len()];
-    tract::Tract::new(&model.network())?.run(&model.values(&image, &[1.0]), &mut outputs)
+    model.try_out(&mut tract::Tract::new(&model.network())?, 1.0).map(|_| ())
 }
 
 pdk_sdk::export! {
-    drivers: [driver::Onnx, trained::Dave2, trained::Dave2Augmented],
+    drivers: [
+        driver::Onnx,
+        trained::Dave2,
+        trained::Dave2Augmented,
+        trained::Dave2Temporal,
+        trained::Dave2Tub,
+    ],
     perturbations: [repaint::Repaint, painters::Night, painters::Rainy, painters::Artistic],
     masks: [segmentation::Segmentation],
     saliencies: [

@@ -1,4 +1,4 @@
-//! What an ONNX file declares: its inputs, an image and maybe the speed, and its outputs.
+//! What an ONNX file declares: its inputs, an image and maybe the speed and a memory, and its outputs.
 
 use std::borrow::Cow;
 use std::path::{Component, Path, PathBuf};
@@ -10,7 +10,8 @@ use tract_onnx::pb::tensor_proto::DataType;
 use tract_onnx::pb::tensor_shape_proto::dimension;
 use tract_onnx::prelude::Framework;
 
-use crate::session::{Graph, Network};
+use crate::selection::{Selection, Slot};
+use crate::session::{Graph, Network, Session};
 
 /// In which order the input holds its numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,17 +59,20 @@ pub struct Size {
     pub height: usize,
 }
 
-/// The input that takes the vehicle's speed in metres per second.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SpeedInput {
-    /// Whether it comes before the image among the inputs.
-    pub first: bool,
-    /// Its shape: ones.
-    pub shape: Vec<usize>,
+/// A value that the network gives to itself: what it puts into an output is what an input gets with the next frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Memory {
+    /// The place among the inputs.
+    pub input: usize,
+    /// The place among the outputs.
+    pub output: usize,
 }
 
 /// The name of the input for the speed.
 const SPEED: &str = "speed";
+
+/// The ends of the names of a memory's input and output, which are the same before that.
+const MEMORY: [&str; 2] = ["_in", "_out"];
 
 /// Bytes of a model: a message in protocol buffers has no more.
 const LARGEST: u64 = 2 << 30;
@@ -98,7 +102,7 @@ impl Source {
     }
 }
 
-/// An ONNX file that takes an image, and maybe the speed.
+/// An ONNX file that takes an image, and maybe the speed and what it remembers.
 pub struct ModelFile {
     /// Where it comes from.
     pub source: Source,
@@ -106,8 +110,14 @@ pub struct ModelFile {
     pub proto: pb::ModelProto,
     /// Its image input.
     pub input: ImageInput,
-    /// Its other input, where it has one.
-    pub speed: Option<SpeedInput>,
+    /// The place of the image among the inputs.
+    pub image: usize,
+    /// The place of the speed among the inputs, where it takes one.
+    pub speed: Option<usize>,
+    /// What it remembers.
+    pub memories: Vec<Memory>,
+    /// The shape of each input, in their order.
+    pub shapes: Vec<Vec<usize>>,
     /// The names of its outputs.
     pub outputs: Vec<String>,
 }
@@ -119,33 +129,56 @@ impl ModelFile {
             Source::File(path) => Graph::File { path, proto: &self.proto },
             Source::BuiltIn(bytes) => Graph::Memory(bytes),
         };
-        Network { graph, inputs: self.shapes() }
+        Network { graph, inputs: self.shapes.clone() }
     }
 
-    /// The shape of each input, in their order.
-    pub fn shapes(&self) -> Vec<Vec<usize>> {
-        let image = self.input.shape().to_vec();
-        match &self.speed {
-            None => vec![image],
-            Some(speed) if speed.first => vec![speed.shape.clone(), image],
-            Some(speed) => vec![image, speed.shape.clone()],
-        }
+    /// The values of its inputs before the first frame: zeros.
+    pub fn inputs(&self) -> Inputs {
+        let values = self.shapes.iter().map(|shape| vec![0.0; shape.iter().product()]).collect();
+        Inputs { values, image: self.image, speed: self.speed, memories: self.memories.clone() }
     }
 
-    /// The values of each input, in their order.
-    pub fn values<'a>(&self, image: &'a [f32], speed: &'a [f32; 1]) -> Vec<&'a [f32]> {
-        match &self.speed {
-            None => vec![image],
-            Some(input) if input.first => vec![speed, image],
-            Some(_) => vec![image, speed],
+    /// Runs it on a black image at a speed, and gives the number of values of each output, which files need not declare.
+    ///
+    /// # Errors
+    /// Where the backend cannot run it, or what it remembers does not fit its input.
+    pub fn try_out(&self, session: &mut dyn Session, speed: f32) -> Result<Vec<usize>> {
+        let mut outputs = vec![Vec::new(); self.outputs.len()];
+        let mut inputs = self.inputs();
+        inputs.move_at(speed);
+        session.run(inputs.values(), &mut outputs)?;
+        for memory in &self.memories {
+            let (takes, gives) = (inputs.values[memory.input].len(), outputs[memory.output].len());
+            if takes != gives {
+                return Err(Error::new(format!(
+                    "its output `{}` has {gives} values, but the input that gets them with the next frame has {takes}",
+                    self.outputs[memory.output]
+                )));
+            }
         }
+        Ok(outputs.iter().map(Vec::len).collect())
+    }
+
+    /// Chooses the outputs that steer among those that are not remembered, by the number of values of each output. See
+    /// [`Selection::new`].
+    ///
+    /// # Errors
+    /// As for [`Selection::new`].
+    pub fn selection(&self, sizes: &[usize], steering: &str, throttle: &str) -> Result<Selection> {
+        let remembered = |output: usize| self.memories.iter().any(|memory| memory.output == output);
+        let places: Vec<usize> = (0..self.outputs.len()).filter(|&output| !remembered(output)).collect();
+        let names: Vec<String> = places.iter().map(|&place| self.outputs[place].clone()).collect();
+        let sizes: Vec<usize> = places.iter().map(|&place| sizes[place]).collect();
+        let chosen = Selection::new(&names, &sizes, steering, throttle)?;
+        let in_file = |slot: Slot| Slot { output: places[slot.output], ..slot };
+        Ok(Selection { steering: in_file(chosen.steering), throttle: chosen.throttle.map(in_file) })
     }
 
     /// Reads a model. `layout` is `nchw`, `nhwc` or `auto`.
     ///
     /// # Errors
-    /// Where the file cannot be read, is not an ONNX model, or takes anything but one float image of a fixed size and
-    /// maybe `speed`, one float.
+    /// Where the file cannot be read, is not an ONNX model, or takes anything but one float image of a fixed size, maybe
+    /// `speed`, one float, and maybe memories: floats called `NAME_in` that come from the output `NAME_out`.
     pub fn read(source: Source, layout: &str) -> Result<Self> {
         Self::read_at(source, layout, None)
     }
@@ -169,22 +202,81 @@ impl ModelFile {
         // Old files list their weights among the inputs.
         let is_weight = |name: &str| graph.initializer.iter().any(|weight| weight.name == name);
         let inputs: Vec<_> = graph.input.iter().filter(|input| !is_weight(&input.name)).collect();
-        let (image, speed) = match inputs.as_slice() {
-            [image] => (image, None),
-            [speed, image] if speed.name == SPEED => (image, Some(speed_input(speed, true)?)),
-            [image, speed] if speed.name == SPEED => (image, Some(speed_input(speed, false)?)),
-            _ => {
-                let names: Vec<_> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();
-                return Err(Error::new(format!(
-                    "it has {} inputs ({}), but has to have one, the image, and may have a second one called `{SPEED}`",
-                    names.len(),
-                    names.join(", ")
-                )));
-            }
+        let outputs: Vec<String> = graph.output.iter().map(|output| output.name.clone()).collect();
+        let (mut image, mut speed, mut memories, mut shapes) = (None, None, Vec::new(), Vec::new());
+        let mut images = 0;
+        for (place, given) in inputs.iter().enumerate() {
+            let remembered = given.name.strip_suffix(MEMORY[0]).map(|name| format!("{name}{}", MEMORY[1]));
+            let from = remembered.and_then(|name| outputs.iter().position(|output| *output == name));
+            shapes.push(match from {
+                Some(output) => {
+                    memories.push(Memory { input: place, output });
+                    memory_shape(given)?
+                }
+                None if given.name == SPEED && inputs.len() > 1 => {
+                    speed = Some(place);
+                    speed_shape(given)?
+                }
+                None => {
+                    images += 1;
+                    image = Some(place);
+                    Vec::new()
+                }
+            });
+        }
+        let (Some(image), 1) = (image, images) else {
+            let names: Vec<_> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();
+            return Err(Error::new(format!(
+                "its inputs are {}, but it has to have one, the image, and may have `{SPEED}`, a number, and memories: inputs \
+                 called `NAME{}` that get with each frame what the output `NAME{}` was before",
+                names.join(", "),
+                MEMORY[0],
+                MEMORY[1]
+            )));
         };
-        let input = image_input(image, layout, open)?;
-        let outputs = graph.output.iter().map(|output| output.name.clone()).collect();
-        Ok(Self { source, input, speed, outputs, proto })
+        let input = image_input(inputs[image], layout, open)?;
+        shapes[image] = input.shape().to_vec();
+        Ok(Self { source, input, image, speed, memories, shapes, outputs, proto })
+    }
+}
+
+/// The values of a model's inputs.
+#[derive(Debug, Clone)]
+pub struct Inputs {
+    values: Vec<Vec<f32>>,
+    image: usize,
+    speed: Option<usize>,
+    memories: Vec<Memory>,
+}
+
+impl Inputs {
+    /// The values of each input, in their order.
+    pub fn values(&self) -> &[Vec<f32>] {
+        &self.values
+    }
+
+    /// The numbers of the image.
+    pub fn image(&mut self) -> &mut [f32] {
+        &mut self.values[self.image]
+    }
+
+    /// Sets the speed in metres per second, where the model takes one.
+    pub fn move_at(&mut self, speed: f32) {
+        if let Some(place) = self.speed {
+            self.values[place].fill(speed);
+        }
+    }
+
+    /// Forgets all frames.
+    pub fn forget(&mut self) {
+        self.memories.iter().for_each(|memory| self.values[memory.input].fill(0.0));
+    }
+
+    /// Takes what is to be remembered from these outputs, and leaves there what was before.
+    pub fn remember(&mut self, outputs: &mut [Vec<f32>]) {
+        for memory in &self.memories {
+            std::mem::swap(&mut self.values[memory.input], &mut outputs[memory.output]);
+        }
     }
 }
 
@@ -222,10 +314,14 @@ fn float_tensor<'a>(input: &'a pb::ValueInfoProto, expected: &str) -> Result<&'a
     Ok(tensor)
 }
 
-fn speed_input(input: &pb::ValueInfoProto, first: bool) -> Result<SpeedInput> {
+/// The dimensions of a tensor; nothing where one is left open.
+fn dims(tensor: &pb::type_proto::Tensor) -> Vec<Option<i64>> {
+    tensor.shape.iter().flat_map(|shape| &shape.dim).map(|dim| fixed(dim.value.as_ref())).collect()
+}
+
+fn speed_shape(input: &pb::ValueInfoProto) -> Result<Vec<usize>> {
     let tensor = float_tensor(input, "a number")?;
-    let dims: Vec<Option<i64>> =
-        tensor.shape.iter().flat_map(|shape| &shape.dim).map(|dim| fixed(dim.value.as_ref())).collect();
+    let dims = dims(tensor);
     if dims.len() > 2 || dims.iter().any(|dim| dim.is_some_and(|dim| dim != 1)) {
         return Err(Error::new(format!(
             "its input `{}` has the shape {}, but has to be one number: (1) or (1, 1)",
@@ -233,14 +329,34 @@ fn speed_input(input: &pb::ValueInfoProto, first: bool) -> Result<SpeedInput> {
             shape_text(tensor.shape.as_ref())
         )));
     }
-    Ok(SpeedInput { first, shape: vec![1; dims.len()] })
+    Ok(vec![1; dims.len()])
+}
+
+fn memory_shape(input: &pb::ValueInfoProto) -> Result<Vec<usize>> {
+    let tensor = float_tensor(input, "a memory")?;
+    let mut shape: Vec<Option<usize>> = dims(tensor)
+        .iter()
+        .map(|dim| dim.and_then(|dim| usize::try_from(dim).ok()).filter(|&dim| dim > 0))
+        .collect();
+    // The batch, which is left open often.
+    if let Some(first) = shape.first_mut() {
+        first.get_or_insert(1);
+    }
+    let values = shape.iter().try_fold(1usize, |product, dim| product.checked_mul((*dim)?));
+    match (shape.iter().copied().collect::<Option<Vec<usize>>>(), values) {
+        (Some(shape), Some(values)) if values <= LARGEST_MEMORY => Ok(shape),
+        _ => Err(Error::new(format!(
+            "its input `{}`, a memory, has the shape {}, but has to have a fixed one of at most {LARGEST_MEMORY} values",
+            input.name,
+            shape_text(tensor.shape.as_ref())
+        ))),
+    }
 }
 
 fn image_input(input: &pb::ValueInfoProto, layout: &str, open: Option<Size>) -> Result<ImageInput> {
     let name = &input.name;
     let tensor = float_tensor(input, "an image")?;
-    let dims: Vec<Option<i64>> =
-        tensor.shape.iter().flat_map(|shape| &shape.dim).map(|dim| fixed(dim.value.as_ref())).collect();
+    let dims = dims(tensor);
     let shape = shape_text(tensor.shape.as_ref());
     let expected = "(1, channels, height, width) or (1, height, width, channels) with 1 or 3 channels";
     let wrong = |what: &str| {
@@ -287,6 +403,9 @@ fn image_input(input: &pb::ValueInfoProto, layout: &str, open: Option<Size>) -> 
 
 /// More than any camera has; a damaged file may say anything.
 const MAX_SIDE: usize = 16_384;
+
+/// The same for what a network remembers: 64 MiB.
+const LARGEST_MEMORY: usize = 1 << 24;
 
 fn fixed(value: Option<&dimension::Value>) -> Option<i64> {
     match value {
@@ -337,7 +456,7 @@ mod tests {
     fn a_speed_is_taken_beside_the_image() {
         let with = Pilot { second_input: Some(SPEED), ..Pilot::new(&["1", "3", "4", "6"]) };
         let model = |pilot: &Pilot| model_in(pilot.file().path(), "auto").unwrap().speed;
-        assert_eq!(model(&with), Some(SpeedInput { first: false, shape: vec![1, 1] }));
+        assert_eq!(model(&with), Some(1));
         assert_eq!(model(&Pilot::new(&["1", "3", "4", "6"])), None);
     }
 
@@ -362,7 +481,7 @@ mod tests {
         assert!(read(&bytes, "auto").unwrap_err().message().contains("is UINT8, but has to be FLOAT"));
         let two = Pilot { second_input: Some("mirror"), ..Pilot::new(&["1", "3", "4", "6"]) };
         let message = read(&two, "auto").unwrap_err().message().to_owned();
-        assert!(message.starts_with("it has 2 inputs (`image`, `mirror`), but"), "{message}");
+        assert!(message.starts_with("its inputs are `image`, `mirror`, but it has to have one"), "{message}");
     }
 
     #[test]

@@ -127,11 +127,11 @@ impl OnnxRuntime {
 }
 
 impl Session for OnnxRuntime {
-    fn run(&mut self, inputs: &[&[f32]], outputs: &mut [Vec<f32>]) -> Result<()> {
+    fn run(&mut self, inputs: &[Vec<f32>], outputs: &mut [Vec<f32>]) -> Result<()> {
         let runtime = &self.runtime;
         let failed = |error: ort::Error| Error::new(error.to_string()).at(runtime.name());
         let tensors = self.inputs.iter().zip(inputs).map(|(shape, values)| {
-            let tensor = TensorRef::from_array_view((shape.as_slice(), *values)).map_err(failed)?;
+            let tensor = TensorRef::from_array_view((shape.as_slice(), values.as_slice())).map_err(failed)?;
             Ok(SessionInputValue::from(tensor))
         });
         let tensors = tensors.collect::<Result<Vec<_>>>()?;
@@ -185,7 +185,7 @@ mod tests {
         let run = || {
             let network = Network { graph: Graph::Memory(NIGHT), inputs: vec![vec![1, 3, 160, 320]] };
             let mut session = OnnxRuntime::new(&network, load(&found.path).unwrap()).unwrap();
-            session.run(&[&image], &mut [Vec::new()]).unwrap();
+            session.run(&[image.clone()], &mut [Vec::new()]).unwrap();
         };
         (0..3).for_each(|_| run());
         let before = held();

@@ -5,7 +5,7 @@ use pdk_sdk::prelude::*;
 
 use crate::backend;
 use crate::driver;
-use crate::model_file::{Layout, ModelFile, Size, Source};
+use crate::model_file::{Inputs, Layout, ModelFile, Size, Source};
 use crate::pixels::Pixels;
 use crate::session::Session;
 
@@ -17,9 +17,8 @@ pub struct PictureNetwork {
     pub size: [usize; 2],
     layout: Layout,
     session: Box<dyn Session>,
-    model: ModelFile,
     pixels: Pixels,
-    values: Vec<f32>,
+    inputs: Inputs,
     outputs: Vec<Vec<f32>>,
     resized: FrameBuf,
 }
@@ -80,18 +79,17 @@ impl PictureNetwork {
             let model = ModelFile::read_at(source, config.text("layout"), Some(size))?;
             let mut session = backend::open(&model.network(), config.text("backend"))?;
             let mut outputs = vec![Vec::new(); model.outputs.len()];
-            let values = vec![0.0; model.input.len()];
-            session.run(&model.values(&values, &[0.0]), &mut outputs)?;
+            let inputs = model.inputs();
+            session.run(inputs.values(), &mut outputs)?;
             Ok(Self {
                 place: format!("model `{name}` on {}", session.backend()),
                 size: [model.input.width, model.input.height],
                 layout: model.input.layout,
                 session,
                 pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
-                values,
+                inputs,
                 outputs,
                 resized: FrameBuf::new(model.input.width, model.input.height),
-                model,
             })
         };
         open().map_err(|error: Error| error.at(format_args!("model `{name}`")))
@@ -107,8 +105,8 @@ impl PictureNetwork {
             resize_linear(frame, self.resized.as_mut());
         }
         let frame = if same_size { frame } else { self.resized.as_ref() };
-        self.pixels.write(frame, &mut self.values);
-        let ran = self.session.run(&self.model.values(&self.values, &[0.0]), &mut self.outputs);
+        self.pixels.write(frame, self.inputs.image());
+        let ran = self.session.run(self.inputs.values(), &mut self.outputs);
         ran.map_err(|error| error.at(&self.place))?;
         match self.outputs[0].iter().all(|value| value.is_finite()) {
             true => Ok(&self.outputs[0]),

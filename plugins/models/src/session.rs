@@ -30,7 +30,7 @@ pub enum Graph<'a> {
 pub trait Session: Send {
     /// Runs the network on the values of each of its inputs, and puts the values of each output into its vector, in the
     /// order of the graph's inputs and outputs.
-    fn run(&mut self, inputs: &[&[f32]], outputs: &mut [Vec<f32>]) -> Result<()>;
+    fn run(&mut self, inputs: &[Vec<f32>], outputs: &mut [Vec<f32>]) -> Result<()>;
 
     /// Who runs it, with the version.
     fn backend(&self) -> String;

@@ -120,7 +120,7 @@ fn write(tensor: &mut Arc<Tensor>, values: &[f32]) -> Result<()> {
 }
 
 impl Session for Tract {
-    fn run(&mut self, inputs: &[&[f32]], outputs: &mut [Vec<f32>]) -> Result<()> {
+    fn run(&mut self, inputs: &[Vec<f32>], outputs: &mut [Vec<f32>]) -> Result<()> {
         for (tensor, values) in self.inputs.iter_mut().zip(inputs) {
             write(tensor, values)?;
         }

@@ -39,6 +39,10 @@ macro_rules! networks {
             }
 
             impl Driver for $driver {
+                fn reset(&mut self) -> Result<()> {
+                    self.network.reset()
+                }
+
                 fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
                     self.network.drive(frame, cx)
                 }
@@ -63,10 +67,14 @@ macro_rules! networks {
 }
 
 networks! {
-    Dave2: "dave2", "68fd926429d26d6404eada26079dc1008c1f85818964a4439061eaece1116f3d",
+    Dave2: "dave2", "11e4f3b254f98268b186306bbba3d3dfc429d6f5ab4a42315f98313fef6324d3",
         "Drives with a network that learned from images of `lane`";
-    Dave2Augmented: "dave2_augmented", "8d948744ab1f665b96b7fdc237d1d28373221edc089433e83a4b8c0e9cb5aaa7",
+    Dave2Augmented: "dave2_augmented", "8cccfa4173b275f353bc472d27aa7efd229fa4b1c5eef2193425609cda02fa29",
         "Drives with a network that learned from images of `lane` with random noise, blur, brightness and contrast";
+    Dave2Temporal: "dave2_temporal", "8c07da59a3d687533850959ae599489c2c5416ca33fd87681261aee5c9f592ac",
+        "Drives with a network that learned from images of `lane`, and remembers what it saw 0.3 and 0.6 seconds before";
+    Dave2Tub: "dave2_tub", "3d103491d33223951de52b4684f4cdef0c7fed417662914aa82bbf3beb51b871",
+        "Drives with a network that learned from images of `lane` and from a recording of a real DonkeyCar";
 }
 
 #[cfg(test)]
@@ -94,7 +102,13 @@ mod tests {
 
     #[test]
     fn the_hashes_that_are_written_down_are_those_of_the_networks() {
-        for description in [Dave2::description(), Dave2Augmented::description()] {
+        let all = [
+            Dave2::description(),
+            Dave2Augmented::description(),
+            Dave2Temporal::description(),
+            Dave2Tub::description(),
+        ];
+        for description in all {
             let hash = blake3::hash(content(&description.name).unwrap()).to_hex().to_string();
             assert_eq!(description.blake3, hash, "write the hash of `{}` down anew", description.name);
         }

@@ -16,6 +16,10 @@ const PDK: &str = r#"
         defaults.repeats = 2
         defaults.perturbations = { "fog", "rain", "fog" }
         defaults.levels = { 3, 0, 3, 1 }
+        if defaults.drivers then
+            defaults.drivers = { "dave2", "lane_keeper" }
+            defaults.conditions = { "easy", "hard" }
+        end
         return defaults
     end
     return calls, {
@@ -37,8 +41,10 @@ const PDK: &str = r#"
                     verdict = if success then "passed" else "unsafe",
                     time = 3,
                     mean_cross_track_error = scenario.road.angles[1] + level / 10,
+                    measures = { over_line_seconds = 0 },
                 }
-                table.insert(calls.drives, `{scenario.name} {scenario.road.angles[1]} {request.driver} {request.duration}`)
+                local conditions = if type(request.simulator) == "table" then ` {request.simulator.conditions}` else ""
+                table.insert(calls.drives, `{scenario.name} {scenario.road.angles[1]} {request.driver} {request.duration}{conditions}`)
             end
             return outcomes
         end,
@@ -55,6 +61,16 @@ const PDK: &str = r#"
         end,
         mean = function(values)
             return if #values > 0 then { value = values[1], low = values[1], high = values[1] } else nil
+        end,
+        mean_share = function(shares)
+            local sum, count = 0, 0
+            for _, share in shares do
+                if share then
+                    sum += share
+                    count += 1
+                end
+            end
+            return if count > 0 then { value = sum / count, low = 0, high = 1 } else nil
         end,
         groups = function(entries)
             local groups = {}
@@ -164,46 +180,83 @@ fn a_bisection_drives_what_it_is_told() {
 }
 
 #[test]
-fn a_study_repeats_what_draws_and_compares_drivers() {
-    let (study, _) = run("study", "dave2", "dave3").unwrap();
+fn a_study_halves_levels_and_compares_drivers() {
+    let (study, _) = run("study", "dave2", "dave2").unwrap();
     let found = drives(&study);
     assert_eq!(
         found[..4],
         [
-            "nominal, road 1 1 dave3 30",
-            "nominal, road 2 2 dave3 30",
-            "nominal, road 3 3 dave3 30",
-            "nominal, road 1, repeat 2 1 dave3 30"
+            "nominal, road 1 1 dave2 40 easy",
+            "nominal, road 2 2 dave2 40 easy",
+            "nominal, road 3 3 dave2 40 easy",
+            "nominal, road 1 1 lane_keeper 40 easy",
         ]
     );
-    // Two roads and three levels: fog once, rain twice each.
-    assert_eq!(found.len(), 6 + 2 * 3 * (1 + 2));
+    assert_eq!(found.iter().filter(|drive| drive.starts_with("nominal")).count(), 12);
+    // Two roads: the highest level first, rain twice; then the lowest where fog failed.
+    assert_eq!(
+        found[12..20],
+        [
+            "fog@3, road 1 1 dave2 40 easy",
+            "fog@3, road 3 3 dave2 40 easy",
+            "rain@3, road 1 1 dave2 40 easy",
+            "rain@3, road 1, repeat 2 1 dave2 40 easy",
+            "rain@3, road 3 3 dave2 40 easy",
+            "rain@3, road 3, repeat 2 3 dave2 40 easy",
+            "fog@0, road 1 1 dave2 40 easy",
+            "fog@0, road 3 3 dave2 40 easy",
+        ]
+    );
+    assert_eq!(found.len(), 12 + 4 * 8);
+    assert_eq!(found.iter().filter(|drive| drive.contains("lane_keeper 40 hard")).count(), 3 + 8);
     let saved = &study["saved"]["ranking.json"];
-    assert_eq!(saved["left_out"], json!([{ "road": 2, "cause": "lane_departure" }]));
-    let road = |number: u32| json!({ "road": number, "seed": number, "angles": [number, 0], "nominal_mean_cross_track_error": number });
-    assert_eq!(saved["roads"], json!([road(1), road(3)]));
+    let out = |conditions: &str, driver: &str| json!({ "conditions": conditions, "driver": driver, "road": 2, "cause": "lane_departure" });
+    assert_eq!(
+        saved["left_out"],
+        json!([
+            out("easy", "dave2"),
+            out("easy", "lane_keeper"),
+            out("hard", "dave2"),
+            out("hard", "lane_keeper")
+        ])
+    );
+    let road = |number: u32| json!({ "road": number, "seed": number, "angles": [number, 0], "mean_cross_track_error": number, "over_line": false });
+    assert_eq!(saved["nominal"][0]["roads"], json!([road(1), road(3)]));
     let fog = &saved["ranking"][0];
     assert_eq!(
-        (&fog["perturbation"], &fog["failures"], &fog["unsafe"]),
-        (&json!("fog"), &json!(2), &json!(2))
+        (&fog["perturbation"], &fog["drives"], &fog["failures"], &fog["unsafe"], &fog["failed_share"]),
+        (&json!("fog"), &json!(16), &json!(8), &json!(8), &json!(1.0 / 3.0)),
+        "it fails at the last of three levels"
     );
-    assert_eq!(
-        fog["by_road"],
-        json!([1, 3].map(|road| json!({ "road": road, "scenarios": 3, "failures": 1 })))
-    );
-    assert_eq!(fog["by_level"][2]["failed_share"], 1);
-    assert_eq!(saved["ranking"][1]["scenarios"], 12);
-    assert_eq!(saved["by_level"][2]["failures"], 2);
-    assert_eq!(saved.get("comparison"), None);
+    let cell = &fog["cells"][3];
+    assert_eq!((&cell["conditions"], &cell["driver"]), (&json!("hard"), &json!("lane_keeper")));
+    let shares: Vec<_> =
+        cell["by_level"].as_array().unwrap().iter().map(|at| at["failed_share"].clone()).collect();
+    assert_eq!(shares, [json!(0), json!(0), json!(1)], "survived at 0, not driven at 1");
+    assert_eq!(fog["by_driver"][1]["failing_level"]["level"], 3);
+    assert_eq!(saved["ranking"][1]["drives"], 16);
+    assert!((saved["ranking"][1]["mean_cross_track_error_increase"].as_f64().unwrap() - 0.3).abs() < 1e-12);
+    assert_eq!(saved["by_level"][0]["by_level"][2]["failed_share"], json!(0.5));
+    let comparison = &saved["comparisons"][0];
+    assert_eq!((&comparison["against"], &comparison["paired"]["roads"]), (&json!("lane_keeper"), &json!(6)));
+}
 
-    let (both, _) = run("study", r#"against = """#, r#"against = "lane_keeper""#).unwrap();
-    let drives = drives(&both);
-    assert_eq!(drives.len(), 2 * found.len());
-    assert_eq!(drives.iter().filter(|drive| drive.contains("lane_keeper")).count(), found.len());
-    let comparison = &both["saved"]["ranking.json"]["comparison"];
+#[test]
+fn a_study_of_all_levels_drives_all() {
+    let (study, _) = run("study", r#"search = "bisect""#, r#"search = "all""#).unwrap();
+    let found = drives(&study);
+    // Two roads, three levels, fog once, rain twice, for two drivers in two conditions.
+    assert_eq!(found.len(), 12 + 4 * 2 * 3 * 3);
+    let fog = &study["saved"]["ranking.json"]["ranking"][0];
     assert_eq!(
-        (&comparison[0]["perturbation"], &comparison[0]["paired"]["roads"]),
-        (&json!("fog"), &json!(2))
+        (&fog["drives"], &fog["failures"], &fog["failed_share"]),
+        (&json!(24), &json!(8), &json!(1.0 / 3.0))
+    );
+    assert!(
+        (study["saved"]["ranking.json"]["ranking"][1]["mean_cross_track_error_increase"].as_f64().unwrap()
+            - 0.3)
+            .abs()
+            < 1e-12
     );
 }
 
@@ -222,7 +275,8 @@ fn settings_that_make_no_study_are_refused_at_their_pipeline() {
             format!("{name}:{line}: levels is empty; name at least one from 0 to 4")
         );
         let roads = source.lines().find(|line| line.contains("= study.roads(")).unwrap();
-        let error = run(name, roads, "local driven, left_out = {}, {}").map(|_| ()).unwrap_err();
+        let (names, _) = roads.trim().split_once(" = ").unwrap();
+        let error = run(name, roads, &format!("{names} = {{}}, {{}}")).map(|_| ()).unwrap_err();
         assert!(
             error.contains("managed no road without") || error.contains("no road was managed"),
             "{error}"

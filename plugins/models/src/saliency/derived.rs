@@ -6,7 +6,7 @@ use pdk_sdk::prelude::*;
 
 use super::viewer::Viewer;
 use crate::backend;
-use crate::model_file::Source;
+use crate::model_file::{Inputs, Source};
 use crate::session::{self, Network, Session};
 
 /// What can be done where a gradient is missing.
@@ -29,8 +29,8 @@ pub fn layer_parameters(description: Description) -> Description {
 /// A graph that computes values of a layer.
 pub struct Derived {
     session: Box<dyn Session>,
+    inputs: Inputs,
     outputs: Vec<Vec<f32>>,
-    image: Vec<f32>,
     pub layer: Layer,
 }
 
@@ -103,9 +103,9 @@ impl Derived {
         outputs: usize,
     ) -> Result<Self> {
         let bytes = model::encode(model);
-        let network = Network { graph: session::Graph::Memory(&bytes), inputs: viewer.model.shapes() };
+        let network = Network { graph: session::Graph::Memory(&bytes), inputs: viewer.model.shapes.clone() };
         let session = backend::open(&network, &viewer.backend)?;
-        Ok(Self { session, outputs: vec![Vec::new(); outputs], image: Vec::new(), layer })
+        Ok(Self { session, inputs: viewer.model.inputs(), outputs: vec![Vec::new(); outputs], layer })
     }
 
     /// Runs the graph on a frame in the size of the model's image, and gives each output channel by channel.
@@ -113,11 +113,8 @@ impl Derived {
     /// # Errors
     /// Where the backend fails.
     pub fn run(&mut self, viewer: &Viewer, frame: Frame<'_>) -> Result<Vec<Planes>> {
-        viewer.numbers(frame, &mut self.image);
-        let image = std::mem::take(&mut self.image);
-        let result = self.run_on(viewer, &image);
-        self.image = image;
-        result
+        viewer.numbers(frame, self.inputs.image());
+        self.compute(viewer)
     }
 
     /// Runs the graph on the numbers of an image.
@@ -125,7 +122,13 @@ impl Derived {
     /// # Errors
     /// Where the backend fails.
     pub fn run_on(&mut self, viewer: &Viewer, image: &[f32]) -> Result<Vec<Planes>> {
-        self.session.run(&viewer.inputs(image, &viewer.speed()), &mut self.outputs)?;
+        self.inputs.image().copy_from_slice(image);
+        self.compute(viewer)
+    }
+
+    fn compute(&mut self, viewer: &Viewer) -> Result<Vec<Planes>> {
+        self.inputs.move_at(viewer.speed());
+        self.session.run(self.inputs.values(), &mut self.outputs)?;
         Ok(self.outputs.iter().map(|values| Planes::new(&self.layer, values)).collect())
     }
 }

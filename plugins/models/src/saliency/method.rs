@@ -72,7 +72,7 @@ impl<M: Method> Saliency for Map<M> {
         let Self { viewer, method, kept, .. } = self;
         let frame = viewer.fit(frame);
         viewer.move_at(cx.speed);
-        let speed = viewer.speed()[0];
+        let speed = viewer.speed();
         let mut make = || method.grid(viewer, frame.as_ref(), cx);
         let grid = match kept.as_ref().filter(|_| cx.recorded) {
             Some(kept) => kept.find_or_make(frame.as_ref(), speed, cx, make),

@@ -6,13 +6,12 @@ use pdk_sdk::serde_json::json;
 
 use crate::backend;
 use crate::driver::with_pixels;
-use crate::model_file::{Layout, ModelFile, Source};
+use crate::model_file::{Inputs, Layout, ModelFile, Source};
 use crate::pixels::Pixels;
-use crate::selection::Selection;
 use crate::session::Session;
 use crate::trained;
 
-/// A model whose output is explained.
+/// A model whose output is explained. One that remembers is asked as at the first frame, when it remembers nothing.
 pub struct Viewer {
     /// The file and who runs it, for messages.
     pub place: String,
@@ -27,7 +26,7 @@ pub struct Viewer {
     /// The speed that the network is told, and the one that it is told where nobody knows it.
     speed: f32,
     assumed_speed: f32,
-    values: Vec<f32>,
+    inputs: Inputs,
     outputs: Vec<Vec<f32>>,
     resized: FrameBuf,
 }
@@ -73,13 +72,10 @@ impl Viewer {
         let model = ModelFile::read(source(config.text("model")), config.text("layout"))?;
         let backend = config.text("backend").to_owned();
         let mut session = backend::open(&model.network(), &backend)?;
-        let mut outputs = vec![Vec::new(); model.outputs.len()];
-        let values = vec![0.0; model.input.len()];
         let speed = config.number("speed") as f32;
-        session.run(&model.values(&values, &[speed]), &mut outputs)?;
-        let sizes: Vec<_> = outputs.iter().map(Vec::len).collect();
+        let sizes = model.try_out(&mut *session, speed)?;
         let output = match config.text("output") {
-            "" => Selection::new(&model.outputs, &sizes, "", "")?.steering.output,
+            "" => model.selection(&sizes, "", "")?.steering.output,
             name => model.outputs.iter().position(|output| output == name).ok_or_else(|| {
                 let names: Vec<_> = model.outputs.iter().map(|output| format!("`{output}`")).collect();
                 Error::new(format!("it has no output `{name}`; its outputs are {}", names.join(", ")))
@@ -102,8 +98,8 @@ impl Viewer {
             number,
             speed,
             assumed_speed: speed,
-            values,
-            outputs,
+            inputs: model.inputs(),
+            outputs: vec![Vec::new(); model.outputs.len()],
             model,
         })
     }
@@ -125,10 +121,9 @@ impl Viewer {
 
     /// The place and axes of the image among the network's inputs.
     pub fn image(&self) -> (usize, usize, usize) {
-        let place = usize::from(self.model.speed.as_ref().is_some_and(|speed| speed.first));
         match self.model.input.layout {
-            Layout::Nchw => (place, 2, 3),
-            Layout::Nhwc => (place, 1, 2),
+            Layout::Nchw => (self.model.image, 2, 3),
+            Layout::Nhwc => (self.model.image, 1, 2),
         }
     }
 
@@ -147,9 +142,8 @@ impl Viewer {
         self.resized.clone()
     }
 
-    /// The numbers that the model gets for a frame in the size of its image.
-    pub fn numbers(&self, frame: Frame<'_>, values: &mut Vec<f32>) {
-        values.resize(self.model.input.len(), 0.0);
+    /// Writes the numbers that the model gets for a frame in the size of its image.
+    pub fn numbers(&self, frame: Frame<'_>, values: &mut [f32]) {
         self.pixels.write(frame, values);
     }
 
@@ -158,14 +152,9 @@ impl Viewer {
         self.pixels.range()
     }
 
-    /// The values of each input, for the numbers of an image.
-    pub fn inputs<'a>(&'a self, image: &'a [f32], speed: &'a [f32; 1]) -> Vec<&'a [f32]> {
-        self.model.values(image, speed)
-    }
-
-    /// The speed that a network which takes one is told, as an input.
-    pub fn speed(&self) -> [f32; 1] {
-        [self.speed]
+    /// The speed that a network which takes one is told.
+    pub fn speed(&self) -> f32 {
+        self.speed
     }
 
     /// What the network gives for a frame in the size of its image.
@@ -173,11 +162,9 @@ impl Viewer {
     /// # Errors
     /// Where the backend fails, or the number is not finite.
     pub fn answer(&mut self, frame: Frame<'_>) -> Result<f64> {
-        let mut values = std::mem::take(&mut self.values);
-        self.numbers(frame, &mut values);
-        let ran = self.session.run(&self.model.values(&values, &[self.speed]), &mut self.outputs);
-        self.values = values;
-        ran?;
+        self.pixels.write(frame, self.inputs.image());
+        self.inputs.move_at(self.speed);
+        self.session.run(self.inputs.values(), &mut self.outputs)?;
         match self.outputs[self.output.0].get(self.number) {
             Some(value) if value.is_finite() => Ok(f64::from(*value)),
             _ => Err(Error::new(format!(
