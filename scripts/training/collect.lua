@@ -3,7 +3,7 @@
 -- is what tests are for. The simulator drives itself, by what only it knows, so that it gets through where no driver can yet.
 --
 --   pdk run collect --out training-data
---   python scripts/training/train.py training-data scripts/models
+--   python scripts/training/train.py training-data scripts/models --tub TUB
 
 local settings = pdk.settings({
 	conditions = { "easy", "standard", "hard" },

@@ -191,7 +191,7 @@ fn the_study_ranks_by_failures() {
             let of_level =
                 of_entry.iter().filter(|outcome| outcome["name"].as_str().unwrap().starts_with(&name));
             let failed = of_level.filter(|outcome| outcome["success"] == false).count();
-            assert_eq!(by_level["failed_share"].as_f64().unwrap(), failed as f64 / f64::from(each));
+            assert_eq!(by_level["failed_share"].as_f64().unwrap(), failed as f64 / each as f64);
         }
         let number = |field: &str| entry[field].as_f64().unwrap();
         let share = failed as f64 / of_entry.len() as f64;
