@@ -201,6 +201,7 @@ impl Link {
             Some(Draws::PerSequence) => cx.with_stream(0),
             _ => cx,
         };
+        let cx = Context { travelled: moment.travelled, ..cx };
         let cx = match attended {
             Some((now, earlier)) => cx.with_saliency(now, earlier),
             None => cx,
