@@ -60,8 +60,8 @@ enum Shows {
     Anything,
 }
 
-const RAIN: Shows = Shows::Falling { still: 0.5, colour: [0.60, 0.62, 0.64], metres: 70.0, haze: 0.5 };
-const SNOW: Shows = Shows::Falling { still: 0.15, colour: [0.76, 0.78, 0.80], metres: 45.0, haze: 0.55 };
+const RAIN: Shows = Shows::Falling { still: 0.5, colour: [0.60, 0.62, 0.64], metres: 30.0, haze: 0.45 };
+const SNOW: Shows = Shows::Falling { still: 0.15, colour: [0.76, 0.78, 0.80], metres: 20.0, haze: 0.5 };
 
 impl Shows {
     /// The same description with what follows from it.

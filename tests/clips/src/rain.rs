@@ -14,7 +14,7 @@ const SHUTTER: f32 = 1.0 / 45.0;
 /// Drops further away are the haze of rain.
 const FAR: f32 = 11.0;
 /// Diameter of a drop in pixels one metre away.
-const DIAMETER: f32 = 1.0;
+const DIAMETER: f32 = 2.4;
 
 struct Drop {
     way: Passing,
@@ -29,7 +29,7 @@ pub struct Rain {
 impl Rain {
     pub fn new(random: &mut Random) -> Self {
         let mut drops = Vec::new();
-        for (count, distances) in [(300, [0.45, 1.2]), (1700, [1.2, 4.0]), (2200, [4.0, 9.0])] {
+        for (count, distances) in [(300, [0.45, 1.2]), (1500, [1.2, 4.0]), (900, [4.0, 9.0])] {
             for _ in 0..count {
                 let strength = random.uniform(0.55, 1.0) as f32;
                 // Large drops fall faster; the wind takes them all alike.
@@ -47,10 +47,10 @@ impl Effect for Rain {
             let Some(seen) = drop.way.seen(time, SECONDS, SHUTTER, FAR) else { continue };
             let width = DIAMETER / seen.distance + 2.0 * seen.blur;
             // No line is thinner than what a video can show; it is paler instead.
-            let shown = width.max(1.5);
+            let shown = width.max(2.4);
             let alpha =
-                drop.strength * if seen.distance < 1.2 { 0.55 } else { 0.72 * (width / shown).sqrt() };
-            canvas.streak(seen.ends[0], seen.ends[1], shown, [0.84, 0.87, 0.90], alpha);
+                drop.strength * if seen.distance < 1.2 { 0.75 } else { 0.95 * (width / shown).sqrt() };
+            canvas.streak(seen.ends[0], seen.ends[1], shown, [0.86, 0.89, 0.92], alpha);
         }
     }
 }
