@@ -196,12 +196,12 @@ impl Link {
             Some(Draws::PerFrame) => seed::of_frame(&self.key, frame_index),
             _ => self.key,
         };
-        let cx = Context::new(level, frame_index, time, &key).with_values(&self.names, &self.values);
+        let mut cx = Context::new(level, frame_index, time, &key).with_values(&self.names, &self.values);
+        cx.travelled = moment.travelled;
         let cx = match self.draws {
             Some(Draws::PerSequence) => cx.with_stream(0),
             _ => cx,
         };
-        let cx = Context { travelled: moment.travelled, ..cx };
         let cx = match attended {
             Some((now, earlier)) => cx.with_saliency(now, earlier),
             None => cx,

@@ -62,12 +62,6 @@ impl<'a> Context<'a> {
         self
     }
 
-    /// The same context in which it is known how far the vehicle has driven, in metres.
-    pub fn with_travelled(mut self, metres: f64) -> Self {
-        self.travelled = Some(metres);
-        self
-    }
-
     /// The same context with the saliency map of the frame, and with those of the sequence so far.
     pub fn with_saliency(mut self, now: &'a [f32], earlier: EarlierMaps<'a>) -> Self {
         (self.saliency, self.earlier) = (Some(now), earlier);
