@@ -196,7 +196,8 @@ impl Link {
             Some(Draws::PerFrame) => seed::of_frame(&self.key, frame_index),
             _ => self.key,
         };
-        let cx = Context::new(level, frame_index, time, &key).with_values(&self.names, &self.values);
+        let mut cx = Context::new(level, frame_index, time, &key).with_values(&self.names, &self.values);
+        cx.travelled = moment.travelled;
         let cx = match self.draws {
             Some(Draws::PerSequence) => cx.with_stream(0),
             _ => cx,

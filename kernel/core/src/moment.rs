@@ -9,6 +9,8 @@ pub struct Moment<'a> {
     pub time: f64,
     /// The vehicle's speed in metres per second, where it is known.
     pub speed: Option<f64>,
+    /// How far the vehicle has driven since the start of the sequence, in metres, where it is known.
+    pub travelled: Option<f64>,
     /// Whether the frame counts for itself, as those of datasets do, which are looked at in any order: then nothing of other
     /// frames has an influence on what becomes of it.
     pub alone: bool,
@@ -30,7 +32,7 @@ pub struct Labels<'a> {
 impl<'a> Moment<'a> {
     /// The moment of a frame of which nothing else is known.
     pub fn new(frame_index: u64, time: f64) -> Self {
-        Self { frame_index, time, speed: None, alone: false, labels: None, depth: None }
+        Self { frame_index, time, speed: None, travelled: None, alone: false, labels: None, depth: None }
     }
 
     /// The moment of a frame that counts for itself.
@@ -41,6 +43,11 @@ impl<'a> Moment<'a> {
     /// The same moment at a speed.
     pub fn at_speed(self, speed: f64) -> Self {
         Self { speed: Some(speed), ..self }
+    }
+
+    /// The same moment so many metres from the start.
+    pub fn after(self, metres: f64) -> Self {
+        Self { travelled: Some(metres), ..self }
     }
 
     /// The same moment with what the pixels show.

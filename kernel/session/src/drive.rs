@@ -92,6 +92,8 @@ pub struct Run<'a> {
     /// When frame 0 was due, in real time.
     began: Instant,
     state: State,
+    /// How far the vehicle has driven by the state, in metres.
+    travelled: f64,
     /// What the driver said last.
     control: Control,
     /// Number and time of the last frame, and the frame as camera and driver saw it, which stays in shared memory until the next one.
@@ -119,6 +121,7 @@ impl<'a> Run<'a> {
             sequence: 0,
             began: Instant::now(),
             state: State::default(),
+            travelled: 0.0,
             control: Control::default(),
             last: None,
             labels: None,
@@ -227,8 +230,11 @@ impl<'a> Run<'a> {
                 })
                 .map_err(Fault::Component)?;
         }
+        let passed = (state.time - self.state.time).max(0.0);
+        self.travelled += 0.5 * (self.state.speed + state.speed).max(0.0) * passed;
         let moment = Moment::new(sequence, state.time)
             .at_speed(state.speed)
+            .after(self.travelled)
             .with_labels(labels)
             .with_depth(self.depth.as_deref());
 

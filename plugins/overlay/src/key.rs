@@ -81,6 +81,11 @@ impl Matte {
 }
 
 impl Screen {
+    /// A screen of a known colour that a video has kept well.
+    pub fn known(rgb: [u8; 3]) -> Self {
+        Self { colour: luma_and_chroma(rgb.map(f32::from)), noise: 0.05 }
+    }
+
     /// The share of the screen in a pixel, from its chroma; noise leads beyond 0 and 1.
     fn share(&self, blue: f32, red: f32) -> f32 {
         let magnitude = length(self.colour);

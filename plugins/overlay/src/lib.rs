@@ -1,6 +1,7 @@
 //! Perturbations of the overlay family: green-screen clips laid over the frame. The user's own clips need no code: see
 //! [`overlay`].
 
+mod air;
 mod cache;
 mod clip;
 mod common;

@@ -52,11 +52,11 @@ impl Component for Overlay {
             "" | "auto" => None,
             text => Some(colour(text)?),
         };
-        let settings = Settings { key, fit: fit_of(config), seconds: config.number("seconds") };
-        let clip = match config.text("clip").strip_prefix(published::PREFIX) {
-            Some(name) => published::clip(name)?,
-            None => Clip::Path(PathBuf::from(config.text("clip"))),
+        let (clip, fit) = match config.text("clip").strip_prefix(published::PREFIX) {
+            Some(name) => (published::clip(name)?, published::usual_fit(name, fit_of(config))),
+            None => (Clip::Path(PathBuf::from(config.text("clip"))), fit_of(config)),
         };
+        let settings = Settings { key, fit, seconds: config.number("seconds") };
         // What is wrong with a clip shows here, before the first frame.
         prepare::check(&clip, &settings, &cache::folder()?)?;
         Ok(Self { player: Player::new(clip, settings, motion_of(config))? })

@@ -6,6 +6,7 @@ use pdk_sdk::error::Place;
 use pdk_sdk::ops::overlay::overlay;
 use pdk_sdk::prelude::*;
 
+use crate::air::Air;
 use crate::cache;
 use crate::clip::Clip;
 use crate::place::{Moved, middle};
@@ -28,8 +29,28 @@ pub enum Loop {
 pub enum Motion {
     /// The clip runs in simulation time, at its own rate or at the given one.
     Runs { end: Loop, rate: Option<f64> },
+    /// The clip runs in simulation time and with the way that the vehicle drives, as the drive says.
+    Driven { end: Loop, drive: Drive },
     /// One frame stands still: one of those that cover at least a third as much as the fullest.
     Stands,
+}
+
+/// How what a clip shows comes past a vehicle that drives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drive {
+    /// The vehicle's speed for which the clip was made, in metres a second.
+    pub speed: f64,
+    /// The share of its motion that is there when the vehicle stands.
+    pub still: f64,
+}
+
+impl Drive {
+    /// How many seconds of the clip have passed at a time, where the vehicle has driven so many metres; where that is not known,
+    /// it drives at the clip's speed.
+    fn passed(self, time: f64, travelled: Option<f64>) -> f64 {
+        let driven = travelled.map_or(time, |metres| metres / self.speed);
+        self.still * time + (1.0 - self.still) * driven
+    }
 }
 
 /// A clip that is laid over frames.
@@ -47,6 +68,8 @@ pub struct Player {
     mixed: Layer,
     /// What is shown, in another place.
     moved: Moved,
+    /// What the air or the camera does to the frame before the clip is laid over it.
+    air: Option<Air>,
 }
 
 /// A frame of the clip that was read, and its number.
@@ -65,7 +88,13 @@ impl Player {
         let hash = clip.hash().place(&clip)?;
         let folder = cache::folder()?;
         let (held, mixed) = (Default::default(), Layer::default());
-        Ok(Self { clip, hash, settings, motion, folder, store: None, held, mixed, moved: Moved::default() })
+        let moved = Moved::default();
+        Ok(Self { clip, hash, settings, motion, folder, store: None, held, mixed, moved, air: None })
+    }
+
+    /// The same player that also does to frames what the air does, or the camera.
+    pub fn through(self, air: Air) -> Self {
+        Self { air: Some(air), ..self }
     }
 
     /// Lays the clip over a frame.
@@ -79,7 +108,7 @@ impl Player {
             self.open(size)?;
         }
         let Some(store) = &self.store else { return Ok(()) };
-        let shown = frame_at(store.index(), self.motion, cx.time, &mut cx.sequence_random());
+        let shown = frame_at(store.index(), self.motion, (cx.time, cx.travelled), &mut cx.sequence_random());
         // The frame that is held already may be the first one now.
         if self.held[1].number == Some(shown.first) {
             self.held.swap(0, 1);
@@ -98,7 +127,11 @@ impl Player {
         if let Some(map) = cx.saliency.filter(|map| map.len() == alphas.len()) {
             (colours, alphas) = self.moved.to(middle(map, size.0), (colours, alphas), size);
         }
-        overlay(src, dst, colours, alphas, cx.number("opacity"));
+        let opacity = cx.number("opacity");
+        match &mut self.air {
+            Some(air) => overlay(air.apply(src, cx), dst, colours, alphas, opacity),
+            None => overlay(src, dst, colours, alphas, opacity),
+        }
         Ok(())
     }
 
@@ -143,16 +176,19 @@ pub struct Shown {
     pub weight: u16,
 }
 
-/// What is shown of a store at a time, in seconds: between two frames of the clip both, so that it moves evenly at any rate of
+/// What is shown of a store at a time, in seconds, when the vehicle has driven so many metres, where that is known: between two frames of the clip both, so that it moves evenly at any rate of
 /// frames.
-pub fn frame_at(index: &Index, motion: Motion, time: f64, random: &mut Random) -> Shown {
+pub fn frame_at(
+    index: &Index,
+    motion: Motion,
+    (time, travelled): (f64, Option<f64>),
+    random: &mut Random,
+) -> Shown {
     let frames = index.frames;
-    let Motion::Runs { end, rate } = motion else {
-        let fullest = index.coverage[..frames].iter().copied().fold(0.0, f64::max);
-        let full = || (0..frames).filter(|&frame| index.coverage[frame] * 3.0 >= fullest);
-        let chosen = random.below(full().count() as u32) as usize;
-        let first = full().nth(chosen).unwrap_or_default();
-        return Shown { first, second: first, weight: 0 };
+    let (end, seconds, rate) = match motion {
+        Motion::Runs { end, rate } => (end, time, rate),
+        Motion::Driven { end, drive } => (end, drive.passed(time, travelled), None),
+        Motion::Stands => return still_frame(index, random),
     };
     let faded = index.places.len() - frames;
     let period = match end {
@@ -162,7 +198,7 @@ pub fn frame_at(index: &Index, motion: Motion, time: f64, random: &mut Random) -
     };
     let start = random.below(period as u32) as i64;
     // In 256ths of a frame. Times are multiples of a frame's duration that are not exact, so the nearest one counts.
-    let passed = (time * rate.unwrap_or(index.rate) * 256.0).round() as i64;
+    let passed = (seconds * rate.unwrap_or(index.rate) * 256.0).round() as i64;
     let (whole, weight) = (passed.div_euclid(256), passed.rem_euclid(256) as u16);
     let frame = |number: i64| {
         let place = number.saturating_add(start).rem_euclid(period as i64) as usize;
@@ -174,6 +210,15 @@ pub fn frame_at(index: &Index, motion: Motion, time: f64, random: &mut Random) -
         }
     };
     Shown { first: frame(whole), second: frame(whole.saturating_add(1)), weight }
+}
+
+/// One of the frames that cover at least a third as much as the fullest.
+fn still_frame(index: &Index, random: &mut Random) -> Shown {
+    let fullest = index.coverage[..index.frames].iter().copied().fold(0.0, f64::max);
+    let full = || (0..index.frames).filter(|&frame| index.coverage[frame] * 3.0 >= fullest);
+    let chosen = random.below(full().count() as u32) as usize;
+    let first = full().nth(chosen).unwrap_or_default();
+    Shown { first, second: first, weight: 0 }
 }
 
 #[cfg(test)]
@@ -190,7 +235,7 @@ mod tests {
     fn played(index: &Index, end: Loop, count: usize) -> Vec<usize> {
         let random = Key([4; 32]).sequence();
         let motion = Motion::Runs { end, rate: None };
-        let at = |i: usize| frame_at(index, motion, i as f64 / 30.0, &mut random.clone());
+        let at = |i: usize| frame_at(index, motion, (i as f64 / 30.0, None), &mut random.clone());
         assert!((0..count).all(|i| at(i).weight == 0), "at its own rate nothing is mixed");
         (0..count).map(|i| at(i).first).collect()
     }
@@ -233,7 +278,7 @@ mod tests {
         let index = index(1000, 0, &[]);
         let random = Key([4; 32]).sequence();
         let at = |time: f64, rate: Option<f64>| {
-            frame_at(&index, Motion::Runs { end: Loop::Repeat, rate }, time, &mut random.clone())
+            frame_at(&index, Motion::Runs { end: Loop::Repeat, rate }, (time, None), &mut random.clone())
         };
         let start = at(0.0, None).first;
         assert_eq!((at(2.0, None).first + 1000 - start) % 1000, 60);
@@ -251,13 +296,30 @@ mod tests {
     }
 
     #[test]
+    fn what_comes_past_the_vehicle_follows_the_way_it_drives() {
+        let index = index(1000, 0, &[]);
+        let random = Key([4; 32]).sequence();
+        let drive = Drive { speed: 10.0, still: 0.4 };
+        let at = |time: f64, travelled: Option<f64>| {
+            let motion = Motion::Driven { end: Loop::Repeat, drive };
+            frame_at(&index, motion, (time, travelled), &mut random.clone()).first
+        };
+        let start = at(0.0, None);
+        let passed = |time, travelled| (at(time, travelled) + 1000 - start) % 1000;
+        // At the speed it was made for it runs as it is, and so it does where nobody knows the way.
+        assert_eq!((passed(2.0, None), passed(2.0, Some(20.0))), (60, 60));
+        // Twice as fast, and standing still.
+        assert_eq!((passed(2.0, Some(40.0)), passed(2.0, Some(0.0))), (96, 24));
+    }
+
+    #[test]
     fn a_still_frame_is_one_that_shows_something_and_depends_on_the_key_alone() {
         let index = index(6, 1, &[0.0, 10.0, 40.0, 0.0, 14.0, 13.0]);
         let mut chosen = Vec::new();
         for key in 0..40 {
             let random = Key([key; 32]).sequence();
-            let frame = frame_at(&index, Motion::Stands, 0.0, &mut random.clone());
-            assert_eq!(frame, frame_at(&index, Motion::Stands, 7.3, &mut random.clone()));
+            let frame = frame_at(&index, Motion::Stands, (0.0, None), &mut random.clone());
+            assert_eq!(frame, frame_at(&index, Motion::Stands, (7.3, Some(9.0)), &mut random.clone()));
             assert_eq!(frame.weight, 0);
             let frame = frame.first;
             chosen.push(frame);

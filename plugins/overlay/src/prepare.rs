@@ -8,13 +8,14 @@ use pdk_sdk::prelude::*;
 
 use crate::cache;
 use crate::clip::{Clip, some_pictures};
-use crate::key::{Keyer, Matte, premultiply};
+use crate::key::{Keyer, Matte, Screen, premultiply};
 use crate::picture::{Layout, Picture, Samples};
+use crate::published::SCREEN;
 use crate::scale::{Fit, Scaler};
 use crate::store::{Layer, Store, Writer};
 
 /// Raised by every change of what a store holds.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Pictures in which the screen is searched for.
 const PICTURES: usize = 5;
 /// Seconds over which the end of a clip is faded into its beginning, at most a quarter of the clip.
@@ -23,7 +24,7 @@ const FADE: f64 = 0.5;
 /// How a clip is prepared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// The screen's colour; found where there is none.
+    /// The screen's colour; found where there is none, and known of clips of pdk's own.
     pub key: Option<[u8; 3]>,
     /// How the clip is fitted to the frame.
     pub fit: Fit,
@@ -36,6 +37,9 @@ pub struct Settings {
 /// # Errors
 /// Where the clip cannot be decoded, or has no screen.
 pub fn matte(clip: &Clip, settings: &Settings) -> Result<Matte> {
+    if let Clip::BuiltIn(..) = clip {
+        return Ok(Matte::Screen(Screen::known(SCREEN)));
+    }
     Matte::find(&some_pictures(clip, PICTURES)?, settings.key)
 }
 

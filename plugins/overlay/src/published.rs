@@ -2,10 +2,12 @@
 
 use pdk_sdk::prelude::*;
 
+use crate::air::{Air, Effect};
 use crate::clip::Clip;
 use crate::common::{fit, fit_of, motion_of, with_common, with_motion};
-use crate::player::{Motion, Player};
+use crate::player::{Drive, Motion, Player};
 use crate::prepare::Settings;
+use crate::scale::Fit;
 
 macro_rules! clip {
     ($name:literal) => {
@@ -35,12 +37,129 @@ pub fn clip(name: &str) -> Result<Clip> {
 const SOURCE: &str = "A loop over a green screen, drawn by this project";
 /// What differs in all of them.
 const OWN_CLIP: &str = "The clip is a drawing of this project's instead of the published recording.";
+/// The screen of all clips of our own.
+pub const SCREEN: [u8; 3] = [0, 219, 26];
+/// Height of the horizon in the clips that have one, from the top.
+const HORIZON: f64 = 0.45;
+/// Where frames have it if nothing else is said: there is it in those of the built-in simulator.
+const FRAME_HORIZON: f64 = 0.32;
+/// The vehicle's speed for which rain and snow are drawn, in metres a second.
+const SPEED: f64 = 10.0;
+
+/// What a clip shows, as far as more follows from that than its pictures.
+#[derive(Clone, Copy, PartialEq)]
+enum Shows {
+    /// Drops or flakes that come past the vehicle; this share of their motion is there when it stands. The air is full of them, of
+    /// this colour, and hides things as many metres away.
+    Falling { still: f64, colour: [f64; 3], metres: f64, haze: f64 },
+    /// Something in the sky.
+    Sky,
+    /// The sun.
+    Sun,
+    /// Something that may be anywhere.
+    Anything,
+}
+
+const RAIN: Shows = Shows::Falling { still: 0.5, colour: [0.60, 0.62, 0.64], metres: 30.0, haze: 0.45 };
+const SNOW: Shows = Shows::Falling { still: 0.15, colour: [0.76, 0.78, 0.80], metres: 20.0, haze: 0.5 };
+
+impl Shows {
+    /// The same description with what follows from it.
+    fn describe(self, description: Description) -> Description {
+        if self == Self::Anything {
+            return description;
+        }
+        let description = description.parameter(
+            Parameter::number(
+                "horizon",
+                FRAME_HORIZON,
+                "where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its own lies there, \
+                 and enlarged as far as that takes; not with fit=stretch",
+            )
+            .range(0.0, 1.0),
+        );
+        match self {
+            Self::Falling { haze, .. } => description
+                .mathematics(
+                    "(1 - opacity a) w + opacity c, a the clip's alpha once the screen is out, c its colour times a; \
+                     w = v + opacity haze (1 - exp(-z / s)) (air - v), z the depth of the road, s the sight in metres",
+                )
+                .divergence("The air hides what is far away; the published code draws the clip alone, as `haze=0` does.")
+                .parameter(
+                    Parameter::number("haze", haze, "the share of the distant scene that the air hides, at an opacity of 1")
+                        .range(0.0, 1.0),
+                ),
+            Self::Sun => description
+                .mathematics(
+                    "(1 - opacity a) w + opacity c, a the clip's alpha once the screen is out, c its colour times a; \
+                     w = v (1 - opacity darker) + 255 opacity veil",
+                )
+                .divergence(
+                    "The camera exposes less and its lens scatters light over the frame; the published code draws the clip alone, as \
+                     `darker=0,veil=0` does.",
+                )
+                .parameter(
+                    Parameter::number("darker", 0.35, "the share of the light that the camera takes away, at an opacity of 1")
+                        .range(0.0, 1.0),
+                )
+                .parameter(
+                    Parameter::number("veil", 0.09, "the light scattered over the frame as a share of white, at an opacity of 1")
+                        .range(0.0, 1.0),
+                ),
+            Self::Sky | Self::Anything => description,
+        }
+    }
+
+    /// How its clip is fitted to a frame with this horizon.
+    fn fit(self, fit: Fit, frame: f64) -> Fit {
+        match fit {
+            Fit::Cover if self != Self::Anything => Fit::Horizon { clip: HORIZON, frame },
+            other => other,
+        }
+    }
+
+    /// How its clip runs: with the vehicle, unless the user says how fast.
+    fn motion(self, motion: Motion) -> Motion {
+        match (self, motion) {
+            (Self::Falling { still, .. }, Motion::Runs { end, rate: None }) => {
+                Motion::Driven { end, drive: Drive { speed: SPEED, still } }
+            }
+            (_, motion) => motion,
+        }
+    }
+
+    /// Plays its clip.
+    fn player(self, clip: Clip, config: &Config, motion: Motion) -> Result<Player> {
+        let horizon = if self == Self::Anything { FRAME_HORIZON } else { config.number("horizon") };
+        let settings = Settings { key: None, fit: self.fit(fit_of(config), horizon), seconds: 60.0 };
+        let player = Player::new(clip, settings, self.motion(motion))?;
+        Ok(match self {
+            Self::Falling { colour, metres, .. } => player.through(Air::new(Effect::Haze {
+                colour,
+                metres,
+                most: config.number("haze"),
+                horizon,
+            })),
+            Self::Sun => {
+                let (darker, veil) = (config.number("darker"), config.number("veil"));
+                player.through(Air::new(Effect::Glare { colour: [1.0, 0.96, 0.88], darker, veil }))
+            }
+            Self::Sky | Self::Anything => player,
+        })
+    }
+}
+
+/// How a clip of our own is fitted to frames of which nothing is said.
+pub fn usual_fit(name: &str, fit: Fit) -> Fit {
+    let shows = if name == "smoke" { Shows::Anything } else { Shows::Sky };
+    shows.fit(fit, FRAME_HORIZON)
+}
 
 /// Defines the two perturbations of a clip; the literals are their names, what they show, and how long and how often it
-/// does; then their versions.
+/// does; then what it shows, and their versions.
 macro_rules! overlays {
     ($($clip:literal: $moving:ident $moving_name:literal, $still:ident $still_name:literal, $what:literal, $loop:literal,
-       $version:literal $still_version:literal $(, $not_default:ident)?;)*) => {
+       $shows:expr, $version:literal $still_version:literal $(, $not_default:ident)?;)*) => {
         $(
             #[doc = concat!("Lays moving ", $what, " over the frame.")]
             pub struct $moving(Player);
@@ -51,11 +170,19 @@ macro_rules! overlays {
                     let description =
                         Description::perturbation($moving_name, doc).version($version).source(SOURCE).divergence(OWN_CLIP);
                     // The clips' last frames lead to their first ones.
-                    with_motion(with_common(description), ["repeat", "cross-fade", "ping-pong"])
+                    let description = with_motion(with_common(description), ["repeat", "cross-fade", "ping-pong"]);
+                    let description = match $shows {
+                        Shows::Falling { .. } => description.divergence(
+                            "Unless `rate` is set, the clip runs as fast as the vehicle drives, where that is known: it is drawn for \
+                             10 m/s, and a share of its motion goes on when the vehicle stands.",
+                        ),
+                        _ => description,
+                    };
+                    $shows.describe(description)
                 }
 
                 fn new(config: &Config) -> Result<Self> {
-                    Ok(Self(Player::new(clip!($clip), settings(config), motion_of(config))?))
+                    Ok(Self($shows.player(clip!($clip), config, motion_of(config))?))
                 }
             }
 
@@ -73,16 +200,17 @@ macro_rules! overlays {
                     let doc = concat!("Lays ", $what, " over the frame, standing still");
                     let description =
                         Description::perturbation($still_name, doc).version($still_version).source(SOURCE).divergence(OWN_CLIP);
-                    with_common(description)
+                    let description = with_common(description)
                         .drawn_per_sequence(
                             "which frame of the clip is shown, of those that cover at least a third as much as the fullest",
                         )
                         .parameter(fit())
-                        $(.$not_default())?
+                        $(.$not_default())?;
+                    $shows.describe(description)
                 }
 
                 fn new(config: &Config) -> Result<Self> {
-                    Ok(Self(Player::new(clip!($clip), settings(config), Motion::Stands)?))
+                    Ok(Self($shows.player(clip!($clip), config, Motion::Stands)?))
                 }
             }
 
@@ -97,22 +225,15 @@ macro_rules! overlays {
 
 overlays! {
     "rain": DynamicRain "dynamic_rain_filter", StaticRain "static_rain_filter", "streaks of rain",
-        "a loop of 3 s", 2 1;
+        "a loop of 3 s", RAIN, 3 2;
     "snow": DynamicSnow "dynamic_snow_filter", StaticSnow "static_snow_filter", "flakes of snow",
-        "a loop of 4 s", 2 1;
+        "a loop of 4 s", SNOW, 3 2;
     "smoke": DynamicSmoke "dynamic_smoke_filter", StaticSmoke "static_smoke_filter", "swathes of smoke",
-        "a loop of 4 s", 2 1, not_default;
-    "birds": DynamicObject "dynamic_object_overlay", StaticObject "static_object_overlay", "birds in flight",
-        "a loop of 4 s", 2 1;
+        "a loop of 4 s", Shows::Anything, 3 2, not_default;
+    "birds": DynamicObject "dynamic_object_overlay", StaticObject "static_object_overlay", "birds in flight above the horizon",
+        "a loop of 4 s", Shows::Sky, 3 2;
     "sun": DynamicSun "dynamic_sun_filter", StaticSun "static_sun_filter", "glare of a low sun",
-        "a loop of 4 s", 2 1;
+        "a loop of 4 s", Shows::Sun, 3 2;
     "lightning": DynamicLightning "dynamic_lightning_filter", StaticLightning "static_lightning_filter", "bolts of lightning",
-        "a loop of 10 s, in 40 % of which one shows; otherwise the frame stays as it is", 3 2;
-}
-
-/// The screen of all clips of our own; smoke hides too much of it to have it searched for.
-const SCREEN: [u8; 3] = [0, 219, 26];
-
-fn settings(config: &Config) -> Settings {
-    Settings { key: Some(SCREEN), fit: fit_of(config), seconds: 60.0 }
+        "a loop of 10 s, in 40 % of which one shows; otherwise the frame stays as it is", Shows::Sky, 4 3;
 }

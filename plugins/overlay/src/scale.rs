@@ -2,10 +2,13 @@
 //! between pixels where they grow.
 
 /// How a clip is fitted to a frame of another shape.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fit {
     /// Keeps its shape and fills the frame; what sticks out is cut off at both sides alike.
     Cover,
+    /// Keeps its shape and fills the frame, with the horizon of the clip where that of the frame is, both as shares of the height
+    /// from the top. The clip is enlarged as far as that takes.
+    Horizon { clip: f64, frame: f64 },
     /// Takes the shape of the frame.
     Stretch,
 }
@@ -49,6 +52,24 @@ impl Taps {
     }
 }
 
+/// Width, height and upper edge of the part of a picture that a frame shows.
+fn shown((from_width, from_height): (usize, usize), (width, height): (usize, usize), fit: Fit) -> [f64; 3] {
+    let [from_width, from_height, width, height] = [from_width, from_height, width, height].map(|n| n as f64);
+    let shrink = (from_width / width).min(from_height / height);
+    match fit {
+        Fit::Stretch => [from_width, from_height, 0.0],
+        Fit::Cover => [width * shrink, height * shrink, (from_height - height * shrink) / 2.0],
+        Fit::Horizon { clip, frame } => {
+            // What lies above and below the horizon has to reach the edges of the frame.
+            let whole = height * shrink;
+            let reach =
+                [(clip, frame), (1.0 - clip, 1.0 - frame)].map(|(has, needs)| has * from_height / needs);
+            let shown = whole.min(reach[0]).min(reach[1]);
+            [width * shrink * shown / whole, shown, (clip * from_height - frame * shown).max(0.0)]
+        }
+    }
+}
+
 /// Scales pictures of one size to another. Keeps its workspace between pictures.
 #[derive(Debug, Clone, Default)]
 pub struct Scaler {
@@ -73,15 +94,9 @@ impl Scaler {
         colours: &mut Vec<u8>,
         alphas: &mut Vec<u8>,
     ) {
-        let (crop_width, crop_height) = match fit {
-            Fit::Stretch => (from_width as f64, from_height as f64),
-            Fit::Cover => {
-                let shrink = (from_width as f64 / width as f64).min(from_height as f64 / height as f64);
-                (width as f64 * shrink, height as f64 * shrink)
-            }
-        };
+        let [crop_width, crop_height, top] = shown((from_width, from_height), (width, height), fit);
         self.columns.fill(from_width, (from_width as f64 - crop_width) / 2.0, crop_width, width);
-        self.rows.fill(from_height, (from_height as f64 - crop_height) / 2.0, crop_height, height);
+        self.rows.fill(from_height, top, crop_height, height);
         self.narrow_rows(rgba, from_width, width);
         colours.resize(width * height * 3, 0);
         alphas.resize(width * height, 0);
@@ -187,6 +202,26 @@ mod tests {
             [0u8, 200, 100, 0].iter().flat_map(|&a| [0, 0, 0, a]).collect::<Vec<_>>().repeat(2);
         assert_eq!(scaled(&rgba, (4, 2), (2, 2), Fit::Cover).1, [200, 100, 200, 100]);
         assert_eq!(scaled(&rgba, (4, 2), (2, 2), Fit::Stretch).1, [100, 50, 100, 50]);
+    }
+
+    #[test]
+    fn the_horizon_of_the_clip_comes_to_lie_on_that_of_the_frame() {
+        // Opaque above the horizon, transparent below.
+        let (width, height) = (64, 80);
+        let rgba: Vec<u8> =
+            (0..width * height).flat_map(|i| [0, 0, 0, if i / width < 36 { 255 } else { 0 }]).collect();
+        for to in [(64, 80), (64, 32), (20, 100), (31, 31)] {
+            for frame in [0.1, 0.3, 0.5, 0.9] {
+                let fit = Fit::Horizon { clip: 0.45, frame };
+                let alphas = scaled(&rgba, (width, height), to, fit).1;
+                let column: f64 = (0..to.1).map(|y| f64::from(alphas[y * to.0]) / 255.0).sum();
+                assert!((column - frame * to.1 as f64).abs() < 0.51, "{to:?} {frame}: {column}");
+                let [shown_width, shown_height, top] = shown((width, height), to, fit);
+                let shape = shown_width / shown_height * to.1 as f64 / to.0 as f64;
+                assert!((shape - 1.0).abs() < 1e-9 && shown_width <= 64.0 + 1e-9, "{to:?} {frame}");
+                assert!(top >= 0.0 && top + shown_height <= 80.0 + 1e-9, "{to:?} {frame}");
+            }
+        }
     }
 
     #[test]

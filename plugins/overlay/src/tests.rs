@@ -274,7 +274,8 @@ fn standing_overlays_have_many_pictures() {
     let folder = tempfile::tempdir().unwrap();
     for (name, _) in own_clips() {
         let index = own_index(name, folder.path());
-        let frame = |key: u8| frame_at(&index, Motion::Stands, 0.0, &mut Key([key; 32]).sequence()).first;
+        let frame =
+            |key: u8| frame_at(&index, Motion::Stands, (0.0, None), &mut Key([key; 32]).sequence()).first;
         let mut frames: Vec<usize> = (0..40).map(frame).collect();
         frames.sort_unstable();
         frames.dedup();
@@ -294,6 +295,58 @@ fn published_overlays_can_be_stretched_and_looped_too() {
     let still = |given: Value| apply::<StaticSun>(given, 4.0, 1.0, src.as_ref());
     assert_ne!(still(json!({"fit": "stretch"})).unwrap(), still(json!({})).unwrap());
     assert!(still(json!({"loop": "repeat"})).is_err());
+}
+
+#[test]
+fn birds_keep_above_the_horizon_unless_told_otherwise() {
+    let src = FrameBuf::from_vec(vec![200; 160 * 80 * 3], 160, 80).unwrap();
+    let lowest = |given: Value, time: f64| {
+        let out = apply::<DynamicObject>(given, 4.0, time, src.as_ref()).unwrap();
+        let seen = |y: usize| (0..160).any(|x| out.as_ref().pixel(x, y)[0] < 150);
+        (0..80).rev().find(|&y| seen(y)).unwrap_or_default()
+    };
+    for step in 0..20 {
+        let time = f64::from(step) * 0.2;
+        let [usual, lower] = [json!({}), json!({"horizon": 0.8})].map(|given| lowest(given, time));
+        assert!((1..26).contains(&usual), "{time}: row {usual}");
+        assert!((30..64).contains(&lower), "{time}: row {lower}");
+    }
+}
+
+#[test]
+fn the_sun_lowers_exposure_and_contrast() {
+    let half = [20u8; 160 * 40 * 3].into_iter().chain([180; 160 * 40 * 3]).collect();
+    let src = FrameBuf::from_vec(half, 160, 80).unwrap();
+    let at = |given: Value, y: usize| {
+        apply::<DynamicSun>(given, 4.0, 0.0, src.as_ref()).unwrap().as_ref().pixel(2, y)[2]
+    };
+    let plain = json!({"darker": 0, "veil": 0});
+    assert!(at(plain.clone(), 79).abs_diff(180) < 12, "{}", at(plain, 79));
+    assert!(at(json!({}), 79) < 150 && at(json!({}), 1) > 28, "{} {}", at(json!({}), 79), at(json!({}), 1));
+}
+
+#[test]
+fn rain_comes_faster_to_a_vehicle_that_drives_faster() {
+    let src = sample_frame(96, 48);
+    let after = |metres: Option<f64>| {
+        let description = DynamicRain::description();
+        let config = Config::check(&description, json!({}).as_object().unwrap()).unwrap();
+        let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
+        let mut values = Vec::new();
+        frame_values(&description, &config, 4.0, &mut values);
+        let key = Key([8; 32]);
+        let mut cx = Context::new(4.0, 20, 1.0, &key).with_values(&names, &values);
+        cx.travelled = metres;
+        let mut dst = FrameBuf::new(96, 48);
+        DynamicRain::new(&config).unwrap().apply(src.as_ref(), dst.as_mut(), &cx).unwrap();
+        dst
+    };
+    // Ten metres in a second is what the clip is drawn for.
+    assert_eq!(after(None), after(Some(10.0)));
+    assert_ne!(after(None), after(Some(20.0)));
+    // At standstill it shows what it shows after half the time at that speed.
+    let half = apply::<DynamicRain>(json!({}), 4.0, 0.5, src.as_ref()).unwrap();
+    assert_eq!(after(Some(0.0)), half);
 }
 
 #[test]

@@ -1,18 +1,17 @@
-//! Water so near to the camera that it is out of focus, and the light that it scatters over the frame.
+//! Water and snow so near to the camera that they are out of focus, and the light that they scatter over the frame.
 
 use pdk_sdk::ops::average::{MAX_RADIUS, Workspace, disc_blur};
 use pdk_sdk::prelude::*;
 
-use crate::lens::{Backdrop, to_byte};
-use crate::water::Water;
+use crate::lens::to_byte;
 
 /// Below this radius in pixels everything is in focus.
 const SHARP: f64 = 0.5;
 
-/// Lays water over a frame.
+/// Lays what is on the lens over a frame.
 #[derive(Default)]
 pub struct Focus {
-    /// What is seen through the water, times its opacity, and the opacity in all channels.
+    /// What is seen in place of the frame, times its opacity, and the opacity in all channels.
     seen: FrameBuf,
     opacity: FrameBuf,
     soft_seen: FrameBuf,
@@ -21,27 +20,23 @@ pub struct Focus {
 }
 
 impl Focus {
-    /// Lays the water over `src`. A point of it becomes a disc with this radius in pixels, and the whole frame gets a share of stray
-    /// light: `veil` times the share of the frame that the water covers.
+    /// Lays over `src` what `add` adds to a black frame, times its opacity, and to a frame of opacities. A point of it becomes a disc
+    /// with this radius in pixels, and the whole frame gets a share of stray light of this brightness: `veil` times the share of the
+    /// frame that is covered.
     pub fn draw(
         &mut self,
         src: Frame<'_>,
         mut dst: FrameMut<'_>,
-        (water, backdrop): (&Water, &Backdrop),
+        add: impl FnOnce(&mut FrameBuf, &mut FrameBuf),
         radius: f64,
-        veil: f32,
+        (light, veil): (f32, f32),
     ) {
         let (width, height) = (src.width(), src.height());
-        if water.is_dry() {
-            return dst.copy_from(src);
-        }
         for frame in [&mut self.seen, &mut self.opacity] {
             frame.resize(width, height);
             frame.as_mut().data_mut().fill(0);
         }
-        // Over black, so that it comes out times its opacity.
-        water.refract(self.seen.as_mut(), backdrop);
-        water.opacity(self.opacity.as_mut());
+        add(&mut self.seen, &mut self.opacity);
         let (seen, opacity) = match radius < SHARP {
             true => (&self.seen, &self.opacity),
             false => {
@@ -57,7 +52,7 @@ impl Focus {
         };
         let covered: u64 = opacity.data().iter().map(|&value| u64::from(value)).sum();
         let covered = (covered as f64 / (255 * opacity.data().len()) as f64) as f32;
-        let (light, share) = (backdrop.brightness(), (veil * covered).min(1.0));
+        let share = (veil * covered).min(1.0);
         let (seen, opacity) = (seen.as_ref(), opacity.as_ref());
         for y in 0..height {
             let (seen, opacity) = (seen.row(y), opacity.row(y));
@@ -74,8 +69,8 @@ impl Focus {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lens::Lens;
-    use crate::water::Drop;
+    use crate::lens::{Backdrop, Lens};
+    use crate::water::{Drop, Water};
 
     fn drawn(radius: f64, veil: f32) -> FrameBuf {
         let mut src = FrameBuf::new(240, 240);
@@ -88,7 +83,11 @@ mod tests {
         water.add(&lens, &Drop { x: 0.0, y: 0.5, radius: 0.1, tail: 0.0, wobble: [0.0; 4] });
         backdrop.update(src.as_ref(), &lens);
         let mut dst = FrameBuf::new(240, 240);
-        Focus::default().draw(src.as_ref(), dst.as_mut(), (&water, &backdrop), radius, veil);
+        let add = |seen: &mut FrameBuf, opacity: &mut FrameBuf| {
+            water.refract(seen.as_mut(), &backdrop);
+            water.opacity(opacity.as_mut());
+        };
+        Focus::default().draw(src.as_ref(), dst.as_mut(), add, radius, (backdrop.brightness(), veil));
         dst
     }
 

@@ -106,8 +106,19 @@ impl Perturbation for RaindropsOnLens {
         self.add_tracks(&lens);
         self.add_sliders(&lens);
         self.backdrop.update(src, &lens);
+        let Self { water, backdrop, focus, .. } = self;
+        if water.is_dry() {
+            let mut dst = dst;
+            dst.copy_from(src);
+            return Ok(());
+        }
+        // Over black, so that it comes out times its opacity.
+        let add = |seen: &mut FrameBuf, opacity: &mut FrameBuf| {
+            water.refract(seen.as_mut(), backdrop);
+            water.opacity(opacity.as_mut());
+        };
         let radius = cx.number("defocus") * f64::from(lens.unit);
-        self.focus.draw(src, dst, (&self.water, &self.backdrop), radius, cx.number("veil") as f32);
+        focus.draw(src, dst, add, radius, (backdrop.brightness(), cx.number("veil") as f32));
         Ok(())
     }
 }

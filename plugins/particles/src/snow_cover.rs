@@ -12,6 +12,8 @@ pub const STAMPS: usize = 12;
 const SIDE: usize = 64;
 /// A stamp reaches so many radii of its flake from the middle.
 const REACH: f32 = 1.35;
+/// What a density of 1 counts.
+const THICKNESS: f32 = 1.35;
 /// Density of the bank well below its surface.
 const BANK: f32 = 5.0;
 /// Side of the picture of the bank's grain in heights of the frame.
@@ -165,6 +167,18 @@ impl SnowCover {
         self.grain = pictures;
     }
 
+    /// Adds how opaque the snow is, 0 to 255, to all channels of a frame of opacities.
+    pub fn opacity(&self, mut dst: FrameMut<'_>) {
+        for (y, &(first, last)) in self.rows.iter().enumerate().filter(|(_, (first, last))| first <= last) {
+            let out = &mut dst.row_mut(y)[first * 3..(last + 1) * 3];
+            let densities = &self.density[y * self.width + first..=y * self.width + last];
+            for (out, &density) in out.chunks_exact_mut(3).zip(densities) {
+                let behind = f32::from(out[0]);
+                out.fill(to_byte(behind + opacity(density) * (255.0 - behind)));
+            }
+        }
+    }
+
     /// Draws the snow over `dst`, which holds the scene behind it.
     pub fn draw(&mut self, mut dst: FrameMut<'_>, lens: &Lens, backdrop: &Backdrop) {
         // Snow is as bright as the light that falls on it, which the scene tells.
@@ -182,8 +196,8 @@ impl SnowCover {
             let look = &mut self.look[..=last - first];
             for (look, ((&density, &above), &below)) in look.iter_mut().zip(here.iter().zip(above).zip(below))
             {
-                let thick = density * 1.35;
-                let alpha = 0.96 - 0.96 / (1.0 + thick + thick * thick);
+                let thick = density * THICKNESS;
+                let alpha = opacity(density);
                 // Light comes from above: slopes that face up are brighter.
                 let rise = 1.0 / (1.0 + above) - 1.0 / (1.0 + below);
                 // Thin snow lets some of the scene's light through, out of focus.
@@ -203,6 +217,13 @@ impl SnowCover {
             }
         }
     }
+}
+
+/// How much of what lies behind snow of this density it hides.
+#[inline(always)]
+fn opacity(density: f32) -> f32 {
+    let thick = density * THICKNESS;
+    0.96 - 0.96 / (1.0 + thick + thick * thick)
 }
 
 /// The bank of snow at the lower edge of the lens.

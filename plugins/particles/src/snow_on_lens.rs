@@ -4,6 +4,7 @@ use pdk_sdk::prelude::*;
 
 use crate::births::{Births, COLUMN, sequence_key};
 use crate::flakes::{DRIFT, Flake, LIFETIME, MEAN_LIFE};
+use crate::focus::Focus;
 use crate::lens::{Backdrop, Density, Lens, smooth, time_of, with_common};
 use crate::snow_cover::{Bank, SnowCover};
 use crate::water::{Drop, Water};
@@ -20,19 +21,23 @@ pub struct SnowOnLens {
     bank: Bank,
     water: Water,
     backdrop: Backdrop,
+    focus: Focus,
 }
 
 impl Component for SnowOnLens {
     fn description() -> Description {
         let description = Description::perturbation(
             "snow_on_lens",
-            "Flakes of snow land on the lens, creep down, pile up at the lower edge and melt",
+            "Flakes of snow land on the lens out of focus, veil the scene, creep down, pile up at the lower edge and melt",
         )
         .family("lens")
-        .version(2)
+        .version(3)
         .dynamic()
         .source("Particles with bounded lives; stamps of clumps over water refracted by its slope")
-        .mathematics("opacity = 0.96 (1 - 1 / (1 + t + t²)), t = 1.35 times the sum of the flakes' densities")
+        .mathematics(
+            "a = 0.96 (1 - 1 / (1 + t + t²)), t = 1.35 times the sum of the flakes' densities; \
+             out = (1 - veil A) (v (1 - D * a) + D * (a snow)) + veil A mean(v), A the mean of a, D a disc",
+        )
         .divergence(
             "The published particles are half transparent and move at random with every frame; these refract or hide the \
              scene, and where they are follows from the key and the time alone.",
@@ -50,6 +55,15 @@ impl Component for SnowOnLens {
             Parameter::by_level("size", [0.03, 0.036, 0.043, 0.051, 0.06], "radius of the largest flakes")
                 .range(0.0, 0.2)
                 .unit("frame heights"),
+        )
+        .parameter(
+            Parameter::number("defocus", 0.02, "radius of the disc that a point of a flake becomes: flakes are nearer than the focus")
+                .range(0.0, 0.1)
+                .unit("frame heights"),
+        )
+        .parameter(
+            Parameter::number("veil", 0.2, "how much of the scene's mean brightness the flakes scatter over the frame where they cover it")
+                .range(0.0, 1.0),
         );
         with_common(description, "flakes that came loose", 0.04, "snowing")
     }
@@ -61,12 +75,13 @@ impl Component for SnowOnLens {
             bank: Bank::default(),
             water: Water::default(),
             backdrop: Backdrop::default(),
+            focus: Focus::default(),
         })
     }
 }
 
 impl Perturbation for SnowOnLens {
-    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let lens = Lens::of(src);
         let time = time_of(cx)?;
         let density = Density::new((cx.number("number") / MOST_FLAKES) as f32, lens, cx);
@@ -107,9 +122,16 @@ impl Perturbation for SnowOnLens {
         self.bank.settle();
         self.cover.add_bank(&lens, &self.bank);
         self.backdrop.update(src, &lens);
-        dst.copy_from(src);
-        self.water.refract(dst.reborrow(), &self.backdrop);
-        self.cover.draw(dst, &lens, &self.backdrop);
+        let Self { cover, water, backdrop, focus, .. } = self;
+        // Over black, so that it comes out times its opacity.
+        let add = |seen: &mut FrameBuf, opacity: &mut FrameBuf| {
+            water.refract(seen.as_mut(), backdrop);
+            water.opacity(opacity.as_mut());
+            cover.draw(seen.as_mut(), &lens, backdrop);
+            cover.opacity(opacity.as_mut());
+        };
+        let radius = cx.number("defocus") * f64::from(lens.unit);
+        focus.draw(src, dst, add, radius, (backdrop.brightness(), cx.number("veil") as f32));
         Ok(())
     }
 }

@@ -98,6 +98,8 @@ sized! {
         pub earlier_width: usize,
         /// Rows of each.
         pub earlier_height: usize,
+        /// How far the vehicle has driven since the start of the sequence, in metres; not a number where it is not known.
+        pub travelled: f64,
     }
 
     /// The functions of a perturbation.

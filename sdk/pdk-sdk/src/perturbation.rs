@@ -26,6 +26,8 @@ pub struct Context<'a> {
     pub frame_index: u64,
     /// Simulation time in seconds since the start of the sequence.
     pub time: f64,
+    /// How far the vehicle has driven since the start of the sequence, in metres; where it is known.
+    pub travelled: Option<f64>,
     /// How much each pixel matters to the driver, 0 to 1, row by row, as large as the frame; where there is a saliency map.
     pub saliency: Option<&'a [f32]>,
     /// The saliency maps of the sequence so far, this frame's among them; none where there are none.
@@ -44,6 +46,7 @@ impl<'a> Context<'a> {
             intensity,
             frame_index,
             time,
+            travelled: None,
             saliency: None,
             earlier: EarlierMaps::default(),
             key,

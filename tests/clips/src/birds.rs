@@ -5,7 +5,11 @@ use std::f32::consts::TAU;
 use pdk_ops::Random;
 
 use crate::canvas::{Canvas, SIZE};
+use crate::drive::HORIZON;
 use crate::effect::{Effect, fraction};
+
+/// How long the shutter is open, as a share of the clip: a 90th of a second.
+const SHUTTER: f32 = 1.0 / 360.0;
 
 struct Bird {
     /// Length of one wing in pixels.
@@ -30,11 +34,18 @@ pub struct Birds {
 impl Birds {
     pub fn new(random: &mut Random) -> Self {
         let bird = |i: usize, random: &mut Random| {
-            let nearness = (i as f32 / 15.0) * (i as f32 / 15.0);
+            let nearness = (i as f32 / 21.0) * (i as f32 / 21.0);
+            let wing = 9.0 + 33.0 * nearness;
+            // Its wings reach below its body; they too keep above the horizon.
+            let lowest = HORIZON - 0.02 - 1.2 * wing / SIZE.1 as f32;
+            let rise = random.uniform(-0.05, 0.05) as f32;
+            let height = random.uniform(0.0, f64::from(lowest)) as f32;
+            // Most are near the horizon, where what is far away is seen.
+            let height = if i % 4 == 0 { height } else { height.max(lowest - (lowest - height) * 0.55) };
             Bird {
-                wing: 16.0 + 40.0 * nearness,
-                height: random.uniform(0.06, 0.72) as f32,
-                rise: random.uniform(-0.16, 0.16) as f32,
+                wing,
+                height: height.min(lowest - rise.abs() / 2.0),
+                rise,
                 phase: random.unit() as f32,
                 direction: if i % 5 == 4 { -1.0 } else { 1.0 },
                 beats: random.between(8, 13) as f32,
@@ -42,12 +53,24 @@ impl Birds {
                 turn: random.uniform(0.55, 0.95) as f32,
             }
         };
-        Self { birds: (0..16).map(|i| bird(i, random)).collect() }
+        Self { birds: (0..22).map(|i| bird(i, random)).collect() }
     }
 }
 
 impl Effect for Birds {
     fn draw(&self, time: f32, canvas: &mut Canvas) {
+        // The wings move while the shutter is open.
+        let moments = [-1.0, -0.5, 0.0].map(|share| {
+            let mut sharp = Canvas::new();
+            self.draw_sharply(time + share * SHUTTER, &mut sharp);
+            sharp
+        });
+        canvas.mean(&moments);
+    }
+}
+
+impl Birds {
+    fn draw_sharply(&self, time: f32, canvas: &mut Canvas) {
         for bird in &self.birds {
             let (width, height) = (SIZE.0 as f32, SIZE.1 as f32);
             let course = fraction(time + bird.phase);
@@ -67,7 +90,9 @@ impl Effect for Birds {
 /// half of its wings are, -1 to 1.
 fn draw_bird(canvas: &mut Canvas, [x, y]: [f32; 2], bird: &Bird, root: f32, tip: f32) {
     let (size, facing) = (bird.wing, bird.direction);
-    let colour = [0.07, 0.065, 0.07];
+    // Air before them makes the far ones paler.
+    let pale = 0.16 * (20.0 / (size + 10.0)).min(1.0);
+    let colour = [0.08 + pale, 0.075 + pale, 0.07 + 1.1 * pale];
     let place = |right: f32, up: f32| [x + facing * right * size, y - up * size];
     // Beak, head, back, tail, belly.
     let body = curve(&[

@@ -23,6 +23,15 @@ impl Canvas {
         &self.pixels
     }
 
+    /// Makes it the mean of some pictures.
+    pub fn mean(&mut self, pictures: &[Canvas]) {
+        let share = 1.0 / pictures.len() as f32;
+        for (i, pixel) in self.pixels.iter_mut().enumerate() {
+            *pixel = [0, 1, 2, 3]
+                .map(|c| pictures.iter().map(|picture| picture.pixels[i][c]).sum::<f32>() * share);
+        }
+    }
+
     /// Lays a colour over a pixel.
     pub fn over(&mut self, x: usize, y: usize, colour: Colour, alpha: f32) {
         let alpha = alpha.clamp(0.0, 1.0);
@@ -75,6 +84,18 @@ impl Canvas {
             let ends = smooth(0.0, 0.25, along) * smooth(1.0, 0.85, along);
             (colour, alpha * side * ends)
         });
+    }
+
+    /// A soft disc that moves from one point to another, as wide as `width` at half its strength.
+    pub fn trail(&mut self, from: [f32; 2], to: [f32; 2], width: f32, colour: Colour, alpha: f32) {
+        let pad = width + 1.0;
+        let bounds = [
+            from[0].min(to[0]) - pad,
+            from[1].min(to[1]) - pad,
+            from[0].max(to[0]) + pad,
+            from[1].max(to[1]) + pad,
+        ];
+        self.shade(bounds, |x, y| (colour, alpha * smooth(width, 0.0, distance([x, y], from, to))));
     }
 
     /// A line of even strength from point to point: full up to `core` pixels from it, then fading over `halo` pixels.

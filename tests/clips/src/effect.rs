@@ -29,8 +29,8 @@ pub struct Clip {
 
 /// All clips.
 pub const CLIPS: [Clip; 6] = [
-    Clip { name: "rain", frames: 90, quantiser: 34, make: |random| Box::new(Rain::new(random)) },
-    Clip { name: "snow", frames: 120, quantiser: 33, make: |random| Box::new(Snow::new(random)) },
+    Clip { name: "rain", frames: 90, quantiser: 33, make: |random| Box::new(Rain::new(random)) },
+    Clip { name: "snow", frames: 120, quantiser: 35, make: |random| Box::new(Snow::new(random)) },
     Clip { name: "smoke", frames: 120, quantiser: 24, make: |random| Box::new(Smoke::new(random)) },
     Clip { name: "birds", frames: 120, quantiser: 26, make: |random| Box::new(Birds::new(random)) },
     Clip { name: "sun", frames: 120, quantiser: 22, make: |random| Box::new(Sun::new(random)) },

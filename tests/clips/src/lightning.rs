@@ -3,6 +3,7 @@
 use pdk_ops::Random;
 
 use crate::canvas::{Canvas, SIZE};
+use crate::drive::HORIZON;
 use crate::effect::{Effect, LIGHTNING_FRAMES};
 
 /// How bright a strike is in the frames after it begins; it strikes a second time through the same channel.
@@ -39,7 +40,7 @@ impl Lightning {
             let across = 0.12 + 0.76 * (place + random.unit() as f32) / STRIKES as f32;
             let mut random_at = |low: f64, high: f64| random.uniform(low, high) as f32;
             let from = [width * across, -10.0];
-            let to = [width * across + random_at(-90.0, 90.0), height * random_at(0.56, 0.70)];
+            let to = [width * across + random_at(-90.0, 90.0), height * (HORIZON - random_at(0.0, 0.07))];
             let mut bolt = Vec::new();
             grow(&mut bolt, from, to, 1.0, random);
             Strike { begin, bolt }
@@ -72,7 +73,7 @@ fn grow(bolt: &mut Vec<Branch>, from: [f32; 2], to: [f32; 2], strength: f32, ran
         for _ in 0..branches {
             let start =
                 points[random.between((points.len() / 8) as i32, (points.len() * 3 / 4) as i32) as usize];
-            let reach = length * random.uniform(0.18, 0.42) as f32;
+            let reach = length * random.uniform(0.14, 0.34) as f32;
             let side = random.uniform(0.35, 0.95) as f32 * if random.below(2) == 0 { 1.0 } else { -1.0 };
             let (sine, cosine) = (libm::sinf(side), libm::cosf(side));
             let direction = [(dx * cosine - dy * sine) / length, (dx * sine + dy * cosine) / length];

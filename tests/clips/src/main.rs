@@ -5,6 +5,7 @@
 
 mod birds;
 mod canvas;
+mod drive;
 mod effect;
 mod lightning;
 mod noise;
@@ -63,7 +64,7 @@ fn over_grey(canvas: &Canvas) -> image::RgbImage {
     let (width, height) = (SIZE.0 as u32, SIZE.1 as u32);
     image::RgbImage::from_fn(width, height, |x, y| {
         let pixel = canvas.pixels()[(y * width + x) as usize];
-        let grey = if y < height / 2 { 0.62 } else { 0.34 };
+        let grey = if (y as f32) < height as f32 * drive::HORIZON { 0.62 } else { 0.34 };
         image::Rgb([0, 1, 2].map(|c| ((pixel[c] + grey * (1.0 - pixel[3])) * 255.0 + 0.5) as u8))
     })
 }

@@ -5,6 +5,7 @@ use std::f32::consts::TAU;
 use pdk_ops::Random;
 
 use crate::canvas::{Canvas, Colour, SIZE, smooth};
+use crate::drive::HORIZON;
 use crate::effect::Effect;
 
 const WARM: Colour = [1.0, 0.95, 0.83];
@@ -42,14 +43,14 @@ impl Effect for Sun {
         let turn = TAU * time;
         let centre = [
             width * (0.60 + 0.012 * libm::sinf(turn) + 0.004 * libm::sinf(3.0 * turn)),
-            height * (0.30 + 0.014 * libm::cosf(2.0 * turn)),
+            height * (HORIZON - 0.12 + 0.006 * libm::cosf(2.0 * turn)),
         ];
         let power = 1.0 + 0.05 * libm::sinf(2.0 * turn) + 0.03 * libm::sinf(5.0 * turn + 1.0);
         canvas.shade([0.0, 0.0, width, height], |x, y| {
             let (dx, dy) = (x - centre[0], y - centre[1]);
             let distance = (dx * dx + dy * dy).sqrt();
-            let bloom = 0.95 * libm::expf(-distance / (46.0 * power))
-                + 0.42 * libm::expf(-distance / (170.0 * power));
+            let bloom =
+                1.1 * libm::expf(-distance / (38.0 * power)) + 0.45 * libm::expf(-distance / (150.0 * power));
             let direction = libm::atan2f(dy, dx) / TAU;
             let mut rays = 0.0;
             for ray in &self.rays {
@@ -58,8 +59,8 @@ impl Effect for Sun {
                 let flicker = 0.75 + 0.25 * libm::sinf(ray.flickers * turn + TAU * ray.phase);
                 rays += ray.strength * flicker * libm::expf(-off * off);
             }
-            let rays = 0.5 * rays * libm::expf(-distance / 130.0) * smooth(8.0, 40.0, distance);
-            let disc = smooth(34.0, 20.0, distance);
+            let rays = 0.3 * rays * libm::expf(-distance / 110.0) * smooth(8.0, 40.0, distance);
+            let disc = smooth(24.0, 12.0, distance);
             let clear = (1.0 - bloom.min(1.0)) * (1.0 - rays.min(1.0)) * (1.0 - disc);
             let alpha = (1.0 - clear) * 0.97;
             // White in the middle, warmer outside.
@@ -68,9 +69,9 @@ impl Effect for Sun {
         });
         // Reflections between the lenses lie on the line through the middle of the picture.
         for (place, radius, colour, alpha) in [
-            (-0.45, 30.0, [1.0, 0.72, 0.50], 0.16),
-            (-0.85, 13.0, [0.72, 0.62, 1.0], 0.22),
-            (-1.25, 44.0, [1.0, 0.60, 0.62], 0.13),
+            (-0.45, 30.0, [1.0, 0.78, 0.58], 0.11),
+            (-0.85, 13.0, [0.76, 0.70, 1.0], 0.13),
+            (-1.25, 44.0, [1.0, 0.72, 0.70], 0.08),
         ] {
             let at = [
                 width / 2.0 + (centre[0] - width / 2.0) * place * 1.6,

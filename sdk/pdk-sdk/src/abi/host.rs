@@ -273,6 +273,7 @@ impl Perturbation for HostPerturbation {
             earlier_values: cx.earlier.values.as_ptr(),
             earlier_width: cx.earlier.width,
             earlier_height: cx.earlier.height,
+            travelled: cx.travelled.unwrap_or(f64::NAN),
             ..empty()
         };
         let (source, target) = (convert::frame(src), convert::frame_mut(&mut dst));

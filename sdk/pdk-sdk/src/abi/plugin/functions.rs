@@ -110,12 +110,15 @@ functions! { perturbations: Perturbation;
         context: *const pdk_abi::PerturbationContext
     ) {
         let (source, target) = (convert::source(source)?, convert::target(target)?);
-        let raw = load(context, empty());
+        // A host that does not tell how far the vehicle has driven does not know it.
+        let unknown = pdk_abi::PerturbationContext { travelled: f64::NAN, ..empty() };
+        let raw = load(context, unknown);
         let key = Key(raw.key);
         let mut cx = Context::new(raw.intensity, raw.frame_index, raw.time, &key)
             .with_stream(raw.stream)
             .with_values(names, convert::slice(raw.values, raw.values_length));
         let saliency = convert::slice(raw.saliency, raw.saliency_length);
+        cx.travelled = Some(raw.travelled).filter(|metres| metres.is_finite());
         cx.saliency = (!saliency.is_empty()).then_some(saliency);
         let times = convert::slice(raw.earlier_times, raw.earlier_length);
         let (width, height) = (raw.earlier_width, raw.earlier_height);

@@ -1,0 +1,106 @@
+//! What weather and light do to the whole frame: air full of drops or flakes hides what is far away, and a sun in the picture
+//! makes the camera expose less and scatters light in its lens.
+
+use pdk_sdk::prelude::*;
+
+/// Above the horizon, and a little below it, the air is as deep as it gets.
+const CAMERA_HEIGHT: f64 = 1.4;
+/// Heights of the frame that an angle with tangent 1 takes, for a lens of 75 degrees and a frame twice as wide as high.
+const FOCAL: f64 = 1.3;
+
+/// What is done to a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Effect {
+    /// Air of this colour, of which as many metres hide nearly two thirds of the scene, and which hides at most this share of it. The
+    /// horizon is a share of the frame's height from the top.
+    Haze { colour: [f64; 3], metres: f64, most: f64, horizon: f64 },
+    /// The camera lets in less light by a share of `darker`, and a share of `veil` of white is scattered over the frame, of this
+    /// colour.
+    Glare { colour: [f64; 3], darker: f64, veil: f64 },
+}
+
+/// Does it to frames.
+pub struct Air {
+    effect: Effect,
+    frame: FrameBuf,
+}
+
+impl Air {
+    pub fn new(effect: Effect) -> Self {
+        Self { effect, frame: FrameBuf::default() }
+    }
+
+    /// The frame behind it, as strong as the opacity of the clip says.
+    pub fn apply(&mut self, src: Frame<'_>, cx: &Context<'_>) -> Frame<'_> {
+        let opacity = cx.number("opacity");
+        let (width, height) = (src.width(), src.height());
+        self.frame.resize(width, height);
+        for y in 0..height {
+            let (share, light) = self.effect.at((y as f64 + 0.5) / height as f64, opacity);
+            // In 65536ths, so that every machine computes the same.
+            let keep = ((1.0 - share) * 65536.0).round() as u32;
+            let add = light.map(|light| (light * 255.0 * 65536.0).round() as u32 + 32768);
+            let mut out = self.frame.as_mut();
+            let row = out.row_mut(y).chunks_exact_mut(3).zip(src.row(y).chunks_exact(3));
+            for (out, pixel) in row {
+                for ((out, &value), add) in out.iter_mut().zip(pixel).zip(add) {
+                    *out = ((u32::from(value) * keep + add) >> 16).min(255) as u8;
+                }
+            }
+        }
+        self.frame.as_ref()
+    }
+}
+
+impl Effect {
+    /// The share of the scene that is lost at a height, from 0 at the top to 1 at the bottom, and the light that comes instead.
+    fn at(&self, height: f64, opacity: f64) -> (f64, [f64; 3]) {
+        match *self {
+            Self::Haze { colour, metres, most, horizon } => {
+                let below = (height - horizon).max(0.0);
+                let depth = CAMERA_HEIGHT * FOCAL / below.max(1e-6);
+                let share = opacity * most * (1.0 - libm::exp(-depth / metres));
+                (share, colour.map(|value| value * share))
+            }
+            Self::Glare { colour, darker, veil } => {
+                (opacity * darker, colour.map(|value| value * opacity * veil))
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn applied(effect: Effect, opacity: f64, value: u8) -> Vec<u8> {
+        let mut src = FrameBuf::new(4, 100);
+        src.as_mut().data_mut().fill(value);
+        let (key, names, values) = (Key([0; 32]), ["opacity".to_owned()], [opacity]);
+        let cx = Context::new(2.0, 0, 0.0, &key).with_values(&names, &values);
+        let mut air = Air::new(effect);
+        let frame = air.apply(src.as_ref(), &cx);
+        (0..100).map(|y| frame.pixel(1, y)[1]).collect()
+    }
+
+    #[test]
+    fn haze_hides_what_is_far_away() {
+        let haze = Effect::Haze { colour: [0.5; 3], metres: 60.0, most: 0.6, horizon: 0.3 };
+        assert_eq!(applied(haze, 0.0, 200), [200; 100]);
+        let rows = applied(haze, 1.0, 0);
+        // Half of white comes from six tenths of the air.
+        assert_eq!(rows[..30], [(0.6 * 0.5 * 255.0 + 0.5) as u8; 30]);
+        assert!(rows[30..].is_sorted_by(|a, b| a >= b) && rows[99] < 10 && rows[35] > 30, "{rows:?}");
+        // Contrast is lost, and the road before the vehicle stays as it is.
+        let white = applied(haze, 1.0, 255);
+        assert!(white[10] - rows[10] < 105 && white[99] - rows[99] > 240);
+    }
+
+    #[test]
+    fn glare_darkens_the_scene_and_lifts_its_shadows() {
+        let glare = Effect::Glare { colour: [1.0; 3], darker: 0.4, veil: 0.1 };
+        assert_eq!(applied(glare, 1.0, 0), [26; 100]);
+        assert_eq!(applied(glare, 1.0, 200), [146; 100]);
+        assert_eq!(applied(glare, 0.5, 200), [173; 100]);
+    }
+}
