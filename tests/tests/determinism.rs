@@ -68,6 +68,26 @@ fn a_chain_that_begins_again_is_a_new_one() {
 }
 
 #[test]
+fn rain_and_snow_follow_the_way_that_a_vehicle_drives() {
+    let registry = Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap();
+    let src = pdk_sdk::testing::sample_frame(97, 61);
+    for name in ["dynamic_rain_filter", "dynamic_snow_filter", "dynamic_rain_filter,rate=30"] {
+        let text = name.replacen(",", "@4,", 1);
+        let text = if text.contains('@') { text } else { format!("{text}@4") };
+        let mut chain = Chain::new(&registry, &[AppliedPerturbation::parse(&text).unwrap()], 7).unwrap();
+        let mut at = |travelled: Option<f64>| {
+            let mut dst = FrameBuf::new(97, 61);
+            let moment = Moment { travelled, ..Moment::new(20, 1.0) };
+            chain.apply(src.as_ref(), dst.as_mut(), &moment).unwrap();
+            dst
+        };
+        let (unknown, usual, fast) = (at(None), at(Some(10.0)), at(Some(25.0)));
+        assert!(unknown == usual, "{name}: 10 m/s is what the clip is drawn for");
+        assert_eq!(usual == fast, name.contains("rate"), "{name}");
+    }
+}
+
+#[test]
 fn the_same_key_gives_the_same_bytes_and_another_seed_others() {
     let folder = temp();
     pictures::write(&folder.path().join("in.png"), 97, 61);

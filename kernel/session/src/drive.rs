@@ -21,6 +21,7 @@ use crate::protocol::Drive;
 use crate::recent::Recent;
 use crate::recorder::Recorder;
 use crate::stages::{Stage, Stopwatch};
+use crate::way::Way;
 
 /// A simulator may deliver so many times the frames that its rate and the time limit make, and so many more; a scenario
 /// whose time does not go on would never end.
@@ -92,8 +93,7 @@ pub struct Run<'a> {
     /// When frame 0 was due, in real time.
     began: Instant,
     state: State,
-    /// How far the vehicle has driven by the state, in metres.
-    travelled: f64,
+    way: Way,
     /// What the driver said last.
     control: Control,
     /// Number and time of the last frame, and the frame as camera and driver saw it, which stays in shared memory until the next one.
@@ -121,7 +121,7 @@ impl<'a> Run<'a> {
             sequence: 0,
             began: Instant::now(),
             state: State::default(),
-            travelled: 0.0,
+            way: Way::default(),
             control: Control::default(),
             last: None,
             labels: None,
@@ -230,11 +230,9 @@ impl<'a> Run<'a> {
                 })
                 .map_err(Fault::Component)?;
         }
-        let passed = (state.time - self.state.time).max(0.0);
-        self.travelled += 0.5 * (self.state.speed + state.speed).max(0.0) * passed;
         let moment = Moment::new(sequence, state.time)
             .at_speed(state.speed)
-            .after(self.travelled)
+            .after(self.way.reach(state.time, state.speed))
             .with_labels(labels)
             .with_depth(self.depth.as_deref());
 

@@ -45,4 +45,5 @@ mod recorder;
 pub mod session;
 pub mod stages;
 pub mod submission;
+mod way;
 pub mod worker;

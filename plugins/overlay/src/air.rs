@@ -8,11 +8,15 @@ const CAMERA_HEIGHT: f64 = 1.4;
 /// Heights of the frame that an angle with tangent 1 takes, for a lens of 75 degrees and a frame twice as wide as high.
 const FOCAL: f64 = 1.3;
 
+/// By day, the mean value above the horizon is at least this.
+const DAY: f64 = 90.0;
+
 /// What is done to a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Effect {
-    /// Air of this colour, of which as many metres hide nearly two thirds of the scene, and which hides at most this share of it. The
-    /// horizon is a share of the frame's height from the top.
+    /// Air of this colour by day, of which as many metres hide nearly two thirds of the scene, and which hides at most this share of it. The
+    /// horizon is a share of the frame's height from the top. The air is no brighter than the light in it, which the scene above the
+    /// horizon tells.
     Haze { colour: [f64; 3], metres: f64, most: f64, horizon: f64 },
     /// The camera lets in less light by a share of `darker`, and a share of `veil` of white is scattered over the frame, of this
     /// colour.
@@ -35,11 +39,12 @@ impl Air {
         let opacity = cx.number("opacity");
         let (width, height) = (src.width(), src.height());
         self.frame.resize(width, height);
+        let light = self.effect.light(src);
         for y in 0..height {
-            let (share, light) = self.effect.at((y as f64 + 0.5) / height as f64, opacity);
+            let (share, added) = self.effect.at((y as f64 + 0.5) / height as f64, opacity);
             // In 65536ths, so that every machine computes the same.
             let keep = ((1.0 - share) * 65536.0).round() as u32;
-            let add = light.map(|light| (light * 255.0 * 65536.0).round() as u32 + 32768);
+            let add = added.map(|added| (added * light * 255.0 * 65536.0).round() as u32 + 32768);
             let mut out = self.frame.as_mut();
             let row = out.row_mut(y).chunks_exact_mut(3).zip(src.row(y).chunks_exact(3));
             for (out, pixel) in row {
@@ -53,6 +58,14 @@ impl Air {
 }
 
 impl Effect {
+    /// How much light there is, 0 to 1.
+    fn light(&self, src: Frame<'_>) -> f64 {
+        let Self::Haze { horizon, .. } = *self else { return 1.0 };
+        let rows = ((horizon * src.height() as f64) as usize).clamp(1, src.height().max(1));
+        let sum: u64 = (0..rows).flat_map(|y| src.row(y)).map(|&value| u64::from(value)).sum();
+        (sum as f64 / (rows * src.width() * 3) as f64 / DAY).min(1.0)
+    }
+
     /// The share of the scene that is lost at a height, from 0 at the top to 1 at the bottom, and the light that comes instead.
     fn at(&self, height: f64, opacity: f64) -> (f64, [f64; 3]) {
         match *self {
@@ -87,13 +100,14 @@ mod tests {
     fn haze_hides_what_is_far_away() {
         let haze = Effect::Haze { colour: [0.5; 3], metres: 60.0, most: 0.6, horizon: 0.3 };
         assert_eq!(applied(haze, 0.0, 200), [200; 100]);
-        let rows = applied(haze, 1.0, 0);
-        // Half of white comes from six tenths of the air.
-        assert_eq!(rows[..30], [(0.6 * 0.5 * 255.0 + 0.5) as u8; 30]);
-        assert!(rows[30..].is_sorted_by(|a, b| a >= b) && rows[99] < 10 && rows[35] > 30, "{rows:?}");
-        // Contrast is lost, and the road before the vehicle stays as it is.
-        let white = applied(haze, 1.0, 255);
-        assert!(white[10] - rows[10] < 105 && white[99] - rows[99] > 240);
+        let rows = applied(haze, 1.0, 255);
+        // In a white scene six tenths come from air that is half as bright.
+        assert_eq!(rows[..30], [(255.0 * (0.4 + 0.6 * 0.5) + 0.5) as u8; 30]);
+        assert!(rows[30..].is_sorted() && rows[99] > 245 && rows[35] < 220, "{rows:?}");
+        // At night the air is dark too.
+        assert_eq!(applied(haze, 1.0, 0), [0; 100]);
+        let dusk = applied(haze, 1.0, 45);
+        assert_eq!(dusk[10], (45.0 * 0.4 + 0.6 * 0.25 * 255.0 + 0.5) as u8);
     }
 
     #[test]

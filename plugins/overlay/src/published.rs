@@ -82,7 +82,8 @@ impl Shows {
             Self::Falling { haze, .. } => description
                 .mathematics(
                     "(1 - opacity a) w + opacity c, a the clip's alpha once the screen is out, c its colour times a; \
-                     w = v + opacity haze (1 - exp(-z / s)) (air - v), z the depth of the road, s the sight in metres",
+                     w = v + opacity haze (1 - exp(-z / s)) (air - v), z the depth of the road, s the sight in metres, air a grey no \
+                     brighter than the scene above the horizon",
                 )
                 .divergence("The air hides what is far away; the published code draws the clip alone, as `haze=0` does.")
                 .parameter(
