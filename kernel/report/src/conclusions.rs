@@ -105,7 +105,7 @@ pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
 }
 
 /// The drives of a perturbation on each road, as far as they have one level.
-fn trials(drive: &Drive, perturbation: &str, roads: &[String]) -> Vec<Vec<Trial>> {
+pub fn trials(drive: &Drive, perturbation: &str, roads: &[String]) -> Vec<Vec<Trial>> {
     let of = |road: &String| {
         let here = drive.scenarios.iter().filter(|s| {
             s.road_id == *road
@@ -149,7 +149,7 @@ fn interval(estimate: &Estimate, written: fn(f64) -> String) -> String {
 }
 
 /// A failing level and its interval.
-fn told(found: &FailingLevel, highest: f64) -> (String, String) {
+pub fn told(found: &FailingLevel, highest: f64) -> (String, String) {
     let of = |level: Option<f64>| match level {
         Some(level) => number(level),
         None => format!("above {}", crate::text::short(highest)),

@@ -14,7 +14,7 @@
 //! | [`record`] | what a page says, read from the folder of a run |
 //! | [`published`] | scenarios in the JSON shape of the published tool |
 //! | `view` | what a page is about, as plain data |
-//! | `page` | puts the page together; `closed_loop`, `offline`, `search` and `strategies` make its parts |
+//! | `page` | puts the page together; `overview`, `closed_loop`, `offline`, `search` and `strategies` make its parts |
 //! | `heat`, `curve`, `scatter`, `road` | heat maps, curves, points and roads as pictures; `color` has their colours |
 //! | `tally`, `conclusions` | how scenarios went together, and how sure what follows from it is |
 //! | `text` | numbers, dates and addresses |
@@ -29,6 +29,7 @@ mod conclusions;
 mod curve;
 mod heat;
 mod offline;
+mod overview;
 mod page;
 mod parallel;
 pub mod published;

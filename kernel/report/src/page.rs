@@ -5,8 +5,8 @@ use pdk_sdk::error::{Error, Result};
 use serde::Serialize;
 
 use crate::text::{count, date, number, percent};
-use crate::view::{DriveTimes, EvaluateTimes, Run};
-use crate::{closed_loop, color, offline, road, search, strategies};
+use crate::view::{Drive, DriveTimes, EvaluateTimes, Run};
+use crate::{closed_loop, color, offline, overview, road, search, strategies};
 
 /// Row of the table of times.
 #[derive(Debug, Serialize)]
@@ -29,8 +29,9 @@ struct EvaluateRow {
 }
 
 /// The templates by their names; the ending says what is escaped.
-const TEMPLATES: [(&str, &str); 7] = [
+const TEMPLATES: [(&str, &str); 8] = [
     ("page.html", include_str!("template/page.html")),
+    ("overview.html", include_str!("template/overview.html")),
     ("closed_loop.html", include_str!("template/closed_loop.html")),
     ("search.html", include_str!("template/search.html")),
     ("strategies.html", include_str!("template/strategies.html")),
@@ -70,6 +71,8 @@ pub fn render(run: &Run) -> Result<String> {
         unfinished => run.unfinished,
         verdict,
         scenarios => count(scenarios, "scenario"),
+        tested => tested(&run.drives),
+        overview => overview::overview(&run.drives),
         drives,
         evaluations,
         comparisons,
@@ -92,6 +95,28 @@ pub fn render(run: &Run) -> Result<String> {
         environment.add_template(name, source).map_err(place)?;
     }
     environment.get_template("page.html").and_then(|template| template.render(page)).map_err(place)
+}
+
+/// What was driven with what: names and values, each value once.
+fn tested(drives: &[Drive]) -> Vec<(String, String)> {
+    let once = |name: &str, of: fn(&Drive) -> &String| {
+        let mut values: Vec<&str> = Vec::new();
+        for drive in drives {
+            if !values.contains(&of(drive).as_str()) {
+                values.push(of(drive));
+            }
+        }
+        let plural = if values.len() > 1 { "s" } else { "" };
+        (format!("{name}{plural}"), values.join(", "))
+    };
+    match drives {
+        [] => Vec::new(),
+        _ => vec![
+            once("Driver", |drive| &drive.driver),
+            once("Simulator", |drive| &drive.simulator),
+            once("Mode", |drive| &drive.mode),
+        ],
+    }
 }
 
 fn drive_row(times: &DriveTimes) -> DriveRow {
