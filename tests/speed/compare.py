@@ -1,22 +1,25 @@
 """Measures pdk beside other libraries, in one run on one thread, and writes the tables of docs/speed.md and README.md.
 
-    python -m venv venv && venv/bin/pip install -r tests/speed/requirements.txt
-    cargo build --release
+    cargo build --release && cargo run --release -p pdk-dist -- --profile release --no-package --wheel
+    python -m venv venv && venv/bin/pip install -r tests/speed/requirements.txt target/pdk-dist/pdk-*.whl
     venv/bin/python tests/speed/compare.py --only contrast,gaussian_blur --levels 0,4     # a try, prints only
     venv/bin/python tests/speed/compare.py --write                                        # all, on a quiet machine
 
-pdk is measured by its benchmark (tests/benches/speed.rs), the others here: plain OpenCV as one would write the perturbation with
-it, albumentations and imagecorruptions where they have the same effect. All get the same frames of the embedded simulator, with
-parameters as near to pdk's as they allow; all times are medians of the thread's processor time. What a library does not have
-stays empty. The published tool is on no package index: --published names a Python file with a function
-perturb(name, level, image) that calls a copy of it.
+pdk is measured by its benchmark (tests/benches/speed.rs) and, where its wheel is installed, called from Python; the others here:
+plain OpenCV as one would write the perturbation with it, albumentations where it has the same effect, imagecorruptions beside pdk's
+suite of the same corruptions. All get the same frames of the embedded simulator, with parameters as near to pdk's as they allow;
+all times are medians of the thread's processor time, and a single time for what takes long. What a library does not have stays
+empty. The published tool is on no package index: --published names a Python file with a function perturb(name, level, image) that
+calls a copy of it and raises NotImplementedError for what that lacks, and with a text NOTE that says what was measured.
 """
 
 import argparse
+import ctypes
 import functools
 import importlib
 import importlib.metadata
 import importlib.util
+import itertools
 import json
 import math
 import os
@@ -35,9 +38,21 @@ import numpy as np  # noqa: E402
 
 cv2.setNumThreads(1)
 
+
+def keep_memory():
+    """Makes the allocator keep what is freed, so that no library pays for fresh pages and another not, as chance has it."""
+    trim_threshold, mmap_threshold = -1, -3
+    for parameter, size in ((trim_threshold, 1 << 30), (mmap_threshold, 32 << 20)):
+        if ctypes.CDLL(None).mallopt(parameter, size) != 1:
+            sys.exit("the allocator cannot be told to keep memory; this needs glibc")
+
+
+keep_memory()
+
 ROOT = Path(__file__).resolve().parents[2]
 LEVELS = range(5)
-BUDGET = 0.06  # Seconds for a figure.
+BUDGET = 0.04  # Seconds for a figure.
+LONG = 0.25  # Seconds; what takes longer is measured once.
 RANDOM = np.random.default_rng(1)
 
 
@@ -246,7 +261,7 @@ def albumentations(name, level, p):
         "impulse_noise": lambda: a.SaltAndPepper(amount=both(p["fraction"]), p=1),
         "speckle_noise_filter": lambda: a.MultiplicativeNoise(multiplier=(1 - p["sigma"], 1 + p["sigma"]), per_channel=True, elementwise=True, p=1),
         "jpeg_filter": lambda: a.ImageCompression(quality_range=both(int(p["quality"])), p=1),
-        "increase_brightness": lambda: a.RandomBrightnessContrast(brightness_limit=both(p["factor"] - 1), contrast_limit=both(0), p=1),
+        "increase_brightness": lambda: a.HueSaturationValue(hue_shift_limit=both(0), sat_shift_limit=both(0), val_shift_limit=both(127.5 * (p["factor"] - 1)), p=1),
         "contrast": lambda: a.RandomBrightnessContrast(brightness_limit=both(0), contrast_limit=both(p["factor"] - 1), p=1),
         "elastic": lambda: a.ElasticTransform(alpha=p["alpha"], sigma=max(1, p["sigma"]), p=1),
         "pixelate": lambda: a.Downscale(scale_range=both(p["factor"]), p=1),
@@ -255,7 +270,7 @@ def albumentations(name, level, p):
         "translate_image": lambda: a.Affine(translate_px={"x": both(int(p["shift"])), "y": both(-int(p["shift"]))}, p=1),
         "rotate_image": lambda: a.Affine(rotate=both(p["degrees"]), p=1),
         "scale_image": lambda: a.Affine(scale=both(p["factor"]), p=1),
-        "grayscale_filter": lambda: a.ToGray(p=1),
+        "grayscale_filter": lambda: a.ColorJitter(brightness=both(1), contrast=both(1), saturation=both(1 - p["weight"]), hue=both(0), p=1),
         "histogram_equalisation": lambda: a.CLAHE(clip_limit=both(2.0), p=1),
         "posterize_filter": lambda: a.Posterize(num_bits=both(max(1, 6 - level)), p=1),
         "saturation_filter": lambda: a.HueSaturationValue(hue_shift_limit=both(0), sat_shift_limit=both(20 * (level + 1)), val_shift_limit=both(0), p=1),
@@ -266,40 +281,20 @@ def albumentations(name, level, p):
         "dynamic_sun_filter": lambda: a.RandomSunFlare(p=1),
         "fog_mapping": lambda: a.RandomFog(fog_coef_range=both(p["strength"]), p=1),
     }
-    if name not in by_name:
+    # It moves by whole pixels only.
+    if name not in by_name or (name == "translate_image" and p["shift"] % 1):
         return None
     transform = by_name[name]()
     return lambda f: transform(image=f)["image"]
 
 
 def imagecorruptions(name, level, _):
-    """The corruption with the same effect, at the severity that corresponds to the level."""
+    """The corruption, at the severity that the level stands for."""
     corrupt = corruptions().corrupt
-
-    by_name = {
-        "gaussian_noise": "gaussian_noise",
-        "poisson_noise": "shot_noise",
-        "impulse_noise": "impulse_noise",
-        "speckle_noise_filter": "speckle_noise",
-        "defocus_blur": "defocus_blur",
-        "glass_blur": "glass_blur",
-        "motion_blur": "motion_blur",
-        "zoom_blur": "zoom_blur",
-        "gaussian_blur": "gaussian_blur",
-        "snow_filter": "snow",
-        "frost_filter": "frost",
-        "fog_mapping": "fog",
-        "increase_brightness": "brightness",
-        "contrast": "contrast",
-        "elastic": "elastic_transform",
-        "pixelate": "pixelate",
-        "jpeg_filter": "jpeg_compression",
-        "splatter_mapping": "spatter",
-        "saturation_filter": "saturate",
-    }
-    if name not in by_name:
+    suite, _, corruption = name.partition("imagenet_c_")
+    if suite or not corruption:
         return None
-    return lambda f: corrupt(f, corruption_name=by_name[name], severity=level + 1)
+    return lambda f: corrupt(f, corruption_name=corruption, severity=level + 1)
 
 
 @functools.cache
@@ -319,11 +314,22 @@ def corruptions():
 
 
 def published(file):
-    """The published tool, through a file with perturb(name, level, image)."""
+    """The published tool, through a file with perturb(name, level, image), and what that says of itself."""
     spec = importlib.util.spec_from_file_location("published", file)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return lambda name, level, _: lambda f: module.perturb(name, level, f)
+    return lambda name, level, _: lambda f: module.perturb(name, level, f), module.NOTE
+
+
+def from_python():
+    """pdk's function for arrays, everything drawn anew for every call; nothing where the wheel is not installed."""
+    try:
+        import pdk
+    except ImportError:
+        print("pdk is not installed here, so calls from Python are not measured", file=sys.stderr)
+        return lambda *_: None
+    seeds = itertools.count()
+    return lambda name, level: lambda f: pdk.perturb(f, f"{name}@{level}", seed=next(seeds))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -331,15 +337,21 @@ def published(file):
 
 
 def median_ms(work, frame):
-    """The median processor time of the thread for a call, in milliseconds."""
-    for _ in range(3):
-        work(frame.copy())
-    times, started = [], time.thread_time()
-    while len(times) < 7 or (time.thread_time() - started < BUDGET and len(times) < 2000):
+    """The median processor time of the thread for a call, in milliseconds; that of the first where it takes long."""
+
+    def seconds():
         given = frame.copy()
         before = time.thread_time()
         work(given)
-        times.append(time.thread_time() - before)
+        return time.thread_time() - before
+
+    first = seconds()
+    if first > LONG:
+        return 1e3 * first
+    seconds()
+    times, started = [], time.thread_time()
+    while len(times) < 7 or (time.thread_time() - started < BUDGET and len(times) < 2000):
+        times.append(seconds())
     return 1e3 * sorted(times)[len(times) // 2]
 
 
@@ -362,27 +374,32 @@ def parameters():
 
 def measure(options):
     """All figures: pdk's and those of each library, by perturbation, size and level."""
+    known = parameters()
     with tempfile.TemporaryDirectory() as folder:
         command = ["cargo", "bench", "-q", "-p", "pdk-tests", "--bench", "speed", "--", "--json", f"{folder}/pdk.json"]
         command += ["--frames", folder, "--sizes", ",".join(options.sizes)]
-        if options.only:
-            command += ["--only", ",".join(options.only)]
+        if options.only or options.without_loop:
+            command += ["--only", ",".join(options.only or known)]
         subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
         figures = json.loads(Path(f"{folder}/pdk.json").read_text())
         frames = {size: cv2.imread(f"{folder}/{size}.png")[..., ::-1].copy() for size in options.sizes}
     libraries = {"OpenCV": opencv, "albumentations": albumentations, "imagecorruptions": imagecorruptions}
     if options.published:
-        libraries["published tool"] = published(options.published)
-    known, failed = parameters(), {}
+        libraries["published tool"], figures["note"] = published(options.published)
+    failed, python = {}, from_python()
     figures["cells"] = [cell for cell in figures["cells"] if cell["level"] in options.levels]
     for cell in figures["cells"]:
         name, level, size = cell["perturbation"], cell["level"], cell["size"]
         cell["others"] = {}
+        if (call := python(name, level)) is not None:
+            cell["python_ms"] = median_ms(call, frames[size])
         for library, make in libraries.items():
             try:
                 work = make(name, level, known[name][level])
                 if work is not None:
                     cell["others"][library] = median_ms(work, frames[size])
+            except NotImplementedError:
+                continue
             except Exception as error:  # A library that cannot do it is named, and goes without a figure.
                 failed.setdefault((library, name), f"{type(error).__name__}: {error}")
         told = ", ".join(f"{library} {ms:.3f}" for library, ms in cell["others"].items())
@@ -398,34 +415,57 @@ def measure(options):
 # Tables.
 
 
-def pairs(figures, library, key="ms"):
-    """pdk's time and the library's, with the cell."""
+# How pdk is measured, with what a table calls it.
+WAYS = {
+    "ms": "a frame of a sequence",
+    "drawn_anew_ms": "the same, everything drawn anew for every frame",
+    "python_ms": "a call from Python, everything drawn anew",
+}
+
+
+def ours(cell, way):
+    """pdk's time. Where nothing is kept for a sequence, everything is drawn anew anyway; calls from Python may not have been measured."""
+    return cell.get(way) or (cell["ms"] if way == "drawn_anew_ms" else None)
+
+
+def pairs(figures, library, way, size=None):
+    """pdk's time and the library's, where both are there."""
     for cell in figures["cells"]:
-        ours, theirs = cell.get(key) or cell["ms"], cell["others"].get(library)
-        if theirs is not None:
-            yield cell, ours, theirs
+        mine, theirs = ours(cell, way), cell["others"].get(library)
+        if mine is not None and theirs is not None and size in (None, cell["size"]):
+            yield mine, theirs
 
 
 def faster(found):
     """The geometric mean of how many times faster pdk is."""
-    ratios = [theirs / ours for _, ours, theirs in found]
-    return math.exp(sum(map(math.log, ratios)) / len(ratios)) if ratios else None
+    return math.exp(sum(math.log(theirs / mine) for mine, theirs in found) / len(found))
 
 
 def summary(figures):
-    lines = ["| one thread, every level, every size | times as fast as it, geometric mean | cells | of them slower |", "| --- | ---: | ---: | ---: |"]
+    sizes = list(figures["copy_ms"])
+    lines = [
+        f"| one thread, every level; times as fast, geometric mean | {' | '.join(sizes)} | figures | of them slower |",
+        "| --- |" + " ---: |" * (len(sizes) + 2),
+    ]
     for library in figures["libraries"]:
-        for key, remark in (("ms", ""), ("drawn_anew_ms", ", everything drawn anew for every frame")):
-            found = list(pairs(figures, library, key))
+        for way, told in WAYS.items():
+            found = list(pairs(figures, library, way))
             if found:
-                slower = sum(ours > theirs for _, ours, theirs in found)
-                lines.append(f"| {library}{remark} | {faster(found):.1f} | {len(found)} | {slower} |")
+                means = [f"{faster(list(pairs(figures, library, way, size))):.1f}" for size in sizes]
+                slower = sum(mine > theirs for mine, theirs in found)
+                lines.append(f"| {library}: {told} | {' | '.join(means)} | {len(found)} | {slower} |")
     lines += ["", "| a frame | milliseconds |", "| --- | ---: |"]
     for size, ms in figures["copy_ms"].items():
         lines.append(f"| a copy of it, {size} | {ms:.4f} |")
-    for size in figures["copy_ms"]:
+    for size in sizes:
         worst = max((cell for cell in figures["cells"] if cell["size"] == size), key=lambda cell: cell["ms"])
         lines.append(f"| the slowest perturbation, {worst['perturbation']} at level {worst['level']}, {size} | {worst['ms']:.2f} |")
+    return "\n".join(lines) + "\n"
+
+
+def closed_loop(figures):
+    """What a frame takes of the simulator and of all that is in the loop."""
+    lines = ["| a frame of the loop | milliseconds |", "| --- | ---: |"]
     for row in figures["loop"]:
         real_time = f", {row['real_time_factor']:.0f} times real time" if "real_time_factor" in row else ""
         lines.append(f"| {row['what']} | {row['ms']:.2f}: {row['frames_per_second']:.0f} frames a second{real_time} |")
@@ -433,20 +473,28 @@ def summary(figures):
 
 
 def losses(figures):
-    """Where pdk is slower, the worst first."""
-    found = [(ours / theirs, cell, library, ours, theirs) for library in figures["libraries"] for cell, ours, theirs in pairs(figures, library) if ours > theirs]
+    """Where pdk is slower, drawing no more than the other does, or called from Python; the worst first."""
+    found = []
+    for cell in figures["cells"]:
+        for library, theirs in cell["others"].items():
+            times = max(ours(cell, way) or 0 for way in ("ms", "python_ms")) / theirs
+            if times > 1:
+                found.append((times, cell, library, theirs))
     if not found:
-        return "None.\n"
+        return "Nowhere.\n"
     found.sort(key=lambda loss: -loss[0])
-    lines = ["| perturbation | size | level | than | pdk ms | its ms | times slower |", "|---|---|---:|---|---:|---:|---:|"]
-    for times, cell, library, ours, theirs in found:
-        lines.append(f"| {cell['perturbation']} | {cell['size']} | {cell['level']} | {library} | {ours:.3f} | {theirs:.3f} | {times:.1f} |")
+    lines = ["| perturbation | size | level | than | its ms | pdk ms | from Python | times slower |", "|---|---|---:|---|---:|---:|---:|---:|"]
+    for times, cell, library, theirs in found:
+        call = f"{cell['python_ms']:.3f}" if "python_ms" in cell else ""
+        lines.append(
+            f"| {cell['perturbation']} | {cell['size']} | {cell['level']} | {library} | {theirs:.3f} | {cell['ms']:.3f} | {call} | {times:.2f} |"
+        )
     return "\n".join(lines) + "\n"
 
 
 def table(figures, size):
     """Milliseconds at levels 0 to 4, of pdk and of each library."""
-    header = ["perturbation", "pdk", "pdk, drawn anew", *figures["libraries"]]
+    header = ["perturbation", "pdk", "drawn anew", "from Python", *figures["libraries"]]
     lines = ["| " + " | ".join(header) + " |", "|---|" + "---:|" * (len(header) - 1)]
     names = dict.fromkeys(cell["perturbation"] for cell in figures["cells"])
     for name in names:
@@ -456,7 +504,7 @@ def table(figures, size):
             values = [value(cell) for cell in cells]
             return "" if all(v is None for v in values) else " ".join("–" if v is None else f"{v:.3g}" for v in values)
 
-        row = [name, column(lambda cell: cell["ms"]), column(lambda cell: cell.get("drawn_anew_ms"))]
+        row = [name, column(lambda cell: cell["ms"]), column(lambda cell: cell.get("drawn_anew_ms")), column(lambda cell: cell.get("python_ms"))]
         row += [column(lambda cell, library=library: cell["others"].get(library)) for library in figures["libraries"]]
         lines.append("| " + " | ".join(row) + " |")
     return "\n".join(lines) + "\n"
@@ -469,16 +517,17 @@ def page(figures):
             versions += f", {package} {importlib.metadata.version(package)}"
         except importlib.metadata.PackageNotFoundError:
             pass
-    absent = "" if "published tool" in figures["libraries"] else " The published tool was not measured: it is on no package index."
+    note = figures.get("note", "The published tool, which is on no package index, was not measured.")
     failed = f" Not measured, because it failed: {'; '.join(figures['failed'])}." if figures["failed"] else ""
     text = "# Speed\n\n*Written by `tests/speed/compare.py --write`; changes here are lost.*\n\n" + summary(figures)
     text += f"""
 All in one run on one thread of one machine: medians of the thread's processor time, of frames after the first few (textures and
-clips are prepared once and kept). {versions}.{absent}{failed}
+clips are prepared once and kept, and so is the memory of arrays). {versions}.{failed}
 
 Perturbations that draw where things sit once per sequence keep what they drew, where others draw for every frame; "drawn anew" is
 with `draws=per_frame`. The others do the nearest thing to pdk's that they have, at parameters as near as they allow: some do less
-work, some more.
+work, some more. What changes hue, saturation and value is compared with albumentations' `HueSaturationValue`, grey with the
+saturation of its `ColorJitter`, which blends with grey too. imagecorruptions is compared with pdk's suite of the same corruptions, `imagenet_c_...`. {note}
 
 ## Where pdk is slower
 
@@ -488,14 +537,20 @@ work, some more.
     return text
 
 
-def write(figures):
+def write(figures, options):
     (ROOT / "docs/speed.md").write_text(page(figures))
     readme = ROOT / "README.md"
-    text = readme.read_text()
-    start, end = "<!-- speed -->\n", "<!-- end of speed -->"
+    text = between(readme.read_text(), "speed", summary(figures))
+    if not options.without_loop:
+        text = between(text, "loop", closed_loop(figures))
+    readme.write_text(text)
+
+
+def between(text, what, table):
+    """The text with another table between the marks of `what`."""
+    start, end = f"<!-- {what} -->\n", f"<!-- end of {what} -->"
     head, rest = text.split(start)
-    tail = rest.split(end)[1]
-    readme.write_text(f"{head}{start}{summary(figures)}\n{end}{tail}")
+    return f"{head}{start}{table}\n{end}{rest.split(end)[1]}"
 
 
 def main():
@@ -506,16 +561,17 @@ def main():
     parser.add_argument("--sizes", type=listed, default=["320x240", "1280x720"])
     parser.add_argument("--published", help="a Python file with perturb(name, level, image) that calls the published tool")
     parser.add_argument("--json", help="where all figures go as JSON")
-    parser.add_argument("--write", action="store_true", help="write docs/speed.md and the table in README.md")
+    parser.add_argument("--without-loop", action="store_true", help="leave out the loop, which is measured by the clock and needs a quiet machine")
+    parser.add_argument("--write", action="store_true", help="write docs/speed.md and the tables in README.md")
     options = parser.parse_args()
     if options.write and (options.only or options.levels != list(LEVELS)):
         parser.error("--write needs every perturbation and every level: leave out --only and --levels")
     figures = measure(options)
     if options.json:
         Path(options.json).write_text(json.dumps(figures, indent=1))
-    print("\n" + summary(figures) + "\nWhere pdk is slower\n\n" + losses(figures))
+    print("\n" + summary(figures) + "\n" + closed_loop(figures) + "\nWhere pdk is slower\n\n" + losses(figures))
     if options.write:
-        write(figures)
+        write(figures, options)
 
 
 if __name__ == "__main__":

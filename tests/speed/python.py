@@ -1,10 +1,11 @@
-"""Measures calls from Python: what a call costs besides the kernel's work, and pdk beside albumentations and imagecorruptions.
+"""Measures calls from Python: what a call costs besides the kernel's work, and how pdk's corruptions agree with imagecorruptions.
 
     python -m venv venv && venv/bin/pip install -r tests/speed/requirements.txt target/pdk-dist/pdk-*.whl
     venv/bin/python tests/speed/python.py              # prints tables in Markdown, as docs/python.md has them
-    venv/bin/python tests/speed/python.py overhead     # or one of: overhead, shared, suite
+    venv/bin/python tests/speed/python.py overhead     # or one of: overhead, suite
 
-Everything runs on one thread, in one run. Times are medians of the thread's processor time a call, after the first few.
+Everything runs on one thread, in one run. Times are medians of the thread's processor time a call, after the first few. What pdk takes
+beside other libraries, at every level, is measured by compare.py.
 """
 
 import importlib
@@ -16,7 +17,6 @@ import time
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
-os.environ["NO_ALBUMENTATIONS_UPDATE"] = "1"
 
 import numpy  # noqa: E402
 
@@ -31,11 +31,9 @@ LONG = 500_000_000  # Nanoseconds; what takes longer is measured once.
 def main():
     print(f"load {os.getloadavg()[0]:.2f}, {platform.machine()}, Python {platform.python_version()}, numpy {numpy.__version__}\n")
     frames = {name: picture(*size) for name, size in SIZES.items()}
-    parts = sys.argv[1:] or ["overhead", "shared", "suite"]
+    parts = sys.argv[1:] or ["overhead", "suite"]
     if "overhead" in parts:
         overhead(frames["320x240"])
-    if "shared" in parts:
-        shared(frames)
     if "suite" in parts:
         suite(frames)
 
@@ -83,57 +81,6 @@ def overhead(frame):
     for name, work in ways.items():
         print(f"| `{name}` | {1000 * median_ms(work):.1f} |")
     print()
-
-
-def albumentations():
-    """What albumentations has of the same effect."""
-    import albumentations as a
-
-    return {
-        "gaussian_noise": a.GaussNoise(std_range=(0.12, 0.12), p=1),
-        "poisson_noise": a.ShotNoise(scale_range=(0.01, 0.01), p=1),
-        "impulse_noise": a.SaltAndPepper(amount=(0.04, 0.04), p=1),
-        "gaussian_blur": a.GaussianBlur(blur_limit=(15, 15), p=1),
-        "defocus_blur": a.Defocus(radius=(6, 6), alias_blur=(0.5, 0.5), p=1),
-        "glass_blur": a.GlassBlur(sigma=1, max_delta=2, iterations=3, p=1),
-        "motion_blur": a.MotionBlur(blur_limit=(7, 7), p=1),
-        "zoom_blur": a.ZoomBlur(max_factor=(1.15, 1.15), step_factor=(0.02, 0.02), p=1),
-        "fog_filter": a.RandomFog(fog_coef_range=(0.3, 0.3), p=1),
-        "contrast": a.RandomBrightnessContrast(brightness_limit=(0, 0), contrast_limit=(0.3, 0.3), p=1),
-        "increase_brightness": a.HueSaturationValue(0, 0, (40, 40), p=1),
-        "saturation_filter": a.HueSaturationValue(0, (40, 40), 0, p=1),
-        "elastic": a.ElasticTransform(alpha=5, sigma=1, p=1),
-        "pixelate": a.Downscale(scale_range=(0.35, 0.35), p=1),
-        "jpeg_filter": a.ImageCompression(quality_range=(15, 15), p=1),
-        "posterize_filter": a.Posterize(num_bits=5, p=1),
-        "histogram_equalisation": a.CLAHE(clip_limit=(5, 5), p=1),
-        "grayscale_filter": a.ToGray(p=1),
-        "sharpen_filter": a.Sharpen(alpha=(0.3, 0.3), p=1),
-        "rotate_image": a.Rotate(limit=(45, 45), p=1),
-        "translate_image": a.Affine(translate_percent=0.125, p=1),
-        "cutout_filter": a.CoarseDropout(num_holes_range=(4, 4), p=1),
-    }
-
-
-def shared(frames):
-    """Perturbations that albumentations has too, everything drawn anew for every frame."""
-    try:
-        transforms = albumentations()
-    except ImportError:
-        print("albumentations is not installed\n")
-        return
-    print("| perturbation | " + " | ".join(f"pdk {size} | albumentations" for size in SIZES) + " |\n|---|" + "---:|" * 2 * len(SIZES))
-    ratios = {size: [] for size in SIZES}
-    for name, transform in transforms.items():
-        cells = []
-        for size, frame in frames.items():
-            seeds = iter(range(10**9))
-            ours = median_ms(lambda: pdk.perturb(frame, f"{name}@2", seed=next(seeds)))
-            theirs = median_ms(lambda: transform(image=frame))
-            ratios[size].append(theirs / ours)
-            cells += [f"{ours:.3f}", f"{theirs:.3f}"]
-        print(f"| {name} | " + " | ".join(cells) + " |")
-    summary(ratios)
 
 
 def suite(frames):

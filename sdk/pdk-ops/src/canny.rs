@@ -209,7 +209,7 @@ mod tests {
 
     use super::*;
     use crate::frame::FrameBuf;
-    use crate::simd::PORTABLE_ONLY;
+    use crate::simd::with_each;
     use crate::testing::{plain, run_on, samples};
 
     /// The method from its description, with coordinates that are clamped and sets that grow until nothing changes.
@@ -287,14 +287,11 @@ mod tests {
             let expected = plain_canny(src, lower, lower + more);
             let (first, second) = (f64::from(lower) + 0.5, f64::from(lower + more));
             let mut workspace = Workspace::default();
-            for portable in [false, true] {
-                PORTABLE_ONLY.set(portable);
-                let result = edges(src, first, second, &mut workspace);
-                PORTABLE_ONLY.set(false);
-                prop_assert_eq!(&result, &expected);
+            with_each(|instructions| {
+                assert_eq!(edges(src, first, second, &mut workspace), expected, "{instructions:?}");
                 // The order of the thresholds does not matter.
-                prop_assert_eq!(&edges(src, second, first, &mut workspace), &expected);
-            }
+                assert_eq!(edges(src, second, first, &mut workspace), expected, "{instructions:?}");
+            });
         }
     }
 

@@ -249,7 +249,7 @@ impl Grain {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::PORTABLE_ONLY;
+    use crate::simd::with_each;
 
     /// The square in one array, midpoint by midpoint, with the draws in the order of `refine`.
     fn plain_square(squares: usize, random: &mut Random) -> Vec<Vec<f64>> {
@@ -310,17 +310,18 @@ mod tests {
     #[test]
     fn the_square_matches_the_plain_version() {
         for length in [1, 2, 3, 9, 60] {
-            for portable in [false, true] {
+            with_each(|instructions| {
                 let mut field = Field::default();
-                PORTABLE_ONLY.set(portable);
                 let side = field.draw(length, &mut Key([4; 32]).sequence());
-                PORTABLE_ONLY.set(false);
                 assert!(side > length && (side - 1).is_power_of_two());
                 let expected = plain_square(side - 1, &mut Key([4; 32]).sequence());
                 for (actual, expected) in field.fine.iter().zip(expected.iter().flatten()) {
-                    assert!((f64::from(*actual) - expected).abs() < 1e-4, "{length}: {actual} {expected}");
+                    assert!(
+                        (f64::from(*actual) - expected).abs() < 1e-4,
+                        "{length}, {instructions:?}: {actual} {expected}"
+                    );
                 }
-            }
+            });
         }
     }
 
@@ -333,9 +334,7 @@ mod tests {
             let key = Key([key; 32]);
             let fresh = Field::default().frame(width, height, key).to_buf();
             assert_eq!(kept.frame(width, height, key), fresh.as_ref());
-            PORTABLE_ONLY.set(true);
-            assert_eq!(Field::default().frame(width, height, key), fresh.as_ref());
-            PORTABLE_ONLY.set(false);
+            with_each(|_| assert_eq!(Field::default().frame(width, height, key), fresh.as_ref()));
             assert!(fresh.data().chunks(3).all(|pixel| pixel[0] == pixel[1] && pixel[0] == pixel[2]));
             if width > 1 {
                 let greys = || fresh.data().iter();

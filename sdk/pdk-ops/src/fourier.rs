@@ -342,7 +342,7 @@ fn odd_pass(
 mod tests {
     use super::*;
     use crate::random::Key;
-    use crate::simd::PORTABLE_ONLY;
+    use crate::simd::with_each;
 
     fn random_sequences(len: usize) -> Sequences {
         let mut random = Key([4; 32]).sequence();
@@ -382,11 +382,11 @@ mod tests {
                     assert!(off < 2e-3 * (len as f64).sqrt().max(1.0), "{len}: element {k} is off by {off}");
                 }
             }
-            let mut portable = from.clone();
-            PORTABLE_ONLY.set(true);
-            plan.transform(&mut portable.re, &mut portable.im);
-            PORTABLE_ONLY.set(false);
-            assert!(portable.re == to.re && portable.im == to.im, "{len} without vectors");
+            with_each(|instructions| {
+                let mut again = from.clone();
+                plan.transform(&mut again.re, &mut again.im);
+                assert!(again.re == to.re && again.im == to.im, "{len} with {instructions:?}");
+            });
         }
     }
 

@@ -2,11 +2,12 @@
 //!
 //! The kernel's weights are whole numbers that sum to 256, so both passes are exact and only the final division by
 //! 65536 rounds. The vertical pass comes first, because its sums fit 16 bits; the horizontal pass then works on the
-//! upper and the lower byte of those sums one after the other, which fits 16 bits again.
+//! upper and the lower byte of those sums one after the other, which fits 16 bits again. Kernels of up to 7 pixels need less.
 
 use crate::border::reflect;
 use crate::frame::{CHANNELS, Frame, FrameMut};
 use crate::simd::vectorised;
+use crate::small_gaussian::{sum_down, sum_right};
 
 /// The standard deviation in pixels that belongs to a kernel of `size`: `0.3 * ((size - 1) / 2 - 1) + 0.8`.
 pub fn sigma_of_kernel(size: usize) -> f64 {
@@ -118,9 +119,17 @@ fn blur_row<'a, const N: usize>(
     out: &mut [u8],
     workspace: &mut Workspace,
 ) {
-    let Workspace { weights, upper, lower, sum, lower_sum, .. } = workspace;
+    let Workspace { size, weights, upper, lower, sum, lower_sum } = workspace;
     let radius = weights.len() - 1;
     let (values, border) = (out.len(), radius * N);
+    if (3..=7).contains(size) {
+        let mut rows: [&[u8]; 7] = [&[]; 7];
+        let downs = y as isize - radius as isize..;
+        rows.iter_mut().zip(downs).take(*size).for_each(|(row, down)| *row = row_of(reflect(down, height)));
+        sum_down(&rows[..*size], &mut upper[border..border + values]);
+        mirror_ends::<N>(upper, values / N, radius);
+        return sum_right(upper, *size, N, out);
+    }
     scale_bytes(row_of(y), sum, weights[0]);
     for (near, far, shares) in pairs(weights) {
         let row = |down: isize| row_of(reflect(y as isize + down, height));

@@ -23,6 +23,7 @@ pub mod fog;
 mod fourier;
 pub mod frame;
 pub mod gaussian;
+mod halve;
 pub mod hsv;
 pub mod jpeg;
 pub mod layer;
@@ -44,7 +45,9 @@ pub mod saturation;
 pub mod scatter;
 pub mod sharpen;
 mod simd;
+mod small_gaussian;
 mod smooth;
+mod table;
 #[cfg(test)]
 mod testing;
 pub mod unsharp;

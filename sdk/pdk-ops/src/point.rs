@@ -1,18 +1,15 @@
 //! Operations on each value by itself: lookup tables and linear maps.
 
-use crate::frame::{Frame, FrameMut, for_each_row};
-use crate::simd::{round_to_byte, vectorised};
+use crate::frame::{Frame, FrameMut};
+use crate::simd::round_to_byte;
+use crate::table::look_up;
 
 /// Replaces each value `v` by `table[v]`.
 ///
 /// # Panics
 /// Where the sizes differ.
 pub fn lookup(src: Frame<'_>, dst: FrameMut<'_>, table: &[u8; 256]) {
-    for_each_row(src, dst, |from, to| {
-        for (to, &from) in to.iter_mut().zip(from) {
-            *to = table[usize::from(from)];
-        }
-    });
+    look_up(src, dst, table);
 }
 
 /// Multiplies the distance of each value from `pivot` by `factor`: `pivot + (v - pivot) * factor`, clipped to 0..=255
@@ -22,17 +19,7 @@ pub fn lookup(src: Frame<'_>, dst: FrameMut<'_>, table: &[u8; 256]) {
 /// Where the sizes differ.
 pub fn scale_about(src: Frame<'_>, dst: FrameMut<'_>, pivot: f64, factor: f64) {
     let (pivot, factor) = (pivot as f32, factor as f32);
-    for_each_row(src, dst, |from, to| scale_about_row(from, to, pivot, factor));
-}
-
-vectorised! {
-    fn scale_about_row / scale_about_row_portable / scale_about_row_avx2 (
-        from: &[u8], to: &mut [u8], pivot: f32, factor: f32,
-    ) {
-        for (to, &from) in to.iter_mut().zip(from) {
-            *to = round_to_byte(pivot + (f32::from(from) - pivot) * factor);
-        }
-    }
+    look_up(src, dst, &std::array::from_fn(|v| round_to_byte(pivot + (v as f32 - pivot) * factor)));
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! Fewer tones.
 
-use crate::frame::{Frame, FrameMut, for_each_row};
-use crate::simd::{round_inside_byte, vectorised};
+use crate::frame::{Frame, FrameMut};
+use crate::simd::round_inside_byte;
+use crate::table::look_up;
 
 /// Adding and subtracting this rounds numbers of magnitude below 2^22 half to even.
 const SHIFT: f32 = 12_582_912.0;
@@ -18,18 +19,11 @@ const TIE: f32 = 1.0 / 512.0;
 /// Where the sizes differ.
 pub fn posterize(src: Frame<'_>, dst: FrameMut<'_>, bins: f64, step: f64) {
     let (scale, step) = ((bins / 255.0) as f32, step as f32);
-    for_each_row(src, dst, |from, to| posterize_row(from, to, scale, step));
-}
-
-vectorised! {
-    fn posterize_row / posterize_row_portable / posterize_row_avx2 (
-        from: &[u8], to: &mut [u8], scale: f32, step: f32,
-    ) {
-        for (to, &from) in to.iter_mut().zip(from) {
-            let bin = f32::from(from) * scale + (TIE - 0.5) + SHIFT - SHIFT;
-            *to = round_inside_byte((bin * step).min(255.0));
-        }
-    }
+    let tone = |v: usize| {
+        let bin = v as f32 * scale + (TIE - 0.5) + SHIFT - SHIFT;
+        round_inside_byte((bin * step).min(255.0))
+    };
+    look_up(src, dst, &std::array::from_fn(tone));
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 
 use crate::frame::{CHANNELS, Frame};
 #[cfg(target_arch = "x86_64")]
-use crate::simd::portable_only;
+use crate::simd::{Instructions, instructions};
 
 /// Places are whole numbers of this fraction of a pixel.
 pub const SUBPIXELS: i32 = 32;
@@ -87,7 +87,7 @@ impl Padded {
         assert!(xs.len() == ys.len() && out.len() == xs.len() * CHANNELS, "one pixel for each place");
         assert!(self.width > 1, "sampling needs an image");
         #[cfg(target_arch = "x86_64")]
-        let done = match std::arch::is_x86_feature_detected!("avx2") && !portable_only() {
+        let done = match instructions() >= Instructions::Avx2 {
             // SAFETY: the processor has AVX2.
             true => unsafe { self.sample_avx2(xs, ys, out) },
             false => 0,

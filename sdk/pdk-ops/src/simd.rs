@@ -3,6 +3,49 @@
 //! The bodies are ordinary Rust that the compiler vectorises. They use integers, or single floating-point
 //! operations that are never fused, so both versions give the same bytes.
 
+/// A set of instructions, the wider the greater.
+#[cfg(any(test, target_arch = "x86_64"))]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Instructions {
+    /// Those of every processor of the target.
+    Portable,
+    /// AVX2.
+    Avx2,
+    /// AVX-512 with permutations of bytes, VBMI: no processor that has these becomes slower from wide registers.
+    Avx512,
+}
+
+/// The widest instructions that the processor has.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+pub(crate) fn instructions() -> Instructions {
+    use std::arch::is_x86_feature_detected as has;
+    let widest = match has!("avx2") {
+        true if has!("avx512f") && has!("avx512bw") && has!("avx512vbmi") => Instructions::Avx512,
+        true => Instructions::Avx2,
+        false => Instructions::Portable,
+    };
+    #[cfg(test)]
+    let widest = widest.min(ALLOWED.get());
+    widest
+}
+
+#[cfg(test)]
+thread_local! {
+    /// The widest instructions that a test allows on this thread.
+    static ALLOWED: std::cell::Cell<Instructions> = const { std::cell::Cell::new(Instructions::Avx512) };
+}
+
+/// Does a test's work once with each set of instructions, of those that the processor has.
+#[cfg(test)]
+pub(crate) fn with_each(mut work: impl FnMut(Instructions)) {
+    for allowed in [Instructions::Avx512, Instructions::Avx2, Instructions::Portable] {
+        ALLOWED.set(allowed);
+        work(allowed);
+    }
+    ALLOWED.set(Instructions::Avx512);
+}
+
 /// Defines a function with an AVX2 twin.
 ///
 /// `fn NAME / PORTABLE / AVX2 (arguments) { body }` makes `NAME`, which picks one of the two versions,
@@ -14,7 +57,7 @@ macro_rules! vectorised {
         #[inline]
         $visibility fn $name($($argument: $type),*) {
             #[cfg(target_arch = "x86_64")]
-            if std::arch::is_x86_feature_detected!("avx2") && !$crate::simd::portable_only() {
+            if $crate::simd::instructions() >= $crate::simd::Instructions::Avx2 {
                 // SAFETY: the processor has AVX2, which is all that this version asks for.
                 return unsafe { $avx2($($argument),*) };
             }
@@ -34,23 +77,6 @@ macro_rules! vectorised {
     };
 }
 pub(crate) use vectorised;
-
-/// Whether a test has asked for the portable versions on this thread.
-#[cfg(test)]
-pub(crate) fn portable_only() -> bool {
-    PORTABLE_ONLY.get()
-}
-
-#[cfg(not(test))]
-#[inline(always)]
-pub(crate) const fn portable_only() -> bool {
-    false
-}
-
-#[cfg(test)]
-thread_local! {
-    pub(crate) static PORTABLE_ONLY: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
-}
 
 /// Adding this to a number in `0.0..=255.0` leaves the number, rounded half to even, in the lowest byte.
 const ROUNDING: f32 = 8_388_608.0;

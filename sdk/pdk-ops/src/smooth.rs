@@ -4,9 +4,9 @@
 //! vertical and the horizontal pass, and a constant stays constant.
 
 use crate::border::reflect;
-#[cfg(target_arch = "x86_64")]
-use crate::simd::portable_only;
 use crate::simd::vectorised;
+#[cfg(target_arch = "x86_64")]
+use crate::simd::{Instructions, instructions};
 
 /// The weights of a kernel sum to two to this power.
 pub(crate) const WEIGHT_BITS: u32 = 15;
@@ -133,7 +133,7 @@ fn weighted_sums(line: &[i16], at: usize, step: usize, kernel: &Kernel, sums: &m
     let reach = kernel.reach() * step;
     assert!(sums.len().is_multiple_of(GROUP) && at >= reach && at + reach + sums.len() <= line.len());
     #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") && !portable_only() {
+    if instructions() >= Instructions::Avx2 {
         // SAFETY: the processor has AVX2, and the line was just found to be long enough.
         return unsafe { weighted_sums_avx2(line, at, step, kernel, sums) };
     }
@@ -198,7 +198,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::simd::PORTABLE_ONLY;
+    use crate::simd::with_each;
 
     #[test]
     fn weights_follow_the_gaussian_and_sum_to_the_whole() {
@@ -252,8 +252,7 @@ mod tests {
                 }
             }
             let mut workspace = Workspace::default();
-            for portable in [false, true] {
-                PORTABLE_ONLY.set(portable);
+            with_each(|instructions| {
                 let mut actual = vec![0; values * height];
                 smooth(
                     Size { width, height, channels },
@@ -263,9 +262,8 @@ mod tests {
                     |y, sums| actual[y * values..][..values].copy_from_slice(sums),
                     &mut workspace,
                 );
-                PORTABLE_ONLY.set(false);
-                prop_assert_eq!(&actual, &expected);
-            }
+                assert_eq!(actual, expected, "{instructions:?}");
+            });
         }
     }
 }

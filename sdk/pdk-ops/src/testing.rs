@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use crate::frame::{CHANNELS, Frame, FrameBuf, FrameMut};
-use crate::simd::PORTABLE_ONLY;
+use crate::simd::with_each;
 
 /// A frame with gaps between its rows.
 #[derive(Debug, Clone)]
@@ -44,25 +44,23 @@ pub fn pairs() -> impl Strategy<Value = (Sample, Sample)> {
     })
 }
 
-/// Runs a kernel into a frame with gaps and into one without, with the vectorised and with the portable version, and
+/// Runs a kernel into a frame with gaps and into one without, with each set of instructions, and
 /// into destinations with different old content. All results have to agree, and nothing beside the frame may change.
 pub fn run(width: usize, height: usize, mut kernel: impl FnMut(FrameMut<'_>)) -> FrameBuf {
     let mut expected = FrameBuf::new(width, height);
     kernel(expected.as_mut());
-    for portable in [false, true] {
+    with_each(|instructions| {
         for (gap, filler) in [(0, 0xa5), (5, 0x5a), (5, 0xa5)] {
             let stride = width * CHANNELS + gap;
             let mut bytes = vec![filler; stride * height];
-            PORTABLE_ONLY.set(portable);
             kernel(FrameMut::with_stride(&mut bytes, width, height, stride).unwrap());
-            PORTABLE_ONLY.set(false);
             let result = Frame::with_stride(&bytes, width, height, stride).unwrap();
-            assert_eq!(result.to_buf().data(), expected.data(), "portable {portable}, gap {gap}");
+            assert_eq!(result.to_buf().data(), expected.data(), "{instructions:?}, gap {gap}");
             for row in bytes.chunks(stride) {
                 assert!(row[width * CHANNELS..].iter().all(|&v| v == filler), "wrote beside the frame");
             }
         }
-    }
+    });
     expected
 }
 
