@@ -55,7 +55,7 @@ end
 local function next_level(searcher): number?
 	if searcher.error then
 		return nil
-	elseif settings.search == "all" then
+	elseif settings.search == "all" or #levels == 1 then
 		return levels[#searcher.trials + 1]
 	end
 	local lowest, highest = levels[1], levels[#levels]
@@ -172,23 +172,17 @@ local function results(place)
 	for _, searcher in measured(place) do
 		local entry = by_name[searcher.perturbation]
 		entry.errors += if searcher.error then 1 else 0
-		for _, outcome in searcher.outcomes do
+		local trials = searcher.trials
+		for i, outcome in searcher.outcomes do
 			entry.drives += 1
 			if not outcome.success then
 				entry.failures += 1
 				entry[outcome.verdict] += 1
 				table.insert(entry.times, outcome.time)
+			elseif trials[i].level == levels[#levels] then
+				-- Of a drive that was cut short it is not comparable.
+				table.insert(entry.increases, outcome.mean_cross_track_error - searcher.road.nominal[1])
 			end
-		end
-		local trials = searcher.trials
-		local last = trials[1]
-		-- The highest level comes first, or last: how much worse a drive got that was not cut short.
-		if settings.search == "all" then
-			last = trials[#trials]
-		end
-		if last and not last.failed and last.level == levels[#levels] then
-			local outcome = searcher.outcomes[if settings.search == "all" then #trials else 1]
-			table.insert(entry.increases, outcome.mean_cross_track_error - searcher.road.nominal[1])
 		end
 		if #trials > 0 then
 			local key = `{searcher.perturbation} {searcher.road.number}`
@@ -347,7 +341,7 @@ for _, driver in settings.drivers do
 	table.insert(header, `{driver} fails at`)
 end
 table.insert(header, "time to failure s")
-table.insert(header, "|XTE| increase m")
+table.insert(header, `|XTE| increase at {levels[#levels]} m`)
 local rows = {}
 for rank, entry in entries do
 	entry.rank, entry.group, entry.shares = rank, groups[rank], nil
