@@ -184,6 +184,7 @@ def dynamic_lightning_filter(
     fit: Literal["cover", "stretch"] | None = None,
     loop: Literal["repeat", "cross-fade", "ping-pong"] | None = None,
     rate: float | None = None,
+    horizon: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -199,6 +200,8 @@ def dynamic_lightning_filter(
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
     rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
+        own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     Source: A loop over a green screen, drawn by this project.
     """
 
@@ -209,13 +212,14 @@ def dynamic_object_overlay(
     fit: Literal["cover", "stretch"] | None = None,
     loop: Literal["repeat", "cross-fade", "ping-pong"] | None = None,
     rate: float | None = None,
+    horizon: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
-    """Lays birds in flight over the frame, moving in simulation time in a loop of 4 s.
+    """Lays birds in flight above the horizon over the frame, moving in simulation time in a loop of 4 s.
 
     opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
@@ -223,6 +227,8 @@ def dynamic_object_overlay(
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
     rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
+        own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     Source: A loop over a green screen, drawn by this project.
     """
 
@@ -233,6 +239,8 @@ def dynamic_rain_filter(
     fit: Literal["cover", "stretch"] | None = None,
     loop: Literal["repeat", "cross-fade", "ping-pong"] | None = None,
     rate: float | None = None,
+    horizon: float | None = None,
+    haze: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -247,6 +255,9 @@ def dynamic_rain_filter(
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
     rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
+        own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
+    haze: the share of the distant scene that the air hides, at an opacity of 1 (0 to 1; default 0.45).
     Source: A loop over a green screen, drawn by this project.
     """
 
@@ -281,6 +292,8 @@ def dynamic_snow_filter(
     fit: Literal["cover", "stretch"] | None = None,
     loop: Literal["repeat", "cross-fade", "ping-pong"] | None = None,
     rate: float | None = None,
+    horizon: float | None = None,
+    haze: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -295,6 +308,9 @@ def dynamic_snow_filter(
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
     rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
+        own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
+    haze: the share of the distant scene that the air hides, at an opacity of 1 (0 to 1; default 0.5).
     Source: A loop over a green screen, drawn by this project.
     """
 
@@ -305,6 +321,9 @@ def dynamic_sun_filter(
     fit: Literal["cover", "stretch"] | None = None,
     loop: Literal["repeat", "cross-fade", "ping-pong"] | None = None,
     rate: float | None = None,
+    horizon: float | None = None,
+    darker: float | None = None,
+    veil: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -319,6 +338,10 @@ def dynamic_sun_filter(
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
     rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
+        own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
+    darker: the share of the light that the camera takes away, at an opacity of 1 (0 to 1; default 0.35).
+    veil: the light scattered over the frame as a share of white, at an opacity of 1 (0 to 1; default 0.09).
     Source: A loop over a green screen, drawn by this project.
     """
 
@@ -1411,6 +1434,8 @@ def snow_on_lens(
     *,
     number: ByLevel | None = None,
     size: ByLevel | None = None,
+    defocus: float | None = None,
+    veil: float | None = None,
     speed: float | None = None,
     since: float | None = None,
     probability: float | None = None,
@@ -1419,10 +1444,14 @@ def snow_on_lens(
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
-    """Flakes of snow land on the lens, creep down, pile up at the lower edge and melt.
+    """Flakes of snow land on the lens out of focus, veil the scene, creep down, pile up at the lower edge and melt.
 
     number: flakes on a square of the lens as high as the frame (0 to 270; by level 16, 36, 64, 100, 145).
     size: radius of the largest flakes (frame heights; 0 to 0.2; by level 0.03, 0.036, 0.043, 0.051, 0.06).
+    defocus: radius of the disc that a point of a flake becomes: flakes are nearer than the focus (frame heights; 0
+        to 0.1; default 0.02).
+    veil: how much of the scene's mean brightness the flakes scatter over the frame where they cover it (0 to 1;
+        default 0.2).
     speed: typical speed of flakes that came loose at level 2, the same one at all levels: what a higher level adds
         is faster, and what is there keeps its speed (frame heights per second; 0.001 to 2; default 0.04).
     since: how long it has been snowing when the sequence starts (s; 0 to 60; default 60.0).
@@ -1470,6 +1499,7 @@ def static_lightning_filter(
     *,
     opacity: ByLevel | None = None,
     fit: Literal["cover", "stretch"] | None = None,
+    horizon: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -1481,6 +1511,8 @@ def static_lightning_filter(
     opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
         of the frame, as published (default "cover").
+    horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
+        own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     Source: A loop over a green screen, drawn by this project.
     """
 
@@ -1489,17 +1521,20 @@ def static_object_overlay(
     *,
     opacity: ByLevel | None = None,
     fit: Literal["cover", "stretch"] | None = None,
+    horizon: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
-    """Lays birds in flight over the frame, standing still.
+    """Lays birds in flight above the horizon over the frame, standing still.
 
     opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
         of the frame, as published (default "cover").
+    horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
+        own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     Source: A loop over a green screen, drawn by this project.
     """
 
@@ -1508,6 +1543,8 @@ def static_rain_filter(
     *,
     opacity: ByLevel | None = None,
     fit: Literal["cover", "stretch"] | None = None,
+    horizon: float | None = None,
+    haze: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -1519,6 +1556,9 @@ def static_rain_filter(
     opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
         of the frame, as published (default "cover").
+    horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
+        own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
+    haze: the share of the distant scene that the air hides, at an opacity of 1 (0 to 1; default 0.45).
     Source: A loop over a green screen, drawn by this project.
     """
 
@@ -1547,6 +1587,8 @@ def static_snow_filter(
     *,
     opacity: ByLevel | None = None,
     fit: Literal["cover", "stretch"] | None = None,
+    horizon: float | None = None,
+    haze: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -1558,6 +1600,9 @@ def static_snow_filter(
     opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
         of the frame, as published (default "cover").
+    horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
+        own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
+    haze: the share of the distant scene that the air hides, at an opacity of 1 (0 to 1; default 0.5).
     Source: A loop over a green screen, drawn by this project.
     """
 
@@ -1566,6 +1611,9 @@ def static_sun_filter(
     *,
     opacity: ByLevel | None = None,
     fit: Literal["cover", "stretch"] | None = None,
+    horizon: float | None = None,
+    darker: float | None = None,
+    veil: float | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -1577,6 +1625,10 @@ def static_sun_filter(
     opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
         of the frame, as published (default "cover").
+    horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
+        own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
+    darker: the share of the light that the camera takes away, at an opacity of 1 (0 to 1; default 0.35).
+    veil: the light scattered over the frame as a share of white, at an opacity of 1 (0 to 1; default 0.09).
     Source: A loop over a green screen, drawn by this project.
     """
 
