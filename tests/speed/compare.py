@@ -391,7 +391,9 @@ def measure(options):
     for cell in figures["cells"]:
         name, level, size = cell["perturbation"], cell["level"], cell["size"]
         cell["others"] = {}
-        if (call := python(name, level)) is not None:
+        call = python(name, level)
+        # What needs a file of the user's own has a parameter without a value.
+        if call is not None and None not in known[name][level].values():
             cell["python_ms"] = median_ms(call, frames[size])
         for library, make in libraries.items():
             try:
