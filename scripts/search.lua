@@ -29,15 +29,15 @@ local settings = pdk.settings({
 	curvature = { 0, 40 }, -- smallest and largest mean curvature in thousandths of 1/m
 	intensity = { 0, 4 }, -- smallest and largest level
 	real_intensity = false, -- also levels between the whole ones
-	-- By their effect on dave2, the weakest first; none: the default set, in the order of names.
+	-- By their effect on the four networks (scripts/ranking.json), the weakest first; none: the default set, in the order of names.
 	perturbations = {
-		"contrast", "saturation_filter", "canny_edges_mapping", "posterize_filter", "elastic", "gaussian_noise",
-		"dotted_lines_mapping", "impulse_noise", "motion_blur", "poisson_noise", "jpeg_filter", "speckle_noise_filter",
-		"zigzag_mapping", "dynamic_rain_filter", "white_balance_filter", "static_rain_filter", "dirty_lens",
-		"raindrops_on_lens", "snow_on_lens", "low_pass_filter", "frost_filter", "grayscale_filter", "pixelate",
-		"gaussian_blur", "defocus_blur", "increase_brightness", "scale_image", "snow_filter", "sharpen_filter", "banding",
-		"saturation_decrease_filter", "phase_scrambling", "fog_filter", "splatter_mapping", "sample_pairing_filter",
-		"cutout_filter", "object_overlay", "translate_image", "false_color_filter",
+		"static_rain_filter", "dynamic_rain_filter", "dotted_lines_mapping", "speckle_noise_filter", "saturation_filter",
+		"poisson_noise", "zigzag_mapping", "elastic", "impulse_noise", "contrast", "raindrops_on_lens", "low_pass_filter",
+		"motion_blur", "dirty_lens", "snow_on_lens", "white_balance_filter", "pixelate", "gaussian_blur", "defocus_blur",
+		"posterize_filter", "gaussian_noise", "increase_brightness", "jpeg_filter", "canny_edges_mapping", "banding",
+		"grayscale_filter", "cutout_filter", "frost_filter", "saturation_decrease_filter", "sharpen_filter", "snow_filter",
+		"scale_image", "splatter_mapping", "fog_filter", "phase_scrambling", "object_overlay", "sample_pairing_filter",
+		"false_color_filter", "translate_image",
 	},
 	road_seed = 1, -- which roads the turns and the curvature stand for
 	attempts = 200, -- draws until a road is valid

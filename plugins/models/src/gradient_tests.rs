@@ -170,7 +170,7 @@ fn gradients_of_networks_are_right_and_cost_little_more_than_the_network() {
                     "{name}, {backend}, gradient of `{of}`: {both:.2} ms, {:.1} times the network's {forward:.2} ms; relative error {error:.1e}",
                     *both / *forward
                 );
-                assert!(error < 1e-4, "{name} on {backend}: {error:e}");
+                assert!(error < 1e-3, "{name} on {backend}: {error:e}");
             }
         }
     }
