@@ -254,7 +254,7 @@ fn the_ranking_that_comes_along_is_of_the_default_set() {
     let shares: Vec<f64> = entries.iter().map(|entry| entry["failed_share"].as_f64().unwrap()).collect();
     assert!(shares.is_sorted_by(|a, b| a >= b));
     assert!(
-        entries.iter().all(|entry| entry["drives"].as_u64().unwrap() >= 60),
+        entries.iter().all(|entry| entry["drives"].as_u64().unwrap() >= 48),
         "four drivers in three conditions"
     );
 }

@@ -41,7 +41,8 @@ impl Birds {
             let rise = random.uniform(-0.05, 0.05) as f32;
             let height = random.uniform(0.0, f64::from(lowest)) as f32;
             // Most are near the horizon, where what is far away is seen.
-            let height = if i.is_multiple_of(4) { height } else { height.max(lowest - (lowest - height) * 0.55) };
+            let height =
+                if i.is_multiple_of(4) { height } else { height.max(lowest - (lowest - height) * 0.55) };
             Bird {
                 wing,
                 height: height.min(lowest - rise.abs() / 2.0),
