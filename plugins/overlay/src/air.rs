@@ -3,7 +3,7 @@
 
 use pdk_sdk::prelude::*;
 
-/// Above the horizon, and a little below it, the air is as deep as it gets.
+/// Height of the camera above the road in metres.
 const CAMERA_HEIGHT: f64 = 1.4;
 /// Heights of the frame that an angle with tangent 1 takes, for a lens of 75 degrees and a frame twice as wide as high.
 const FOCAL: f64 = 1.3;
@@ -70,6 +70,7 @@ impl Effect {
     fn at(&self, height: f64, opacity: f64) -> (f64, [f64; 3]) {
         match *self {
             Self::Haze { colour, metres, most, horizon } => {
+                // At the horizon and above it the air is as deep as it gets.
                 let below = (height - horizon).max(0.0);
                 let depth = CAMERA_HEIGHT * FOCAL / below.max(1e-6);
                 let share = opacity * most * (1.0 - libm::exp(-depth / metres));

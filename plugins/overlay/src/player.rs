@@ -176,8 +176,8 @@ pub struct Shown {
     pub weight: u16,
 }
 
-/// What is shown of a store at a time, in seconds, when the vehicle has driven so many metres, where that is known: between two frames of the clip both, so that it moves evenly at any rate of
-/// frames.
+/// What is shown of a store at a time, in seconds, when the vehicle has driven so many metres, where that is known: between two
+/// frames of the clip both, so that it moves evenly at any rate of frames.
 pub fn frame_at(
     index: &Index,
     motion: Motion,

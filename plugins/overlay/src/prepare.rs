@@ -37,7 +37,7 @@ pub struct Settings {
 /// # Errors
 /// Where the clip cannot be decoded, or has no screen.
 pub fn matte(clip: &Clip, settings: &Settings) -> Result<Matte> {
-    if let Clip::BuiltIn(..) = clip {
+    if let (Clip::BuiltIn(..), None) = (clip, settings.key) {
         return Ok(Matte::Screen(Screen::known(SCREEN)));
     }
     Matte::find(&some_pictures(clip, PICTURES)?, settings.key)

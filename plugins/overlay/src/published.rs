@@ -41,7 +41,7 @@ const OWN_CLIP: &str = "The clip is a drawing of this project's instead of the p
 pub const SCREEN: [u8; 3] = [0, 219, 26];
 /// Height of the horizon in the clips that have one, from the top.
 const HORIZON: f64 = 0.45;
-/// Where frames have it if nothing else is said: there is it in those of the built-in simulator.
+/// Where it is in frames if nothing else is said: as in those of the built-in simulator.
 const FRAME_HORIZON: f64 = 0.32;
 /// The vehicle's speed for which rain and snow are drawn, in metres a second.
 const SPEED: f64 = 10.0;
@@ -152,12 +152,11 @@ impl Shows {
 
 /// How a clip of our own is fitted to frames of which nothing is said.
 pub fn usual_fit(name: &str, fit: Fit) -> Fit {
-    let shows = if name == "smoke" { Shows::Anything } else { Shows::Sky };
-    shows.fit(fit, FRAME_HORIZON)
+    shows(name).fit(fit, FRAME_HORIZON)
 }
 
 /// Defines the two perturbations of a clip; the literals are their names, what they show, and how long and how often it
-/// does; then what it shows, and their versions.
+/// does; then what follows from that, and their versions.
 macro_rules! overlays {
     ($($clip:literal: $moving:ident $moving_name:literal, $still:ident $still_name:literal, $what:literal, $loop:literal,
        $shows:expr, $version:literal $still_version:literal $(, $not_default:ident)?;)*) => {
@@ -221,6 +220,14 @@ macro_rules! overlays {
                 }
             }
         )*
+
+        /// What follows from what a clip shows.
+        fn shows(clip: &str) -> Shows {
+            match clip {
+                $($clip => $shows,)*
+                _ => Shows::Anything,
+            }
+        }
     };
 }
 

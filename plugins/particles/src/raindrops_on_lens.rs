@@ -86,7 +86,7 @@ impl Component for RaindropsOnLens {
 }
 
 impl Perturbation for RaindropsOnLens {
-    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let lens = Lens::of(src);
         let time = time_of(cx)?;
         let density = Density::new((cx.number("number") / MOST_DROPS) as f32, lens, cx);
@@ -108,7 +108,6 @@ impl Perturbation for RaindropsOnLens {
         self.backdrop.update(src, &lens);
         let Self { water, backdrop, focus, .. } = self;
         if water.is_dry() {
-            let mut dst = dst;
             dst.copy_from(src);
             return Ok(());
         }
