@@ -203,8 +203,7 @@ impl ModelFile {
         let is_weight = |name: &str| graph.initializer.iter().any(|weight| weight.name == name);
         let inputs: Vec<_> = graph.input.iter().filter(|input| !is_weight(&input.name)).collect();
         let outputs: Vec<String> = graph.output.iter().map(|output| output.name.clone()).collect();
-        let (mut image, mut speed, mut memories, mut shapes) = (None, None, Vec::new(), Vec::new());
-        let mut images = 0;
+        let (mut images, mut speed, mut memories, mut shapes) = (Vec::new(), None, Vec::new(), Vec::new());
         for (place, given) in inputs.iter().enumerate() {
             let remembered = given.name.strip_suffix(MEMORY[0]).map(|name| format!("{name}{}", MEMORY[1]));
             let from = remembered.and_then(|name| outputs.iter().position(|output| *output == name));
@@ -218,13 +217,12 @@ impl ModelFile {
                     speed_shape(given)?
                 }
                 None => {
-                    images += 1;
-                    image = Some(place);
+                    images.push(place);
                     Vec::new()
                 }
             });
         }
-        let (Some(image), 1) = (image, images) else {
+        let &[image] = images.as_slice() else {
             let names: Vec<_> = inputs.iter().map(|input| format!("`{}`", input.name)).collect();
             return Err(Error::new(format!(
                 "its inputs are {}, but it has to have one, the image, and may have `{SPEED}`, a number, and memories: inputs \

@@ -77,6 +77,11 @@ impl PictureNetwork {
             let size =
                 Size { width: config.integer("width") as usize, height: config.integer("height") as usize };
             let model = ModelFile::read_at(source, config.text("layout"), Some(size))?;
+            if !model.memories.is_empty() {
+                return Err(Error::new(
+                    "it remembers frames, which only a driver can; export it without the inputs `NAME_in`",
+                ));
+            }
             let mut session = backend::open(&model.network(), config.text("backend"))?;
             let mut outputs = vec![Vec::new(); model.outputs.len()];
             let inputs = model.inputs();

@@ -107,6 +107,15 @@ mod tests {
     }
 
     #[test]
+    fn a_network_that_remembers_is_refused() {
+        let pilot = crate::fixture::Pilot::new(&["1", "3", "4", "6"]);
+        let remembers =
+            crate::fixture::Pilot { second_input: Some("sum_in"), copy: Some("sum_out"), ..pilot };
+        let error = Segmentation::new(&config(&remembers.file(), &json!([0]))).err().unwrap().to_string();
+        assert!(error.contains("it remembers frames, which only a driver can"), "{error}");
+    }
+
+    #[test]
     fn the_classes_are_those_that_the_network_sees() {
         let file = network();
         // Three columns: dark, red, bright; twice as large as the network's image.
