@@ -45,9 +45,7 @@ end
 -- The level that a searcher drives next; nothing where it knows enough.
 local function next_level(searcher): number?
 	local trials = searcher.trials
-	if searcher.error then
-		return nil
-	elseif settings.search == "bisect" and #levels > 1 then
+	if settings.search == "bisect" and #levels > 1 then
 		return pdk.next_level(trials, { lowest = levels[1], highest = levels[#levels], resolution = settings.resolution })
 	end
 	local last = trials[#trials]
@@ -59,52 +57,11 @@ local searchers = {}
 for _, place in driven do
 	for _, name in names do
 		for again = 1, study.repeats(settings, name) do
-			table.insert(searchers, {
-				road = place.number,
-				map = place.road,
-				perturbation = name,
-				again = again,
-				trials = {},
-				drives = {},
-			})
+			table.insert(searchers, { road = place, perturbation = name, again = again, trials = {}, outcomes = {} })
 		end
 	end
 end
-while true do
-	local scenarios, under_way = {}, {}
-	for _, searcher in searchers do
-		local level = next_level(searcher)
-		if level then
-			table.insert(under_way, { searcher = searcher, level = level })
-			table.insert(scenarios, {
-				name = study.called(`{searcher.perturbation}@{level}`, searcher.road, searcher.again),
-				road = searcher.map,
-				["repeat"] = searcher.again - 1,
-				perturbations = { { name = searcher.perturbation, level = level } },
-			})
-		end
-	end
-	if #scenarios == 0 then
-		break
-	end
-	for i, outcome in study.drive(settings, scenarios) do
-		local searcher, level = under_way[i].searcher, under_way[i].level
-		if outcome.cause == "error" then
-			searcher.error = outcome.error
-			continue
-		end
-		table.insert(searcher.trials, { level = level, failed = not outcome.success })
-		table.insert(searcher.drives, {
-			level = level,
-			success = outcome.success,
-			cause = outcome.cause,
-			verdict = outcome.verdict,
-			time = outcome.time,
-			-- Of a drive that was cut short it is not comparable.
-			mean_cross_track_error = if outcome.success then outcome.mean_cross_track_error else nil,
-		})
-	end
-end
+study.search(settings, searchers, next_level)
 
 local header = { "perturbation", "fails at", "interval", "drives", "unsafe", "stopped", "time to failure s", "errors" }
 local rows, results = {}, {}
@@ -123,10 +80,10 @@ for _, name in names do
 		for _, trial in searcher.trials do
 			table.insert(by_road[searcher.road], trial)
 		end
-		for _, drive in searcher.drives do
-			if not drive.success then
-				counted[drive.verdict] += 1
-				table.insert(times, drive.time)
+		for _, outcome in searcher.outcomes do
+			if not outcome.success then
+				counted[outcome.verdict] += 1
+				table.insert(times, outcome.time)
 			end
 		end
 		counted.errors += if searcher.error then 1 else 0
@@ -160,11 +117,23 @@ pdk.table(header, rows)
 
 local searches = {}
 for _, searcher in searchers do
+	local drives = {}
+	for i, outcome in searcher.outcomes do
+		table.insert(drives, {
+			level = searcher.trials[i].level,
+			success = outcome.success,
+			cause = outcome.cause,
+			verdict = outcome.verdict,
+			time = outcome.time,
+			-- Of a drive that was cut short it is not comparable.
+			mean_cross_track_error = if outcome.success then outcome.mean_cross_track_error else nil,
+		})
+	end
 	table.insert(searches, {
 		perturbation = searcher.perturbation,
-		road = searcher.road,
+		road = searcher.road.number,
 		["repeat"] = searcher.again - 1,
-		drives = searcher.drives,
+		drives = drives,
 		error = searcher.error,
 	})
 end

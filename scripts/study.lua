@@ -3,7 +3,7 @@
 --   pdk run study
 --   pdk run study --set drivers=dave2 --set conditions=standard --set perturbations=gaussian_noise,dirty_lens
 --   pdk run study --set search=all --set repeats=3
---   pdk run study --set simulator=donkey --set conditions= --set drivers=pilot.onnx
+--   pdk run study --set simulator=donkey --set conditions= --set 'drivers=[{"name":"onnx","model":"pilot.onnx"}]'
 --
 -- On each road the highest level is driven first. Where the driver survives it, the levels below count as survived too; where it
 -- does not, levels are halved until it is known from which one on it fails. So most drives go where the answer is open. With
@@ -53,9 +53,7 @@ end
 
 -- The level that is driven next on a road; nothing where enough is known.
 local function next_level(searcher): number?
-	if searcher.error then
-		return nil
-	elseif settings.search == "all" or #levels == 1 then
+	if settings.search == "all" or #levels == 1 then
 		return levels[#searcher.trials + 1]
 	end
 	local lowest, highest = levels[1], levels[#levels]
@@ -77,7 +75,7 @@ local function next_level(searcher): number?
 	return nil
 end
 
--- Drives all perturbations with a driver in some conditions, all roads at once so that all cores work.
+-- Drives all perturbations with a driver in some conditions.
 local function measured(place)
 	local searchers = {}
 	for _, name in names do
@@ -87,33 +85,8 @@ local function measured(place)
 			end
 		end
 	end
-	while true do
-		local scenarios, under_way = {}, {}
-		for _, searcher in searchers do
-			local level = next_level(searcher)
-			if level then
-				table.insert(under_way, { searcher = searcher, level = level })
-				table.insert(scenarios, {
-					name = study.called(`{searcher.perturbation}@{level}`, searcher.road.number, searcher.again),
-					road = searcher.road.road,
-					["repeat"] = searcher.again - 1,
-					perturbations = { { name = searcher.perturbation, level = level } },
-				})
-			end
-		end
-		if #scenarios == 0 then
-			return searchers
-		end
-		for i, outcome in study.drive(place.settings, scenarios, place.driver) do
-			local searcher = under_way[i].searcher
-			if outcome.cause == "error" then
-				searcher.error = outcome.error
-				continue
-			end
-			table.insert(searcher.trials, { level = under_way[i].level, failed = not outcome.success })
-			table.insert(searcher.outcomes, outcome)
-		end
-	end
+	study.search(place.settings, searchers, next_level, place.driver)
+	return searchers
 end
 
 -- Whether a driver fails at a level, by the drives on one road: that at this level, or else that at the nearest level below it which
@@ -142,11 +115,11 @@ for _, conditions in in_conditions do
 			over_line += if road.over_line[1] then 1 else 0
 		end
 		for _, road in without do
-			table.insert(left_out, { conditions = conditions, driver = driver, road = road.road, cause = road.cause })
+			table.insert(left_out, { conditions = conditions, driver = study.driver_name(driver), road = road.road, cause = road.cause })
 		end
 		table.insert(places, { conditions = conditions, driver = driver, settings = these, roads = roads })
 		local mean = study.mean(errors)
-		table.insert(nominal_rows, { conditions, driver, `{#roads} of {settings.roads}`, over_line, mean or "" } :: { any })
+		table.insert(nominal_rows, { conditions, study.driver_name(driver), `{#roads} of {settings.roads}`, over_line, mean or "" } :: { any })
 	end
 end
 print("With a clear view")
@@ -295,7 +268,7 @@ for _, name in names do
 		end
 		table.insert(entry.cells, {
 			conditions = place.conditions,
-			driver = place.driver,
+			driver = study.driver_name(place.driver),
 			drives = of.drives,
 			failures = of.failures,
 			unsafe = of.unsafe,
@@ -309,7 +282,7 @@ for _, name in names do
 	end
 	for _, driver in settings.drivers do
 		local _, trials = pooled(name, function(place) return place.driver == driver end)
-		table.insert(entry.by_driver, { driver = driver, failing_level = pdk.failing_level(trials, settings.confidence) })
+		table.insert(entry.by_driver, { driver = study.driver_name(driver), failing_level = pdk.failing_level(trials, settings.confidence) })
 	end
 	for _, conditions in in_conditions do
 		local _, trials = pooled(name, function(place) return place.conditions == conditions end)
@@ -338,7 +311,7 @@ local groups = pdk.groups(in_order, settings.confidence)
 
 local header = { "rank", "group", "perturbation", "failing levels", percent }
 for _, driver in settings.drivers do
-	table.insert(header, `{driver} fails at`)
+	table.insert(header, `{study.driver_name(driver)} fails at`)
 end
 table.insert(header, "time to failure s")
 table.insert(header, `|XTE| increase at {levels[#levels]} m`)
@@ -365,7 +338,7 @@ for _, place in places do
 	if not place.results then
 		continue
 	end
-	local row: { any } = { place.conditions, place.driver }
+	local row: { any } = { place.conditions, study.driver_name(place.driver) }
 	local between = 0
 	local by_level = {}
 	for i, level in levels do
@@ -383,7 +356,7 @@ for _, place in places do
 	end
 	between /= #names * #levels
 	table.insert(row, between)
-	table.insert(totals, { conditions = place.conditions, driver = place.driver, by_level = by_level, between = between })
+	table.insert(totals, { conditions = place.conditions, driver = study.driver_name(place.driver), by_level = by_level, between = between })
 	table.insert(total_rows, row)
 end
 header = { "conditions", "driver" }
@@ -396,7 +369,7 @@ pdk.table(header, total_rows)
 
 -- The first driver's share of failing levels less that of each other, road by road, over all perturbations.
 local comparisons, compared_rows = {}, {}
-local function over_perturbations(driver: string)
+local function over_perturbations(driver)
 	local sums = {}
 	for _, name in names do
 		for i, share in (pooled(name, function(place) return place.driver == driver end)) do
@@ -416,12 +389,13 @@ for i = 2, #settings.drivers do
 	local first, other = settings.drivers[1], settings.drivers[i]
 	local paired = pdk.compare(over_perturbations(first), over_perturbations(other), settings.confidence)
 	if paired then
-		table.insert(comparisons, { driver = first, against = other, paired = paired })
-		table.insert(compared_rows, { other, paired.difference.value, interval(paired.difference), paired.effect_size, paired.p, paired.roads } :: { any })
+		local name = study.driver_name(other)
+		table.insert(comparisons, { driver = study.driver_name(first), against = name, paired = paired })
+		table.insert(compared_rows, { name, paired.difference.value, interval(paired.difference), paired.effect_size, paired.p, paired.roads } :: { any })
 	end
 end
 if #compared_rows > 0 then
-	print(`Failing levels of {settings.drivers[1]} less those of the others, road by road`)
+	print(`Failing levels of {study.driver_name(settings.drivers[1])} less those of the others, road by road`)
 	pdk.table({ "driver", "difference", percent, "effect size", "p", "roads" }, compared_rows)
 end
 
@@ -431,7 +405,7 @@ for _, place in places do
 	for _, road in place.roads do
 		table.insert(roads, { road = road.number, seed = road.seed, angles = road.angles, mean_cross_track_error = road.nominal[1], over_line = road.over_line[1] })
 	end
-	table.insert(nominal, { conditions = place.conditions, driver = place.driver, roads = roads })
+	table.insert(nominal, { conditions = place.conditions, driver = study.driver_name(place.driver), roads = roads })
 end
 pdk.save("ranking.json", {
 	simulator = settings.simulator,

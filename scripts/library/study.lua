@@ -65,6 +65,11 @@ function study.in_conditions(settings, conditions: string)
 	return these
 end
 
+-- What a driver is called in tables: its name, or the file of its network.
+function study.driver_name(driver): string
+	return if type(driver) == "table" then driver.model or driver.name else driver
+end
+
 -- Drives scenarios with the simulator that is set and a driver.
 function study.drive(settings, scenarios, driver)
 	return pdk.drive({
@@ -75,6 +80,40 @@ function study.drive(settings, scenarios, driver)
 		images_every = settings.images_every,
 		scenarios = scenarios,
 	})
+end
+
+-- Searches on, each time at the level that `next_level` says, until it has none for any searcher; those still under way are driven
+-- together, so that all cores work. A searcher has a `road` as `study.roads` gives it, a `perturbation` and the number of its repeat,
+-- `again`; it gets its `trials` and their `outcomes`. An error of a component says nothing about the driver: it becomes the
+-- searcher's `error` and ends it.
+function study.search(settings, searchers, next_level, driver)
+	while true do
+		local scenarios, under_way = {}, {}
+		for _, searcher in searchers do
+			local level = if searcher.error then nil else next_level(searcher)
+			if level then
+				table.insert(under_way, { searcher = searcher, level = level })
+				table.insert(scenarios, {
+					name = study.called(`{searcher.perturbation}@{level}`, searcher.road.number, searcher.again),
+					road = searcher.road.road,
+					["repeat"] = searcher.again - 1,
+					perturbations = { { name = searcher.perturbation, level = level } },
+				})
+			end
+		end
+		if #scenarios == 0 then
+			return
+		end
+		for i, outcome in study.drive(settings, scenarios, driver) do
+			local searcher = under_way[i].searcher
+			if outcome.cause == "error" then
+				searcher.error = outcome.error
+				continue
+			end
+			table.insert(searcher.trials, { level = under_way[i].level, failed = not outcome.success })
+			table.insert(searcher.outcomes, outcome)
+		end
+	end
 end
 
 -- Makes the random roads that are set and drives each with a clear view, `repeats` times, with each of the drivers. Returns those

@@ -242,6 +242,19 @@ fn a_study_halves_levels_and_compares_drivers() {
 }
 
 #[test]
+fn a_study_names_a_network_by_its_file() {
+    let checked = "local names, levels = study.checked(settings";
+    let network =
+        format!("settings.drivers = {{ {{ name = \"onnx\", model = \"pilot.onnx\" }} }}\n{checked}");
+    let (study, _) = run("study", checked, &network).unwrap();
+    let saved = &study["saved"]["ranking.json"];
+    assert_eq!(saved["ranking"][0]["by_driver"][0]["driver"], "pilot.onnx");
+    assert_eq!(saved["nominal"][0]["driver"], "pilot.onnx");
+    assert_eq!(study["tables"][1][0][5], "pilot.onnx fails at");
+    assert!(!study["tables"].to_string().contains("0x"), "{}", study["tables"]);
+}
+
+#[test]
 fn a_study_of_all_levels_drives_all() {
     let (study, _) = run("study", r#"search = "bisect""#, r#"search = "all""#).unwrap();
     let found = drives(&study);
