@@ -40,12 +40,8 @@ end
 -- The method with the network of a driver, which is a component of its own or a file.
 local function looked_at_by(driver)
 	local method = if type(settings.method) == "string" then { name = settings.method } else table.clone(settings.method)
-	method.model = if type(driver) == "string" then driver else driver.model or driver.name
+	method.model = study.driver_name(driver)
 	return method
-end
-
-local function called(driver): string
-	return if type(driver) == "string" then driver else driver.model or driver.name
 end
 
 -- Drives all conditions with a driver: by perturbation and condition, for each road, whether its drives failed and the mean |XTE|
@@ -135,7 +131,7 @@ local saved = {}
 for _, driver in settings.drivers do
 	local driven, left_out = study.roads(settings, settings.repeats, { driver })
 	if #driven == 0 then
-		error(`{called(driver)} managed no road without perturbation, so there is nothing to compare with`, 0)
+		error(`{study.driver_name(driver)} managed no road without perturbation, so there is nothing to compare with`, 0)
 	end
 	local found = measured(driver, driven)
 	local groups = {}
@@ -196,7 +192,7 @@ for _, driver in settings.drivers do
 		end
 		table.insert(entries, entry)
 	end
-	print(`{called(driver)}, {#driven} roads`)
+	print(`{study.driver_name(driver)}, {#driven} roads`)
 	pdk.table({ "perturbation", "where", "failed", "share", percent, "mean |XTE| m", percent }, rows)
 	pdk.table({ "perturbation", "paired by road", "failed share", percent, "p", "mean |XTE| m", percent }, differences)
 	table.insert(saved, { driver = driver, roads = #driven, left_out = left_out, perturbations = entries })

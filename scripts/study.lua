@@ -117,7 +117,7 @@ for _, conditions in in_conditions do
 		for _, road in without do
 			table.insert(left_out, { conditions = conditions, driver = study.driver_name(driver), road = road.road, cause = road.cause })
 		end
-		table.insert(places, { conditions = conditions, driver = driver, settings = these, roads = roads })
+		table.insert(places, { conditions = conditions, driver = driver, name = study.driver_name(driver), settings = these, roads = roads })
 		local mean = study.mean(errors)
 		table.insert(nominal_rows, { conditions, study.driver_name(driver), `{#roads} of {settings.roads}`, over_line, mean or "" } :: { any })
 	end
@@ -268,7 +268,7 @@ for _, name in names do
 		end
 		table.insert(entry.cells, {
 			conditions = place.conditions,
-			driver = study.driver_name(place.driver),
+			driver = place.name,
 			drives = of.drives,
 			failures = of.failures,
 			unsafe = of.unsafe,
@@ -338,7 +338,7 @@ for _, place in places do
 	if not place.results then
 		continue
 	end
-	local row: { any } = { place.conditions, study.driver_name(place.driver) }
+	local row: { any } = { place.conditions, place.name }
 	local between = 0
 	local by_level = {}
 	for i, level in levels do
@@ -356,7 +356,7 @@ for _, place in places do
 	end
 	between /= #names * #levels
 	table.insert(row, between)
-	table.insert(totals, { conditions = place.conditions, driver = study.driver_name(place.driver), by_level = by_level, between = between })
+	table.insert(totals, { conditions = place.conditions, driver = place.name, by_level = by_level, between = between })
 	table.insert(total_rows, row)
 end
 header = { "conditions", "driver" }
@@ -405,7 +405,7 @@ for _, place in places do
 	for _, road in place.roads do
 		table.insert(roads, { road = road.number, seed = road.seed, angles = road.angles, mean_cross_track_error = road.nominal[1], over_line = road.over_line[1] })
 	end
-	table.insert(nominal, { conditions = place.conditions, driver = study.driver_name(place.driver), roads = roads })
+	table.insert(nominal, { conditions = place.conditions, driver = place.name, roads = roads })
 end
 pdk.save("ranking.json", {
 	simulator = settings.simulator,
