@@ -2,7 +2,7 @@
 --
 --   pdk run study
 --   pdk run study --set drivers=dave2 --set conditions=standard --set perturbations=gaussian_noise,dirty_lens
---   pdk run study --set search=all --set repeats=3
+--   pdk run study --set search=all --set roads=10 --set repeats=1
 --   pdk run study --set simulator=donkey --set conditions= --set 'drivers=[{"name":"onnx","model":"pilot.onnx"}]'
 --
 -- On each road the highest level is driven first. Where the driver survives it, the levels below count as survived too; where it
@@ -31,8 +31,8 @@ local settings = pdk.settings({
 	limit = 35, -- largest angle of a road in degrees
 	segment = 0, -- length of its segments in metres; 0: what the conditions' speed calls for
 	attempts = 1000, -- draws until a road is valid
-	repeats = 1, -- how often a perturbation that draws at random is driven on each road, each time with other luck
-	duration = 40, -- seconds of simulation time
+	repeats = 2, -- how often a perturbation that draws at random is driven on each road, each time with other luck
+	duration = 60, -- seconds of simulation time; a drive in hard conditions takes 33 with a clear view
 	failure = {}, -- what counts as a failure: see FailureCriteria
 	confidence = 0.95, -- of the intervals
 	images_every = 0, -- every how many frames the record keeps an image; 0 for none
