@@ -14,6 +14,8 @@
 #![allow(clippy::unwrap_used)]
 
 use std::collections::HashSet;
+use std::num::NonZero;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use pdk_analysis::hypervolume::hypervolume;
@@ -315,7 +317,7 @@ fn regions(registry: &Registry, seeds: u64, evaluations: u64, only: &[&str]) {
         ("nsga2", "nsga2", json!({})),
         ("nsga2_dt", "nsga2_dt", json!({})),
         (
-            "nsga2_dt published",
+            "published",
             "nsga2_dt",
             json!({"variant": "published", "generations": 5, "mutation": 0.25, "eta_mutation": 15, "crossover": 0.7}),
         ),
@@ -334,17 +336,15 @@ fn regions(registry: &Registry, seeds: u64, evaluations: u64, only: &[&str]) {
             let mut chance: Vec<f64> = Vec::new();
             for (label, name, parameters) in &strategies {
                 // It is made for few, expensive evaluations; with many, its own time is what counts.
-                if *name == "surrogate" && evaluations > 2000 || !only.is_empty() && !only.contains(name) {
+                if *label == "surrogate" && evaluations > 2000 || !only.is_empty() && !only.contains(label) {
                     continue;
                 }
-                let since = Instant::now();
-                let all: Vec<Quality> = (0..seeds)
-                    .map(|seed| {
-                        let (points, _) =
-                            search_regions(registry, (name, parameters), problem, whole, seed, evaluations);
-                        quality(problem, &points, evaluations)
-                    })
-                    .collect();
+                let of_seed = |seed| {
+                    let (points, own) =
+                        search_regions(registry, (name, parameters), problem, whole, seed, evaluations);
+                    (quality(problem, &points, evaluations), own)
+                };
+                let (all, own): (Vec<Quality>, Vec<Duration>) = of_each(seeds, of_seed).into_iter().unzip();
                 let mean = |value: fn(&Quality) -> f64| all.iter().map(value).sum::<f64>() / seeds as f64;
                 let covered: Vec<f64> = all.iter().map(|q| q.covered).collect();
                 if *label == "random" {
@@ -358,11 +358,32 @@ fn regions(registry: &Registry, seeds: u64, evaluations: u64, only: &[&str]) {
                     mean(|q| q.found),
                     mean(|q| q.covered),
                     mean(|q| q.first),
-                    since.elapsed().as_secs_f64() / seeds as f64,
+                    own.iter().sum::<Duration>().as_secs_f64() / seeds as f64,
                 );
             }
         }
     }
+}
+
+/// What comes of each seed, in their order, on all processors.
+fn of_each<T: Send>(seeds: u64, of_seed: impl Fn(u64) -> T + Sync) -> Vec<T> {
+    let next = AtomicU64::new(0);
+    let workers = std::thread::available_parallelism().map_or(1, NonZero::get);
+    let work = || {
+        let mut done = Vec::new();
+        loop {
+            match next.fetch_add(1, Ordering::Relaxed) {
+                seed if seed < seeds => done.push((seed, of_seed(seed))),
+                _ => return done,
+            }
+        }
+    };
+    let mut all: Vec<(u64, T)> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
+    });
+    all.sort_by_key(|(seed, _)| *seed);
+    all.into_iter().map(|(_, result)| result).collect()
 }
 
 thread_local! {
