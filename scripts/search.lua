@@ -31,12 +31,12 @@ local settings = pdk.settings({
 	real_intensity = false, -- also levels between the whole ones
 	-- By their effect on the four networks (scripts/ranking.json), the weakest first; none: the default set, in the order of names.
 	perturbations = {
-		"static_rain_filter", "dynamic_rain_filter", "dotted_lines_mapping", "speckle_noise_filter", "saturation_filter",
-		"poisson_noise", "zigzag_mapping", "elastic", "impulse_noise", "contrast", "raindrops_on_lens", "low_pass_filter",
-		"motion_blur", "dirty_lens", "snow_on_lens", "white_balance_filter", "pixelate", "gaussian_blur", "defocus_blur",
-		"posterize_filter", "gaussian_noise", "increase_brightness", "jpeg_filter", "canny_edges_mapping", "banding",
-		"grayscale_filter", "cutout_filter", "frost_filter", "saturation_decrease_filter", "sharpen_filter", "snow_filter",
-		"scale_image", "splatter_mapping", "fog_filter", "phase_scrambling", "object_overlay", "sample_pairing_filter",
+		"dynamic_rain_filter", "static_rain_filter", "poisson_noise", "speckle_noise_filter", "zigzag_mapping",
+		"dotted_lines_mapping", "saturation_filter", "gaussian_noise", "contrast", "elastic", "low_pass_filter", "motion_blur",
+		"dirty_lens", "white_balance_filter", "snow_on_lens", "posterize_filter", "canny_edges_mapping", "pixelate",
+		"gaussian_blur", "defocus_blur", "raindrops_on_lens", "impulse_noise", "banding", "increase_brightness", "jpeg_filter",
+		"cutout_filter", "splatter_mapping", "object_overlay", "grayscale_filter", "frost_filter", "sharpen_filter",
+		"saturation_decrease_filter", "scale_image", "snow_filter", "fog_filter", "phase_scrambling", "sample_pairing_filter",
 		"false_color_filter", "translate_image",
 	},
 	road_seed = 1, -- which roads the turns and the curvature stand for

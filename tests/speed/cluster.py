@@ -1,10 +1,10 @@
 """What a cluster costs: three nodes of Ray on this machine, against this machine alone.
 
     venv/bin/pip install target/pdk-dist/pdk-*.whl 'ray>=2.9'
-    venv/bin/python tests/speed/cluster.py              # or one of: overhead, search
+    venv/bin/python tests/speed/cluster.py              # or one of: overhead, speedup, search
 
-Prints, as Markdown: the overhead of a scenario, the processor time of the pool for each, and a search of five generations with a comparison
-of the ledgers.
+Prints, as Markdown: the overhead of a scenario, the processor time of the pool for each, how the speed grows with the workers up to as many as
+there are processors, and a search of five generations; both with a comparison of the ledgers.
 """
 
 import os
@@ -57,6 +57,27 @@ def overhead(pool, folder):
         print(f"| {name} | {1000 * wall / count:.1f} | {1000 * cpu / count:.1f} |", flush=True)
 
 
+def speedup(address, folder):
+    processors = os.cpu_count()
+    counts = [2**n for n in range(processors.bit_length()) if 2**n <= processors]
+    scenarios = [
+        {"road": {"angles": [0, n % 9, -(n % 9)], "segment": 25}, "perturbations": ["gaussian_noise@2"], "repeat": n}
+        for n in range(12 * counts[-1])
+    ]
+    print("\n| workers | this machine | Ray |\n|---:|---:|---:|")
+    same = []
+    for count in counts:
+        rates = []
+        for name, more in (("here", {"workers": count}), ("ray", {"pool": f"ray --slots {count} --address {address}"})):
+            out = folder / f"speedup-{name}-{count}"
+            with pdk.Session(simulator="lane", driver="dave2", duration=10, seed=1, out=out, **more) as session:
+                session.drive(scenarios[: 12 * count])
+            rates.append(session.record.performance["drive"]["frames_per_second"])
+        same.append(lines(folder / f"speedup-here-{count}") == lines(folder / f"speedup-ray-{count}"))
+        print(f"| {count} | {rates[0]:,.0f} | {rates[1]:,.0f} |", flush=True)
+    print(f"\nledgers equal as sets: {all(same)}")
+
+
 def search(pool, folder):
     settings = {
         "strategy": {"name": "nsga2_dt", "population": 12},
@@ -76,14 +97,20 @@ def search(pool, folder):
 
 
 def main(parts):
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
-    cluster.add_node(num_cpus=1)
-    cluster.add_node(num_cpus=1)
+    processors = -(-os.cpu_count() // 3)
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": processors})
+    cluster.add_node(num_cpus=processors)
+    cluster.add_node(num_cpus=processors)
     cluster.wait_for_nodes()
     pool = f"ray --slots 2 --address {cluster.address}"
+    runs = {
+        "overhead": lambda folder: overhead(pool, folder),
+        "speedup": lambda folder: speedup(cluster.address, folder),
+        "search": lambda folder: search(pool, folder),
+    }
     with tempfile.TemporaryDirectory() as folder:
-        for part in parts or ["overhead", "search"]:
-            {"overhead": overhead, "search": search}[part](pool, Path(folder))
+        for part in parts or runs:
+            runs[part](Path(folder))
     cluster.shutdown()
 
 
