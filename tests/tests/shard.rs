@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use pdk_tests::process::pipeline;
 use pdk_tests::records::{assert_equal, files};
-use pdk_tests::{Pdk, temp};
+use pdk_tests::{Pdk, datasets, temp};
 
 const SOURCE: &str = r#"
     local settings = pdk.settings({ scenarios = 7, levels = { 1, 3 } })
@@ -76,6 +76,46 @@ fn parts_put_together_are_the_whole() {
 }
 
 #[test]
+fn evaluations_in_parts_put_together_are_the_whole() {
+    let folder = temp();
+    datasets::folder(&folder.path().join("data"), 9, 32, 24);
+    // One image that cannot be read is said by the whole, and by the part that has it.
+    std::fs::write(folder.path().join("data/4_camera.jpg"), "no image").unwrap();
+    let source = "
+        local function evaluate(levels)
+            pdk.show(pdk.evaluate({
+                dataset = pdk.path('data'), driver = 'lane_keeper', perturbations = { 'gaussian_noise' }, levels = levels,
+            }))
+        end
+        evaluate({ 1, 3 })
+        pdk.drive({
+            simulator = { name = 'lane', width = 64, height = 48 }, driver = 'lane_keeper', duration = 0.5, scenarios = { {} },
+        })
+        evaluate({ 2 })
+    ";
+    let script = pipeline(folder.path(), source);
+    let whole = folder.path().join("whole");
+    run(&script, &whole).succeed();
+    let expected = files(&whole);
+    for of in [2, 12] {
+        let parts = parts(&script, folder.path(), of);
+        let out = folder.path().join(format!("merged{of}"));
+        let finished = merge(&parts, &out).succeed();
+        assert!(finished.stdout.contains("1 scenarios and 18 evaluated frames"), "{}", finished.stdout);
+        let results = |out: &Path| std::fs::read_to_string(out.join("results.jsonl")).unwrap();
+        assert_eq!(results(&out), results(&whole));
+        run(&script, &out).succeed();
+        assert_equal(&out, &expected);
+    }
+    // A part that has lost a line.
+    let part = folder.path().join("2of2");
+    let results = std::fs::read_to_string(part.join("results.jsonl")).unwrap();
+    std::fs::write(part.join("results.jsonl"), results.split_once('\n').unwrap().0).unwrap();
+    let both = [folder.path().join("1of2"), part];
+    merge(&both, &folder.path().join("out")).fail(1, &["no part has frame", "--out"]);
+}
+
+#[test]
 fn a_part_goes_on_as_itself_only() {
     let folder = temp();
     let script = pipeline(folder.path(), SOURCE);
@@ -134,13 +174,6 @@ fn a_pipeline_that_looks_at_outcomes_is_not_put_together() {
         out
     });
     merge(&both, &folder.path().join("out")).fail(1, &["decides by outcomes what to drive", "--pool"]);
-    let offline = pipeline(
-        folder.path(),
-        "pdk.evaluate({ dataset = 'x', driver = 'lane_keeper', perturbations = { 'contrast' }, levels = { 1 } })",
-    );
-    run(&offline, &folder.path().join("offline"))
-        .args(["--shard", "1/2"])
-        .fail(1, &["pdk.evaluate", "leave out --shard"]);
     let search = Pdk::new(["run", "search", "--shard", "1/2", "--out"]).arg(folder.path().join("search"));
     search.fail(1, &["pdk.search decides by outcomes", "leave out --shard"]);
     run(&script, &folder.path().join("no"))

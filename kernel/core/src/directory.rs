@@ -7,7 +7,7 @@
 //! | `results.jsonl` | one line a frame, perturbation and level of an offline evaluation |
 //! | `summary.json` | the table at the end |
 //! | `traces/ID.mcap` | frames, control, state and events of the scenario with this id |
-//! | `shard.json` | in the record of a part of a run: the scenarios of the whole |
+//! | `shard.json` | in the record of a part of a run: the scenarios and evaluations of the whole |
 //! | `.lock` | nothing: the process that writes the record holds it |
 //! | `performance.json` | when and how fast it ran; the one file that differs between two equal runs |
 

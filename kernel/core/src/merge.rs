@@ -1,9 +1,10 @@
-//! Runs in parts: each part drives its share of the scenarios, on a machine of its own, and the records of all parts are put together
-//! into that of the whole.
+//! Runs in parts: each part drives its share of the scenarios and evaluates its share of the frames, on a machine of its own, and the
+//! records of all parts are put together into that of the whole.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fmt;
 use std::fs;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -12,14 +13,15 @@ use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use pdk_sdk::file;
 use serde::{Deserialize, Serialize};
 
-use crate::directory::{MANIFEST, RunDirectory, SHARD};
+use crate::directory::{MANIFEST, RESULTS, RunDirectory, SHARD};
 use crate::ledger::{self, Ledger, Line};
+use crate::lines::Lines;
 use crate::manifest::Manifest;
 
 /// The most parts that a run may have.
 const MOST: usize = 100_000;
 
-/// A part of a run: every `of`-th scenario.
+/// A part of a run: every `of`-th scenario, and every `of`-th frame of an evaluation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Shard {
     /// Which part it is, from 1.
@@ -29,7 +31,7 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Whether a scenario belongs to the part, by its number in the run, from 0.
+    /// Whether a scenario belongs to the part, by its number in the run, from 0; or a frame, by its number in the evaluation.
     pub fn has(&self, number: usize) -> bool {
         number % self.of == self.index - 1
     }
@@ -64,6 +66,26 @@ pub struct ShardList {
     pub shard: Shard,
     /// All scenarios of the run in the order of submission.
     pub scenarios: Vec<ScenarioId>,
+    /// All evaluations of the run in their order.
+    pub evaluations: Vec<EvaluatedFrames>,
+}
+
+/// What an evaluation of the whole run goes through.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EvaluatedFrames {
+    /// How many frames it has.
+    pub frames: usize,
+    /// The perturbations at their levels.
+    pub cells: Vec<String>,
+}
+
+/// What was put together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct Merged {
+    /// How many scenarios there are.
+    pub scenarios: usize,
+    /// How many evaluated frames there are.
+    pub frames: usize,
 }
 
 /// The record of a part.
@@ -100,17 +122,17 @@ impl Part {
     }
 }
 
-/// Puts the records of all parts of a run together: their manifests, their lines in the order of the whole, and their traces. Returns
-/// how many scenarios there are. Running the pipeline on the new folder completes it: what is there is not driven again.
+/// Puts the records of all parts of a run together: their manifests, their lines in the order of the whole, and their traces. Running the
+/// pipeline on the new folder completes it: what is there is not computed again.
 ///
 /// # Errors
 /// Where a part is missing, is there twice, has not come to its end, or is of another run or of a run that went another way; where the
 /// folder is not empty, or something cannot be read or written.
-pub fn merge(parts: &[PathBuf], out: &Path) -> Result<usize> {
+pub fn merge(parts: &[PathBuf], out: &Path) -> Result<Merged> {
     let mut parts = parts.iter().map(|path| Part::open(path)).collect::<Result<Vec<Part>>>()?;
     parts.sort_by_key(|part| part.list.shard.index);
     check(&parts)?;
-    let Some((first, others)) = parts.split_first() else { return Ok(0) };
+    let Some((first, others)) = parts.split_first() else { return Ok(Merged { scenarios: 0, frames: 0 }) };
     let mut manifest = first.manifest.clone();
     for other in others {
         manifest = manifest.continuing(&other.manifest).map_err(|difference| {
@@ -126,16 +148,27 @@ pub fn merge(parts: &[PathBuf], out: &Path) -> Result<usize> {
         )));
     }
     directory.write_json(MANIFEST, &manifest)?;
+    Ok(Merged {
+        scenarios: merge_scenarios(&parts, &first.list.scenarios, &directory)?,
+        frames: merge_frames(&parts, &first.list.evaluations, &directory)?,
+    })
+}
+
+/// Puts the ledgers of all parts together, and their traces. Returns how many scenarios there are.
+fn merge_scenarios(parts: &[Part], scenarios: &[ScenarioId], directory: &RunDirectory) -> Result<usize> {
+    if scenarios.is_empty() {
+        return Ok(0);
+    }
     let mut lines: HashMap<ScenarioId, (usize, Line)> = HashMap::new();
     for (place, part) in parts.iter().enumerate() {
         // A part without scenarios of its own has no ledger.
-        if (0..part.list.scenarios.len()).any(|number| part.list.shard.has(number)) {
+        if (0..scenarios.len()).any(|number| part.list.shard.has(number)) {
             let (found, _) = ledger::read(&part.directory)?;
             lines.extend(found.into_iter().map(|line| (line.id, (place, line))));
         }
     }
-    let mut ordered = Vec::with_capacity(first.list.scenarios.len());
-    for id in &first.list.scenarios {
+    let mut ordered = Vec::with_capacity(scenarios.len());
+    for id in scenarios {
         let Some((place, line)) = lines.remove(id) else {
             return Err(Error::new(format!(
                 "no part has a line of scenario {id}; run the parts again with --out and their folders"
@@ -145,8 +178,48 @@ pub fn merge(parts: &[PathBuf], out: &Path) -> Result<usize> {
         link(&from, &to).place(format_args!("cannot take over the trace {}", from.display()))?;
         ordered.push(line);
     }
-    Ledger::open(&directory)?.add_all(&ordered)?;
+    Ledger::open(directory)?.add_all(&ordered)?;
     Ok(ordered.len())
+}
+
+/// Which frame a line of results is of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+struct FramePlace {
+    evaluation: usize,
+    index: usize,
+}
+
+/// Puts the results of all parts together. Returns how many frames there are.
+fn merge_frames(parts: &[Part], evaluations: &[EvaluatedFrames], directory: &RunDirectory) -> Result<usize> {
+    if evaluations.is_empty() {
+        return Ok(0);
+    }
+    // The lines of a frame, one for each perturbation, stay in their order.
+    let mut found: BTreeMap<FramePlace, Vec<u8>> = BTreeMap::new();
+    for part in parts {
+        let path = part.directory.path().join(RESULTS);
+        let Some((mut file, _)) = file::open_if_there(&path).place(path.display())? else { continue };
+        let mut text = Vec::new();
+        file.read_to_end(&mut text).place(path.display())?;
+        for (number, line) in text.split_inclusive(|byte| *byte == b'\n').enumerate() {
+            let place: FramePlace =
+                serde_json::from_slice(line).place(format_args!("{}:{}", path.display(), number + 1))?;
+            found.entry(place).or_default().extend_from_slice(line);
+        }
+    }
+    let (mut lines, _) = Lines::open(&directory.path().join(RESULTS))?;
+    for (evaluation, EvaluatedFrames { frames, .. }) in evaluations.iter().enumerate() {
+        for index in 0..*frames {
+            let Some(text) = found.get(&FramePlace { evaluation, index }) else {
+                return Err(Error::new(format!(
+                    "no part has frame {index} of evaluation {evaluation}; run the parts again with --out and their folders"
+                )));
+            };
+            lines.add(text)?;
+        }
+    }
+    lines.sync()?;
+    Ok(evaluations.iter().map(|evaluation| evaluation.frames).sum())
 }
 
 /// Makes sure that these are all parts of one run, each once.
@@ -179,13 +252,16 @@ fn check(parts: &[Part]) -> Result<()> {
     Ok(())
 }
 
-/// Makes sure that all parts came to the same scenarios.
+/// Makes sure that all parts came to the same scenarios and evaluations.
 fn check_lists(first: &Part, others: &[Part]) -> Result<()> {
-    match others.iter().find(|part| part.list.scenarios != first.list.scenarios) {
+    let differs = |part: &&Part| {
+        (&part.list.scenarios, &part.list.evaluations) != (&first.list.scenarios, &first.list.evaluations)
+    };
+    match others.iter().find(differs) {
         None => Ok(()),
         Some(other) => Err(Error::new(format!(
-            "the parts {} and {} have other scenarios: the pipeline decides by outcomes what to drive, so it cannot be run in parts; use \
-             --pool",
+            "the parts {} and {} have different scenarios: the pipeline decides by outcomes what to drive, so it cannot be run in parts; \
+             use --pool",
             first.list.shard, other.list.shard
         ))),
     }

@@ -9,6 +9,7 @@ use std::io::Write;
 use std::time::{Duration, Instant};
 
 use pdk_core::lines::Lines;
+use pdk_core::merge::Shard;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::Control;
@@ -203,6 +204,8 @@ pub struct Job<'a> {
     pub evaluation: Evaluation,
     /// The number of frames.
     pub frames: usize,
+    /// Which of them are evaluated, where this is a part of a run.
+    pub shard: Option<Shard>,
     /// The number of the evaluation in its run.
     pub number: u64,
     /// Workers at most.
@@ -216,30 +219,32 @@ pub struct Job<'a> {
 /// Evaluates every frame, and writes a line for each perturbation and level.
 ///
 /// # Errors
-/// Where no frame can be evaluated, the session is over, or the record cannot be written.
+/// Where no frame of a whole run can be evaluated, the session is over, or the record cannot be written.
 pub fn evaluate(session: &mut Session, job: Job<'_>) -> Result<(Summary, Performance)> {
-    let Job { evaluation, frames, number, workers, results, progress } = job;
+    let Job { evaluation, frames, shard, number, workers, results, progress } = job;
     if frames == 0 {
         return Err(Error::new("the dataset has no frames; name a folder that has some"));
     }
     let started = Instant::now();
     let mut collector = Collector::new(&evaluation.perturbations, number);
-    let mut first = 0;
-    while first < frames
-        && let Some(frame) = results.take(number, first, &evaluation.perturbations)
+    let own: Vec<usize> = (0..frames).filter(|index| shard.is_none_or(|shard| shard.has(*index))).collect();
+    let mut done = 0;
+    while done < own.len()
+        && let Some(frame) = results.take(number, own[done], &evaluation.perturbations)
     {
         collector.count(frame);
-        first += 1;
-        progress(first as u64);
+        done += 1;
+        progress(done as u64);
     }
+    let new = own.len() - done;
     let mut under_way = VecDeque::new();
-    let mut next = first;
+    let mut waiting = own[done..].iter();
     let mut written = Instant::now();
-    for index in first..frames {
-        while next < frames && next < index + workers * WINDOW {
-            let frame = EvaluateFrame { evaluation: evaluation.clone(), index: next };
-            under_way.push_back(session.evaluate(frame));
-            next += 1;
+    for &index in &own[done..] {
+        while under_way.len() < workers * WINDOW
+            && let Some(&index) = waiting.next()
+        {
+            under_way.push_back(session.evaluate(EvaluateFrame { evaluation: evaluation.clone(), index }));
         }
         let Some(ticket) = under_way.pop_front() else { break };
         let frame = match session.wait(ticket, &mut |_| {})? {
@@ -252,7 +257,8 @@ pub fn evaluate(session: &mut Session, job: Job<'_>) -> Result<(Summary, Perform
         };
         results.add(collector.print(index, &frame)?)?;
         collector.count(frame);
-        progress(index as u64 + 1);
+        done += 1;
+        progress(done as u64);
         // A power cut loses no more than a second.
         if written.elapsed() > Duration::from_secs(1) {
             results.lines.sync()?;
@@ -260,7 +266,11 @@ pub fn evaluate(session: &mut Session, job: Job<'_>) -> Result<(Summary, Perform
         }
     }
     results.lines.sync()?;
-    collector.finish(frames - first, workers, started.elapsed())
+    // A part may have no frame at all that is good.
+    if shard.is_none() {
+        collector.check()?;
+    }
+    Ok(collector.finish(new, workers, started.elapsed()))
 }
 
 /// Sums frames up, in their order.
@@ -344,17 +354,20 @@ impl<'a> Collector<'a> {
         }
     }
 
-    /// `new` is how many frames were not recorded already.
-    fn finish(self, new: usize, workers: usize, wall: Duration) -> Result<(Summary, Performance)> {
-        if self.frames == 0 {
-            let first = self.bad_frames.first().map(|bad| format!("{}: {}", bad.frame, bad.error));
-            return Err(Error::new(format!(
-                "none of the {} frames could be evaluated; the first: {}",
-                self.bad_frames.len(),
-                first.unwrap_or_default()
-            )));
+    /// Makes sure that there was a good frame.
+    fn check(&self) -> Result<()> {
+        match (self.frames, self.bad_frames.first()) {
+            (0, Some(BadFrame { frame, error })) => Err(Error::new(format!(
+                "none of the {} frames could be evaluated; the first: {frame}: {error}",
+                self.bad_frames.len()
+            ))),
+            _ => Ok(()),
         }
-        let count = self.frames as f64;
+    }
+
+    /// `new` is how many frames were not recorded already. Means over no frames are 0.
+    fn finish(self, new: usize, workers: usize, wall: Duration) -> (Summary, Performance) {
+        let count = self.frames.max(1) as f64;
         let rows = self.cells.iter().zip(&self.sums).map(|(cell, sums)| Row {
             perturbation: cell.name.clone(),
             label: cell.label(),
@@ -380,7 +393,7 @@ impl<'a> Collector<'a> {
             rows: rows.collect(),
             bad_frames: self.bad_frames,
         };
-        Ok((summary, performance))
+        (summary, performance)
     }
 }
 
@@ -438,7 +451,8 @@ mod tests {
         collector.count(good(0.1));
         collector.count(Frame::Bad(BadFrame { frame: "b".into(), error: "cut".into() }));
         collector.count(good(0.3));
-        let (summary, _) = collector.finish(3, 1, Duration::from_secs(1)).unwrap();
+        assert!(collector.check().is_ok());
+        let (summary, _) = collector.finish(3, 1, Duration::from_secs(1));
         assert_eq!((summary.frames, summary.bad_frames.len()), (2, 1));
         assert!((summary.original_steering_error - 0.2).abs() < 1e-12);
         assert!((summary.rows[1].steering_error - 0.5).abs() < 1e-12);

@@ -1,33 +1,30 @@
 //! What stands behind the global `pdk` of one pipeline: its settings, the session, and the record.
 
+mod driving;
+mod evaluating;
+mod finishing;
+mod searching;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SHARD, SUMMARY};
+use pdk_core::directory::{MANIFEST, RunDirectory};
 use pdk_core::ledger::{Ledger, Line};
 use pdk_core::manifest::{InUse, Machine, Manifest, Module, Pipeline};
-use pdk_core::merge::ShardList;
+use pdk_core::merge::EvaluatedFrames;
 use pdk_core::search_path::SearchPath;
 use pdk_core::suggest;
-use pdk_model::component::ComponentSpec;
-use pdk_model::outcome::{Cause, Verdict};
-use pdk_model::perturbation::AppliedPerturbation;
-use pdk_model::scenario::{Scenario, ScenarioId};
+use pdk_model::scenario::ScenarioId;
 use pdk_sdk::describe::Kind;
-use pdk_sdk::error::{Error, ErrorKind, Result};
-use pdk_session::connection::Pool;
-use pdk_session::drive::expected_frames;
-use pdk_session::interrupt::{self, Wish};
-use pdk_session::protocol::{Evaluation, Made};
-use pdk_session::session::{Options, Reply, Session, Submission, Ticket};
-use pdk_session::stages::LoopTimes;
-use serde_json::{Map, Value, json};
+use pdk_sdk::error::{Error, Result};
+use pdk_session::protocol::Made;
+use pdk_session::session::{Session, Ticket};
+use serde_json::{Map, Value};
 
-use crate::evaluation::{self, Results};
+use crate::evaluation::Results;
 use crate::follow::{Audience, Progress};
-use crate::naming::run_name;
-use crate::requests::{DatasetSpec, Defaults, Evaluate};
+use crate::requests::Defaults;
 use crate::settings::{self, COMMON, Common, Override};
 use crate::{road, table, tables};
 
@@ -85,6 +82,8 @@ pub struct Host {
     /// What came of it, as far as anybody has taken it; nothing where another part of the run drives it.
     outcomes: BTreeMap<Ticket, Result<Option<Line>>>,
     evaluations: Vec<Value>,
+    /// What each of them went through.
+    evaluated: Vec<EvaluatedFrames>,
     evaluation_times: Vec<Value>,
     results: Option<Results>,
     speed: Vec<String>,
@@ -171,6 +170,7 @@ impl Host {
             numbers: BTreeMap::new(),
             outcomes: BTreeMap::new(),
             evaluations: Vec::new(),
+            evaluated: Vec::new(),
             evaluation_times: Vec::new(),
             results: None,
             speed: Vec::new(),
@@ -203,72 +203,6 @@ impl Host {
         Ok(settings)
     }
 
-    /// Begins a search with a strategy: a component, which gets a session of one worker on this machine that it has to itself, or
-    /// none.
-    pub(crate) fn begin_search(
-        &mut self,
-        name: Option<&str>,
-        strategy: Option<&ComponentSpec>,
-    ) -> Result<BegunSearch> {
-        self.refuse_part("pdk.search decides by outcomes what to drive next")?;
-        let number = self.searches;
-        self.searches += 1;
-        let name = match (name, number) {
-            (Some(name), _) => name.to_owned(),
-            (None, 0) => "search".to_owned(),
-            (None, _) => format!("search-{}", number + 1),
-        };
-        tables::checked_name(&Value::String(format!("{name}.json")))?;
-        if let Some(strategy) = strategy {
-            let catalog = self.session.catalog();
-            catalog.check(Kind::Search, &strategy.name, &strategy.parameters)?;
-            self.in_use.add(catalog, Kind::Search, &strategy.name, &strategy.parameters, Vec::new())?;
-        }
-        self.begin()?;
-        let session = match strategy {
-            None => None,
-            Some(_) => Some(match self.strategist.take() {
-                Some(session) => session,
-                None => Session::start(Options {
-                    run: format!("{}-search{number}", run_name(&self.pipeline.path)),
-                    pool: Pool::Here(1),
-                    limits: self.common.limits,
-                    search: self.search.clone(),
-                })?,
-            }),
-        };
-        Ok(BegunSearch { name, number, seed: self.common.seed, slots: self.session.slots(), session })
-    }
-
-    /// Ends a search: its files go into the record, and its session is kept for the next one.
-    pub(crate) fn end_search(
-        &mut self,
-        name: &str,
-        found: &Value,
-        table: &str,
-        session: Option<Session>,
-    ) -> Result<()> {
-        self.strategist = session.or(self.strategist.take());
-        if let Some(directory) = &self.directory {
-            directory.write_json(&format!("{name}.json"), found)?;
-            directory.write_text(&format!("{name}.csv"), table)?;
-        }
-        Ok(())
-    }
-
-    /// Says no where only a part of the run is wanted, because of `reason`.
-    fn refuse_part(&self, reason: &str) -> Result<()> {
-        match self.common.shard {
-            None => Ok(()),
-            Some(_) => Err(Error::of(
-                ErrorKind::Configuration,
-                format!(
-                    "{reason}, so a part of it cannot be run alone; leave out --shard, and use --pool for several machines"
-                ),
-            )),
-        }
-    }
-
     /// Notes what did not go well without ending the run.
     pub(crate) fn warn(&mut self, sentence: String) {
         self.warnings.push(sentence);
@@ -289,233 +223,6 @@ impl Host {
         let simulators = self.session.catalog().of_kind(Kind::Simulator);
         let own_clock = simulators.filter(|entry| !entry.description.clock.is_stepped());
         Defaults::new(self.common.seed, own_clock.map(|entry| entry.description.name.clone()).collect())
-    }
-
-    /// Submits scenarios, after making sure that their components can be made.
-    pub(crate) fn submit(&mut self, submissions: Vec<Submission>) -> Result<Vec<Ticket>> {
-        for Submission { scenario, .. } in &submissions {
-            self.check(scenario)?;
-        }
-        self.begin()?;
-        self.open_ledger()?;
-        let mut tickets = Vec::with_capacity(submissions.len());
-        for submission in submissions {
-            // A simulator that cannot be made has no rate, and its scenarios no frames.
-            let simulator = submission.scenario.simulator.clone();
-            let rate =
-                self.try_to_make(Kind::Simulator, &simulator)?.camera.map_or(0.0, |camera| camera.rate);
-            let expected = expected_frames(&submission.scenario, rate);
-            if self.outcomes.len() == self.submitted.len() {
-                self.progress = progress(self.audience);
-                (self.before, self.spared) = (self.session.frames(), 0);
-            }
-            let (id, count) = (submission.scenario.id(), self.numbers.len());
-            let number = *self.numbers.entry(id).or_insert(count);
-            let name = submission.name.clone();
-            let (ticket, expected) = match self.common.shard.is_none_or(|shard| shard.has(number)) {
-                true => (self.session.submit(submission), expected),
-                false => (self.session.set_aside(), 0),
-            };
-            self.progress.add(expected);
-            self.submitted.insert(ticket, Submitted { number, id, name, expected });
-            tickets.push(ticket);
-        }
-        Ok(tickets)
-    }
-
-    /// Waits for an outcome.
-    pub(crate) fn wait(&mut self, ticket: Ticket) -> Result<Value> {
-        if !self.outcomes.contains_key(&ticket) {
-            let (progress, before, spared) = (&self.progress, self.before, self.spared);
-            let mut tick = |frames: u64| progress.set(frames - before + spared);
-            let reply = self.session.wait(ticket, &mut tick);
-            self.take(ticket, reply);
-        }
-        self.row(ticket)
-    }
-
-    /// An outcome that was taken, as scripts see it.
-    fn row(&self, ticket: Ticket) -> Result<Value> {
-        match (self.outcomes.get(&ticket), self.submitted.get(&ticket)) {
-            (Some(Ok(Some(line))), Some(submitted)) => Ok(outcome_row(line, submitted)),
-            (Some(Ok(None)), Some(submitted)) => Ok(row_of_elsewhere(submitted)),
-            (Some(Err(error)), _) => Err(error.clone()),
-            _ => Err(Error::new("nothing was submitted under this ticket")),
-        }
-    }
-
-    /// Waits for the next of several outcomes, as they come; none where there is none left.
-    pub(crate) fn next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<(Ticket, Result<Value>)>> {
-        let taken = self.take_next(among)?;
-        Ok(taken.map(|ticket| (ticket, self.row(ticket))))
-    }
-
-    /// Takes the next of several outcomes, as they come.
-    fn take_next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<Ticket>> {
-        let (progress, before, spared) = (&self.progress, self.before, self.spared);
-        let mut tick = |frames: u64| progress.set(frames - before + spared);
-        let Some((ticket, reply)) = self.session.next(among, &mut tick)? else { return Ok(None) };
-        self.take(ticket, reply);
-        Ok(Some(ticket))
-    }
-
-    fn take(&mut self, ticket: Ticket, reply: Result<Reply>) {
-        let line = reply.and_then(|reply| match reply {
-            Reply::Recorded(line, known) => {
-                let driven = if known { 0 } else { line.outcome.frames };
-                let submitted = self.submitted.get(&ticket);
-                self.kept.extend(submitted.filter(|_| known).map(|submitted| submitted.number));
-                let expected = submitted.map_or(0, |submitted| submitted.expected);
-                self.spared += expected.saturating_sub(driven);
-                Ok(Some(*line))
-            }
-            Reply::Elsewhere => Ok(None),
-            _ => Err(Error::new("a scenario came to something else, which is a defect in pdk")),
-        });
-        self.outcomes.insert(ticket, line);
-        if self.outcomes.len() == self.submitted.len() {
-            self.progress.finish();
-        }
-    }
-
-    /// `pdk.drive`: submits all, and waits for all.
-    pub(crate) fn drive(&mut self, request: Value) -> Result<Value> {
-        let submissions = self.defaults().drive(request)?;
-        let tickets = self.submit(submissions)?;
-        // All of them, also where one of them is an error: then nothing of this drive is still under way when the script goes on.
-        let rows: Vec<Result<Value>> = tickets.into_iter().map(|ticket| self.wait(ticket)).collect();
-        rows.into_iter().collect::<Result<_>>().map(Value::Array)
-    }
-
-    /// Frames a second of a simulator's camera.
-    pub(crate) fn rate(&mut self, simulator: &ComponentSpec) -> Result<f64> {
-        let made = self.try_to_make(Kind::Simulator, simulator)?;
-        made.camera.map(|camera| camera.rate).ok_or_else(|| {
-            Error::new(format!(
-                "the simulator `{}` did not tell its camera, so a level cannot be a function of time",
-                simulator.name
-            ))
-        })
-    }
-
-    /// What a component is like; each is made once.
-    fn make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
-        let key = (kind, serde_json::to_string(component)?);
-        if let Some(made) = self.made.get(&key) {
-            return Ok(made.clone());
-        }
-        let made = self.session.make(kind, component)?;
-        self.made.insert(key, made.clone());
-        Ok(made)
-    }
-
-    /// As [`make`](Self::make), for a scenario: a component that cannot be made is an error at once, but one that panics, takes its
-    /// process along or does not come back is the outcome of each scenario that needs it.
-    fn try_to_make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
-        let key = (kind, serde_json::to_string(component)?);
-        if self.fatal.contains_key(&key) {
-            return Ok(Made::default());
-        }
-        match self.make(kind, component) {
-            Err(error)
-                if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late | ErrorKind::Panic)
-                    && interrupt::wish() == Wish::None =>
-            {
-                self.fatal.insert(key, error);
-                Ok(Made::default())
-            }
-            made => made,
-        }
-    }
-
-    /// Makes sure that a scenario's components can be made, and notes them.
-    fn check(&mut self, scenario: &Scenario) -> Result<()> {
-        self.try_to_make(Kind::Simulator, &scenario.simulator)?;
-        let info = self.try_to_make(Kind::Driver, &scenario.driver)?.info;
-        for component in components(&scenario.perturbations) {
-            self.try_to_make(Kind::Perturbation, &component)?;
-        }
-        self.in_use.add_scenario(self.session.catalog(), scenario, info)
-    }
-
-    /// `pdk.evaluate`: the offline loop.
-    pub(crate) fn evaluate(&mut self, request: Value) -> Result<Value> {
-        self.refuse_part("pdk.evaluate goes through the frames of a dataset one after the other")?;
-        let Evaluate { dataset, driver, cells, frames } = Evaluate::from_json(request)?;
-        let (reader, available) = self.open_dataset(&dataset)?;
-        let info = self.make(Kind::Driver, &driver)?.info;
-        for component in components(&cells) {
-            self.make(Kind::Perturbation, &component)?;
-        }
-        let catalog = self.session.catalog();
-        self.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;
-        self.in_use.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
-        self.in_use.add_perturbations(catalog, &cells)?;
-        self.begin()?;
-        let results = match &mut self.results {
-            Some(results) => results,
-            None => {
-                let folder = self.directory.as_ref().map(RunDirectory::path).unwrap_or(Path::new(""));
-                self.results.insert(Results::open(&folder.join(RESULTS))?)
-            }
-        };
-        let frames = frames.unwrap_or(usize::MAX).min(available);
-        let bar = Progress::new(self.audience, "{pos}/{len} frames, {eta} left");
-        bar.add(frames as u64);
-        let job = evaluation::Job {
-            evaluation: Evaluation { dataset: reader, driver, perturbations: cells, seed: self.common.seed },
-            frames,
-            number: self.evaluations.len() as u64,
-            workers: self.session.slots(),
-            results,
-            progress: &mut |done| bar.set(done),
-        };
-        let evaluated = evaluation::evaluate(&mut self.session, job);
-        bar.finish();
-        let (summary, performance) = evaluated?;
-        for bad in &summary.bad_frames {
-            self.warnings.push(format!("{} was left out: {}", bad.frame, bad.error));
-        }
-        let summary = serde_json::to_value(summary)?;
-        self.evaluations.push(summary.clone());
-        if performance.perturbed_frames > 0 {
-            self.speed.push(format!(
-                "{} perturbed frames in {:.1} s: {:.0} a second",
-                performance.perturbed_frames, performance.wall_seconds, performance.frames_per_second
-            ));
-        }
-        self.evaluation_times.push(serde_json::to_value(performance)?);
-        Ok(summary)
-    }
-
-    /// The reader of a dataset, and how many frames it finds.
-    fn open_dataset(&mut self, dataset: &DatasetSpec) -> Result<(ComponentSpec, usize)> {
-        let frames = |made: Made| made.frames.unwrap_or_default();
-        let path = match dataset {
-            DatasetSpec::Reader(reader) => {
-                return Ok((reader.clone(), frames(self.make(Kind::Dataset, reader)?)));
-            }
-            DatasetSpec::Path(path) => path,
-        };
-        let readers: Vec<String> = self
-            .session
-            .catalog()
-            .of_kind(Kind::Dataset)
-            .map(|entry| entry.description.name.clone())
-            .collect();
-        let mut reasons = Vec::new();
-        for name in readers {
-            let parameters = Map::from_iter([("path".to_owned(), Value::String(path.clone()))]);
-            let reader = ComponentSpec { name, parameters };
-            match self.make(Kind::Dataset, &reader) {
-                Ok(made) => return Ok((reader, frames(made))),
-                Err(error) => reasons.push(error.to_string()),
-            }
-        }
-        Err(Error::new(match reasons.is_empty() {
-            true => format!("cannot open the dataset {path}: no dataset reader is installed"),
-            false => format!("cannot open the dataset {path}: {}", reasons.join("; ")),
-        }))
     }
 
     /// `pdk.show`: a table of what `pdk.drive` or `pdk.evaluate` returned.
@@ -658,197 +365,11 @@ impl Host {
         self.earlier = directory.manifest()?;
         Ok(self.directory.insert(directory).clone())
     }
-
-    /// Completes the record after the pipeline has come to its end, or to an error. Of several failures the first in this
-    /// order is reported: that of the script, that of the record, those of scenarios, a setting that the pipeline does not
-    /// have.
-    pub fn finish(mut self, script: Result<()>) -> Finished {
-        let rest = match script.is_ok() || interrupt::wish() == Wish::Finish {
-            true => self.take_rest(),
-            false => Ok(()),
-        };
-        self.progress.finish();
-        let own = self.outcomes.iter().filter(|(_, outcome)| matches!(outcome, Ok(Some(_))));
-        let rows: Vec<Value> = own.filter_map(|(ticket, _)| self.row(*ticket).ok()).collect();
-        // A scenario that was asked for several times is one.
-        let (all, failed) = (self.numbers.len(), self.failed());
-        let summary = json!({ "outcomes": rows, "evaluations": self.evaluations });
-        let whole = script.is_ok() && rest.is_ok();
-        let written =
-            self.complete(&summary).and_then(|()| if whole { self.complete_part() } else { Ok(()) });
-        let mut troubles = self.unnoticed();
-        for trouble in self.session.end() {
-            if !troubles.contains(&trouble) {
-                troubles.push(trouble);
-            }
-        }
-        if !self.kept.is_empty() {
-            self.speed
-                .insert(0, format!("{} of {all} scenarios were in the record already", self.kept.len()));
-        }
-        let scenarios = failed.first().map(|first| {
-            Error::new(match all {
-                1 => format!("the scenario could not be driven because a component failed: {first}"),
-                _ => format!(
-                    "{} of {all} scenarios could not be driven because a component failed; the first: {first}",
-                    failed.len()
-                ),
-            })
-        });
-        let trouble = troubles.first().map(|first| {
-            Error::new(format!(
-                "{first}; what was recorded is kept, but what was computed in the same process before may be wrong"
-            ))
-        });
-        self.warnings.extend(troubles.into_iter().skip(1));
-        let overrides = self.check_overrides().err();
-        let failures = [script.err(), rest.err(), written.err(), scenarios, trouble, overrides];
-        Finished {
-            record: self.directory.as_ref().map(|directory| directory.path().to_owned()),
-            summary,
-            speed: self.speed,
-            warnings: self.warnings,
-            failure: failures.into_iter().flatten().next(),
-        }
-    }
-
-    /// The scenarios in which a component failed, in the order of submission, each once.
-    fn failed(&self) -> Vec<String> {
-        let mut failed = BTreeMap::new();
-        for (ticket, line) in &self.outcomes {
-            if let (Ok(Some(line)), Some(Submitted { number, name, .. })) = (line, self.submitted.get(ticket))
-                && line.outcome.cause == Cause::Error
-                && let Some(error) = &line.outcome.error
-            {
-                failed.entry(*number).or_insert_with(|| format!("scenario {number} `{name}`: {error}"));
-            }
-        }
-        failed.into_values().collect()
-    }
-
-    /// How components went wrong when they were made although a scenario went well with them, as one does that crashes only when it
-    /// is dropped.
-    fn unnoticed(&self) -> Vec<String> {
-        let spec = |component: &ComponentSpec| serde_json::to_string(component).unwrap_or_default();
-        let mut good = BTreeSet::new();
-        let lines = self.outcomes.values().flatten().flatten();
-        for line in lines.filter(|line| line.outcome.cause != Cause::Error) {
-            good.insert((Kind::Simulator, spec(&line.scenario.simulator)));
-            good.insert((Kind::Driver, spec(&line.scenario.driver)));
-            let perturbations = components(&line.scenario.perturbations);
-            good.extend(perturbations.iter().map(|component| (Kind::Perturbation, spec(component))));
-        }
-        let of_good = self.fatal.iter().filter(|(component, _)| good.contains(*component));
-        of_good.map(|(_, error)| error.to_string()).collect()
-    }
-
-    /// Takes the outcomes that nobody has waited for: all where the script came to its end, and what was in flight where the user
-    /// interrupted it. After an error of the script there is nobody who wants them.
-    fn take_rest(&mut self) -> Result<()> {
-        let rest: BTreeSet<Ticket> =
-            self.submitted.keys().filter(|ticket| !self.outcomes.contains_key(ticket)).copied().collect();
-        let mut result = Ok(());
-        while let Some(ticket) = self.take_next(&rest)? {
-            result = result.and(self.row(ticket).map(drop));
-        }
-        result
-    }
-
-    /// Notes in the record of a part which scenarios the whole run has, so that parts which went different ways are not put together.
-    fn complete_part(&mut self) -> Result<()> {
-        let (Some(directory), Some(shard)) = (&self.directory, self.common.shard) else { return Ok(()) };
-        let mut all: Vec<(&usize, &ScenarioId)> =
-            self.numbers.iter().map(|(id, number)| (number, id)).collect();
-        all.sort_unstable();
-        let scenarios: Vec<ScenarioId> = all.into_iter().map(|(_, id)| *id).collect();
-        let own = (0..scenarios.len()).filter(|number| shard.has(*number)).count();
-        self.speed.push(format!("part {shard} of the run: {own} of {} scenarios", scenarios.len()));
-        directory.write_json(SHARD, &ShardList { shard, scenarios })
-    }
-
-    fn complete(&mut self, summary: &Value) -> Result<()> {
-        let Some(directory) = &self.directory else { return Ok(()) };
-        self.session.finish()?;
-        directory.write_json(SUMMARY, summary)?;
-        let total = self.session.performance();
-        self.warnings.extend(total.noticed());
-        let stages = total.times.summary();
-        // The times of the process that drove are worth more than those of one that did not.
-        if stages.steps == 0
-            && self.evaluation_times.is_empty()
-            && directory.path().join(PERFORMANCE).is_file()
-        {
-            return Ok(());
-        }
-        if stages.overruns > 0 {
-            self.warnings.push(format!(
-                "{} of {} steps in real time took longer than a frame lasts; {PERFORMANCE} has the times of the stages",
-                stages.overruns, stages.steps
-            ));
-        }
-        let drive = (stages.steps > 0).then(|| {
-            let (wall, LoopTimes { steps, .. }) = (total.wall_seconds, &stages);
-            let (rate, factor) = (*steps as f64 / wall, total.simulated_seconds / wall);
-            self.speed.push(format!(
-                "{steps} frames in {wall:.1} s: {rate:.0} a second, {factor:.1} times real time"
-            ));
-            json!({
-                "workers": total.slots, "wall_seconds": wall, "frames_per_second": rate,
-                "real_time_factor": factor, "stages": stages,
-            })
-        });
-        let started = self.started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
-        let performance = json!({
-            "started_unix_seconds": started, "drive": drive, "evaluations": self.evaluation_times,
-        });
-        directory.write_json(PERFORMANCE, &performance)
-    }
 }
 
 /// A bar for frames on the road.
 fn progress(audience: Audience) -> Progress {
     Progress::new(audience, "{pos}/{len} frames, {per_sec}, {eta} left")
-}
-
-/// What perturbations are made from.
-fn components(applied: &[AppliedPerturbation]) -> Vec<ComponentSpec> {
-    let component = |applied: &AppliedPerturbation| ComponentSpec {
-        name: applied.name.clone(),
-        parameters: applied.parameters.clone(),
-    };
-    applied.iter().map(component).collect()
-}
-
-/// What a pipeline and the summary see of an outcome.
-fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
-    let outcome = &line.outcome;
-    json!({
-        "number": submitted.number,
-        "id": line.id,
-        "name": submitted.name,
-        "success": outcome.success,
-        "cause": outcome.cause,
-        "verdict": outcome.cause.verdict(),
-        "error": outcome.error,
-        "time": outcome.time,
-        "frames": outcome.frames,
-        "skipped_frames": outcome.skipped_frames,
-        "progress": outcome.progress,
-        "mean_cross_track_error": outcome.mean_cross_track_error,
-        "max_cross_track_error": outcome.max_cross_track_error,
-        "measures": outcome.measures,
-        "digest": outcome.digest,
-    })
-}
-
-/// What a pipeline sees of a scenario that another part of the run drives: the fields of an outcome, which say nothing.
-fn row_of_elsewhere(submitted: &Submitted) -> Value {
-    let Submitted { number, id, name, .. } = submitted;
-    json!({
-        "number": number, "id": id, "name": name, "success": false, "cause": "elsewhere", "verdict": Verdict::Void,
-        "error": null, "time": 0.0, "frames": 0, "skipped_frames": 0, "progress": 0.0,
-        "mean_cross_track_error": 0.0, "max_cross_track_error": 0.0, "measures": null, "digest": "",
-    })
 }
 
 /// The folders `runs/NAME-N`, one after the other.

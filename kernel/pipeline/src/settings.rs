@@ -19,7 +19,7 @@ pub const COMMON: &[(&str, &str)] = &[
     ("patience", "how many seconds one call of a component may take"),
     ("memory", "how much memory a worker may take, in MiB"),
     ("pool", "a command that provides workers, in the place of this machine's"),
-    ("shard", "which part of the scenarios is driven, such as 1/8"),
+    ("shard", "which part of the scenarios and frames is computed, such as 1/8"),
 ];
 
 /// More workers than this are a mistake.

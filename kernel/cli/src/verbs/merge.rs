@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use pdk_core::{merge, println};
+use pdk_core::merge::{self, Merged};
+use pdk_core::println;
 use pdk_sdk::error::Result;
 use serde_json::json;
 
@@ -21,14 +22,16 @@ pub struct Arguments {
 
 /// Puts the records together.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let scenarios = merge::merge(&arguments.parts, &arguments.out)?;
+    let Merged { scenarios, frames } = merge::merge(&arguments.parts, &arguments.out)?;
     if global.json {
-        return print_json(&json!({ "record": arguments.out, "scenarios": scenarios }));
+        return print_json(&json!({ "record": arguments.out, "scenarios": scenarios, "frames": frames }));
     }
-    println!("{scenarios} scenarios of {} parts", arguments.parts.len());
+    let counts = [(scenarios, "scenarios"), (frames, "evaluated frames")];
+    let counts = counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
+    println!("{} of {} parts", counts.collect::<Vec<_>>().join(" and "), arguments.parts.len());
     println!("Record: {}", arguments.out.display());
     println!(
-        "The command of the parts, without --shard and with --out and this folder, completes it: nothing is driven again."
+        "The command of the parts, without --shard and with --out and this folder, completes it: nothing is computed again."
     );
     Ok(())
 }

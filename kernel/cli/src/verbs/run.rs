@@ -41,7 +41,7 @@ pub struct Settings {
     /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
     #[arg(long, value_name = "COMMAND")]
     pool: Option<String>,
-    /// Drive a part of the scenarios only, such as the third of eight; `pdk merge` puts the records of all parts together
+    /// Compute only a part of the scenarios and of the frames of datasets, such as the third of eight; `pdk merge` puts the parts together
     #[arg(long, value_name = "3/8")]
     shard: Option<Shard>,
 }

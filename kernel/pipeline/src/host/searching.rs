@@ -1,0 +1,80 @@
+//! The beginning and the end of searches.
+
+use pdk_model::component::ComponentSpec;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_session::connection::Pool;
+use pdk_session::session::{Options, Session};
+use serde_json::Value;
+
+use super::{BegunSearch, Host};
+use crate::naming::run_name;
+use crate::tables;
+
+impl Host {
+    /// Begins a search with a strategy: a component, which gets a session of one worker on this machine that it has to itself, or
+    /// none.
+    pub(crate) fn begin_search(
+        &mut self,
+        name: Option<&str>,
+        strategy: Option<&ComponentSpec>,
+    ) -> Result<BegunSearch> {
+        self.refuse_part("pdk.search decides by outcomes what to drive next")?;
+        let number = self.searches;
+        self.searches += 1;
+        let name = match (name, number) {
+            (Some(name), _) => name.to_owned(),
+            (None, 0) => "search".to_owned(),
+            (None, _) => format!("search-{}", number + 1),
+        };
+        tables::checked_name(&Value::String(format!("{name}.json")))?;
+        if let Some(strategy) = strategy {
+            let catalog = self.session.catalog();
+            catalog.check(Kind::Search, &strategy.name, &strategy.parameters)?;
+            self.in_use.add(catalog, Kind::Search, &strategy.name, &strategy.parameters, Vec::new())?;
+        }
+        self.begin()?;
+        let session = match strategy {
+            None => None,
+            Some(_) => Some(match self.strategist.take() {
+                Some(session) => session,
+                None => Session::start(Options {
+                    run: format!("{}-search{number}", run_name(&self.pipeline.path)),
+                    pool: Pool::Here(1),
+                    limits: self.common.limits,
+                    search: self.search.clone(),
+                })?,
+            }),
+        };
+        Ok(BegunSearch { name, number, seed: self.common.seed, slots: self.session.slots(), session })
+    }
+
+    /// Ends a search: its files go into the record, and its session is kept for the next one.
+    pub(crate) fn end_search(
+        &mut self,
+        name: &str,
+        found: &Value,
+        table: &str,
+        session: Option<Session>,
+    ) -> Result<()> {
+        self.strategist = session.or(self.strategist.take());
+        if let Some(directory) = &self.directory {
+            directory.write_json(&format!("{name}.json"), found)?;
+            directory.write_text(&format!("{name}.csv"), table)?;
+        }
+        Ok(())
+    }
+
+    /// Says no where only a part of the run is wanted, because of `reason`.
+    fn refuse_part(&self, reason: &str) -> Result<()> {
+        match self.common.shard {
+            None => Ok(()),
+            Some(_) => Err(Error::of(
+                ErrorKind::Configuration,
+                format!(
+                    "{reason}, so a part of it cannot be run alone; leave out --shard, and use --pool for several machines"
+                ),
+            )),
+        }
+    }
+}
