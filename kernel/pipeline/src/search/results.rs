@@ -79,10 +79,11 @@ pub struct Summary<'a> {
 /// Everything that was found.
 pub fn found(summary: &Summary<'_>) -> Value {
     let Summary { problem, trials, maximised, .. } = summary;
+    // What has not been told is no part of the result: how much that is depends on the number of workers.
     let told = trials.told();
+    let finished = &trials.all()[..told];
     // Each evaluation once.
-    let numbers: Vec<usize> =
-        (0..told).filter(|&n| !matches!(trials.all()[n].state, State::Same(_))).collect();
+    let numbers: Vec<usize> = (0..told).filter(|&n| !matches!(finished[n].state, State::Same(_))).collect();
     let evaluated: Vec<(usize, Point)> =
         numbers.iter().filter_map(|&number| Some((number, point(trials, number, maximised)?))).collect();
     let critical: Vec<&(usize, Point)> = evaluated.iter().filter(|(_, point)| point.critical).collect();
@@ -102,9 +103,9 @@ pub fn found(summary: &Summary<'_>) -> Value {
         "space": problem.space,
         "objectives": objectives,
         "stopped": summary.stopped,
-        "evaluations": trials.evaluations,
+        "evaluations": finished.iter().filter(|trial| trial.counted).count(),
         "proposed": told,
-        "duplicates": trials.duplicates,
+        "duplicates": finished.iter().filter(|trial| trial.same_as.is_some()).count(),
         "failures": summary.failures,
         "critical": critical.len(),
         "first_critical": evaluated.iter().position(|(_, point)| point.critical).map(|place| place + 1),
