@@ -95,7 +95,8 @@ pub fn found(summary: &Summary<'_>) -> Value {
         .zip(*maximised)
         .map(|(name, maximised)| json!({"name": name, "direction": if *maximised { "maximise" } else { "minimise" }}))
         .collect();
-    let reference = summary.front.reference.clone().or_else(|| worst(&evaluated));
+    // Within one search this says how it went; searches can be compared where a reference was given.
+    let own_reference = summary.front.reference.clone().or_else(|| worst(&evaluated));
     json!({
         "name": summary.name,
         "strategy": summary.strategy,
@@ -111,8 +112,8 @@ pub fn found(summary: &Summary<'_>) -> Value {
         "first_critical": evaluated.iter().position(|(_, point)| point.critical).map(|place| place + 1),
         "distinct_failures": distinct,
         "front": summary.front.members.iter().map(|(number, _)| *number).collect::<Vec<_>>(),
-        "hypervolume_reference": reference.as_ref().map(|reference| turned(reference, maximised)),
-        "convergence": convergence(&problem.space, &evaluated, reference.as_deref()),
+        "hypervolume_reference": summary.front.reference.as_ref().map(|reference| turned(reference, maximised)),
+        "convergence": convergence(&problem.space, &evaluated, own_reference.as_deref()),
         "tree": tree(&problem.space, &evaluated),
         "tests": tests,
     })
