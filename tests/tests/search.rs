@@ -189,11 +189,21 @@ fn a_space_of_which_all_is_evaluated_ends_the_search() {
 fn a_hypervolume_ends_the_search() {
     let folder = temp();
     let source = CORNER.replace("stop = {", "stop = { hypervolume = 4,");
-    let out = folder.path().join("out");
-    run(&script(folder.path(), &source), &out).succeed();
-    let found = json_file(&out.join("search.json"));
+    let script = script(folder.path(), &source);
+    // More candidates are under way with more workers.
+    let [one, eight] = [1, 8].map(|workers| {
+        let out = folder.path().join(workers.to_string());
+        run(&script, &out).set("workers", workers).succeed();
+        out
+    });
+    let found = json_file(&one.join("search.json"));
     assert_eq!(found["stopped"], "hypervolume");
     assert!(found["evaluations"].as_u64().unwrap() < 300);
+    assert_eq!(found["tests"].as_array().unwrap().len(), found["proposed"]);
+    for file in ["search.json", "search.csv"] {
+        let read = |out: &Path| fs::read_to_string(out.join(file)).unwrap();
+        assert_eq!(read(&one), read(&eight), "{file} depends on the number of workers");
+    }
 }
 
 /// What goes wrong with a candidate is recorded, and the search goes on.

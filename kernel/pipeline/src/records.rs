@@ -582,12 +582,13 @@ const SEARCH_RESULT: ApiRecord = ApiRecord {
         field(
             "convergence",
             "{ { evaluations: number, hypervolume: number?, critical: number, distinct_failures: number } }",
-            "What was reached after how many evaluations.",
+            "What was reached after how many evaluations. Where there is no `reference`, hypervolumes are those up to the worst value \
+             of each objective in this search.",
         ),
         field(
             "[string]",
             "any",
-            "What was asked for: space, objectives, strategy, seed, reference of the hypervolume.",
+            "What was asked for: space, objectives, strategy, seed, `hypervolume_reference`.",
         ),
     ],
 };

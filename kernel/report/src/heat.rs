@@ -1,9 +1,24 @@
 //! Perturbations by levels as a table whose cells are coloured.
 
+use std::collections::{BTreeSet, HashMap};
+
+use pdk_model::level::MAX_INTENSITY;
 use serde::Serialize;
 
 use crate::color::{self, Rgb};
 use crate::text;
+
+/// Where there are more different levels than this, a column has all from one whole level to below the next.
+const MOST_COLUMNS: usize = 20;
+
+/// Which levels go into one column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Columns {
+    /// Each has its own.
+    Exact,
+    /// Those from one whole level to below the next share one.
+    Whole,
+}
 
 /// A measurement that goes into a cell.
 pub struct Entry {
@@ -58,31 +73,78 @@ impl Cell {
     }
 }
 
-/// Puts measurements into a table; the rows come in this order.
+impl Columns {
+    /// As many as can be read, for these levels.
+    pub fn of(levels: impl IntoIterator<Item = f64>) -> Self {
+        let mut different = BTreeSet::new();
+        for level in levels {
+            different.insert(key(level));
+            if different.len() > MOST_COLUMNS {
+                return Self::Whole;
+            }
+        }
+        Self::Exact
+    }
+
+    /// The column of a level as a number, which is the smallest level in it.
+    pub fn column(self, level: f64) -> f64 {
+        match self {
+            Self::Exact => level,
+            Self::Whole => level.floor(),
+        }
+    }
+
+    /// What a column is called.
+    pub fn name(self, column: f64) -> String {
+        match self {
+            Self::Whole if column < MAX_INTENSITY => {
+                format!("{} to below {}", text::short(column), text::short(column + 1.0))
+            }
+            _ => text::short(column),
+        }
+    }
+
+    /// Puts measurements into a table, of which each has the place of a [column](Columns::column); the rows come in this order. Where
+    /// two have one place, the first counts.
+    pub fn grid(self, entries: &[Entry], order: &[String], legend: (String, String)) -> Grid {
+        let mut levels: Vec<f64> = entries.iter().filter_map(|entry| entry.level).collect();
+        levels.sort_by(f64::total_cmp);
+        levels.dedup();
+        let mut places: Vec<Option<f64>> = levels.into_iter().map(Some).collect();
+        if entries.iter().any(|entry| entry.row.is_some() && entry.level.is_none()) {
+            places.push(None);
+        }
+        let mut cells: HashMap<(&str, Option<u64>), &Cell> = HashMap::new();
+        for entry in entries {
+            if let Some(row) = &entry.row {
+                cells.entry((row, entry.level.map(key))).or_insert(&entry.cell);
+            }
+        }
+        let row = |label: &String| Row {
+            label: label.clone(),
+            cells: places
+                .iter()
+                .map(|level| cells.get(&(label.as_str(), level.map(key))).copied().cloned())
+                .collect(),
+        };
+        Grid {
+            nominal: entries.iter().find(|entry| entry.row.is_none()).map(|entry| entry.cell.clone()),
+            rows: order.iter().map(row).collect(),
+            columns: places.iter().map(|level| level.map(|level| self.name(level))).collect(),
+            legend,
+        }
+    }
+}
+
+/// A column as a key of a map.
+pub fn key(column: f64) -> u64 {
+    // 0 and -0 are the same.
+    (column + 0.0).to_bits()
+}
+
+/// The table with a column for each level, however many these are.
 pub fn grid(entries: &[Entry], order: &[String], legend: (String, String)) -> Grid {
-    let mut levels: Vec<f64> = entries.iter().filter_map(|entry| entry.level).collect();
-    levels.sort_by(f64::total_cmp);
-    levels.dedup();
-    let mut columns: Vec<Option<f64>> = levels.into_iter().map(Some).collect();
-    if entries.iter().any(|entry| entry.row.is_some() && entry.level.is_none()) {
-        columns.push(None);
-    }
-    let find = |row: &str, level: &Option<f64>| {
-        let same = |entry: &&Entry| entry.row.as_deref() == Some(row) && entry.level == *level;
-        entries.iter().find(same).map(|entry| entry.cell.clone())
-    };
-    Grid {
-        nominal: entries.iter().find(|entry| entry.row.is_none()).map(|entry| entry.cell.clone()),
-        rows: order
-            .iter()
-            .map(|row| Row {
-                label: row.clone(),
-                cells: columns.iter().map(|level| find(row, level)).collect(),
-            })
-            .collect(),
-        columns: columns.iter().map(|level| level.map(text::short)).collect(),
-        legend,
-    }
+    Columns::Exact.grid(entries, order, legend)
 }
 
 #[cfg(test)]
@@ -96,6 +158,8 @@ mod tests {
             level,
             cell: Cell::new(text.to_owned(), String::new(), 0.5),
         };
+        // The two zeros are one level.
+        assert_eq!(key(0.0), key(-0.0));
         let entries = [
             entry(None, None, "n"),
             entry(Some("fog"), Some(4.0), "f4"),
@@ -103,7 +167,7 @@ mod tests {
             entry(Some("fog"), None, "f"),
         ];
         let order = ["rain".to_owned(), "fog".to_owned()];
-        let grid = grid(&entries, &order, Default::default());
+        let grid = Columns::Exact.grid(&entries, &order, Default::default());
         assert_eq!(grid.columns, [Some("0.5".to_owned()), Some("4".to_owned()), None]);
         assert_eq!(grid.nominal.map(|cell| cell.text).as_deref(), Some("n"));
         let texts: Vec<Vec<String>> = grid
@@ -121,6 +185,20 @@ mod tests {
             Entry { row: None, level: None, cell: cell.clone() },
             Entry { row: Some("a".into()), level: Some(1.0), cell },
         ];
-        assert_eq!(grid(&entries, &["a".into()], Default::default()).columns, [Some("1".to_owned())]);
+        let grid = Columns::Exact.grid(&entries, &["a".into()], Default::default());
+        assert_eq!(grid.columns, [Some("1".to_owned())]);
+    }
+
+    #[test]
+    fn many_levels_share_columns() {
+        let few = (0..20).map(|place| f64::from(place) * 0.2);
+        assert_eq!(Columns::of(few.clone().chain(few)), Columns::Exact);
+        let many = (0..=40).map(|place| f64::from(place) * 0.1);
+        let columns = Columns::of(many.clone());
+        assert_eq!(columns, Columns::Whole);
+        let places: BTreeSet<u64> = many.map(|level| columns.column(level).to_bits()).collect();
+        let names: Vec<String> =
+            places.into_iter().map(|place| columns.name(f64::from_bits(place))).collect();
+        assert_eq!(names, ["0 to below 1", "1 to below 2", "2 to below 3", "3 to below 4", "4"]);
     }
 }

@@ -1,11 +1,13 @@
 //! What perturbations do to predictions on a recording.
 
+use std::collections::HashMap;
+
 use pdk_sdk::error::Result;
 use serde::Serialize;
 
 use crate::color::{LINES, NOMINAL};
 use crate::curve::{Axes, Chart, Curve, chart};
-use crate::heat::{Cell, Entry, Grid, grid};
+use crate::heat::{self, Cell, Columns, Entry, Grid};
 use crate::text::{self, count, number, was};
 use crate::view::{Evaluation, EvaluationCell};
 
@@ -118,19 +120,32 @@ fn heat_map(
     nominal: Option<f64>,
     value: impl Fn(&EvaluationCell) -> f64,
 ) -> Grid {
-    let values = evaluation.cells.iter().map(&value);
-    let largest = values.chain(nominal).fold(0.0, f64::max);
+    let columns = Columns::of(evaluation.cells.iter().map(|cell| cell.level));
+    // The sum and the count of what goes into a cell, by row and column, in the order in which these come.
+    let mut places: Vec<(&str, f64, f64, usize)> = Vec::new();
+    let mut known: HashMap<(&str, u64), usize> = HashMap::new();
+    for cell in &evaluation.cells {
+        let column = columns.column(cell.level);
+        let place = *known.entry((&cell.perturbation, heat::key(column))).or_insert_with(|| {
+            places.push((&cell.perturbation, column, 0.0, 0));
+            places.len() - 1
+        });
+        places[place].2 += value(cell);
+        places[place].3 += 1;
+    }
+    let means = || places.iter().map(|(.., sum, count)| sum / *count as f64);
+    let largest = means().chain(nominal).fold(0.0, f64::max);
     let cell = |value: f64, what: String| {
         let share = if largest > 0.0 { value / largest } else { 0.0 };
         Cell::new(number(value), format!("{what}: {}", number(value)), share)
     };
-    let mut entries: Vec<Entry> = evaluation
-        .cells
+    let mut entries: Vec<Entry> = places
         .iter()
-        .map(|entry| Entry {
-            row: Some(entry.perturbation.clone()),
-            level: Some(entry.level),
-            cell: cell(value(entry), format!("{} at level {}", entry.perturbation, text::short(entry.level))),
+        .zip(means())
+        .map(|((perturbation, column, ..), mean)| Entry {
+            row: Some((*perturbation).to_owned()),
+            level: Some(*column),
+            cell: cell(mean, format!("{perturbation} at level {}", columns.name(*column))),
         })
         .collect();
     entries.extend(nominal.map(|value| Entry {
@@ -138,7 +153,7 @@ fn heat_map(
         level: None,
         cell: cell(value, "without perturbation".to_owned()),
     }));
-    grid(&entries, order, ("0".to_owned(), number(largest)))
+    columns.grid(&entries, order, ("0".to_owned(), number(largest)))
 }
 
 /// The error over the level for the worst perturbations, with that of the original frames.
@@ -223,6 +238,24 @@ mod tests {
         assert_eq!(section.error.nominal.unwrap().text, "0.100");
         assert!(section.drift.nominal.is_none());
         assert_eq!(section.curves[0].legend.len(), 3);
+    }
+
+    #[test]
+    fn a_column_of_many_levels_has_their_mean() {
+        let mut evaluation = evaluation();
+        let cell = |place: u32| EvaluationCell {
+            perturbation: "fog".into(),
+            level: f64::from(place) / 10.0,
+            error: f64::from(place),
+            drift: 0.0,
+        };
+        evaluation.cells = (0..=40).map(cell).collect();
+        let grid = section(&evaluation).unwrap().error;
+        assert_eq!(grid.columns.len(), 5);
+        assert_eq!(grid.columns[3].as_deref(), Some("3 to below 4"));
+        let cells: Vec<&str> = grid.rows[0].cells.iter().flatten().map(|cell| cell.text.as_str()).collect();
+        assert_eq!(cells, ["4.50", "14.5", "24.5", "34.5", "40.0"]);
+        assert_eq!(grid.rows[0].cells[3].as_ref().unwrap().title, "fog at level 3 to below 4: 34.5");
     }
 
     #[test]

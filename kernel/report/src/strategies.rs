@@ -1,4 +1,4 @@
-//! Compares the strategies of searches in the same space: what each found, with the spread over searches, and how sure a difference is.
+//! Compares the strategies of searches in the same setting: what each found, with the spread over searches, and how sure a difference is.
 
 use pdk_sdk::error::Result;
 use pdk_statistics::independent;
@@ -9,15 +9,19 @@ use crate::curve::{Axes, Chart, Curve, chart};
 use crate::text::{number, short};
 use crate::view::{Reached, Search};
 
-/// What the page says about several searches in the same space.
+/// What the page says about several searches in the same setting.
 #[derive(Debug, Serialize)]
 pub struct Comparison {
+    /// What was searched, as pairs of a name and a text.
+    facts: Vec<(String, String)>,
     /// Names of the measures.
     columns: Vec<&'static str>,
     rows: Vec<Row>,
     curves: Vec<Chart>,
     /// The strategy that the others are compared with.
     against: String,
+    /// Whether hypervolumes can be compared.
+    has_reference: bool,
 }
 
 /// A strategy.
@@ -38,7 +42,7 @@ struct Measure {
     of: fn(&Search) -> f64,
 }
 
-const MEASURES: [Measure; 4] = [
+const MEASURES: [Measure; 3] = [
     Measure { name: "critical tests", of: |search| search.critical as f64 },
     Measure { name: "unlike each other", of: |search| search.distinct.len() as f64 },
     // Where none was found, one more than there were.
@@ -46,28 +50,30 @@ const MEASURES: [Measure; 4] = [
         name: "tests to the first",
         of: |search| search.first_critical.unwrap_or(search.evaluations + 1) as f64,
     },
-    Measure { name: "hypervolume", of: |search| search.convergence.last().map_or(0.0, |at| at.hypervolume) },
 ];
 
-/// The comparisons of a page: one for each space in which there was more than one search.
+/// Without a reference that was given, each search takes its own worst point, and this means nothing beside others.
+const HYPERVOLUME: Measure =
+    Measure { name: "hypervolume", of: |search| search.convergence.last().map_or(0.0, |at| at.hypervolume) };
+
+/// The comparisons of a page: one for each setting in which there was more than one search.
 ///
 /// # Errors
 /// Where a picture cannot be drawn.
 pub fn comparisons(searches: &[Search]) -> Result<Vec<Comparison>> {
-    let mut spaces: Vec<Vec<&Search>> = Vec::new();
+    let mut settings: Vec<Vec<&Search>> = Vec::new();
     for search in searches {
-        let same = |space: &&mut Vec<&Search>| {
-            (&space[0].variables, &space[0].objectives) == (&search.variables, &search.objectives)
-        };
-        match spaces.iter_mut().find(same) {
-            Some(space) => space.push(search),
-            None => spaces.push(vec![search]),
+        match settings.iter_mut().find(|setting| setting[0].setting == search.setting) {
+            Some(setting) => setting.push(search),
+            None => settings.push(vec![search]),
         }
     }
-    spaces.iter().filter(|space| space.len() > 1).map(|space| comparison(space)).collect()
+    settings.iter().filter(|setting| setting.len() > 1).map(|setting| comparison(setting)).collect()
 }
 
 fn comparison(searches: &[&Search]) -> Result<Comparison> {
+    let has_reference = searches.iter().all(|search| search.has_reference);
+    let measures: Vec<&Measure> = MEASURES.iter().chain(has_reference.then_some(&HYPERVOLUME)).collect();
     let mut strategies: Vec<(&str, Vec<&Search>)> = Vec::new();
     for search in searches {
         match strategies.iter_mut().find(|(name, _)| *name == search.strategy) {
@@ -80,7 +86,7 @@ fn comparison(searches: &[&Search]) -> Result<Comparison> {
     let values =
         |own: &[&Search], measure: &Measure| own.iter().map(|s| (measure.of)(s)).collect::<Vec<f64>>();
     let row = |(place, (name, own)): (usize, &(&str, Vec<&Search>))| {
-        let cell = |measure: &Measure| {
+        let cell = |measure: &&Measure| {
             let found = values(own, measure);
             let compared = match place == first {
                 true => None,
@@ -89,7 +95,7 @@ fn comparison(searches: &[&Search]) -> Result<Comparison> {
             let compared = compared.map(|c| format!("A {:.2}, p {}", c.effect_size, probability(c.p)));
             (spread(&found), compared.unwrap_or_default())
         };
-        Row { strategy: (*name).to_owned(), searches: own.len(), cells: MEASURES.iter().map(cell).collect() }
+        Row { strategy: (*name).to_owned(), searches: own.len(), cells: measures.iter().map(cell).collect() }
     };
     let mut curves = Vec::new();
     let reached: [Progress<'_>; 2] = [
@@ -98,15 +104,26 @@ fn comparison(searches: &[&Search]) -> Result<Comparison> {
         }),
         ("hypervolume", "Hypervolume over the tests, by strategy", |at| at.hypervolume),
     ];
-    for (y, label, value) in reached {
+    for (y, label, value) in reached.into_iter().take(if has_reference { 2 } else { 1 }) {
         curves.extend(over_tests(&strategies, y, label, value)?);
     }
     Ok(Comparison {
-        columns: MEASURES.iter().map(|measure| measure.name).collect(),
+        facts: facts(searches),
+        columns: measures.iter().map(|measure| measure.name).collect(),
         rows: strategies.iter().enumerate().map(row).collect(),
         curves,
         against: strategies[first].0.to_owned(),
+        has_reference,
     })
+}
+
+/// What was searched: the same in all these searches.
+fn facts(searches: &[&Search]) -> Vec<(String, String)> {
+    let Some(search) = searches.first() else { return Vec::new() };
+    let components = [("Simulator", &search.simulator), ("Driver", &search.driver)];
+    let components = components.into_iter().filter(|(_, text)| !text.is_empty());
+    let components = components.map(|(name, text)| (name.to_owned(), text.clone()));
+    components.chain(search.variables.iter().cloned().zip(search.ranges.iter().cloned())).collect()
 }
 
 /// The median of each strategy over the tests, between its least and greatest value; none where all is 0.
@@ -188,7 +205,11 @@ mod tests {
     fn search(strategy: &str, critical: usize, first: Option<usize>) -> Search {
         Search {
             strategy: strategy.into(),
+            setting: "one".into(),
+            driver: "dave2".into(),
+            has_reference: true,
             variables: vec!["x".into()],
+            ranges: vec!["0 to 1".into()],
             evaluations: 20,
             critical,
             distinct: (0..critical / 2).collect(),
@@ -196,7 +217,7 @@ mod tests {
             convergence: [10, 20]
                 .map(|evaluations| Reached {
                     evaluations,
-                    hypervolume: 0.0,
+                    hypervolume: evaluations as f64,
                     distinct: critical * evaluations / 40,
                 })
                 .to_vec(),
@@ -211,7 +232,7 @@ mod tests {
             search("random", 2, None),
             search("guided", 16, Some(1)),
             search("random", 4, Some(9)),
-            Search { variables: vec!["y".into()], ..search("guided", 1, Some(1)) },
+            Search { setting: "another".into(), ..search("guided", 1, Some(1)) },
         ];
         let found = comparisons(&searches).unwrap();
         let [found] = &found[..] else { panic!("{found:?}") };
@@ -222,7 +243,31 @@ mod tests {
         assert_eq!(guided.cells[2].1, "A 0.00, p 0.245");
         // None was found in 20 tests.
         assert_eq!(random.cells[2], ("15 (9 to 21)".to_owned(), String::new()));
-        assert_eq!(found.curves.len(), 1);
+        assert_eq!(found.columns.last(), Some(&"hypervolume"));
+        assert_eq!(found.curves.len(), 2);
         assert_eq!(found.curves[0].legend.len(), 2);
+        let facts = [("Driver", "dave2"), ("x", "0 to 1")].map(|(name, text)| (name.into(), text.into()));
+        assert_eq!(found.facts, facts);
+    }
+
+    #[test]
+    fn hypervolumes_are_compared_where_a_reference_was_given() {
+        let without = |strategy| Search { has_reference: false, ..search(strategy, 4, Some(1)) };
+        let found = comparisons(&[without("guided"), without("random")]).unwrap();
+        let [found] = &found[..] else { panic!("{found:?}") };
+        assert_eq!(found.columns, ["critical tests", "unlike each other", "tests to the first"]);
+        assert!(found.rows.iter().all(|row| row.cells.len() == 3));
+        assert_eq!(found.curves.len(), 1);
+        assert!(!found.curves[0].label.contains("Hypervolume") && !found.has_reference);
+    }
+
+    #[test]
+    fn every_setting_has_a_comparison_of_its_own() {
+        let of =
+            |setting: &str, critical| Search { setting: setting.into(), ..search("random", critical, None) };
+        let found = comparisons(&[of("a", 1), of("b", 2), of("b", 4), of("a", 3), of("c", 5)]).unwrap();
+        let cells: Vec<&str> =
+            found.iter().map(|comparison| comparison.rows[0].cells[0].0.as_str()).collect();
+        assert_eq!(cells, ["2 (1 to 3)", "3 (2 to 4)"]);
     }
 }

@@ -260,8 +260,19 @@ pub struct Search {
     pub critical: usize,
     /// How many were evaluated up to the first critical one.
     pub first_critical: Option<usize>,
+    /// What tells its setting from others: space, objectives, reference, and what all of its scenarios share but for road and
+    /// perturbations. Searches with the same can be compared.
+    pub setting: String,
+    /// The simulator; empty where none was driven, or not the same in all scenarios.
+    pub simulator: String,
+    /// The driver; empty as for the simulator.
+    pub driver: String,
+    /// Whether its hypervolumes have a reference that was given, so that they can be compared.
+    pub has_reference: bool,
     /// The names of the variables.
     pub variables: Vec<String>,
+    /// What each may be, in words.
+    pub ranges: Vec<String>,
     /// The names of the objectives.
     pub objectives: Vec<String>,
     /// All candidates.

@@ -79,10 +79,11 @@ pub struct Summary<'a> {
 /// Everything that was found.
 pub fn found(summary: &Summary<'_>) -> Value {
     let Summary { problem, trials, maximised, .. } = summary;
+    // What has not been told is no part of the result: how much that is depends on the number of workers.
     let told = trials.told();
+    let finished = &trials.all()[..told];
     // Each evaluation once.
-    let numbers: Vec<usize> =
-        (0..told).filter(|&n| !matches!(trials.all()[n].state, State::Same(_))).collect();
+    let numbers: Vec<usize> = (0..told).filter(|&n| !matches!(finished[n].state, State::Same(_))).collect();
     let evaluated: Vec<(usize, Point)> =
         numbers.iter().filter_map(|&number| Some((number, point(trials, number, maximised)?))).collect();
     let critical: Vec<&(usize, Point)> = evaluated.iter().filter(|(_, point)| point.critical).collect();
@@ -94,7 +95,8 @@ pub fn found(summary: &Summary<'_>) -> Value {
         .zip(*maximised)
         .map(|(name, maximised)| json!({"name": name, "direction": if *maximised { "maximise" } else { "minimise" }}))
         .collect();
-    let reference = summary.front.reference.clone().or_else(|| worst(&evaluated));
+    // Within one search this says how it went; searches can be compared where a reference was given.
+    let own_reference = summary.front.reference.clone().or_else(|| worst(&evaluated));
     json!({
         "name": summary.name,
         "strategy": summary.strategy,
@@ -102,16 +104,16 @@ pub fn found(summary: &Summary<'_>) -> Value {
         "space": problem.space,
         "objectives": objectives,
         "stopped": summary.stopped,
-        "evaluations": trials.evaluations,
+        "evaluations": finished.iter().filter(|trial| trial.counted).count(),
         "proposed": told,
-        "duplicates": trials.duplicates,
+        "duplicates": finished.iter().filter(|trial| trial.same_as.is_some()).count(),
         "failures": summary.failures,
         "critical": critical.len(),
         "first_critical": evaluated.iter().position(|(_, point)| point.critical).map(|place| place + 1),
         "distinct_failures": distinct,
         "front": summary.front.members.iter().map(|(number, _)| *number).collect::<Vec<_>>(),
-        "hypervolume_reference": reference.as_ref().map(|reference| turned(reference, maximised)),
-        "convergence": convergence(&problem.space, &evaluated, reference.as_deref()),
+        "hypervolume_reference": summary.front.reference.as_ref().map(|reference| turned(reference, maximised)),
+        "convergence": convergence(&problem.space, &evaluated, own_reference.as_deref()),
         "tree": tree(&problem.space, &evaluated),
         "tests": tests,
     })
@@ -289,4 +291,64 @@ fn tree(space: &Space, evaluated: &[(usize, Point)]) -> Value {
         "nodes": tree.nodes.iter().map(node).collect::<Vec<_>>(),
         "critical_regions": regions.iter().map(region).collect::<Vec<_>>(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::search::trials::Admitted;
+    use crate::search::verdict::Verdict;
+    use pdk_model::search::{Candidate, Range, Variable};
+
+    /// Of a search that was told five results, and has these candidates under way when it ends.
+    fn after_five(under_way: &[f64], reference: Option<&[f64]>) -> Value {
+        let variable = Variable { name: "x".into(), range: Range::Real { min: 0.0, max: 9.0 } };
+        let space = Space { variables: vec![variable], constraints: Vec::new() };
+        let problem = Problem { space, objectives: vec!["f".into()], evaluations: None };
+        let mut trials = Trials::new(problem.clone(), vec![false]);
+        let mut front = Front::new(&problem, &[false], reference);
+        // The third is the same as the first, the last is out of range.
+        for (id, x) in [5.0, 3.0, 5.0, 1.0, 20.0].iter().chain(under_way).enumerate() {
+            let values = Map::from_iter([("x".to_owned(), Value::from(*x))]);
+            if let Admitted::New = trials.admit(Candidate { id: id as u64, values }).unwrap() {
+                trials.count(None);
+                let verdict = Verdict { objectives: Some(vec![*x]), ..Verdict::default() };
+                trials.complete(State::Done(verdict));
+            }
+        }
+        for number in 0..5 {
+            trials.tell().unwrap();
+            front.add(&trials, number);
+        }
+        let (strategy, stopped) = (Value::Null, "hypervolume");
+        found(&Summary {
+            name: "search",
+            strategy,
+            seed: 0,
+            stopped,
+            problem: &problem,
+            maximised: &[false],
+            trials: &trials,
+            failures: 1,
+            front: &front,
+        })
+    }
+
+    #[test]
+    fn what_is_under_way_at_the_end_is_not_counted() {
+        let found = after_five(&[], Some(&[10.0]));
+        for (field, count) in [("evaluations", 3), ("proposed", 5), ("duplicates", 1)] {
+            assert_eq!(found[field], count, "{field}");
+        }
+        assert_eq!(found.to_string(), after_five(&[7.0, 5.0, 8.0], Some(&[10.0])).to_string());
+    }
+
+    #[test]
+    fn a_reference_is_told_where_it_was_given() {
+        assert_eq!(after_five(&[], Some(&[10.0]))["hypervolume_reference"], json!([10.0]));
+        let without = after_five(&[], None);
+        assert!(without["hypervolume_reference"].is_null());
+        // Up to the worst of its own.
+        assert_eq!(without["convergence"][2]["hypervolume"], 4.0);
+    }
 }

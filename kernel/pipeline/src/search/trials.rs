@@ -17,6 +17,8 @@ pub struct Trial {
     pub positions: Option<Vec<f64>>,
     /// The earlier candidate that is the same.
     pub same_as: Option<usize>,
+    /// Whether it counts as an evaluation.
+    pub counted: bool,
     /// What became of it.
     pub state: State,
 }
@@ -40,10 +42,8 @@ pub struct Trials {
     known: HashMap<String, usize>,
     /// How many have been told.
     told: usize,
-    /// How many were evaluated, each once.
+    /// How many evaluations were begun, those that are still under way among them.
     pub evaluations: u64,
-    /// How many were the same as an earlier one.
-    pub duplicates: u64,
     /// How many in a row brought no evaluation.
     pub idle: u64,
 }
@@ -59,16 +59,7 @@ pub enum Admitted {
 impl Trials {
     /// No candidates yet.
     pub fn new(problem: Problem, maximised: Vec<bool>) -> Self {
-        Self {
-            problem,
-            maximised,
-            all: Vec::new(),
-            known: HashMap::new(),
-            told: 0,
-            evaluations: 0,
-            duplicates: 0,
-            idle: 0,
-        }
+        Self { problem, maximised, all: Vec::new(), known: HashMap::new(), told: 0, evaluations: 0, idle: 0 }
     }
 
     /// All of them.
@@ -103,6 +94,7 @@ impl Trials {
             values: candidate.values,
             positions: None,
             same_as: None,
+            counted: false,
             state: State::Done(Verdict::default()),
         };
         let positions = match self.problem.space.positions(&trial.values) {
@@ -116,7 +108,6 @@ impl Trials {
         // Equal positions are equal values, however these are written.
         let key = format!("{positions:?}");
         if let Some(&first) = self.known.get(&key) {
-            self.duplicates += 1;
             trial.positions = Some(positions);
             trial.same_as = Some(first);
             trial.state = State::Same(first);
@@ -148,13 +139,15 @@ impl Trials {
         if let Some(id) = scenario {
             let first = *self.known.entry(format!("scenario {id}")).or_insert(number);
             if first != number {
-                self.duplicates += 1;
                 if let Some(trial) = self.all.last_mut() {
                     trial.same_as = Some(first);
                     trial.state = State::Same(first);
                 }
                 return Some(first);
             }
+        }
+        if let Some(trial) = self.all.last_mut() {
+            trial.counted = true;
         }
         self.evaluations += 1;
         self.idle = 0;

@@ -44,7 +44,7 @@ pub fn read(folder: &Path, page: &Path) -> Result<Read> {
         false => (Vec::new(), false),
     };
     let evaluations = offline::read(&directory)?;
-    let searches = search::read(&directory, folder)?;
+    let searches = search::read(&directory, folder, &lines)?;
     if lines.is_empty() && evaluations.is_empty() && searches.is_empty() {
         return Err(Error::new(format!(
             "the record in {} holds no scenario and no result yet; wait for the first, or run the pipeline again",
