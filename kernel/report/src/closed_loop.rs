@@ -1,6 +1,6 @@
 //! What was driven: which perturbations make the driver fail, how soon, and where.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use pdk_sdk::error::Result;
 use serde::Serialize;
@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::color::{LINES, NOMINAL, ORDERED, Rgb};
 use crate::conclusions::{Conclusions, conclusions};
 use crate::curve::{Axes, Chart, Curve, chart};
-use crate::heat::{self, Cell, Grid};
+use crate::heat::{self, Cell, Columns, Grid};
 use crate::road::{self, Picture};
 use crate::tally::{Tally, by_severity};
 use crate::text::{self, count, number, percent, was};
@@ -259,23 +259,20 @@ fn road_note(drive: &Drive, pictures: usize) -> String {
 
 /// The heat maps: the share that failed, and the mean cross-track error.
 fn grids(drive: &Drive, order: &[String]) -> (Grid, Grid) {
-    // Levels are no keys of a map; a level without a number comes last.
+    let columns = Columns::of(drive.scenarios.iter().filter_map(|scenario| scenario.level));
+    // In the order in which they come first.
     let mut cells: Vec<(Option<&String>, Option<f64>, Tally, usize)> = Vec::new();
+    let mut known: HashMap<(Option<&String>, Option<u64>), usize> = HashMap::new();
     for scenario in &drive.scenarios {
         let perturbation = scenario.perturbation.as_ref();
-        let level = perturbation.and(scenario.level);
-        let known = cells.iter_mut().find(|(name, at, ..)| *name == perturbation && *at == level);
-        match known {
-            Some((.., tally, total)) => {
-                tally.add(scenario);
-                *total += 1;
-            }
-            None => {
-                let mut tally = Tally::default();
-                tally.add(scenario);
-                cells.push((perturbation, level, tally, 1));
-            }
-        }
+        let level = perturbation.and(scenario.level).map(|level| columns.column(level));
+        let place = *known.entry((perturbation, level.map(heat::key))).or_insert_with(|| {
+            cells.push((perturbation, level, Tally::default(), 0));
+            cells.len() - 1
+        });
+        let (.., tally, total) = &mut cells[place];
+        tally.add(scenario);
+        *total += 1;
     }
     let largest = cells.iter().filter_map(|(.., tally, _)| tally.mean_error()).fold(0.0, f64::max);
     let (mut failed, mut error) = (Vec::new(), Vec::new());
@@ -283,7 +280,7 @@ fn grids(drive: &Drive, order: &[String]) -> (Grid, Grid) {
         let what = match (name, level) {
             (None, _) => NO_PERTURBATION.to_owned(),
             (Some(name), None) => name.clone(),
-            (Some(name), Some(level)) => format!("{name} at level {}", text::short(level)),
+            (Some(name), Some(level)) => format!("{name} at level {}", columns.name(level)),
         };
         let void = match total - tally.judged {
             0 => String::new(),
@@ -318,8 +315,8 @@ fn grids(drive: &Drive, order: &[String]) -> (Grid, Grid) {
         push(&mut error, shown, depth);
     }
     (
-        heat::grid(&failed, order, ("none failed".to_owned(), "all failed".to_owned())),
-        heat::grid(&error, order, ("0 m".to_owned(), format!("{} m, or all failed", number(largest)))),
+        columns.grid(&failed, order, ("none failed".to_owned(), "all failed".to_owned())),
+        columns.grid(&error, order, ("0 m".to_owned(), format!("{} m, or all failed", number(largest)))),
     )
 }
 
@@ -562,6 +559,21 @@ mod tests {
         assert_eq!(section.error.legend.1, "0.100 m, or all failed");
         assert_eq!(section.curves.len(), 2);
         assert_eq!(section.scenarios.len(), 6);
+    }
+
+    #[test]
+    fn the_heat_map_of_many_levels_has_a_column_for_each_whole_one() {
+        use Verdict::{Passed, Unsafe};
+        let at = |place: u32| {
+            let verdict = if place < 30 { Passed } else { Unsafe };
+            scenario(Some("fog"), f64::from(place) / 10.0, verdict, 10.0)
+        };
+        let drive = Drive { scenarios: (0..=40).map(at).collect(), ..Drive::default() };
+        let grid = section(&drive, &[], &[0.1]).unwrap().failed;
+        let columns: Vec<&str> = grid.columns.iter().flatten().map(String::as_str).collect();
+        assert_eq!(columns, ["0 to below 1", "1 to below 2", "2 to below 3", "3 to below 4", "4"]);
+        let cells: Vec<&str> = grid.rows[0].cells.iter().flatten().map(|cell| cell.text.as_str()).collect();
+        assert_eq!(cells, ["0/10", "0/10", "0/10", "10/10", "failed"]);
     }
 
     #[test]

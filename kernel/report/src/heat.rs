@@ -142,11 +142,6 @@ pub fn key(column: f64) -> u64 {
     (column + 0.0).to_bits()
 }
 
-/// The table with a column for each level, however many these are.
-pub fn grid(entries: &[Entry], order: &[String], legend: (String, String)) -> Grid {
-    Columns::Exact.grid(entries, order, legend)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
