@@ -183,7 +183,7 @@ def test_a_job_that_always_kills_its_worker_is_an_error_and_the_others_are_drive
     assert sorted(line["cause"] for line in lines) == ["error"] * 2 + ["time_out"] * 4
     for line in lines:
         if (reason := last.get(line["name"])) is not None:
-            assert line["error_kind"] == "lost"
+            assert line["error_kind"] == "lost" and pdk.Record(tmp_path / "out").events(line["id"])[-1][1] == line["error"]
             assert line["error"] == f"a worker of the cluster was lost 3 times over it (the last: {reason})"
 
 
