@@ -9,9 +9,9 @@
 -- does not, levels are halved until it is known from which one on it fails. So most drives go where the answer is open. With
 -- search=all every level is driven, which also finds levels that are worse than those above them.
 --
--- The ranking goes by the share of levels at which drivers fail: the mean over the roads of all conditions and over the drivers.
--- Roads are the unit: intervals come from how roads differ, and perturbations that cannot be told from the first of their group
--- share its number. Drivers are compared road by road. Roads that a driver does not manage with a clear view are left out for it.
+-- The ranking goes by the share of levels at which drivers fail: the mean over roads, conditions and drivers. Roads are the unit, and
+-- one that is driven in several conditions or by several drivers is one: intervals come from how roads differ, and perturbations that
+-- cannot be told from the first of their group share its number. Drivers are compared road by road. Roads that a driver does not manage with a clear view are left out for it.
 -- An error of a component says nothing about a driver and is counted apart.
 --
 -- ranking.json in the record holds what the tables show and more: failures by level, and the level from which on each driver fails
@@ -89,19 +89,6 @@ local function measured(place)
 	return searchers
 end
 
--- Whether a driver fails at a level, by the drives on one road: that at this level, or else that at the nearest level below it which
--- was failed, or above it which was survived.
-local function fails(trials, level: number): boolean
-	local failed, nearest = false, math.huge
-	for _, trial in trials do
-		local tells = trial.level == level or (trial.failed and trial.level < level) or (not trial.failed and trial.level > level)
-		if tells and math.abs(trial.level - level) < nearest then
-			failed, nearest = trial.failed, math.abs(trial.level - level)
-		end
-	end
-	return failed
-end
-
 -- The simulator in each of the conditions, and the roads that each driver manages there.
 local in_conditions: { any } = if #settings.conditions > 0 then settings.conditions else { "" }
 local places, nominal_rows, left_out = {}, {}, {}
@@ -136,7 +123,7 @@ end
 local function results(place)
 	local by_name = {}
 	for _, name in names do
-		by_name[name] = { trials = {}, shares = {}, by_level = {}, drives = 0, failures = 0, unsafe = 0, stopped = 0, errors = 0, times = {}, increases = {} }
+		by_name[name] = { filled = {}, shares = {}, by_level = {}, drives = 0, failures = 0, unsafe = 0, stopped = 0, errors = 0, times = {}, increases = {} }
 		for i in levels do
 			by_name[name].by_level[i] = {}
 		end
@@ -169,20 +156,26 @@ local function results(place)
 			local on_road = of_road[`{name} {number}`]
 			entry.shares[number] = false
 			if on_road then
-				local all, failed = {}, 0
-				for _, trials in on_road.searchers do
-					table.move(trials, 1, #trials, #all + 1, all)
-				end
+				-- Of drivers and conditions in which other levels were driven, each level counts as much.
+				local filled, failed, told = {}, 0, 0
 				for i, level in levels do
-					local here = 0
+					local here, of = 0, 0
 					for _, trials in on_road.searchers do
-						here += if fails(trials, level) then 1 else 0
+						local fails = pdk.fails_at(trials, level)
+						if fails ~= nil then
+							here += if fails then 1 else 0
+							of += 1
+							table.insert(filled, { level = level, failed = fails })
+						end
 					end
-					entry.by_level[i][number] = here / #on_road.searchers
-					failed += here
+					if of > 0 then
+						entry.by_level[i][number] = here / of
+						failed += here / of
+						told += 1
+					end
 				end
-				table.insert(entry.trials, all)
-				entry.shares[number] = failed / #on_road.searchers / #levels
+				entry.filled[number] = filled
+				entry.shares[number] = if told > 0 then failed / told else false
 			end
 		end
 	end
@@ -193,28 +186,36 @@ for _, place in places do
 	place.results = if #place.roads > 0 then results(place) else nil
 end
 
--- The places that a test picks, and of each perturbation in them: the share of failing levels on each road (of each of the
--- conditions), over all of their drivers; and all drives by road.
+-- Of a perturbation in the places that a test picks, for each road: the share of levels that fail, over all of these places; and whether
+-- each level fails in each of them.
 local function pooled(name: string, picks)
 	local shares, trials = {}, {}
-	for _, conditions in in_conditions do
-		for number = 1, settings.roads do
-			local of_drivers = {}
-			for _, place in places do
-				local share = place.results and place.conditions == conditions and picks(place) and place.results[name].shares[number]
-				if share then
-					table.insert(of_drivers, share)
-				end
+	for number = 1, settings.roads do
+		local here, filled = {}, {}
+		for _, place in places do
+			local result = if place.results and picks(place) then place.results[name] else nil
+			if result and result.shares[number] then
+				table.insert(here, result.shares[number])
+				table.move(result.filled[number], 1, #result.filled[number], #filled + 1, filled)
 			end
-			table.insert(shares, (study.mean(of_drivers) or false) :: any)
 		end
-	end
-	for _, place in places do
-		if place.results and picks(place) then
-			table.move(place.results[name].trials, 1, #place.results[name].trials, #trials + 1, trials)
-		end
+		shares[number] = (study.mean(here) or false) :: any
+		trials[number] = filled
 	end
 	return shares, trials
+end
+
+-- The level from which on drivers fail in the places that a test picks.
+local function failing_level(name: string, picks)
+	local _, trials = pooled(name, picks)
+	local found = pdk.failing_level(trials, settings.confidence)
+	if found then
+		found.drives = 0
+		for _, place in places do
+			found.drives += if place.results and picks(place) then place.results[name].drives else 0
+		end
+	end
+	return found
 end
 
 local function known(shares): { number }
@@ -274,19 +275,19 @@ for _, name in names do
 			unsafe = of.unsafe,
 			stopped = of.stopped,
 			errors = of.errors,
-			failing_level = pdk.failing_level(of.trials, settings.confidence),
+			failing_level = failing_level(name, function(other) return other == place end),
 			median_time_to_failure = study.median(of.times),
 			mean_cross_track_error_increase = study.mean(of.increases),
 			by_level = by_level,
 		})
 	end
 	for _, driver in settings.drivers do
-		local _, trials = pooled(name, function(place) return place.driver == driver end)
-		table.insert(entry.by_driver, { driver = study.driver_name(driver), failing_level = pdk.failing_level(trials, settings.confidence) })
+		local found = failing_level(name, function(place) return place.driver == driver end)
+		table.insert(entry.by_driver, { driver = study.driver_name(driver), failing_level = found })
 	end
 	for _, conditions in in_conditions do
-		local _, trials = pooled(name, function(place) return place.conditions == conditions end)
-		table.insert(entry.by_conditions, { conditions = conditions, failing_level = pdk.failing_level(trials, settings.confidence) })
+		local found = failing_level(name, function(place) return place.conditions == conditions end)
+		table.insert(entry.by_conditions, { conditions = conditions, failing_level = found })
 	end
 	entry.median_time_to_failure = study.median(times)
 	entry.mean_cross_track_error_increase = study.mean(increases)

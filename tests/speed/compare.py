@@ -446,7 +446,7 @@ def faster(found):
 def summary(figures):
     sizes = list(figures["copy_ms"])
     lines = [
-        f"| one thread, every level; times as fast, geometric mean | {' | '.join(sizes)} | figures | of them slower |",
+        f"| one thread, every level; times as fast, geometric mean | {' | '.join(sizes)} | figures | pdk slower in |",
         "| --- |" + " ---: |" * (len(sizes) + 2),
     ]
     for library in figures["libraries"]:

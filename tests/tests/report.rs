@@ -83,7 +83,7 @@ fn a_page_says_what_the_record_says() {
     assert!(page.contains("The worst perturbation is translate_image: 1 of 1 failed, at level 4."));
     assert_eq!(row(&page, "translate_image"), ["·", "failed"]);
     assert_eq!(row(&page, "contrast"), ["ok", "·"]);
-    assert!(page.contains("How sure this is") && page.contains("fails at level"));
+    assert!(page.contains("How sure this is") && page.contains("fails from level"));
     for outcome in &outcomes {
         let mean = format!("{:.3}", outcome["mean_cross_track_error"].as_f64().unwrap());
         // That of a drive that was cut short is not comparable.

@@ -109,6 +109,7 @@ pub const API: ApiTable = ApiTable {
         statistics::COMPARE_INDEPENDENT,
         statistics::GROUPS,
         statistics::FAILING_LEVEL,
+        statistics::FAILS_AT,
         statistics::NEXT_LEVEL,
         ApiFunction {
             name: "perturbations",

@@ -140,6 +140,20 @@ pub const FAILING_LEVEL: ApiFunction = ApiFunction {
     },
 };
 
+/// `pdk.fails_at`.
+pub const FAILS_AT: ApiFunction = ApiFunction {
+    name: "fails_at",
+    signature: "(trials: { Trial }, level: number) -> boolean?",
+    doc: "Whether a driver fails at a level, by drives on one road under the same luck: by that at this level, or else by the nearest \
+          level below that was failed or above that was survived. Nothing where no drive says it.",
+    make: |lua| {
+        function(lua, "pdk.fails_at", |_, [drives, level]| {
+            let place = "pdk.fails_at";
+            Ok(json!(level::fails_at(&trials(place, &drives)?, number(place, &level)?)))
+        })
+    },
+};
+
 /// `pdk.next_level`.
 pub const NEXT_LEVEL: ApiFunction = ApiFunction {
     name: "next_level",

@@ -34,7 +34,7 @@ pub struct Shrunk {
     pub steps: Vec<String>,
     /// How many attempts it took.
     pub attempts: usize,
-    /// Under how many fresh seeds it failed, for whatever cause, and how many were tried.
+    /// Under how many fresh seeds it failed, and how many drives say so: those in which no component failed.
     pub failed: (usize, usize),
 }
 
@@ -93,7 +93,7 @@ pub fn shrink(session: &mut Session, line: &Line, limits: Limits, progress: &Pro
     shrinking.duration()?;
     let failed = shrinking.fresh(limits.draws)?;
     let Shrinking { scenario, outcome, steps, attempts, .. } = shrinking;
-    Ok(Shrunk { scenario, outcome, steps, attempts, failed: (failed, limits.draws) })
+    Ok(Shrunk { scenario, outcome, steps, attempts, failed })
 }
 
 struct Shrinking<'a> {
@@ -267,13 +267,14 @@ impl Shrinking<'_> {
         self.take_first(vec![(scenario, format!("{duration} s instead of {before} s"))]).map(drop)
     }
 
-    /// Under how many of so many fresh seeds it fails.
-    fn fresh(&mut self, draws: usize) -> Result<usize> {
+    /// Under how many of so many fresh seeds it fails, of those under which no component failed, which says nothing about it.
+    fn fresh(&mut self, draws: usize) -> Result<(usize, usize)> {
         let Scenario { seed, ref road, .. } = self.scenario;
         let seeds: Vec<u64> = (1..=draws as u64).map(|repeat| seed_of(seed, road, repeat)).collect();
         let scenarios = seeds.into_iter().map(|seed| Scenario { seed, ..self.scenario.clone() }).collect();
         let outcomes = self.drive(scenarios)?;
-        Ok(outcomes.iter().filter(|outcome| !outcome.success && outcome.cause != Cause::Error).count())
+        let judged = || outcomes.iter().filter(|outcome| outcome.cause != Cause::Error);
+        Ok((judged().filter(|outcome| !outcome.success).count(), judged().count()))
     }
 }
 

@@ -118,7 +118,11 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
         (0, _) => format!("{} driven, but none to its end", was(total, "scenario")),
         (_, 0) => format!("{} driven, and none failed", was(total, "scenario")),
         (_, failed) => {
-            format!("{} driven, and {failed} failed ({})", was(total, "scenario"), percent(tally.share()))
+            format!(
+                "{} driven, and {failed} failed ({})",
+                was(total, "scenario"),
+                percent(tally.share_of_drives())
+            )
         }
     };
     let nominal = Tally::of(all().filter(|scenario| scenario.perturbation.is_none()));
@@ -142,7 +146,7 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
         first += &format!("; in {void} a component failed, which says nothing about the driver");
     }
     let mut sentences = vec![first + "."];
-    if let Some((name, worst)) = by_severity(all()).first() {
+    if let Some((name, worst)) = by_severity(drives.iter().map(|drive| drive.scenarios.as_slice())).first() {
         let failing = all().filter(|s| s.verdict.failed() && s.perturbation.as_ref() == Some(name));
         let lowest = failing.filter_map(|s| s.level).min_by(f64::total_cmp);
         let from = match lowest {
@@ -169,7 +173,8 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
 /// # Errors
 /// Where a picture cannot be drawn.
 pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section> {
-    let order: Vec<String> = by_severity(&drive.scenarios).into_iter().map(|(name, _)| name).collect();
+    let order: Vec<String> =
+        by_severity([drive.scenarios.as_slice()]).into_iter().map(|(name, _)| name).collect();
     let (failed, error) = grids(drive, &order);
     let mut roads = road::pictures(drive, classes);
     let road_note = road_note(drive, roads.len());
@@ -309,7 +314,7 @@ fn grids(drive: &Drive, order: &[String]) -> (Grid, Grid) {
                 cell: Cell::new(text, title.clone(), share),
             });
         };
-        push(&mut failed, share, tally.share());
+        push(&mut failed, share, tally.share_of_drives());
         push(&mut error, shown, depth);
     }
     (

@@ -1,7 +1,7 @@
 //! What can be concluded, and how sure it is: perturbations in groups, the levels at which they make the driver fail, and differences
 //! to a clear view and to another driver. Roads are the unit throughout.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use pdk_statistics::groups::groups;
 use pdk_statistics::level::{FailingLevel, Trial, failing_level};
@@ -9,9 +9,9 @@ use pdk_statistics::paired::{Paired, compare};
 use pdk_statistics::{CONFIDENCE, Estimate};
 use serde::Serialize;
 
-use crate::tally::{Tally, by_severity};
+use crate::tally::{Tally, by_severity, levels};
 use crate::text::{number, percent};
-use crate::view::{Drive, Scenario, Verdict};
+use crate::view::{Drive, Verdict};
 
 /// What a share can be.
 const SHARE: (f64, f64) = (0.0, 1.0);
@@ -64,9 +64,9 @@ pub struct Other {
 
 /// What can be concluded about a drive; `all` are those of the run.
 pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
-    let order = by_severity(&drive.scenarios);
-    let roads: Vec<String> =
-        BTreeSet::from_iter(drive.scenarios.iter().map(|s| s.road_id.clone())).into_iter().collect();
+    let order = by_severity([drive.scenarios.as_slice()]);
+    let roads = roads(drive);
+    let trials = trials(drive);
     let nominal = Tally::of(drive.scenarios.iter().filter(|s| s.perturbation.is_none()));
     let shares: Vec<Vec<Option<f64>>> = order.iter().map(|(_, tally)| tally.shares(&roads)).collect();
     let groups = groups(&shares, SHARE, CONFIDENCE);
@@ -77,15 +77,16 @@ pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
         .zip(groups)
         .filter(|(((_, tally), _), _)| tally.judged > 0)
         .map(|(((name, tally), shares), group)| {
-            let found = failing_level(&trials(drive, name, &roads), CONFIDENCE);
+            let found = failing_level(&on_roads(&trials, name, &roads), CONFIDENCE);
+            let estimate = tally.estimate();
             let (fails_at, level_interval) =
                 found.map_or_else(Default::default, |found| told(&found, highest));
             Row {
                 group,
                 perturbation: name.clone(),
                 failed: format!("{} of {}", tally.failed, tally.judged),
-                share: percent(tally.share()),
-                interval: tally.estimate().map_or_else(String::new, |share| interval(&share, percent)),
+                share: estimate.map_or_else(String::new, |share| percent(share.value)),
+                interval: estimate.map_or_else(String::new, |share| interval(&share, percent)),
                 stopped: tally.stopped,
                 fails_at,
                 level_interval,
@@ -104,44 +105,53 @@ pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
     Conclusions { rows, highest: crate::text::short(highest), roads: roads.len(), others }
 }
 
-/// The drives of a perturbation on each road, as far as they have one level.
-pub fn trials(drive: &Drive, perturbation: &str, roads: &[String]) -> Vec<Vec<Trial>> {
-    let of = |road: &String| {
-        let here = drive.scenarios.iter().filter(|s| {
-            s.road_id == *road
-                && s.perturbation.as_deref() == Some(perturbation)
-                && s.verdict != Verdict::Void
-        });
-        here.filter_map(|s| Some(Trial { level: s.level?, failed: s.verdict.failed() })).collect()
-    };
-    roads.iter().map(of).collect()
+/// The roads of a drive, in a fixed order.
+pub fn roads(drive: &Drive) -> Vec<String> {
+    let roads: BTreeSet<&String> = drive.scenarios.iter().map(|scenario| &scenario.road_id).collect();
+    roads.into_iter().cloned().collect()
 }
 
-/// What two drivers differ by, over the conditions that both drove.
-fn against(drive: &Drive, other: &Drive, order: &[(String, Tally)]) -> Vec<(String, Difference)> {
-    let mut rows = Vec::new();
-    for (name, _) in order {
-        let judged = |drive: &'_ Drive| {
-            let of = drive
-                .scenarios
-                .iter()
-                .filter(|s| s.perturbation.as_ref() == Some(name) && s.verdict != Verdict::Void);
-            of.cloned().collect::<Vec<Scenario>>()
-        };
-        let (ours, theirs) = (judged(drive), judged(other));
-        let same =
-            |a: &Scenario, b: &Scenario| a.road_id == b.road_id && a.level == b.level && a.repeat == b.repeat;
-        let both = |of: &[Scenario], among: &[Scenario]| {
-            Tally::of(of.iter().filter(|a| among.iter().any(|b| same(a, b))))
-        };
-        let (ours, theirs) = (both(&ours, &theirs), both(&theirs, &ours));
-        let roads: Vec<String> =
-            BTreeSet::from_iter(drive.scenarios.iter().map(|s| s.road_id.clone())).into_iter().collect();
-        if let Some(paired) = compare(&ours.shares(&roads), &theirs.shares(&roads), SHARE, CONFIDENCE) {
-            rows.push((name.clone(), difference(Some(paired))));
+/// Drives by perturbation and road, as far as they have one level.
+pub type Trials<'a> = BTreeMap<(&'a str, &'a str), Vec<Trial>>;
+
+/// The trials of a drive.
+pub fn trials(drive: &Drive) -> Trials<'_> {
+    let mut trials = Trials::new();
+    for scenario in drive.scenarios.iter().filter(|scenario| scenario.verdict != Verdict::Void) {
+        if let (Some(perturbation), Some(level)) = (&scenario.perturbation, scenario.level) {
+            let trial = Trial { level, failed: scenario.verdict.failed() };
+            trials.entry((perturbation, &scenario.road_id)).or_default().push(trial);
         }
     }
-    rows
+    trials
+}
+
+/// Those of a perturbation on each of these roads.
+pub fn on_roads(trials: &Trials<'_>, perturbation: &str, roads: &[String]) -> Vec<Vec<Trial>> {
+    roads.iter().map(|road| trials.get(&(perturbation, road.as_str())).cloned().unwrap_or_default()).collect()
+}
+
+/// What two drivers differ by, over the roads that both drove.
+fn against(drive: &Drive, other: &Drive, order: &[(String, Tally)]) -> Vec<(String, Difference)> {
+    let both = [drive.scenarios.as_slice(), other.scenarios.as_slice()];
+    // Levels that one of them was not driven at may be known by those that it was.
+    let levels = levels(both.into_iter().flatten());
+    let tallies = |drive: &Drive| {
+        let mut tallies: BTreeMap<String, Tally> = BTreeMap::new();
+        for scenario in &drive.scenarios {
+            if let Some(name) = &scenario.perturbation {
+                tallies.entry(name.clone()).or_insert_with(|| Tally::over(&levels)).add(scenario);
+            }
+        }
+        tallies
+    };
+    let (ours, theirs, roads) = (tallies(drive), tallies(other), roads(drive));
+    let row = |(name, _): &(String, Tally)| {
+        let (ours, theirs) = (ours.get(name)?.shares(&roads), theirs.get(name)?.shares(&roads));
+        let paired = compare(&ours, &theirs, SHARE, CONFIDENCE)?;
+        Some((name.clone(), difference(Some(paired))))
+    };
+    order.iter().filter_map(row).collect()
 }
 
 fn interval(estimate: &Estimate, written: fn(f64) -> String) -> String {
@@ -173,6 +183,7 @@ fn difference(paired: Option<Paired>) -> Difference {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::view::Scenario;
 
     /// Ten roads, five levels: the perturbation `name` fails from a level on.
     fn drive(driver: &str, fails: &[(&str, f64)]) -> Drive {

@@ -6,7 +6,7 @@ use pdk_statistics::CONFIDENCE;
 use pdk_statistics::level::{FailingLevel, failing_level};
 use serde::Serialize;
 
-use crate::conclusions::{told, trials};
+use crate::conclusions::{Trials, on_roads, roads, told, trials};
 use crate::heat::{Cell, Row};
 use crate::text;
 use crate::view::Drive;
@@ -35,14 +35,14 @@ pub fn overview(drives: &[Drive]) -> Option<Overview> {
     let highest = scenarios().filter_map(|s| s.level).fold(0.0, f64::max);
     // One that never fails counts as if it failed at the level behind the highest.
     let depth = |found: &FailingLevel| 1.0 - found.level.unwrap_or(highest + 1.0) / (highest + 1.0);
+    let of_drives: Vec<(Vec<String>, Trials<'_>)> =
+        drives.iter().map(|drive| (roads(drive), trials(drive))).collect();
     let mut rows: Vec<(f64, Row)> = Vec::new();
     for name in names {
-        let found: Vec<Option<(FailingLevel, usize)>> = drives
+        let found: Vec<Option<(FailingLevel, usize)>> = of_drives
             .iter()
-            .map(|drive| {
-                let roads: BTreeSet<&String> = drive.scenarios.iter().map(|s| &s.road_id).collect();
-                let roads: Vec<String> = roads.into_iter().cloned().collect();
-                let trials = trials(drive, name, &roads);
+            .map(|(roads, trials)| {
+                let trials = on_roads(trials, name, roads);
                 let driven = trials.iter().filter(|trials| !trials.is_empty()).count();
                 failing_level(&trials, CONFIDENCE).map(|found| (found, driven))
             })

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use pdk_statistics::share::{Drives, share_over_roads};
-use pdk_statistics::{CONFIDENCE, Estimate};
+use pdk_statistics::level::{Trial, failing_share};
+use pdk_statistics::{CONFIDENCE, Estimate, mean, share};
 
 use crate::text::{count, number, percent};
 use crate::view::{Scenario, Verdict};
@@ -21,19 +21,53 @@ pub struct Tally {
     error: f64,
     /// When the others failed, in seconds.
     times: Vec<f64>,
+    /// The levels over which the share of a road is taken; none where it is that of its drives.
+    levels: Vec<f64>,
     /// The same by road, which is the unit of what can be concluded.
-    roads: BTreeMap<String, Drives>,
+    roads: BTreeMap<String, Road>,
 }
 
+/// What is known of a road.
+#[derive(Debug, Clone, Default)]
+struct Road {
+    /// Drives under the same luck, by the drive they belong to and their repeat.
+    trials: BTreeMap<(usize, u64), Vec<Trial>>,
+    /// Whether drives failed that have no level.
+    others: Vec<bool>,
+}
+
+/// With more different levels than this they were not chosen to be compared.
+const MOST_LEVELS: usize = 20;
+
+/// What a share can be.
+const SHARE: (f64, f64) = (0.0, 1.0);
+
 impl Tally {
+    /// One that takes the share of a road over levels, as far as drives say which of them fail. Where levels were chosen by what
+    /// failed, the share of the drives says nothing.
+    pub fn over(levels: &[f64]) -> Self {
+        Self { levels: levels.to_vec(), ..Self::default() }
+    }
+
     /// Counts another scenario.
     pub fn add(&mut self, scenario: &Scenario) {
+        self.add_of(0, scenario);
+    }
+
+    /// Counts another scenario of one of several drives.
+    pub fn add_of(&mut self, drive: usize, scenario: &Scenario) {
         if scenario.verdict == Verdict::Void {
             return;
         }
         let failed = scenario.verdict.failed();
         self.judged += 1;
-        self.roads.entry(scenario.road_id.clone()).or_default().add(failed);
+        let road = self.roads.entry(scenario.road_id.clone()).or_default();
+        match scenario.level {
+            Some(level) => {
+                road.trials.entry((drive, scenario.repeat)).or_default().push(Trial { level, failed });
+            }
+            None => road.others.push(failed),
+        }
         match failed {
             true => {
                 self.failed += 1;
@@ -51,20 +85,24 @@ impl Tally {
         tally
     }
 
-    /// The share that failed; 0 where nothing is known.
-    pub fn share(&self) -> f64 {
+    /// The share of all drives that failed; 0 where nothing is known.
+    pub fn share_of_drives(&self) -> f64 {
         self.failed as f64 / self.judged.max(1) as f64
     }
 
     /// The share over roads with its interval; none where nothing is known.
     pub fn estimate(&self) -> Option<Estimate> {
-        let roads: Vec<Drives> = self.roads.values().copied().collect();
-        share_over_roads(&roads, CONFIDENCE)
+        let drives = |road: &Road| road.trials.values().map(Vec::len).sum::<usize>() + road.others.len();
+        if self.roads.values().all(|road| drives(road) <= 1) {
+            return share::share(self.failed as u64, self.judged as u64, CONFIDENCE);
+        }
+        let shares: Vec<f64> = self.roads.values().filter_map(|road| road.share(&self.levels)).collect();
+        mean::over_roads(&shares, SHARE, CONFIDENCE)
     }
 
     /// The share that failed on each of these roads; none where it was not driven.
     pub fn shares(&self, roads: &[String]) -> Vec<Option<f64>> {
-        roads.iter().map(|road| self.roads.get(road).copied().and_then(Drives::share)).collect()
+        roads.iter().map(|road| self.roads.get(road)?.share(&self.levels)).collect()
     }
 
     /// The mean of the cross-track errors of those that reached the end; none where none did. That of a part of a road is not
@@ -110,23 +148,56 @@ impl Tally {
     }
 }
 
-/// The perturbations, the worst first: by the share of failed scenarios, then by how soon they failed, then by the mean
-/// cross-track error.
-pub fn by_severity<'a>(scenarios: impl IntoIterator<Item = &'a Scenario>) -> Vec<(String, Tally)> {
-    let mut tallies: BTreeMap<&str, Tally> = BTreeMap::new();
-    for scenario in scenarios {
-        if let Some(perturbation) = &scenario.perturbation {
-            tallies.entry(perturbation).or_default().add(scenario);
+impl Road {
+    /// The mean share over what was driven under the same luck; none where nothing was.
+    fn share(&self, levels: &[f64]) -> Option<f64> {
+        let of = |trials: &Vec<Trial>| match levels.is_empty() {
+            true => Some(trials.iter().filter(|trial| trial.failed).count() as f64 / trials.len() as f64),
+            false => failing_share(trials, levels),
+        };
+        let others = self.others.iter().map(|failed| f64::from(u8::from(*failed)));
+        let shares: Vec<f64> = self.trials.values().filter_map(of).chain(others).collect();
+        (!shares.is_empty()).then(|| shares.iter().sum::<f64>() / shares.len() as f64)
+    }
+}
+
+/// The levels that scenarios have, in their order; none where they are too many to have been chosen.
+pub fn levels<'a>(scenarios: impl IntoIterator<Item = &'a Scenario>) -> Vec<f64> {
+    let mut levels: Vec<f64> = Vec::new();
+    for level in scenarios.into_iter().filter_map(|scenario| scenario.level) {
+        if let Err(place) = levels.binary_search_by(|other| other.total_cmp(&level)) {
+            levels.insert(place, level);
+        }
+        if levels.len() > MOST_LEVELS {
+            return Vec::new();
         }
     }
-    let mut order: Vec<_> = tallies.into_iter().map(|(name, tally)| (name.to_owned(), tally)).collect();
+    levels
+}
+
+/// The perturbations of some drives, the worst first: by the share that fails, then by how soon they failed, then by the mean
+/// cross-track error.
+pub fn by_severity<'a>(drives: impl IntoIterator<Item = &'a [Scenario]> + Clone) -> Vec<(String, Tally)> {
+    let levels = levels(drives.clone().into_iter().flatten());
+    let mut tallies: BTreeMap<&str, Tally> = BTreeMap::new();
+    for (drive, scenarios) in drives.into_iter().enumerate() {
+        for scenario in scenarios {
+            if let Some(perturbation) = &scenario.perturbation {
+                let tally = tallies.entry(perturbation).or_insert_with(|| Tally::over(&levels));
+                tally.add_of(drive, scenario);
+            }
+        }
+    }
+    let share = |tally: &Tally| tally.estimate().map_or(0.0, |share| share.value);
+    let mut order: Vec<_> =
+        tallies.into_iter().map(|(name, tally)| (share(&tally), name.to_owned(), tally)).collect();
     let soon = |tally: &Tally| tally.time_to_failure().unwrap_or(f64::INFINITY);
     let error = |tally: &Tally| tally.mean_error().unwrap_or_default();
-    order.sort_by(|(_, a), (_, b)| {
-        let by_share = b.share().total_cmp(&a.share());
+    order.sort_by(|(a_share, _, a), (b_share, _, b)| {
+        let by_share = b_share.total_cmp(a_share);
         by_share.then(soon(a).total_cmp(&soon(b))).then(error(b).total_cmp(&error(a)))
     });
-    order
+    order.into_iter().map(|(_, name, tally)| (name, tally)).collect()
 }
 
 #[cfg(test)]
@@ -162,5 +233,28 @@ mod tests {
         }
         assert_eq!(Tally::of(&all[1..2]).told(), "1 of 1 failed, half of these within 4.00 s");
         assert_eq!(Tally::of(&all[3..]).told(), "0 of 0 failed");
+    }
+
+    #[test]
+    fn levels_that_were_chosen_by_what_failed_count_like_all_levels() {
+        // On road a all from level 2 on fail, on road b none: by bisection, and all.
+        let at = |road: &str, level: f64| Scenario {
+            level: Some(level),
+            perturbation: Some("fog".into()),
+            ..scenario(road, if road == "a" && level >= 2.0 { Verdict::Unsafe } else { Verdict::Passed }, 5.0)
+        };
+        let chosen = [at("a", 4.0), at("a", 2.0), at("a", 1.0), at("b", 4.0)];
+        let all: Vec<Scenario> =
+            ["a", "b"].iter().flat_map(|road| (0..5).map(move |level| at(road, f64::from(level)))).collect();
+        let levels = levels(&all);
+        assert_eq!(levels, [0.0, 1.0, 2.0, 3.0, 4.0]);
+        let roads = ["a", "b"].map(str::to_owned);
+        for scenarios in [&chosen[..], &all] {
+            let mut tally = Tally::over(&levels);
+            scenarios.iter().for_each(|scenario| tally.add(scenario));
+            assert_eq!(tally.shares(&roads), [Some(0.6), Some(0.0)]);
+            let Estimate { value, low, high } = tally.estimate().unwrap();
+            assert!((value - 0.3).abs() < 1e-12 && low <= value && value <= high);
+        }
     }
 }

@@ -57,7 +57,9 @@ fn expanded_tail(roads: usize, confidence: f64) -> f64 {
 pub fn mean(values: &[f64], range: (f64, f64), confidence: f64) -> Estimate {
     let roads = values.len();
     let value = values.iter().sum::<f64>() / roads as f64;
-    let (low, high) = match values.iter().all(|other| *other == values[0]) {
+    // Means of shares are not exact.
+    let alike = |other: &f64| (other - values[0]).abs() <= 1e-9 * values[0].abs().max(1.0);
+    let (low, high) = match values.iter().all(alike) {
         true => {
             let missed = crate::share::largest_unseen(roads as u64, confidence);
             let toward = |end: f64| if end.is_finite() { value + (end - value) * missed } else { value };
@@ -85,6 +87,13 @@ mod tests {
                 expanded_tail(roads, 0.95)
             );
         }
+    }
+
+    #[test]
+    fn what_differs_by_rounding_is_alike() {
+        let rounded: Vec<f64> = (0..10).map(|road| if road % 2 == 0 { 0.6 - 0.4 } else { 0.2 }).collect();
+        let Estimate { low, high, .. } = mean(&rounded, (0.0, 1.0), 0.95);
+        assert!((low - 0.2 * (1.0 - 0.2775)).abs() < 1e-4 && (high - (0.2 + 0.8 * 0.2775)).abs() < 1e-4);
     }
 
     #[test]

@@ -27,6 +27,29 @@ pub struct FailingLevel {
     pub drives: usize,
 }
 
+/// Whether a driver fails at a level, by drives under the same luck: by that at this level, or else by the nearest level below that was
+/// failed or above that was survived. None where no drive says it.
+pub fn fails_at(trials: &[Trial], level: f64) -> Option<bool> {
+    let tells = |trial: &&Trial| match trial.failed {
+        true => trial.level <= level,
+        false => trial.level >= level,
+    };
+    let exact = trials.iter().find(|trial| trial.level == level);
+    let distance = |trial: &Trial| (trial.level - level).abs();
+    let nearest = || trials.iter().filter(tells).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    exact.or_else(nearest).map(|trial| trial.failed)
+}
+
+/// The share of these levels at which a driver fails, by drives under the same luck; of those of which [a drive says
+/// it](fails_at). None where no drive says anything.
+///
+/// Bisection drives where the answer is open, so that the share of its drives that failed means nothing; this share does.
+pub fn failing_share(trials: &[Trial], levels: &[f64]) -> Option<f64> {
+    let known = || levels.iter().filter_map(|level| fails_at(trials, *level));
+    let count = known().count();
+    (count > 0).then(|| known().filter(|fails| *fails).count() as f64 / count as f64)
+}
+
 /// Finds the level from the drives on each road; none where there are no drives. Roads without drives do not count.
 ///
 /// At each level that was driven anywhere, the share that failed is averaged over roads. On a road that was not driven there, it is
@@ -148,6 +171,28 @@ impl Bisection {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bisection_tells_the_share_of_all_levels() {
+        let levels = [0.0, 1.0, 2.0, 3.0, 4.0];
+        for from in 0..=5 {
+            let fails = |level: f64| level >= f64::from(from);
+            let mut trials = Vec::new();
+            let bisection = Bisection { lowest: 0.0, highest: 4.0, resolution: 1.0 };
+            while let Some(level) = bisection.next(&trials) {
+                trials.push(Trial { level, failed: fails(level) });
+            }
+            assert_eq!(failing_share(&trials, &levels), Some((5.0 - f64::from(from)) / 5.0), "{trials:?}");
+            assert!(levels.iter().all(|level| fails_at(&trials, *level) == Some(fails(*level))));
+        }
+        // What no drive says is left out.
+        let one = [Trial { level: 2.0, failed: true }];
+        assert_eq!((fails_at(&one, 1.0), fails_at(&one, 3.0)), (None, Some(true)));
+        assert_eq!((failing_share(&one, &levels), failing_share(&[], &levels)), (Some(1.0), None));
+        // A drive at the level counts for more than one beside it.
+        let odd = [Trial { level: 1.0, failed: true }, Trial { level: 2.0, failed: false }];
+        assert_eq!((fails_at(&odd, 2.0), fails_at(&odd, 3.0)), (Some(false), Some(true)));
+    }
 
     fn trials(threshold: f64, levels: &[f64]) -> Vec<Trial> {
         levels.iter().map(|&level| Trial { level, failed: level >= threshold }).collect()

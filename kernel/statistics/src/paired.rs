@@ -12,6 +12,9 @@ const MOST_EXACT: usize = 16;
 const DRAWN: u32 = 20_000;
 const KEY: Key = Key(*b"pdk statistics: exchanged pairs.");
 
+/// Differences that are smaller than this are rounding: values are shares, metres and the like.
+const ROUNDING: f64 = 1e-9;
+
 /// What two conditions on the same roads differ by.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Paired {
@@ -30,7 +33,9 @@ pub struct Paired {
 /// Compares two conditions, of which there is one value a road, none where it was not driven; the roads are in the same order.
 /// `range` is what a value can be, infinite where it has no end. None where no road has both.
 pub fn compare(a: &[Option<f64>], b: &[Option<f64>], range: (f64, f64), confidence: f64) -> Option<Paired> {
-    let differences: Vec<f64> = a.iter().zip(b).filter_map(|(a, b)| Some((*a)? - (*b)?)).collect();
+    // Shares such as 3 of 5 are not exact; what differs by rounding alone has to be equal, here and in the ranks.
+    let exact = |difference: f64| (difference / ROUNDING).round() * ROUNDING;
+    let differences: Vec<f64> = a.iter().zip(b).filter_map(|(a, b)| Some(exact((*a)? - (*b)?))).collect();
     if differences.is_empty() {
         return None;
     }
@@ -110,6 +115,16 @@ mod tests {
         let found = of(&[0.0, 0.2, 0.0, 0.4, 0.5], &[0.1, 0.0, 0.2, 0.0, 0.5]);
         assert!((found.effect_size - (6.5 - 3.5) / 10.0).abs() < 1e-12, "{found:?}");
         assert_eq!(found.roads, 5);
+    }
+
+    #[test]
+    fn rounding_makes_no_difference() {
+        let found = of(&[0.6, 0.2], &[0.4, 0.4]);
+        assert_eq!((found.difference.value, found.effect_size), (0.0, 0.0));
+        let (a, b): (Vec<f64>, Vec<f64>) =
+            (0..10).map(|road| if road % 2 == 0 { (0.6, 0.4) } else { (0.4, 0.2) }).unzip();
+        assert_eq!(of(&a, &b), of(&[0.4; 10], &[0.2; 10]));
+        assert_eq!(of(&[(0.2 + 0.4) / 2.0], &[0.3]).effect_size, 0.0);
     }
 
     #[test]

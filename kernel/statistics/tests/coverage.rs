@@ -198,6 +198,18 @@ fn intervals_cover_as_often_as_they_promise() {
 }
 
 #[test]
+fn few_roads_cover_less() {
+    let mut found = Vec::new();
+    for roads in [6, 8] {
+        for world in WORLDS {
+            found.push(over_levels(1000, world, roads, 1));
+            found.push(differences(1000, world, 0.7, roads));
+        }
+    }
+    assert!(found.iter().all(|coverage| *coverage >= 0.86), "{found:?}");
+}
+
+#[test]
 #[ignore = "takes minutes; prints the figures of many conditions"]
 fn figures() {
     let studies = 4000;

@@ -65,7 +65,7 @@ macro_rules! painters {
 }
 
 painters! {
-    Night: "night", "9e5b8e1273b3a3d5baeb3631a6f925876a12a16e9c8d01d3e69d344552f51b27", "Repaints a day as a night with headlights, by a network",
+    Night: "night", "9e5b8e1273b3a3d5baeb3631a6f925876a12a16e9c8d01d3e69d344552f51b27", "Repaints a day as a night, by a network",
         "Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020";
     Rainy: "rainy", "46ba8d284b04dbfa88670b49929e37a37d654c116e3bb61e2c404facb33830f6", "Repaints a dry day as a rainy one, with thick air and a wet road, by a network",
         "Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020";

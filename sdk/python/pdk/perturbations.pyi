@@ -1036,7 +1036,7 @@ def night(
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
-    """Repaints a day as a night with headlights, by a network.
+    """Repaints a day as a night, by a network.
 
     strength: how much of the result is the network's (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees

@@ -94,6 +94,14 @@ const PDK: &str = r#"
             end
             return if drives > 0 then { level = level, low = level, high = level, drives = drives } else nil
         end,
+        fails_at = function(trials, level)
+            for _, trial in trials do
+                if (trial.failed and trial.level <= level) or (not trial.failed and trial.level >= level) then
+                    return trial.failed
+                end
+            end
+            return nil
+        end,
         next_level = function(trials, search)
             return if #trials == 0 then search.highest elseif #trials == 1 and trials[1].failed then search.lowest else nil
         end,
