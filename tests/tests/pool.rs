@@ -9,8 +9,9 @@ use std::time::Duration;
 
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, Process, comes_true, ended_within};
-use pdk_tests::records::{assert_equal, files, partial, wait_for_scenarios};
+use pdk_tests::records::{assert_equal, files, partial, trace, wait_for_scenarios};
 use pdk_tests::{Pdk, datasets, temp};
+use pdk_trace::reader::{Entry, TraceReader};
 use rustix::process::Signal;
 
 const SOURCE: &str = r#"
@@ -112,6 +113,30 @@ fn a_pool_that_is_lost_over_every_job_ends_the_run_and_keeps_the_record() {
     run(&script, &whole).succeed();
     run(&script, &out).args(["--pool", &pool(2)]).succeed();
     assert_equal(&out, &files(&whole));
+}
+
+#[test]
+fn a_scenario_that_a_pool_gives_up_has_a_trace_that_says_so() {
+    let folder = temp();
+    let script = pipeline(
+        folder.path(),
+        r#"
+        pdk.drive({
+            simulator = "lane", driver = { name = "process", command = { "false" } },
+            scenarios = { { name = "given up", duration = 1 } },
+        })
+        "#,
+    );
+    // Nobody tells the workers where the trace goes.
+    let pool = format!("sed -u 's/\"trace\":\"[^\"]*\"/\"trace\":null/' | {}", pool(1));
+    let out = folder.path().join("out");
+    run(&script, &out).args(["--pool", &pool]).fail(1, &["could not be driven"]);
+    let line = json_lines(&out.join("scenarios.jsonl")).remove(0);
+    let entries = TraceReader::open(&trace(&out, &line)).unwrap().map(|entry| match entry.unwrap() {
+        Entry::Event(event) => event.text,
+        _ => panic!("there is something besides events in it"),
+    });
+    assert_eq!(entries.collect::<Vec<_>>(), ["given up", line["error"].as_str().unwrap()]);
 }
 
 #[test]

@@ -507,11 +507,12 @@ impl Dispatch {
                 let Some(submission) = &task.submission else {
                     return self.finish(number, Ok(Reply::Driven(Box::new(driven))));
                 };
+                let traced = complete_trace(&task.work, &driven.outcome);
                 let line = line_of(submission, driven.outcome);
-                let written = match &mut self.record {
+                let written = traced.and_then(|()| match &mut self.record {
                     Some((_, ledger)) => ledger.add(&line),
                     None => Ok(()),
-                };
+                });
                 self.driven.insert(line.id);
                 self.finish(number, written.map(|()| Reply::Recorded(Box::new(line), false)));
             }
@@ -689,6 +690,16 @@ fn because(error: &Error) -> String {
 /// How a worker ended, in words.
 fn said(end: Option<ExitStatus>) -> String {
     end.map_or_else(|| "it did not end by itself".to_owned(), |status| status.to_string())
+}
+
+/// Writes the trace of a scenario that a pool has given up: whoever was to write it was lost.
+fn complete_trace(work: &Work, outcome: &Outcome) -> Result<()> {
+    match (work, &outcome.error) {
+        (Work::Drive(drive), Some(message)) if drive.trace.as_ref().is_some_and(|path| !path.exists()) => {
+            write_trace(drive, message)
+        }
+        _ => Ok(()),
+    }
 }
 
 fn line_of(submission: &Submission, outcome: Outcome) -> Line {

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import os
+import shutil
 import tarfile
 import tempfile
 from pathlib import Path
@@ -81,18 +82,20 @@ def place(told, get):
     # Others may be doing the same at this moment: whoever is first counts.
     part = Path(tempfile.mkdtemp(dir=folder, prefix=".part-"))
     made = part / told["name"]
-    if told["folder"]:
-        made.mkdir()
-        with tarfile.open(fileobj=io.BytesIO(get(told["hash"]))) as archive:
-            for entry in archive:
-                target = made / entry.name
-                target.parent.mkdir(parents=True, exist_ok=True)
-                target.write_bytes(archive.extractfile(entry).read())
-    else:
-        made.write_bytes(get(told["hash"]))
     try:
+        if told["folder"]:
+            made.mkdir()
+            with tarfile.open(fileobj=io.BytesIO(get(told["hash"]))) as archive:
+                for entry in archive:
+                    target = made / entry.name
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    target.write_bytes(archive.extractfile(entry).read())
+        else:
+            made.write_bytes(get(told["hash"]))
         os.rename(made, path)
     except OSError:
         if not path.exists():
             raise
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
     return str(path)

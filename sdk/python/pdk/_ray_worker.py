@@ -10,6 +10,10 @@ from pdk import _files
 from pdk._program import environment
 
 
+class Ended(Exception):
+    """The `pdk worker` of an actor is gone."""
+
+
 class Worker:
     """A worker of pdk, with what it needs of the session's machine: `files` are as `Sender.take` tells them, `blobs` their bytes."""
 
@@ -46,17 +50,21 @@ class Worker:
         return _files.place(told, lambda name: ray.get(blobs[name]))
 
     def _say(self, message):
-        self._child.stdin.write(json.dumps(message).encode() + b"\n")
-        self._child.stdin.flush()
+        try:
+            self._child.stdin.write(json.dumps(message).encode() + b"\n")
+            self._child.stdin.flush()
+        except BrokenPipeError:
+            pass  # Its end is noticed where it is to answer.
 
     def _hear(self):
         line = self._child.stdout.readline()
         if not line.endswith(b"\n"):
-            raise RuntimeError(f"a worker of pdk ended ({self._child.wait()})")
+            raise Ended(f"`pdk worker` ended with exit code {self._child.wait()}")
         return line.decode()
 
     def work(self, job, files, blobs):
-        """Does a job: returns the lines that the worker says, and the bytes of the trace, where it was to write one."""
+        """Does a job: returns the lines that the worker says, up to `done` or `failed`, and the bytes of the trace, where it was to
+        write one."""
         job, trace = json.loads(job), None
         for steps, told in files:
             _put(job, steps, self._place(told, blobs))
@@ -74,7 +82,7 @@ class Worker:
                 frames += value["frames"]
                 continue
             if kind == "failed":
-                raise RuntimeError(value)
+                return [*said, line], None
             if kind != "done":
                 said.append(line)
                 continue

@@ -8,11 +8,13 @@
 
 Every perturbation of pdk is there under its name, as a function of intensity and image, and so is one of your own:
 `ImagePerturbation(funcs=[my_function])`. Unlike there, images are never written to, random numbers come from a seed, and what moves is
-drawn by its name and the number of calls, at 20 frames a second.
+drawn by its name and the number of calls with that name, at 20 frames a second. The functions draw the same at each call; give them
+a `seed` of its own for each image where they are not to.
 """
 
 from __future__ import annotations
 
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -25,9 +27,12 @@ if TYPE_CHECKING:
 
 __all__ = ["ImagePerturbation"]
 
+#: How many perturbations are kept with what they have prepared; one that is made anew goes on where it was.
+_KEPT = 8
+
 
 class ImagePerturbation:
-    """Perturbs the frames of a drive by name.
+    """Perturbs the frames of a drive by name: the next frame of a perturbation at each call, whatever the intensity.
 
     `funcs` are the names of perturbations, or functions of intensity and image; the default set where there are none. `attention_map`
     and `image_size` are there so that calls need no change: limit perturbations with `where` (see `pdk show NAME`); frames keep
@@ -53,7 +58,9 @@ class ImagePerturbation:
         self.fps = fps
         self._functions: dict[str, Callable[[float, Image], Image]] = {each.__name__: each for each in funcs if callable(each)}
         self._funcs = [each.__name__ if callable(each) else each for each in funcs] or pdk.names(default=True)
-        self._sequences: dict[tuple[str, float], pdk.Perturbation] = {}
+        # How often each was called, and those that were called last.
+        self._calls: Counter[str] = Counter()
+        self._kept: OrderedDict[tuple[str, float], pdk.Perturbation] = OrderedDict()
         for name in self._funcs:
             if name not in self._functions:
                 pdk.written(name)
@@ -69,10 +76,15 @@ class ImagePerturbation:
             return image
         if own := self._functions.get(perturbation_name):
             return own(intensity, image)
-        key = (perturbation_name, intensity)
-        if key not in self._sequences:
-            self._sequences[key] = pdk.Perturbation(perturbation_name, level=intensity, seed=self.seed, fps=self.fps)
-        return self._sequences[key](numpy.ascontiguousarray(image))
+        key = (perturbation_name, float(intensity))
+        if key not in self._kept:
+            self._kept[key] = pdk.Perturbation(perturbation_name, level=intensity, seed=self.seed, fps=self.fps)
+            if len(self._kept) > _KEPT:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(key)
+        perturbed = self._kept[key](numpy.ascontiguousarray(image), frame=self._calls[perturbation_name])
+        self._calls[perturbation_name] += 1
+        return perturbed
 
 
 def __dir__() -> list[str]:

@@ -25,9 +25,12 @@ from pathlib import Path
 
 from pdk import _files, _program
 from pdk._pdk import Error
+from pdk._ray_worker import Ended, Worker
 
-#: How often a job is given to another actor after one was lost.
+#: How often a job is given to an actor that is lost over it, and how many starts in a row may fail.
 TRIES = 3
+#: After so many seconds an actor that does not start is taken to wait for what others hold, such as a GPU.
+ROOM = 5.0
 
 
 def options(words):
@@ -126,6 +129,15 @@ def introduced(hello):
     return json.loads(line)
 
 
+def given_up(work, message):
+    """The answer to a job over which workers are lost again and again: the one of docs/worker-protocol.md for a lost process."""
+    if "drive" not in work:
+        return {"failed": {"kind": "lost", "message": message}}
+    numbers = dict.fromkeys(("time", "progress", "mean_cross_track_error", "max_cross_track_error"), 0.0)
+    outcome = {"success": False, "cause": "error", "error": message, "error_kind": "lost", "frames": 0, **numbers, "digest": ""}
+    return {"driven": {"outcome": outcome, "rate": 0.0, "times": {"steps": 0, "overruns": 0, "counts": [[], [], [], []]}}}
+
+
 class Actor:
     """An actor of the cluster, as the pool sees it."""
 
@@ -166,6 +178,8 @@ class Pool:
         #: Numbers that no actor has, the smallest first: a worker's ports are derived from its number.
         self._numbers = list(range(slots))
         self._running = set()
+        #: How many starts failed, one behind the other.
+        self._failed = 0
 
     def _travelling(self):
         """The files of all components that are not part of pdk, and in which folder such files become components."""
@@ -204,16 +218,19 @@ class Pool:
         group = self._groups[name]
         while group.waiting and group.idle:
             self._run(self._work(group.idle.pop(), group.waiting.popleft()))
-        if len(group.waiting) <= group.coming:
-            return
-        # Whoever has nothing to do may stand where another one has to be.
-        for other in self._groups.values():
-            while other is not group and other.idle:
-                self._lose(other.idle.pop())
         # As many are on their way as there are jobs that wait for one.
+        while len(group.waiting) - group.coming > len(self._numbers) and self._make_room(group):
+            pass
         while len(group.waiting) > group.coming and self._numbers:
             group.coming += 1
             self._run(self._start(name, heapq.heappop(self._numbers)))
+
+    def _make_room(self, group):
+        """Lets an actor of another group go that has nothing to do. Whether there was one."""
+        others = [other for other in self._groups.values() if other is not group and other.idle]
+        if others:
+            self._lose(max(others, key=lambda other: len(other.idle)).idle.pop())
+        return bool(others)
 
     def _run(self, coroutine):
         task = asyncio.ensure_future(coroutine)
@@ -231,8 +248,6 @@ class Pool:
         self._say(json.dumps({"failed": f"the pool of Ray cannot go on: {said.strip().splitlines()[-1]}"}))
 
     async def _start(self, name, number):
-        from pdk._ray_worker import Worker
-
         group = self._groups[name]
         remote = self._ray.remote(Worker).options(
             num_cpus=self._chosen.cpus, num_gpus=name or None, resources=self._chosen.resources or None
@@ -240,27 +255,59 @@ class Pool:
         handle = remote.remote(self._hello, self._components, self._chosen.shared)
         actor = Actor(handle, number, name)
         self._actors.add(actor)
+        failed_before = self._failed
         try:
-            self._check(json.loads(await handle.start.remote(self._blobs(self._components))))
-        except self._ray.exceptions.RayActorError:
-            # Its machine is gone. Another is asked for where it is still needed.
+            line = await self._introduced(handle, group)
+            if "failed" in (said := json.loads(line)):
+                self._say(line.strip())
+                return
+            self._check(said["ready"])
+        except self._ray.exceptions.RayTaskError:
+            # It is there, and cannot do it.
+            raise
+        except self._ray.exceptions.RayError as raised:
+            # Another is asked for where it is still needed.
             self._lose(actor)
+            # Several that are lost at once, with their machine, are one failure.
+            self._failed += self._failed == failed_before
+            if self._failed >= TRIES:
+                raise self._unable(raised) from None
         else:
+            self._failed = 0
             group.idle.append(actor)
         finally:
             group.coming -= 1
         self._give_all()
+
+    async def _introduced(self, handle, group):
+        """What a worker says of itself when it has started."""
+        start = asyncio.ensure_future(handle.start.remote(self._blobs(self._components)))
+        while not (await asyncio.wait([start], timeout=ROOM))[0]:
+            self._make_room(group)
+        return start.result()
+
+    def _unable(self, raised):
+        """Why no worker can be started."""
+        import pdk
+
+        return _program.error(
+            "configuration",
+            f"no worker could be started on the cluster, {TRIES} times in a row (the last: {_reason(raised)}); install pdk "
+            f"{pdk.__version__} on every machine",
+        )
+
+    def _is_lost(self, raised):
+        """Whether an actor is gone, or what it holds; what else is raised in one is a mistake that would be made again elsewhere."""
+        errors = self._ray.exceptions
+        return not isinstance(raised, errors.RayTaskError) or isinstance(raised.cause, (Ended, errors.RayError))
 
     def _give_all(self):
         """An actor has become free, which may make room for one of another group."""
         for name in self._groups:
             self._give(name)
 
-    def _check(self, said):
+    def _check(self, ready):
         """Makes sure that a worker is of the same version and has the same components."""
-        if "failed" in said:
-            raise _program.error("failed", said["failed"])
-        ready = said["ready"]
         import pdk
 
         if ready["pdk"] != pdk.__version__:
@@ -282,19 +329,22 @@ class Pool:
     async def _work(self, actor, waited):
         job, files, tries = waited
         job["job"]["slot"] = actor.number
-        number = job["job"]["number"]
         try:
             lines, trace = await actor.handle.work.remote(json.dumps(job), files, self._blobs(files))
             if trace is not None:
                 _write(Path(job["job"]["work"]["drive"]["trace"]), trace)
             for line in lines:
                 self._say(line.strip())
-        except self._ray.exceptions.RayError as lost:
-            # Its machine is gone, or its worker.
+        except self._ray.exceptions.RayError as raised:
+            if not self._is_lost(raised):
+                raise
             self._lose(actor)
-            if tries == TRIES:
-                raise _program.error("lost", f"a worker was lost {TRIES} times over job {number} ({lost})") from None
-            self._groups[actor.group].waiting.appendleft((job, files, tries + 1))
+            if tries < TRIES:
+                self._groups[actor.group].waiting.appendleft((job, files, tries + 1))
+            else:
+                message = f"a worker of the cluster was lost {TRIES} times over it (the last: {_reason(raised)})"
+                answer = given_up(job["job"]["work"], message)
+                self._say(json.dumps({"done": {"number": job["job"]["number"], "answer": answer}}))
         else:
             self._groups[actor.group].idle.append(actor)
         self._give_all()
@@ -308,6 +358,11 @@ class Pool:
         """Lets all actors go. What belongs to this program ends with it anyway, but not at once."""
         for actor in list(self._actors):
             self._lose(actor)
+
+
+def _reason(raised):
+    """Why an actor is gone: the first sentence of the last line. Before it come tracebacks and lists of ids, and then advice."""
+    return str(getattr(raised, "cause", raised)).strip().splitlines()[-1].strip().partition(". ")[0].rstrip(".")
 
 
 def _write(path, content):

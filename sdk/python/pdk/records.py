@@ -40,6 +40,8 @@ class Record:
         self.path = Path(path)
         if not (self.path / "manifest.json").is_file():
             raise error("configuration", f"{self.path} holds no record; name the folder that `pdk run` printed")
+        # The ids and names of scenarios, and when the ledger was as long as it was then.
+        self._names: tuple[tuple[int, int], list[tuple[str, str]]] | None = None
 
     def __repr__(self):
         return f"Record({str(self.path)!r})"
@@ -98,12 +100,21 @@ class Record:
                     "seed": scenario["seed"],
                     "repeat": scenario.get("repeat", 0),
                     "images_every": line.pop("images_every"),
-                    "verdict": _VERDICTS[line["cause"]],
+                    "verdict": self._verdict(line["cause"]),
                     **line,
                     **measures,
                 }
             )
         return pandas.DataFrame(rows)
+
+    def _verdict(self, cause):
+        if cause not in _VERDICTS:
+            raise error(
+                "failed",
+                f"{self.path} has a scenario that ended with `{cause}`, of which this package does not know what it says about the "
+                "driver; read it with the version of pdk that drove it",
+            )
+        return _VERDICTS[cause]
 
     def results(self) -> pandas.DataFrame:
         """A row for each frame, perturbation and level of an offline evaluation. Needs pandas."""
@@ -116,15 +127,27 @@ class Record:
 
     def trace(self, scenario: int | str) -> Path:
         """The file with the trace of a scenario, an MCAP: by its number in the record, its id, or its name where that is unique."""
+        names = self._scenarios()
         if isinstance(scenario, str):
-            known = [line["id"] for line in self.lines() if scenario in (line["id"], line["name"])]
+            known = [id for id, name in names if scenario in (id, name)]
         else:
-            lines = self.lines()
-            known = [lines[scenario]["id"]] if -len(lines) <= scenario < len(lines) else []
+            known = [names[scenario][0]] if -len(names) <= scenario < len(names) else []
         if len(known) != 1:
             several = "several scenarios" if known else "no scenario"
             raise error("configuration", f"{self.path} has {several} {scenario!r}; name one by its number or its id")
         return self.path / "traces" / f"{known[0]}.mcap"
+
+    def _scenarios(self):
+        """The id and the name of each scenario. The ledger is read again where it has grown."""
+        try:
+            status = (self.path / "scenarios.jsonl").stat()
+        except OSError:
+            # It says what is the matter.
+            return [(line["id"], line["name"]) for line in self.lines()]
+        state = (status.st_mtime_ns, status.st_size)
+        if self._names is None or self._names[0] != state:
+            self._names = (state, [(line["id"], line["name"]) for line in self.lines()])
+        return self._names[1]
 
     def telemetry(self, scenario: int | str) -> pandas.DataFrame:
         """A row for each frame of a scenario: state, control, and a hash of what the driver saw. Needs pandas."""
@@ -148,7 +171,7 @@ class Record:
         return _pdk.trace_frames(self.trace(scenario), topic)
 
 
-#: What an outcome says about the driver.
+#: What the cause of an outcome says about the driver, as in pipelines.
 _VERDICTS = {
     "finished": "passed",
     "lane_departure": "unsafe",

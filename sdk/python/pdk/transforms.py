@@ -1,4 +1,5 @@
-"""Perturbations as transforms of datasets, whose draws follow from seed, epoch and sample alone, whatever the number of workers.
+"""Perturbations as transforms of datasets, whose draws follow from what they draw from, seed, epoch and sample alone, whatever the
+number of workers.
 
     from pdk.transforms import Indexed, OneOf, Transform
 
@@ -17,9 +18,11 @@ the one that is given (`transform(image, sample=17)`), else the image's own cont
 from __future__ import annotations
 
 import hashlib
+import json
 import multiprocessing.sharedctypes
 import threading
 from collections.abc import Sequence
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy
@@ -68,7 +71,8 @@ class Transform:
     """Perturbs images of a dataset.
 
     `perturbation` is what `pdk.perturb` takes, or `OneOf` such. `level` is an intensity for all of them, or lowest and highest of
-    those that one is drawn from for each sample. `p` is the share of samples that are perturbed.
+    those that one is drawn from for each sample. `p` is the share of samples that are perturbed. Two transforms draw independently,
+    unless both seed and perturbations are the same.
 
     Labels and boxes are handed through as they are: perturbations that move pixels (shear_image, translate_image, scale_image,
     rotate_image, reflection_filter) do not move them.
@@ -88,15 +92,13 @@ class Transform:
         self.level = level
         self.p = p
         self.seed = seed
-        levels = [] if level is None else [level] if isinstance(level, (int, float)) else list(level)
-        if len(levels) > 2:
-            raise ValueError(f"`level` is {level}, but has to be one intensity, or the lowest and the highest")
-        # Both ends are the same where there is one.
-        self._levels = (levels[0], levels[-1]) if levels else None
+        self._levels = None if level is None else _ends(level)
         self._oneof = perturbation if isinstance(perturbation, OneOf) else OneOf(perturbation)
-        # What is wrong with them is said here.
-        given = {} if self._levels is None else {"level": max(self._levels)}
-        self._chains = [None if each is None else pdk.written(each, **given) for each in self._oneof.alternatives]
+        # What is wrong with them is said here, with either end.
+        self._chains = [None if each is None else pdk.written(each) for each in self._oneof.alternatives]
+        for chain in filter(None, self._chains):
+            for end in self._levels or ():
+                pdk.written(chain, level=end)
         self._epoch = _Epoch()
 
     def __repr__(self):
@@ -122,7 +124,7 @@ class Transform:
             sample, epoch = current
         if sample is None:
             sample = pdk.identity(array)
-        which, whether, level, seed = _draws(self.seed, epoch, sample)
+        which, whether, level, seed = _draws(self._chains, self.seed, epoch, sample)
         chain = self._chains[self._oneof._place(which)]
         if chain is None or whether >= self.p:
             return image
@@ -177,9 +179,17 @@ class _Epoch:
         return self._value.value
 
 
-def _draws(seed, epoch, sample):
-    """Three shares from 0 to 1, and a seed for the perturbation."""
-    key = f"pdk transform, version 1: {int(seed)} {int(epoch)} {int(sample)}".encode()
+def _ends(level):
+    """The lowest and the highest intensity, which are the same where there is one."""
+    ends = (level,) if isinstance(level, Real) else tuple(level) if isinstance(level, (tuple, list, numpy.ndarray)) else ()
+    if len(ends) not in (1, 2) or not all(isinstance(end, Real) for end in ends) or ends[0] > ends[-1]:
+        raise ValueError(f"`level` is {level}, but has to be one intensity, or the lowest and the highest")
+    return float(ends[0]), float(ends[-1])
+
+
+def _draws(chains, seed, epoch, sample):
+    """Three shares from 0 to 1, and a seed for the perturbation. Transforms with other perturbations have other draws."""
+    key = f"pdk transform, version 2: {json.dumps(chains)} {int(seed)} {int(epoch)} {int(sample)}".encode()
     drawn = hashlib.blake2b(key, digest_size=32).digest()
     numbers = [int.from_bytes(drawn[place : place + 8], "little") for place in range(0, 32, 8)]
     return (*(number / 2**64 for number in numbers[:3]), numbers[3])
@@ -192,10 +202,24 @@ def _as_array(image):
     if type(image).__module__.partition(".")[0] in ("torch", "torchvision"):
         return _from_torch(image)
     if hasattr(image, "convert"):
-        from PIL import Image
-
-        return numpy.asarray(image.convert("RGB")), Image.fromarray
+        return _from_pillow(image)
     raise TypeError(f"a {type(image).__name__} is no image: give an array, a PIL image or a tensor of torch")
+
+
+def _from_pillow(image):
+    """A picture in colours or greys, with transparency or without, which stays as it is."""
+    from PIL import Image
+
+    if image.mode not in ("RGB", "RGBA", "L", "LA"):
+        raise ValueError(f"a picture of mode {image.mode} cannot be perturbed; give one of mode RGB, as `image.convert('RGB')` makes it")
+
+    def back(array):
+        made = Image.fromarray(array).convert(image.mode.removesuffix("A"))
+        if image.mode.endswith("A"):
+            made.putalpha(image.getchannel("A"))
+        return made
+
+    return numpy.asarray(image.convert("RGB")), back
 
 
 def _from_torch(image):

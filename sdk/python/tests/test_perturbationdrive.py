@@ -46,6 +46,20 @@ def test_what_moves_moves_from_call_to_call(image):
     assert numpy.array_equal(controller.perturbation(image, "", 0), image)
 
 
+def test_another_intensity_does_not_begin_again(image):
+    controller = perturbationdrive.ImagePerturbation(seed=3)
+    levels = [1, 3, 3, 1.5, *(number / 10 for number in range(20)), 3]
+    for number, level in enumerate(levels):
+        out = controller.perturbation(image, "dynamic_rain_filter", level)
+        expected = pdk.Perturbation("dynamic_rain_filter", level=level, seed=3)(image, frame=number)
+        assert numpy.array_equal(out, expected), number
+        # Others have calls of their own.
+        assert number or numpy.array_equal(
+            controller.perturbation(image, "dynamic_snow_filter", 2), pdk.Perturbation("dynamic_snow_filter@2", seed=3)(image)
+        )
+    assert len(controller._kept) == 8
+
+
 def test_functions_of_ones_own_are_called(image):
     def invert(intensity, image):
         return 255 - image

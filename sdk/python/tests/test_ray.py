@@ -1,5 +1,6 @@
 """Workers on a cluster of Ray: three nodes on this machine. Skipped without Ray."""
 
+import asyncio
 import hashlib
 import json
 import os
@@ -14,8 +15,11 @@ os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 
 from ray.cluster_utils import Cluster  # noqa: E402
 
+import ray  # noqa: E402
+
 import pdk  # noqa: E402
-from pdk.ray import Paths, gpus, options  # noqa: E402
+from pdk._ray_worker import Ended, Worker  # noqa: E402
+from pdk.ray import Paths, Pool, gpus, options  # noqa: E402
 
 PIPELINE = """
 local settings = pdk.settings({ mode = "lockstep", duration = 2, scenarios = 12 })
@@ -152,6 +156,221 @@ def test_who_needs_a_gpu_is_placed_where_one_is(cluster, tmp_path, monkeypatch):
         assert set(note.read_text().splitlines()) <= seen
 
 
+KILLER = """
+import os, signal, sys
+
+process = os.getpid()
+while True:
+    process = int(open(f"/proc/{process}/stat").read().rpartition(")")[2].split()[1])
+    command = open(f"/proc/{process}/cmdline", "rb").read().replace(b"\\0", b" ").decode().strip()
+    if command.startswith("ray::") if sys.argv[1] == "actor" else command.endswith("pdk worker"):
+        os.kill(process, signal.SIGKILL)
+        sys.exit()
+"""
+
+
+def test_a_job_that_always_kills_its_worker_is_an_error_and_the_others_are_driven(cluster, tmp_path):
+    (tmp_path / "killer.py").write_text(KILLER)
+    last = {"actor": "The actor is dead because its worker process has died", "worker": "`pdk worker` ended with exit code -9"}
+    drivers = {who: {"name": "process", "command": ["python3", str(tmp_path / "killer.py"), who]} for who in last}
+    scenarios = [{"name": who, "driver": driver} for who, driver in drivers.items()]
+    scenarios += [{"name": "other", "driver": "lane_keeper", "repeat": number} for number in range(4)]
+    pool = f"ray --slots 3 --address {cluster.address}"
+    with pytest.raises(pdk.Error, match="2 of 6 scenarios could not be driven"):
+        with pdk.Session(simulator="lane", duration=1, out=tmp_path / "out", pool=pool) as session:
+            session.drive(scenarios)
+    lines = pdk.Record(tmp_path / "out").lines()
+    assert sorted(line["cause"] for line in lines) == ["error"] * 2 + ["time_out"] * 4
+    for line in lines:
+        if (reason := last.get(line["name"])) is not None:
+            assert line["error_kind"] == "lost" and pdk.Record(tmp_path / "out").events(line["id"])[-1][1] == line["error"]
+            assert line["error"] == f"a worker of the cluster was lost 3 times over it (the last: {reason})"
+
+
+def test_a_cluster_without_the_package_is_one_sentence(cluster, tmp_path, study):
+    (tmp_path / "bare/pdk").mkdir(parents=True)
+    (tmp_path / "bare/pdk/__init__.py").write_text("raise ImportError('there is no pdk')")
+    node = cluster.add_node(num_cpus=1, resources={"bare": 1}, env_vars={"PYTHONPATH": str(tmp_path / "bare")})
+    options = f"""--address {cluster.address} --slots 1 --resources '{{"bare": 1}}'"""
+    remedy = rf"3 times in a row .*there is no pdk.*; install pdk {pdk.__version__} on every machine"
+    with pytest.raises(pdk.Error, match=remedy):
+        study("out", pool=f"ray {options}")
+    cluster.remove_node(node)
+
+
+class Actors:
+    """Stands in for Ray: `start(number)` and `work(job)` are what actors do, the one with this number and with this job."""
+
+    def __init__(self, monkeypatch, start=None, work=None, slots=4):
+        self.started = self.alive = 0
+        self.said = []
+        self._start = start or self._ready
+        self._work = work or self._done
+        monkeypatch.setattr(ray, "remote", lambda cls: self)
+        monkeypatch.setattr(ray, "put", lambda content: content)
+        monkeypatch.setattr(ray, "kill", self._kill)
+        ready = {"pdk": pdk.__version__, "catalog": []}
+        self.pool = Pool(b"{}", ready, options(["--shared"]), slots, lambda line: self.said.append(json.loads(line)))
+
+    def options(self, **_):
+        return self
+
+    def remote(self, *_):
+        self.started += 1
+        self.alive += 1
+        return Handle(self.started, self)
+
+    def _kill(self, _):
+        self.alive -= 1
+
+    async def _ready(self, number):
+        return json.dumps({"ready": {"pdk": pdk.__version__, "catalog": []}})
+
+    async def _done(self, job):
+        return [json.dumps({"done": {"number": job["number"], "answer": {"made": {}}}})], None
+
+    async def give(self, *jobs):
+        """Gives jobs, each a number and a share of a GPU, and waits until nothing happens any more."""
+        for number, share in jobs:
+            component = {"name": "process", "parameters": {"gpus": share}}
+            job = {"number": number, "slot": 0, "work": {"make": {"kind": "driver", "component": component}}}
+            self.pool.take(json.dumps({"job": job}))
+        for _ in range(1000):
+            if not self.pool._running:
+                return
+            await asyncio.sleep(0.001)
+        raise AssertionError(f"this goes on for ever: {self.said}")
+
+
+class Handle:
+    def __init__(self, number, actors):
+        self.start = Method(lambda blobs: actors._start(number))
+        self.work = Method(lambda job, files, blobs: actors._work(json.loads(job)["job"]))
+
+
+class Method:
+    def __init__(self, remote):
+        self.remote = remote
+
+
+def test_a_job_over_which_workers_are_lost_again_and_again_is_answered_as_lost(monkeypatch):
+    tries = []
+
+    async def work(job):
+        if job["number"] != 7:
+            return await actors._done(job)
+        tries.append(job)
+        raise ray.exceptions.ActorDiedError()
+
+    actors = Actors(monkeypatch, work=work)
+    asyncio.run(actors.give((7, 0), (8, 0)))
+    sentence = "a worker of the cluster was lost 3 times over it (the last: The actor died unexpectedly before finishing this task)"
+    lost = {"done": {"number": 7, "answer": {"failed": {"kind": "lost", "message": sentence}}}}
+    assert len(tries) == 3 and lost in actors.said and len(actors.said) == 2
+
+
+def test_what_is_raised_in_an_actor_is_no_lost_worker(monkeypatch):
+    tries = []
+
+    async def work(job):
+        tries.append(job)
+        raise ray.exceptions.RayTaskError("work", "Traceback\nOSError: no space left", OSError("no space left"))
+
+    actors = Actors(monkeypatch, work=work)
+    asyncio.run(actors.give((0, 0)))
+    assert len(tries) == 1 and actors.said == [{"failed": "the pool of Ray cannot go on: OSError: no space left"}]
+
+
+def test_what_a_worker_says_is_passed_on_as_it_is(monkeypatch, tmp_path):
+    script = tmp_path / "pdk"
+    monkeypatch.setattr(pdk, "executable", lambda: script)
+    answers = [json.dumps({"ready": {}}), json.dumps({"failed": "no such thing; do another"})]
+    script.write_text("#!/bin/sh\n" + "".join(f"read line\necho '{answer}'\n" for answer in answers))
+    script.chmod(0o755)
+    job = json.dumps({"job": {"number": 0, "slot": 0, "work": {"make": {}}}})
+    worker = Worker('{"hello":{}}', [], True)
+    assert json.loads(worker.start({})) == {"ready": {}}
+    assert worker.work(job, [], {}) == ([answers[1] + "\n"], None)
+    for _ in range(2):
+        with pytest.raises(Ended, match="`pdk worker` ended with exit code 0"):
+            worker.work(job, [], {})
+
+    async def start(number):
+        return answers[1] + "\n"
+
+    actors = Actors(monkeypatch, start=start)
+    asyncio.run(actors.give((0, 0)))
+    assert actors.said == [json.loads(answers[1])]
+
+
+def test_starts_that_fail_are_counted_until_one_succeeds(monkeypatch):
+    failing = set()
+
+    async def start(number):
+        if number in failing:
+            raise ray.exceptions.ActorDiedError()
+        return await actors._ready(number)
+
+    async def work(job):
+        if job["number"] % 2:
+            raise ray.exceptions.ActorDiedError()
+        return await actors._done(job)
+
+    actors = Actors(monkeypatch, start=start, work=work, slots=1)
+    # Each loss of the actor asks for another, two of which fail before one starts.
+    failing.update({1, 2, 4, 5, 7, 8})
+    asyncio.run(actors.give((1, 0)))
+    assert actors.started == 9 and list(actors.said[0]) == ["done"]
+    failing.update(range(10, 100))
+    asyncio.run(actors.give((2, 0)))
+    remedy = f"(the last: The actor died unexpectedly before finishing this task); install pdk {pdk.__version__} on every machine"
+    assert actors.started == 12 and actors.said[1]["failed"].endswith(remedy)
+    # A machine that takes several along is one failure.
+    actors = Actors(monkeypatch, start=start, slots=8)
+    failing.clear()
+    failing.update(range(1, 9))
+    asyncio.run(actors.give(*((2 * number, 0) for number in range(8))))
+    assert [list(said) for said in actors.said] == [["done"]] * 8
+
+
+def test_as_many_actors_are_let_go_as_are_missing(monkeypatch):
+    async def work(job):
+        await asyncio.sleep(0.01)
+        return await actors._done(job)
+
+    async def study():
+        await actors.give((0, 0), (1, 0), (2, 0))
+        assert (actors.started, actors.alive) == (3, 3)
+        # There is room for one.
+        await actors.give((3, 1))
+        assert (actors.started, actors.alive) == (4, 4)
+        await actors.give((4, 1), (5, 1))
+        assert (actors.started, actors.alive) == (5, 4)
+        await actors.give((6, 0), (7, 0))
+        assert (actors.started, actors.alive) == (5, 4)
+
+    actors = Actors(monkeypatch, work=work, slots=4)
+    asyncio.run(study())
+    assert len(actors.said) == 8
+
+
+def test_an_actor_that_cannot_be_placed_gets_the_room_of_one_with_nothing_to_do(monkeypatch):
+    async def start(number):
+        while actors.alive > 2:
+            await asyncio.sleep(0.001)
+        return await actors._ready(number)
+
+    async def study():
+        await actors.give((0, 0.5), (1, 0.5))
+        await actors.give((2, 1))
+        assert (actors.started, actors.alive) == (3, 2)
+
+    monkeypatch.setattr("pdk.ray.ROOM", 0.02)
+    actors = Actors(monkeypatch, start=start, slots=8)
+    asyncio.run(study())
+    assert len(actors.said) == 3
+
+
 def test_a_mistake_is_one_sentence(cluster, study):
     with pytest.raises(pdk.Error, match="ended before it was ready"):
         study("out", pool="ray --slots 0")
@@ -220,6 +439,13 @@ def test_files_travel_once_and_arrive_as_they_were(tmp_path, monkeypatch):
     assert open(places[0]).read() == "a,b\n" and os.path.basename(places[1]) == "same.csv"
     assert open(places[2] + "/images/0.jpg", "rb").read() == b"picture" and places[2] == places[3]
     assert asked.count(told[2]["hash"]) == 1
+
+    def lost(name):
+        raise OSError("no space left")
+
+    with pytest.raises(OSError):
+        _files.place({"name": "new.csv", "hash": "0" * 64, "folder": False}, lost)
+    assert not list((tmp_path / "cache").rglob(".part-*"))
     (folder / "log.csv").write_text("other\n")
     assert sender.take(folder / "log.csv")["hash"] != told[0]["hash"]
     monkeypatch.setattr(_files, "LARGEST", 3)

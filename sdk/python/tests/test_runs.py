@@ -2,17 +2,21 @@
 
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
 import textwrap
 import threading
 import time
+from pathlib import Path
 
 import numpy
 import pytest
 
 import pdk
+from pdk import records
 
 PIPELINE = """
 local scenarios = {}
@@ -226,6 +230,38 @@ def test_records_are_read(pipeline):
     (damaged / "scenarios.jsonl").write_text(text.replace('"success":false', '"success":true ', 1))
     with pytest.raises(pdk.Error, match="is damaged or was edited"):
         pdk.Record(damaged).lines()
+
+
+def test_a_ledger_is_read_again_only_where_it_has_changed(pipeline, tmp_path, monkeypatch):
+    folder, _ = pipeline
+    shutil.copytree(folder / "out", tmp_path / "out")
+    record = pdk.Record(tmp_path / "out")
+    reads = []
+    lines = pdk.Record.lines
+    monkeypatch.setattr(pdk.Record, "lines", lambda self: reads.append(self) or lines(self))
+    first = record.trace(0)
+    for number in range(9):
+        assert len(record.steps(number)["frame"]) > 0 and record.trace(number - 9) == record.trace(number)
+    assert record.trace(first.stem) == first and len(reads) == 1
+    ledger = tmp_path / "out/scenarios.jsonl"
+    ledger.write_text("".join(reversed(ledger.read_text().splitlines(keepends=True))))
+    assert record.trace(8) == first and len(reads) == 2
+    ledger.write_text(ledger.read_text().replace('"success":false', '"success":true ', 1))
+    with pytest.raises(pdk.Error, match="is damaged or was edited"):
+        record.trace(0)
+
+
+def test_every_cause_has_a_verdict_and_one_that_is_not_known_is_said(pipeline, monkeypatch):
+    pytest.importorskip("pandas")
+    folder, record = pipeline
+    documents = Path(__file__).parents[3] / "docs/worker-protocol.md"
+    if documents.is_file():
+        told = next(line for line in documents.read_text().splitlines() if line.startswith("| `outcome.cause` "))
+        assert set(re.findall("`([a-z_]+)`", told.split("|")[3])) == set(records._VERDICTS)
+    lines = [{**line, "cause": "abducted"} for line in record.lines()]
+    monkeypatch.setattr(pdk.Record, "lines", lambda self: lines)
+    with pytest.raises(pdk.Error, match="ended with `abducted`.*read it with the version of pdk that drove it"):
+        record.scenarios()
 
 
 def test_records_are_frames_of_pandas(pipeline):

@@ -22,6 +22,19 @@ def test_draws_follow_from_seed_epoch_and_sample(image):
     assert sum(numpy.array_equal(draw(), other) for other in others) <= 2
 
 
+def test_two_transforms_one_behind_the_other_draw_independently(image):
+    small = image[:8, :8].copy()
+    first, second = Transform("contrast@4,factor=0", p=0.5), Transform("rotate_image@4", p=0.5)
+    both = [0, 0, 0, 0]
+    for sample in range(2000):
+        one, other = (not numpy.array_equal(each(small, sample=sample), small) for each in (first, second))
+        both[2 * one + other] += 1
+    assert all(420 < count < 580 for count in both), both
+    # Of the same perturbation, those with other seeds.
+    noise = [Transform("gaussian_noise@2", seed=seed)(small, sample=0) for seed in (0, 0, 1)]
+    assert numpy.array_equal(noise[0], noise[1]) and not numpy.array_equal(noise[0], noise[2])
+
+
 def test_alternatives_and_levels_are_drawn_evenly(image):
     small = image[:8, :8].copy()
     transform = Transform(OneOf("contrast@4,factor=0", "rotate_image@4", weights=[3, 1]), p=0.5, seed=4)
@@ -61,8 +74,12 @@ def test_mistakes_are_said_when_it_is_made():
     for wrong in ["contrst@2", "contrast@7"]:
         with pytest.raises(pdk.Error):
             Transform(wrong)(numpy.zeros((8, 8, 3), numpy.uint8))
-    with pytest.raises(pdk.Error):
-        Transform("contrast@2", level=(0, 9))
+    for level in [(0, 9), (-1, 2), -1, (2, float("nan")), (float("nan"), 2), float("inf")]:
+        with pytest.raises(pdk.Error, match="from 0 to 4|finite"):
+            Transform(OneOf(None, "contrast@2"), level=level)
+    for level in [(), (1, 2, 3), (3, 1), "2", (1, "2"), {"frames": 2}]:
+        with pytest.raises(ValueError, match="lowest and the highest"):
+            Transform("contrast@2", level=level)
     with pytest.raises(ValueError, match="from 0 to 1"):
         Transform("contrast@2", p=2)
     with pytest.raises(ValueError, match="weights"):
@@ -75,6 +92,35 @@ def test_pictures_come_back_as_they_came(image):
     expected = pdk.perturb(image, "contrast@2")
     picture = Transform("contrast@2")(Image.fromarray(image))
     assert isinstance(picture, Image.Image) and numpy.array_equal(numpy.asarray(picture), expected)
+
+
+@pytest.mark.parametrize("mode", ["L", "LA", "RGB", "RGBA"])
+def test_pictures_keep_their_mode_perturbed_or_not(image, mode):
+    from PIL import Image
+
+    picture = Image.fromarray(image).convert(mode)
+    if "A" in mode:
+        picture.putalpha(Image.fromarray(numpy.arange(131 * 97, dtype=numpy.uint8).reshape(97, 131)))
+    expected = Image.fromarray(pdk.perturb(numpy.asarray(picture.convert("RGB")), "contrast@4")).convert(mode.removesuffix("A"))
+    transform = Transform("contrast@4", p=0.5, seed=1)
+    changed = 0
+    for sample in range(20):
+        out = transform(picture, sample=sample)
+        assert (out.mode, out.size) == (mode, picture.size)
+        if out.tobytes() != picture.tobytes():
+            changed += 1
+            assert numpy.array_equal(numpy.asarray(out.convert(expected.mode)), numpy.asarray(expected))
+        if "A" in mode:
+            assert out.getchannel("A").tobytes() == picture.getchannel("A").tobytes()
+    assert 3 < changed < 17
+
+
+def test_pictures_that_have_no_colours_of_their_own_are_refused(image):
+    from PIL import Image
+
+    for mode in ("P", "1", "CMYK", "I", "F"):
+        with pytest.raises(ValueError, match=f"of mode {mode} cannot be perturbed.*convert"):
+            Transform("contrast@2", p=0)(Image.fromarray(image).convert(mode))
 
 
 def test_tensors_come_back_as_they_came(image):
