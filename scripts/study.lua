@@ -51,28 +51,37 @@ local function interval(estimate): string
 	return string.format("%.2f to %.2f", estimate.low, estimate.high)
 end
 
+-- How close levels are to each other at least.
+local finest = math.huge
+for i = 2, #levels do
+	finest = math.min(finest, levels[i] - levels[i - 1])
+end
+
 -- The level that is driven next on a road; nothing where enough is known.
 local function next_level(searcher): number?
 	if settings.search == "all" or #levels == 1 then
 		return levels[#searcher.trials + 1]
 	end
-	local lowest, highest = levels[1], levels[#levels]
-	local next = pdk.next_level(searcher.trials, { lowest = lowest, highest = highest, resolution = 1 })
+	local next = pdk.next_level(searcher.trials, { lowest = levels[1], highest = levels[#levels], resolution = finest })
 	if not next then
 		return nil
 	end
-	-- Only levels of the study are driven: the lowest of them that is not below.
-	for _, level in levels do
-		if level >= next then
-			for _, trial in searcher.trials do
-				if trial.level == level then
-					return nil
-				end
-			end
-			return level
+	-- Only levels of the study are driven: of those between what was survived and what was failed, the nearest.
+	local survived, failed = -math.huge, math.huge
+	for _, trial in searcher.trials do
+		if trial.failed then
+			failed = math.min(failed, trial.level)
+		else
+			survived = math.max(survived, trial.level)
 		end
 	end
-	return nil
+	local nearest: number?
+	for _, level in levels do
+		if level > survived and level < failed and (not nearest or math.abs(level - next) < math.abs(nearest - next)) then
+			nearest = level
+		end
+	end
+	return nearest
 end
 
 -- Drives all perturbations with a driver in some conditions.

@@ -103,7 +103,14 @@ const PDK: &str = r#"
             return nil
         end,
         next_level = function(trials, search)
-            return if #trials == 0 then search.highest elseif #trials == 1 and trials[1].failed then search.lowest else nil
+            if #trials == 0 then
+                return search.highest
+            elseif #trials == 1 and trials[1].failed then
+                return search.lowest
+            elseif #trials == 2 and not trials[2].failed then
+                return (search.lowest + search.highest) / 2
+            end
+            return nil
         end,
         table = function(header, rows) table.insert(calls.tables, { header, rows }) end,
         save = function(name, value) calls.saved[name] = value end,
@@ -178,13 +185,14 @@ fn a_bisection_drives_what_it_is_told() {
     let (greedy, _) = run("greedy", "dave2", "dave3").unwrap();
     let drives = drives(&greedy);
     assert_eq!(drives[3..5], ["fog@3, road 1 1 dave3 30", "rain@3, road 1 1 dave3 30"]);
-    // The highest level everywhere, then the lowest where fog failed.
-    assert_eq!(drives.len(), 3 + 6 + 2);
-    assert_eq!(drives[9..], ["fog@0, road 1 1 dave3 30", "fog@0, road 3 3 dave3 30"]);
+    // The highest level everywhere, then where fog failed the lowest and the middle.
+    assert_eq!(drives.len(), 3 + 6 + 4);
+    assert_eq!(drives[9..11], ["fog@0, road 1 1 dave3 30", "fog@0, road 3 3 dave3 30"]);
+    assert_eq!(drives[11..], ["fog@1.5, road 1 1 dave3 30", "fog@1.5, road 3 3 dave3 30"]);
     let searches = greedy["saved"]["greedy.json"]["searches"].as_array().unwrap();
     let counts: Vec<usize> =
         searches.iter().map(|search| search["drives"].as_array().unwrap().len()).collect();
-    assert_eq!(counts, [2, 1, 1, 2, 1, 1]);
+    assert_eq!(counts, [3, 1, 1, 3, 1, 1]);
 }
 
 #[test]
@@ -194,10 +202,10 @@ fn a_study_halves_levels_and_compares_drivers() {
     assert_eq!(
         found[..4],
         [
-            "nominal, road 1 1 dave2 40 easy",
-            "nominal, road 2 2 dave2 40 easy",
-            "nominal, road 3 3 dave2 40 easy",
-            "nominal, road 1 1 lane_keeper 40 easy",
+            "nominal, road 1 1 dave2 60 easy",
+            "nominal, road 2 2 dave2 60 easy",
+            "nominal, road 3 3 dave2 60 easy",
+            "nominal, road 1 1 lane_keeper 60 easy",
         ]
     );
     assert_eq!(found.iter().filter(|drive| drive.starts_with("nominal")).count(), 12);
@@ -205,18 +213,20 @@ fn a_study_halves_levels_and_compares_drivers() {
     assert_eq!(
         found[12..20],
         [
-            "fog@3, road 1 1 dave2 40 easy",
-            "fog@3, road 3 3 dave2 40 easy",
-            "rain@3, road 1 1 dave2 40 easy",
-            "rain@3, road 1, repeat 2 1 dave2 40 easy",
-            "rain@3, road 3 3 dave2 40 easy",
-            "rain@3, road 3, repeat 2 3 dave2 40 easy",
-            "fog@0, road 1 1 dave2 40 easy",
-            "fog@0, road 3 3 dave2 40 easy",
+            "fog@3, road 1 1 dave2 60 easy",
+            "fog@3, road 3 3 dave2 60 easy",
+            "rain@3, road 1 1 dave2 60 easy",
+            "rain@3, road 1, repeat 2 1 dave2 60 easy",
+            "rain@3, road 3 3 dave2 60 easy",
+            "rain@3, road 3, repeat 2 3 dave2 60 easy",
+            "fog@0, road 1 1 dave2 60 easy",
+            "fog@0, road 3 3 dave2 60 easy",
         ]
     );
-    assert_eq!(found.len(), 12 + 4 * 8);
-    assert_eq!(found.iter().filter(|drive| drive.contains("lane_keeper 40 hard")).count(), 3 + 8);
+    // The middle is no level of the study, the nearest is.
+    assert_eq!(found[20..22], ["fog@1, road 1 1 dave2 60 easy", "fog@1, road 3 3 dave2 60 easy"]);
+    assert_eq!(found.len(), 12 + 4 * 10);
+    assert_eq!(found.iter().filter(|drive| drive.contains("lane_keeper 60 hard")).count(), 3 + 10);
     let saved = &study["saved"]["ranking.json"];
     let out = |conditions: &str, driver: &str| json!({ "conditions": conditions, "driver": driver, "road": 2, "cause": "lane_departure" });
     assert_eq!(
@@ -233,20 +243,20 @@ fn a_study_halves_levels_and_compares_drivers() {
     let fog = &saved["ranking"][0];
     assert_eq!(
         (&fog["perturbation"], &fog["drives"], &fog["failures"], &fog["unsafe"], &fog["failed_share"]),
-        (&json!("fog"), &json!(16), &json!(8), &json!(8), &json!(1.0 / 3.0)),
+        (&json!("fog"), &json!(24), &json!(8), &json!(8), &json!(1.0 / 3.0)),
         "it fails at the last of three levels"
     );
     let cell = &fog["cells"][3];
     assert_eq!((&cell["conditions"], &cell["driver"]), (&json!("hard"), &json!("lane_keeper")));
     let shares: Vec<_> =
         cell["by_level"].as_array().unwrap().iter().map(|at| at["failed_share"].clone()).collect();
-    assert_eq!(shares, [json!(0), json!(0), json!(1)], "survived at 0, not driven at 1");
+    assert_eq!(shares, [json!(0), json!(0), json!(1)], "survived at 0 and 1");
     assert_eq!(fog["by_driver"][1]["failing_level"]["level"], 3);
     assert_eq!(saved["ranking"][1]["drives"], 16);
     assert!((saved["ranking"][1]["mean_cross_track_error_increase"].as_f64().unwrap() - 0.3).abs() < 1e-12);
     assert_eq!(saved["by_level"][0]["by_level"][2]["failed_share"], json!(0.5));
     let comparison = &saved["comparisons"][0];
-    assert_eq!((&comparison["against"], &comparison["paired"]["roads"]), (&json!("lane_keeper"), &json!(6)));
+    assert_eq!((&comparison["against"], &comparison["paired"]["roads"]), (&json!("lane_keeper"), &json!(3)));
 }
 
 #[test]
