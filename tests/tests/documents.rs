@@ -194,3 +194,15 @@ fn check_links(page: &Path) {
         assert!(file.exists(), "{} points to {target}, which is not there", page.display());
     }
 }
+
+#[test]
+fn the_failures_in_the_documents_fail() {
+    let folder = temp();
+    for name in ["fog_filter", "grayscale_filter", "false_color_filter"] {
+        let out = folder.path().join(name);
+        let pipeline = repository().join(format!("docs/failures/{name}.lua"));
+        Pdk::new(["run", "--out"]).arg(&out).arg(pipeline).succeed();
+        let ledger = std::fs::read_to_string(out.join("scenarios.jsonl")).unwrap();
+        assert!(ledger.contains(r#""cause":"lane_departure""#), "{ledger}");
+    }
+}

@@ -1,0 +1,18 @@
+-- false_color_filter@0: lane departure after 1.25 s.
+-- Under new luck it fails in 20 of 20 drives: a probability of 0.84 to 1.00.
+--
+--   pdk run false_color_filter.lua
+
+pdk.show(pdk.drive({
+	images_every = 1,
+	scenarios = { {
+		simulator = "lane",
+		driver = "dave2",
+		road = { angles = { 0, 0 }, segment = 25 },
+		perturbations = {
+			{ name = "false_color_filter", level = 0 },
+		},
+		duration = 1.4,
+		seed = 488447330695260,
+	} },
+}))
