@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pdk_core::modifiers;
-use pdk_tests::{Pdk, repository};
+use pdk_tests::{Pdk, repository, temp};
 
 #[test]
 fn the_reference_is_up_to_date() {
