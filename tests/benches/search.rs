@@ -335,8 +335,9 @@ fn regions(registry: &Registry, seeds: u64, evaluations: u64, only: &[&str]) {
         for whole in [false, true] {
             let mut chance: Vec<f64> = Vec::new();
             for (label, name, parameters) in &strategies {
-                // It is made for few, expensive evaluations; with many, its own time is what counts.
-                if *label == "surrogate" && evaluations > 2000 || !only.is_empty() && !only.contains(label) {
+                // With many evaluations their own time is what counts: minutes a search.
+                let slow = evaluations > 2000 && ["surrogate", "published"].contains(label);
+                if !only.contains(label) && (slow || !only.is_empty()) {
                     continue;
                 }
                 let of_seed = |seed| {
