@@ -335,7 +335,7 @@ fn regions(registry: &Registry, seeds: u64, evaluations: u64, only: &[&str]) {
         for whole in [false, true] {
             let mut chance: Vec<f64> = Vec::new();
             for (label, name, parameters) in &strategies {
-                // With many evaluations their own time is what counts: minutes a search.
+                // With many evaluations their own time counts: a quarter of a minute a search, or minutes.
                 let slow = evaluations > 2000 && ["surrogate", "published"].contains(label);
                 if !only.contains(label) && (slow || !only.is_empty()) {
                     continue;
