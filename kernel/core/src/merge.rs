@@ -35,6 +35,11 @@ impl Shard {
     pub fn has(&self, number: usize) -> bool {
         number % self.of == self.index - 1
     }
+
+    /// Those of so many scenarios or frames that belong to the part.
+    pub fn own(self, all: usize) -> impl Iterator<Item = usize> {
+        (self.index - 1..all).step_by(self.of)
+    }
 }
 
 impl fmt::Display for Shard {
@@ -162,7 +167,7 @@ fn merge_scenarios(parts: &[Part], scenarios: &[ScenarioId], directory: &RunDire
     let mut lines: HashMap<ScenarioId, (usize, Line)> = HashMap::new();
     for (place, part) in parts.iter().enumerate() {
         // A part without scenarios of its own has no ledger.
-        if (0..scenarios.len()).any(|number| part.list.shard.has(number)) {
+        if part.list.shard.own(scenarios.len()).next().is_some() {
             let (found, _) = ledger::read(&part.directory)?;
             lines.extend(found.into_iter().map(|line| (line.id, (place, line))));
         }
@@ -284,6 +289,10 @@ mod tests {
         let parts: Vec<Shard> = (1..=4).map(|index| format!("{index}/4").parse().unwrap()).collect();
         for number in 0..40 {
             assert_eq!(parts.iter().filter(|part| part.has(number)).count(), 1);
+        }
+        for part in parts {
+            assert!(part.own(40).eq((0..40).filter(|number| part.has(*number))));
+            assert_eq!(part.own(0).count(), 0);
         }
         for wrong in ["", "1", "0/4", "5/4", "1/0", "a/b", "1/4/4", "-1/4", "1/1000000"] {
             let error = wrong.parse::<Shard>().unwrap_err();

@@ -227,7 +227,7 @@ pub fn evaluate(session: &mut Session, job: Job<'_>) -> Result<(Summary, Perform
     }
     let started = Instant::now();
     let mut collector = Collector::new(&evaluation.perturbations, number);
-    let own: Vec<usize> = (0..frames).filter(|index| shard.is_none_or(|shard| shard.has(*index))).collect();
+    let own: Vec<usize> = shard.map_or_else(|| (0..frames).collect(), |shard| shard.own(frames).collect());
     let mut done = 0;
     while done < own.len()
         && let Some(frame) = results.take(number, own[done], &evaluation.perturbations)

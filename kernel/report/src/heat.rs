@@ -9,7 +9,7 @@ use crate::color::{self, Rgb};
 use crate::text;
 
 /// Where there are more different levels than this, a column has all from one whole level to below the next.
-const MOST_COLUMNS: usize = 20;
+pub const MOST_COLUMNS: usize = 20;
 
 /// Which levels go into one column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use pdk_statistics::level::{Trial, failing_share};
 use pdk_statistics::{CONFIDENCE, Estimate, mean, share};
 
+use crate::heat::MOST_COLUMNS;
 use crate::text::{count, number, percent};
 use crate::view::{Scenario, Verdict};
 
@@ -35,9 +36,6 @@ struct Road {
     /// Whether drives failed that have no level.
     others: Vec<bool>,
 }
-
-/// With more different levels than this they were not chosen to be compared.
-const MOST_LEVELS: usize = 20;
 
 /// What a share can be.
 const SHARE: (f64, f64) = (0.0, 1.0);
@@ -168,7 +166,7 @@ pub fn levels<'a>(scenarios: impl IntoIterator<Item = &'a Scenario>) -> Vec<f64>
         if let Err(place) = levels.binary_search_by(|other| other.total_cmp(&level)) {
             levels.insert(place, level);
         }
-        if levels.len() > MOST_LEVELS {
+        if levels.len() > MOST_COLUMNS {
             return Vec::new();
         }
     }

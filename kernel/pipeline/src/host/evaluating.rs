@@ -39,7 +39,7 @@ impl Host {
         };
         let frames = frames.unwrap_or(usize::MAX).min(available);
         let (shard, number) = (self.common.shard, self.evaluations.len() as u64);
-        let own = (0..frames).filter(|index| shard.is_none_or(|shard| shard.has(*index))).count();
+        let own = shard.map_or(frames, |shard| shard.own(frames).count());
         self.evaluated
             .push(EvaluatedFrames { frames, cells: cells.iter().map(ToString::to_string).collect() });
         let bar = Progress::new(self.audience, "{pos}/{len} frames, {eta} left");

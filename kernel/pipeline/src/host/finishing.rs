@@ -122,7 +122,7 @@ impl Host {
         all.sort_unstable();
         let scenarios: Vec<ScenarioId> = all.into_iter().map(|(_, id)| *id).collect();
         let evaluations = std::mem::take(&mut self.evaluated);
-        let own = |all: usize| (0..all).filter(|number| shard.has(*number)).count();
+        let own = |all: usize| shard.own(all).count();
         let frames = evaluations.iter().map(|evaluation| evaluation.frames);
         let parts = [
             (own(scenarios.len()), scenarios.len(), "scenarios"),
