@@ -10,7 +10,7 @@
 use std::collections::VecDeque;
 
 use pdk_analysis::point::Point;
-use pdk_analysis::ranking::{Ranked, fronts, survivors};
+use pdk_analysis::ranking::{Ranked, dominates, survivors};
 use pdk_analysis::tree::{PUBLISHED, Tree};
 use pdk_sdk::ops::Random;
 use pdk_sdk::prelude::*;
@@ -172,9 +172,45 @@ impl Published {
     }
 }
 
-/// Those that nothing dominates, copies kept.
+/// Those that nothing dominates, in their order, copies kept. A region holds many thousands of points, most of them copies, so
+/// each is compared with the best so far alone.
 fn front(points: &[Point]) -> Vec<Point> {
-    let all: Vec<&Point> = points.iter().collect();
-    let first = fronts(&all, 1).into_iter().next().unwrap_or_default();
-    first.into_iter().map(|place| points[place].clone()).collect()
+    let same = |a: &Point, b: &Point| a.violation == b.violation && a.f == b.f;
+    // The places of points that are equal in everything that counts, for each of the best.
+    let mut best: Vec<Vec<usize>> = Vec::new();
+    for (place, point) in points.iter().enumerate() {
+        if let Some(copies) = best.iter_mut().find(|copies| same(&points[copies[0]], point)) {
+            copies.push(place);
+        } else if !best.iter().any(|copies| dominates(&points[copies[0]], point)) {
+            best.retain(|copies| !dominates(point, &points[copies[0]]));
+            best.push(vec![place]);
+        }
+    }
+    let mut places: Vec<usize> = best.into_iter().flatten().collect();
+    places.sort_unstable();
+    places.into_iter().map(|place| points[place].clone()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::key;
+    use pdk_analysis::ranking::fronts;
+
+    #[test]
+    fn a_front_is_the_first_of_all_fronts_with_its_copies() {
+        let mut random = key(5).sequence();
+        for most in [2, 4, 30] {
+            let point = |random: &mut Random| {
+                let f = [0, 1].map(|_| f64::from(random.below(most))).to_vec();
+                let violation = f64::from(random.below(4).saturating_sub(2));
+                Point { x: vec![random.unit()], f, violation, critical: false }
+            };
+            let points: Vec<Point> = (0..300).map(|_| point(&mut random)).collect();
+            let all: Vec<&Point> = points.iter().collect();
+            let expected: Vec<&Point> = fronts(&all, 1)[0].iter().map(|&place| all[place]).collect();
+            assert_eq!(front(&points).iter().collect::<Vec<_>>(), expected);
+        }
+        assert!(front(&[]).is_empty());
+    }
 }
