@@ -4,8 +4,8 @@ use crate::camera::Projection;
 use crate::field::Place;
 use crate::labels::Label;
 use crate::light::Light;
-use crate::places::{Block, Places};
-use crate::room::{AWAY, RoadPlaces, Room, byte, interleave};
+use crate::places::{self, Line};
+use crate::room::{RoadPlaces, Room, byte, interleave};
 use crate::scene::Scene;
 use crate::section::{self, Across, Section};
 use crate::simd::{BLOCK, vectorised};
@@ -82,9 +82,9 @@ pub struct Ground<'a> {
 impl Ground<'_> {
     /// Says what each pixel of a row shows in its middle.
     pub fn label(&self, view: &View, ground: &GroundRow, row: &mut [u8]) {
-        let (start, across) = self.line(view, ground);
+        let line = self.line(view, ground);
         for (i, label) in row.iter_mut().enumerate() {
-            let at = [0, 1].map(|k| start[k] + across[k] * i as f32);
+            let at = line.at(i);
             let place = self.scene.field.at(at[0], at[1]).filter(Place::is_near);
             let offset = place.map(|place| (place.lateral - section::ROAD_CENTRE as f32, place.along));
             *label = match offset {
@@ -105,17 +105,22 @@ impl Ground<'_> {
         self.scene.wear.as_ref().is_none_or(|wear| weathered::left(wear, offset, along, 0.0) >= 0.5)
     }
 
-    /// The middle of the first pixel of a row on the field's map, and the way to the next.
-    fn line(&self, view: &View, ground: &GroundRow) -> ([f32; 2], [f32; 2]) {
+    /// A row on the field's map.
+    fn line(&self, view: &View, ground: &GroundRow) -> Line {
         let across = view.right.map(|r| r * ground.pixel_width);
         let left = 0.5 - self.projection.centre_x as f32;
-        ([0, 1].map(|k| view.at[k] + view.ahead[k] * ground.ahead + across[k] * left), across)
+        Line {
+            start: [0, 1].map(|k| view.at[k] + view.ahead[k] * ground.ahead + across[k] * left),
+            across,
+            along: view.ahead.map(|a| a * ground.pixel_depth),
+            pixel_width: ground.pixel_width,
+        }
     }
 
     /// Draws a row.
     pub fn draw(&self, view: &View, ground: &GroundRow, room: &mut Room, row: &mut [u8]) {
-        let (start, across) = self.line(view, ground);
-        self.place(view, ground, &mut room.places);
+        let line = self.line(view, ground);
+        places::locate(&self.scene.field, &line, &mut room.asked, &mut room.places);
 
         // The surface: grass, and where the road is near, what the section says.
         let grass = self.section.grass();
@@ -123,31 +128,25 @@ impl Ground<'_> {
             channel.fill(grass);
         }
         room.rough.fill(grass[3]);
-        room.meadow.fill(1.0);
         let RoadPlaces { offset, wide, near, .. } = &room.places;
         let [red, green, blue] = room.colours.each_mut().map(Vec::as_mut_slice);
         self.section.fill(&Across { offset, wide, near }, [red, green, blue, &mut room.rough]);
-        let blocks = room.meadow.as_chunks_mut::<BLOCK>().0.iter_mut().zip(offset.as_chunks::<BLOCK>().0);
-        for ((meadow, offset), _) in blocks.zip(near).filter(|(_, near)| **near) {
-            for (meadow, offset) in meadow.iter_mut().zip(offset) {
-                *meadow = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
-            }
-        }
+        overgrow(offset, &mut room.meadow);
 
         // Its texture.
-        self.texture.fill(&mut room.grain, (start, across), ground.grain);
-        self.texture.fill(&mut room.patches, (start, across), ground.patches);
+        self.texture.fill(&mut room.grain, (line.start, line.across), ground.grain);
+        self.texture.fill(&mut room.patches, (line.start, line.across), ground.patches);
         let light = &self.scene.light;
         let left = 0.5 - self.projection.centre_x as f32;
         light_up(ground.beam, left, ground.pixel_width, &room.numbers, &mut room.beam);
         match (&self.scene.wear, &ground.weathered) {
             (Some(wear), Some(row)) => {
-                self.texture.fill(&mut room.leaves, (start, across), row.leaves);
+                self.texture.fill(&mut room.leaves, (line.start, line.across), row.leaves);
                 let Self { section, damage, .. } = self;
                 weathered::finish(&Weathered { section, damage, wear, light }, row, ground.haze, room);
             }
             _ => {
-                self.paint_middle(room);
+                paint_middle(self.section, &room.places, &mut room.colours);
                 roughen(&mut room.rough, &room.grain, &mut room.meadow, &room.patches);
                 for channel in 0..3 {
                     let (patch, ambient) = (PATCH[channel], light.ambient[channel]);
@@ -160,68 +159,21 @@ impl Ground<'_> {
         }
         interleave(&room.bytes, row);
     }
+}
 
-    /// Finds where the pixels of a row lie on the road.
-    fn place(&self, view: &View, ground: &GroundRow, places: &mut RoadPlaces) {
-        let (start, across) = self.line(view, ground);
-        let along = view.ahead.map(|a| a * ground.pixel_depth);
-        // How far a pixel extends in a direction.
-        let extent =
-            |x: f32, z: f32| (x * across[0] + z * across[1]).abs() + (x * along[0] + z * along[1]).abs();
-        let field = &self.scene.field;
-        let mut rows = Places::new(field, start, across, ground.pixel_width);
-        for block in 0..places.near.len() {
-            let first = block * BLOCK;
-            let found = rows.block(first);
-            places.near[block] = match found {
-                Block::Away => {
-                    places.offset[first..first + BLOCK].fill(AWAY);
-                    places.shade[first..first + BLOCK].fill(0.0);
-                    false
-                }
-                Block::Straight(a, b) => {
-                    let [gx, gz] = a.gradient;
-                    places.wide[first..first + BLOCK].fill(extent(gx, gz));
-                    places.deep[first..first + BLOCK].fill(extent(gz, -gx));
-                    for within in 0..BLOCK {
-                        let place = Block::between(&a, &b, within);
-                        places.offset[first + within] = place.lateral - section::ROAD_CENTRE as f32;
-                        places.along[first + within] = place.along;
-                        places.shade[first + within] = place.shade;
-                    }
-                    true
-                }
-                Block::Any => {
-                    let mut any = false;
-                    for i in first..first + BLOCK {
-                        let at = [0, 1].map(|k| start[k] + across[k] * i as f32);
-                        let place = field.at(at[0], at[1]);
-                        any |= place.is_some();
-                        places.offset[i] = place.map_or(AWAY, |p| p.lateral - section::ROAD_CENTRE as f32);
-                        let Some(Place { along, gradient: [gx, gz], shade, .. }) = place else {
-                            places.shade[i] = 0.0;
-                            continue;
-                        };
-                        (places.wide[i], places.deep[i]) = (extent(gx, gz), extent(gz, -gx));
-                        (places.along[i], places.shade[i]) = (along, shade);
-                    }
-                    any
-                }
-            };
-        }
-    }
-
+vectorised! {
     /// Paints the line in the middle of a drawn road.
-    fn paint_middle(&self, room: &mut Room) {
-        let RoadPlaces { offset, along, wide, deep, near, .. } = &room.places;
-        for block in (0..near.len()).filter(|block| near[*block]) {
+    fn paint_middle / paint_middle_avx2(section: &Section, places: &RoadPlaces, colours: &mut [Vec<f32>; 3]) {
+        let RoadPlaces { offset, along, wide, deep, .. } = places;
+        let blocks = offset.as_chunks::<BLOCK>().0.iter().zip(wide.as_chunks::<BLOCK>().0);
+        for (block, _) in blocks.enumerate().filter(|(_, (offset, wide))| section::is_at_middle(offset, wide)) {
             for i in block * BLOCK..(block + 1) * BLOCK {
                 if offset[i].abs() >= section::HALF_WIDTH + 1.0 {
                     continue;
                 }
-                let share = self.section.middle_line(offset[i], wide[i], along[i], deep[i]);
+                let share = section.middle_line(offset[i], wide[i], along[i], deep[i]);
                 if share > 0.0 {
-                    for (colours, yellow) in room.colours.iter_mut().zip(section::YELLOW) {
+                    for (colours, yellow) in colours.iter_mut().zip(section::YELLOW) {
                         colours[i] += (yellow - colours[i]) * share;
                     }
                 }
@@ -240,6 +192,15 @@ vectorised! {
         for (light, number) in into.iter_mut().zip(numbers) {
             let side = (number + left) * scale;
             *light = strength * (1.0 - side * side).max(0.0);
+        }
+    }
+}
+
+vectorised! {
+    /// Says how much of each place is meadow, from how far to the right of the middle of the road it lies.
+    fn overgrow / overgrow_avx2(offset: &[f32], meadow: &mut [f32]) {
+        for (meadow, offset) in meadow.iter_mut().zip(offset) {
+            *meadow = (offset.abs() - section::PAVED_HALF_WIDTH as f32 - 0.2).clamp(0.0, 1.0);
         }
     }
 }

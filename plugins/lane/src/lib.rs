@@ -8,6 +8,7 @@
 
 mod artwork;
 mod autopilot;
+mod blend;
 mod camera;
 mod conditions;
 mod countryside;

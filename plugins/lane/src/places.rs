@@ -1,85 +1,177 @@
 //! Where the pixels of a row lie on the road.
 
-use crate::field::{Field, Place};
-use crate::simd::BLOCK;
+use crate::field::{Field, Located, Place};
+use crate::room::{AWAY, RoadPlaces};
+use crate::section;
+use crate::simd::{BLOCK, vectorised};
 
 /// Longest block that counts as straight, in metres.
 const LONGEST: f32 = 0.5;
 
-/// The places on the road along one row of pixels, block by block. Where pixels are small the field is asked at the ends
-/// of a block alone: in between it is straight to within a few millimetres.
-pub struct Places<'a> {
-    field: &'a Field,
-    start: [f32; 2],
-    across: [f32; 2],
-    /// Whether places are interpolated.
-    sparse: bool,
-    /// The place where the next block begins, if near the road.
-    next: Option<Place>,
+/// A row of pixels on the field's map.
+#[derive(Debug, Clone, Copy)]
+pub struct Line {
+    /// The middle of the first pixel, and the way to the next, x and z in metres.
+    pub start: [f32; 2],
+    pub across: [f32; 2],
+    /// How far a pixel extends along the view.
+    pub along: [f32; 2],
+    /// The length of `across`.
+    pub pixel_width: f32,
 }
 
-/// The places of the pixels of a block.
-pub enum Block {
-    /// All of them lie far from the road.
-    Away,
-    /// From the first to just behind the last they lie on a straight line.
-    Straight(Place, Place),
-    /// Each has to be asked for.
-    Any,
-}
-
-impl Block {
-    /// The place of pixel `within` of a block whose places lie on a straight line from `a` to `b`.
+impl Line {
+    /// The middle of a pixel.
     #[inline(always)]
-    pub fn between(a: &Place, b: &Place, within: usize) -> Place {
-        let share = within as f32 * (1.0 / BLOCK as f32);
-        let mix = |a: f32, b: f32| a + (b - a) * share;
-        Place {
-            lateral: mix(a.lateral, b.lateral),
-            along: mix(a.along, b.along),
-            gradient: a.gradient,
-            shade: mix(a.shade, b.shade),
+    pub fn at(&self, pixel: usize) -> [f32; 2] {
+        [0, 1].map(|k| self.start[k] + self.across[k] * pixel as f32)
+    }
+
+    /// How far a pixel extends in a direction.
+    #[inline(always)]
+    fn extent(&self, x: f32, z: f32) -> f32 {
+        let Self { across, along, .. } = self;
+        (x * across[0] + z * across[1]).abs() + (x * along[0] + z * along[1]).abs()
+    }
+}
+
+/// Places that the field is asked for, and what it says.
+#[derive(Debug)]
+pub struct Asked {
+    x: Vec<f32>,
+    z: Vec<f32>,
+    lateral: Vec<f32>,
+    along: Vec<f32>,
+    gradient: [Vec<f32>; 2],
+    shade: Vec<f32>,
+}
+
+impl Asked {
+    /// Room for so many pixels in whole blocks.
+    pub fn new(pixels: usize) -> Self {
+        // Of a single block both ends are asked for.
+        let room = || vec![0.0; pixels + BLOCK];
+        let gradient = [room(), room()];
+        Self { x: room(), z: room(), lateral: room(), along: room(), gradient, shade: room() }
+    }
+
+    /// Asks for the first `count` places.
+    fn locate(&mut self, field: &Field, count: usize) {
+        let Self { x, z, lateral, along, gradient: [gx, gz], shade } = self;
+        let gradient = [&mut gx[..count], &mut gz[..count]];
+        let (lateral, along) = (&mut lateral[..count], &mut along[..count]);
+        let located = Located { lateral, along, gradient, shade: &mut shade[..count] };
+        field.locate(&x[..count], &z[..count], located);
+    }
+
+    fn place(&self, i: usize) -> Place {
+        let gradient = [self.gradient[0][i], self.gradient[1][i]];
+        Place { lateral: self.lateral[i], along: self.along[i], gradient, shade: self.shade[i] }
+    }
+}
+
+/// Finds where the pixels of a row lie on the road. Where pixels are small the field is asked at the ends of blocks alone: in
+/// between the road is straight to within a few millimetres.
+pub fn locate(field: &Field, line: &Line, asked: &mut Asked, places: &mut RoadPlaces) {
+    let blocks = places.near.len();
+    let sparse = line.pixel_width * BLOCK as f32 <= LONGEST;
+    let (step, count) = if sparse { (BLOCK, crate::simd::padded(blocks + 1)) } else { (1, blocks * BLOCK) };
+    step_along(line, step, &mut asked.x[..count], &mut asked.z[..count]);
+    asked.locate(field, count);
+    if !sparse {
+        let Asked { lateral, along, gradient: [gx, gz], shade, .. } = &*asked;
+        for block in 0..blocks {
+            let of = block * BLOCK..(block + 1) * BLOCK;
+            let found = [lateral, along, gx, gz, shade].map(|values| &values[of.clone()]);
+            places.near[block] = lateral[of].iter().any(|lateral| lateral.is_finite());
+            lay_each(line, found, block * BLOCK, places);
+        }
+        return;
+    }
+    lay_sparsely(field, line, asked, places);
+}
+
+vectorised! {
+    /// Writes the middle of every `step`th pixel.
+    fn step_along / step_along_avx2(line: &Line, step: usize, x: &mut [f32], z: &mut [f32]) {
+        for (i, (x, z)) in x.iter_mut().zip(z).enumerate() {
+            [*x, *z] = line.at(i * step);
         }
     }
 }
 
-impl<'a> Places<'a> {
-    /// The places of the pixels at `start`, `start + across` and so on, each `pixel_width` metres wide.
-    #[inline(always)]
-    pub fn new(field: &'a Field, start: [f32; 2], across: [f32; 2], pixel_width: f32) -> Self {
-        let sparse = pixel_width * BLOCK as f32 <= LONGEST;
-        let mut places = Self { field, start, across, sparse, next: None };
-        if sparse {
-            places.next = places.end(0);
+vectorised! {
+    /// Writes the places of all blocks from their ends.
+    fn lay_sparsely / lay_sparsely_avx2(field: &Field, line: &Line, asked: &Asked, places: &mut RoadPlaces) {
+        for block in 0..places.near.len() {
+            let first = block * BLOCK;
+            let (a, b) = (asked.place(block), asked.place(block + 1));
+            places.near[block] = match (a.is_near(), b.is_near()) {
+                // The road is wider than a block is long: it cannot lie in between.
+                (false, false) => {
+                    places.offset[first..first + BLOCK].fill(AWAY);
+                    places.shade[first..first + BLOCK].fill(0.0);
+                    false
+                }
+                (true, true)
+                    if (a.lateral - b.lateral).abs() <= 2.0 * LONGEST
+                        && (a.along - b.along).abs() <= 2.0 * LONGEST =>
+                {
+                    lay_straight(line, &a, &b, first, places);
+                    true
+                }
+                _ => ask_for_each(field, line, first, places),
+            };
         }
-        places
     }
+}
 
-    #[inline(always)]
-    fn end(&self, pixel: usize) -> Option<Place> {
-        let (x, z) =
-            (self.start[0] + self.across[0] * pixel as f32, self.start[1] + self.across[1] * pixel as f32);
-        self.field.at(x, z).filter(Place::is_near)
+/// Writes the places of a block from their ends, between which they lie on a straight line: `a`, the first, and `b`, just
+/// behind the last.
+#[inline(always)]
+fn lay_straight(line: &Line, a: &Place, b: &Place, first: usize, places: &mut RoadPlaces) {
+    let of = first..first + BLOCK;
+    let [gx, gz] = a.gradient;
+    places.wide[of.clone()].fill(line.extent(gx, gz));
+    places.deep[of.clone()].fill(line.extent(gz, -gx));
+    let (offset, along) = (&mut places.offset[of.clone()], &mut places.along[of.clone()]);
+    let shade = &mut places.shade[of];
+    for i in 0..BLOCK {
+        let share = i as f32 * (1.0 / BLOCK as f32);
+        offset[i] = a.lateral + (b.lateral - a.lateral) * share - section::ROAD_CENTRE as f32;
+        along[i] = a.along + (b.along - a.along) * share;
+        shade[i] = a.shade + (b.shade - a.shade) * share;
     }
+}
 
-    /// The places of the block that begins with `pixel`. Blocks have to be asked for in order.
-    #[inline(always)]
-    pub fn block(&mut self, pixel: usize) -> Block {
-        if !self.sparse {
-            return Block::Any;
-        }
-        let ends = (self.next, self.end(pixel + BLOCK));
-        self.next = ends.1;
-        match ends {
-            // The road is wider than a block is long: it cannot lie in between.
-            (None, None) => Block::Away,
-            (Some(a), Some(b))
-                if (a.lateral - b.lateral).abs() <= 2.0 * LONGEST
-                    && (a.along - b.along).abs() <= 2.0 * LONGEST =>
-            {
-                Block::Straight(a, b)
-            }
-            _ => Block::Any,
+/// Asks for each place of a block; whether the road is near any.
+#[inline(never)]
+fn ask_for_each(field: &Field, line: &Line, first: usize, places: &mut RoadPlaces) -> bool {
+    let mut values = [[0.0; BLOCK]; 7];
+    let [x, z, lateral, along, gx, gz, shade] = &mut values;
+    for (within, (x, z)) in x.iter_mut().zip(z.iter_mut()).enumerate() {
+        [*x, *z] = line.at(first + within);
+    }
+    field.locate(x, z, Located { lateral, along, gradient: [gx, gz], shade });
+    let any = lateral.iter().any(|lateral| lateral.is_finite());
+    lay_each(line, [lateral, along, gx, gz, shade], first, places);
+    any
+}
+
+vectorised! {
+    /// Writes the places of a block, each of which was asked for: lateral, along, both parts of the gradient, shade.
+    fn lay_each / lay_each_avx2(line: &Line, found: [&[f32]; 5], first: usize, places: &mut RoadPlaces) {
+        let [lateral, alongs, gx, gz, shades] = found.map(|values| &values[..BLOCK]);
+        let of = first..first + BLOCK;
+        let RoadPlaces { offset, along, wide, deep, shade, .. } = places;
+        let (offset, along) = (&mut offset[of.clone()], &mut along[of.clone()]);
+        let (wide, deep, shade) = (&mut wide[of.clone()], &mut deep[of.clone()], &mut shade[of]);
+        for i in 0..BLOCK {
+            offset[i] = if lateral[i] < AWAY { lateral[i] - section::ROAD_CENTRE as f32 } else { AWAY };
+            along[i] = alongs[i];
+            wide[i] = line.extent(gx[i], gz[i]);
+            deep[i] = line.extent(gz[i], -gx[i]);
+            shade[i] = shades[i];
         }
     }
 }
@@ -88,38 +180,46 @@ impl<'a> Places<'a> {
 mod tests {
     use super::*;
     use crate::road::Road;
+    use crate::room::Room;
+    use crate::simd::portably;
 
     #[test]
-    fn places_in_between_are_those_of_the_field() {
+    fn places_in_between_are_those_of_the_field_on_every_processor() {
         let road =
             Road::from_angles(&[0.0, 35.0, -35.0, 35.0, -35.0, 35.0, 35.0, 0.0], &[25.0; 8], &[]).unwrap();
         let field = Field::new(&road.path);
         let mut compared = 0;
-        for step in 0..300 {
+        for (step, pixel_width) in (0..300).flat_map(|step| [(step, 0.06), (step, 0.2)]) {
             let along = 2.0 + step as f64 * 0.5;
             let at = road.path.beside(along, -8.0);
             let [dx, dz] = road.path.direction(road.path.segment_at(along));
-            let across = [(dz * 0.06) as f32, (-dx * 0.06) as f32];
-            let start = [(at[0] - field.origin()[0]) as f32, (at[1] - field.origin()[1]) as f32];
-            let mut places = Places::new(&field, start, across, 0.06);
-            for first in (0..200).step_by(BLOCK) {
-                let block = places.block(first);
-                for pixel in first..first + BLOCK {
-                    let (x, z) = (start[0] + across[0] * pixel as f32, start[1] + across[1] * pixel as f32);
-                    let fast = match &block {
-                        Block::Away => None,
-                        Block::Straight(a, b) => Some(Block::between(a, b, pixel - first)),
-                        Block::Any => field.at(x, z),
-                    };
-                    let plain = field.at(x, z);
-                    if let (Some(fast), Some(plain)) = (fast, plain.filter(Place::is_near)) {
-                        assert!((fast.lateral - plain.lateral).abs() < 0.01, "{fast:?} {plain:?}");
-                        assert!((fast.along - plain.along).abs() < 0.06, "{fast:?} {plain:?}");
-                        compared += 1;
-                    }
+            let across = [dz * pixel_width, -dx * pixel_width].map(|a| a as f32);
+            let line = Line {
+                start: [(at[0] - field.origin()[0]) as f32, (at[1] - field.origin()[1]) as f32],
+                across,
+                along: [dx as f32, dz as f32],
+                pixel_width: pixel_width as f32,
+            };
+            let located = || {
+                let mut room = Room::new(200);
+                locate(&field, &line, &mut room.asked, &mut room.places);
+                room.places
+            };
+            let places = located();
+            assert_eq!(places, portably(located));
+            for pixel in 0..200 {
+                let [x, z] = line.at(pixel);
+                let Some(plain) = field.at(x, z).filter(Place::is_near) else { continue };
+                let (offset, along) = (places.offset[pixel], places.along[pixel]);
+                if offset < AWAY {
+                    let lateral = offset + section::ROAD_CENTRE as f32;
+                    assert!((lateral - plain.lateral).abs() < 0.01, "{lateral} {plain:?}");
+                    assert!((along - plain.along).abs() < 0.06, "{along} {plain:?}");
+                    assert!(places.near[pixel / BLOCK]);
+                    compared += 1;
                 }
             }
         }
-        assert!(compared > 50_000, "{compared}");
+        assert!(compared > 75_000, "{compared}");
     }
 }

@@ -1,5 +1,6 @@
 //! Room for one row of pixels, so that drawing allocates nothing; and from values to bytes.
 
+use crate::places::Asked;
 use crate::simd::{BLOCK, padded, vectorised};
 
 /// Values along one row of pixels, in whole blocks.
@@ -9,6 +10,8 @@ pub struct Room {
     pub numbers: Vec<f32>,
     /// Where the pixels lie on the road.
     pub places: RoadPlaces,
+    /// What the field was asked for to find that.
+    pub asked: Asked,
     /// Red, green and blue of the surface.
     pub colours: [Vec<f32>; 3],
     /// How strongly the texture changes its brightness.
@@ -30,7 +33,7 @@ pub struct Room {
 }
 
 /// Where the pixels of a row lie on the road, in whole blocks.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub struct RoadPlaces {
     /// Distance to the right of the middle of the road in metres; [`AWAY`] where that is not known.
     pub offset: Vec<f32>,
@@ -63,6 +66,7 @@ impl Room {
                 shade: room(),
                 near: vec![false; width / BLOCK],
             },
+            asked: Asked::new(width),
             colours: std::array::from_fn(|_| room()),
             rough: room(),
             meadow: room(),

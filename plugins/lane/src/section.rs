@@ -98,6 +98,24 @@ pub struct Across<'a> {
     pub near: &'a [bool],
 }
 
+/// Whether any pixel of a block covers a part of the line in the middle of the road: see [`Section::middle_line`].
+#[inline(always)]
+pub fn is_at_middle(offset: &[f32; BLOCK], wide: &[f32; BLOCK]) -> bool {
+    any(|i| offset[i].abs() < LINE_WIDTH as f32 / 2.0 + wide[i])
+}
+
+/// As [`is_at_middle`] for either of the edge lines.
+#[inline(always)]
+pub fn is_at_edge(offset: &[f32; BLOCK], wide: &[f32; BLOCK]) -> bool {
+    any(|i| (offset[i].abs() - EDGE_LINE as f32).abs() < LINE_WIDTH as f32 / 2.0 + wide[i])
+}
+
+#[inline(always)]
+fn any(test: impl Fn(usize) -> bool) -> bool {
+    // Without leaving early, so that all are tested at once.
+    (0..BLOCK).fold(false, |any, i| any | test(i))
+}
+
 /// The section, in a form that gives means quickly.
 #[derive(Debug)]
 pub struct Section {

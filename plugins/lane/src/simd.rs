@@ -82,16 +82,18 @@ pub mod avx2 {
     /// The entries of a table at eight places, as four vectors: all first values, all second ones and so on. A macro, because
     /// a function for AVX2 that gives back four vectors passes them through memory where it is not inlined.
     ///
+    /// The table is `&[[f32; 4]]`, or anything else that is indexed by places.
+    ///
     /// # Panics
     /// Where a place lies outside of the table.
     macro_rules! look_up {
         ($table:expr, $places:expr) => {{
-            let (table, places): (&[[f32; 4]], __m256i) = ($table, $places);
+            let (table, places): (_, __m256i) = ($table, $places);
             let mut at = [0u32; 8];
             // SAFETY: it has room for the eight places, and needs no alignment.
             unsafe { _mm256_storeu_si256(at.as_mut_ptr().cast(), places) };
             let entry = |place: u32| {
-                let entry = &table[place as usize];
+                let entry: &[f32; 4] = &table[place as usize];
                 // SAFETY: an entry is four floats, and needs no alignment.
                 unsafe { _mm_loadu_ps(entry.as_ptr()) }
             };
@@ -111,6 +113,28 @@ pub mod avx2 {
         }};
     }
     pub(crate) use look_up;
+
+    /// A table of pairs in which each is looked up together with the next one.
+    #[derive(Clone, Copy)]
+    pub struct Pairs<'a>(&'a [f32]);
+
+    impl<'a> Pairs<'a> {
+        /// The table of these.
+        pub fn new(pairs: &'a [[f32; 2]]) -> Self {
+            Self(pairs.as_flattened())
+        }
+    }
+
+    impl std::ops::Index<usize> for Pairs<'_> {
+        type Output = [f32; 4];
+
+        #[inline(always)]
+        fn index(&self, place: usize) -> &[f32; 4] {
+            let two = &self.0[place * 2..place * 2 + 4];
+            // SAFETY: there are four of them, one behind the other.
+            unsafe { &*two.as_ptr().cast() }
+        }
+    }
 
     /// `a + (b - a) * share`, in these steps.
     #[inline]

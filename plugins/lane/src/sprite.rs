@@ -1,9 +1,8 @@
 //! Pictures with transparency, drawn into frames at any size.
 
 use pdk_sdk::prelude::FrameMut;
-use wide::f32x4;
 
-use crate::room::byte;
+use crate::blend::{self, FAINTEST, Paint, TexelRows, blend};
 
 /// Texels along a side of a picture; a power of two.
 const SIZE: usize = 128;
@@ -112,7 +111,7 @@ impl Sprite {
         for y in area.rows.clone() {
             for x in area.columns.clone() {
                 let cover = area.texel(x, y)[3] * area.opacity;
-                if cover > 0.003 {
+                if cover > FAINTEST {
                     tell(x, y, cover);
                 }
             }
@@ -123,38 +122,21 @@ impl Sprite {
     pub fn draw(&self, frame: &mut FrameMut<'_>, at: Placement) {
         let area = Area::new(self, frame.width(), frame.height(), &at);
         let (haze, share) = at.haze;
-        // What each texel's colour is multiplied with, and what the air adds where the picture is opaque.
-        let own = [0, 1, 2].map(|c| area.opacity * at.tint[c] * (1.0 - share));
-        let air = [0, 1, 2].map(|c| haze[c] * share);
-        let (own, air) =
-            (f32x4::new([own[0], own[1], own[2], 0.0]), f32x4::new([air[0], air[1], air[2], 0.0]));
+        let [own_red, own_green, own_blue] = [0, 1, 2].map(|c| area.opacity * at.tint[c] * (1.0 - share));
+        let [air_red, air_green, air_blue] = [0, 1, 2].map(|c| haze[c] * share);
+        let paint = Paint {
+            opacity: area.opacity,
+            own: [own_red, own_green, own_blue, 0.0],
+            air: [air_red, air_green, air_blue, 0.0],
+        };
         let stride = area.level.size + 2;
         for y in area.rows.clone() {
-            let (top, fy) = area.texel_row(y);
-            let fy = f32x4::splat(fy);
+            let (top, below) = area.texel_row(y);
             let columns = area.seen(top);
-            let first = columns.start;
-            let texels = &area.level.texels[top * stride..(top + 2) * stride];
-            let row = &mut frame.row_mut(y)[first * 3..columns.end * 3];
-            for (x, pixel) in row.as_chunks_mut::<3>().0.iter_mut().enumerate() {
-                let (left, fx) = area.texel_column(first + x);
-                let corner = |at: usize| f32x4::new(texels[at]);
-                let mix = |a: f32x4, b: f32x4, share: f32x4| a + (b - a) * share;
-                let fx = f32x4::splat(fx);
-                let upper = mix(corner(left), corner(left + 1), fx);
-                let lower = mix(corner(stride + left), corner(stride + left + 1), fx);
-                let texel = mix(upper, lower, fy);
-                let cover = texel.to_array()[3] * area.opacity;
-                if cover <= 0.003 {
-                    continue;
-                }
-                let cover = f32x4::splat(cover);
-                let [red, green, blue] = pixel.map(f32::from);
-                let behind = f32x4::new([red, green, blue, 0.0]);
-                let seen = texel * own + air * cover;
-                let [red, green, blue, _] = (behind + seen - behind * cover).to_array();
-                *pixel = [red, green, blue].map(byte);
-            }
+            let (above, under) = area.level.texels[top * stride..(top + 2) * stride].split_at(stride);
+            let rows =
+                TexelRows { texels: [above, under], below, corner: area.corner[0], step: area.step[0] };
+            blend(&rows, &paint, columns, frame.row_mut(y));
         }
     }
 }
@@ -220,9 +202,7 @@ impl<'a> Area<'a> {
 
     #[inline(always)]
     fn place(&self, texel: f32) -> (usize, f32) {
-        let place = (texel + 1.0).clamp(0.0, self.level.size as f32);
-        let whole = place as i32;
-        (whole as usize, place - whole as f32)
+        blend::place(texel, self.level.size)
     }
 
     /// The columns in which a row of texels shows anything; some more at the edges.
@@ -264,6 +244,8 @@ impl Level {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::room::byte;
+    use crate::simd::portably;
     use pdk_sdk::prelude::{FrameBuf, Key};
 
     /// The texels one by one, as the mathematics has it.
@@ -274,7 +256,7 @@ mod tests {
             for x in area.columns.clone() {
                 let texel = area.texel(x, y);
                 let cover = texel[3] * area.opacity;
-                if cover <= 0.003 {
+                if cover <= FAINTEST {
                     continue;
                 }
                 let pixel = &mut frame.row_mut(y)[x * 3..x * 3 + 3];
@@ -316,6 +298,9 @@ mod tests {
                 picture.draw(&mut fast.as_mut(), at);
                 drawn_plainly(picture, &mut plain.as_mut(), &at);
                 assert!(fast == plain, "{at:?}");
+                let mut portable = grey();
+                portably(|| picture.draw(&mut portable.as_mut(), at));
+                assert!(portable == plain, "{at:?}");
             }
         }
     }

@@ -142,7 +142,13 @@ macro_rules! at_avx2 {
         let column = _mm256_and_si256(_mm256_castps_si256(left), mask);
         let shift = _mm_cvtsi32_si128(reading.shift as i32);
         let line = _mm256_sll_epi32(_mm256_and_si256(_mm256_castps_si256(top), mask), shift);
-        let [a, b, c, d] = avx2::look_up!(reading.texels, _mm256_or_si256(line, column));
+        let places = _mm256_or_si256(line, column);
+        let first = _mm256_broadcastd_epi32(_mm256_castsi256_si128(places));
+        // Neighbours often lie between the same texels, above all of coarse textures.
+        let [a, b, c, d] = match _mm256_movemask_epi8(_mm256_cmpeq_epi32(places, first)) {
+            -1 => reading.texels[_mm256_cvtsi256_si32(places) as u32 as usize].map(|v| _mm256_set1_ps(v)),
+            _ => avx2::look_up!(reading.texels, places),
+        };
         let (upper, lower) = (avx2::mix(a, b, fx), avx2::mix(c, d, fx));
         _mm256_mul_ps(avx2::mix(upper, lower, fy), _mm256_set1_ps(reading.strength))
     }};

@@ -91,7 +91,7 @@ pub fn finish(ground: &Weathered<'_>, row: &WeatheredRow, haze: f32, room: &mut 
     let last = near.iter().rposition(|near| *near).map_or(first, |block| (block + 1) * BLOCK);
     if first < last {
         damage_asphalt(ground, row, room, first..last);
-        paint(ground, room, first..last);
+        paint(ground, room, first / BLOCK..last / BLOCK);
     }
     room.sun.fill(1.0);
     room.gloss.fill(0.0);
@@ -147,22 +147,31 @@ fn damage_asphalt(
     darken(wear.damage, damage, offset, wide, [red, green, blue]);
 }
 
-/// Paints the lines, as far as they are there.
-fn paint(ground: &Weathered<'_>, room: &mut Room, range: std::ops::Range<usize>) {
-    let RoadPlaces { offset, along, wide, deep, .. } = &room.places;
-    for i in range {
-        let offset = offset[i];
-        if offset.abs() >= section::HALF_WIDTH + 1.0 {
-            continue;
-        }
-        let edge = ground.section.edge_line(offset, wide[i]);
-        let middle = ground.section.middle_line(offset, wide[i], along[i], deep[i]);
-        let (share, colour) = if edge > middle { (edge, WHITE) } else { (middle, YELLOW) };
-        if share > 0.0 {
-            let texture = 0.7 * room.grain[i] + 0.8 * room.leaves[i];
-            let share = share * left(ground.wear, offset, along[i], texture);
-            for (colours, paint) in room.colours.iter_mut().zip(colour) {
-                colours[i] += (paint - colours[i]) * share;
+vectorised! {
+    /// Paints the lines, as far as they are there.
+    fn paint / paint_avx2(ground: &Weathered<'_>, room: &mut Room, blocks: std::ops::Range<usize>) {
+        let RoadPlaces { offset, along, wide, deep, .. } = &room.places;
+        for block in blocks {
+            let (offsets, wides) = (offset.as_chunks::<BLOCK>().0, wide.as_chunks::<BLOCK>().0);
+            let (offsets, wides) = (&offsets[block], &wides[block]);
+            if !section::is_at_middle(offsets, wides) && !section::is_at_edge(offsets, wides) {
+                continue;
+            }
+            for i in block * BLOCK..(block + 1) * BLOCK {
+                let offset = offset[i];
+                if offset.abs() >= section::HALF_WIDTH + 1.0 {
+                    continue;
+                }
+                let edge = ground.section.edge_line(offset, wide[i]);
+                let middle = ground.section.middle_line(offset, wide[i], along[i], deep[i]);
+                let (share, colour) = if edge > middle { (edge, WHITE) } else { (middle, YELLOW) };
+                if share > 0.0 {
+                    let texture = 0.7 * room.grain[i] + 0.8 * room.leaves[i];
+                    let share = share * left(ground.wear, offset, along[i], texture);
+                    for (colours, paint) in room.colours.iter_mut().zip(colour) {
+                        colours[i] += (paint - colours[i]) * share;
+                    }
+                }
             }
         }
     }
