@@ -9,7 +9,7 @@ use crate::wear;
 /// The names, as the parameter `conditions` has them.
 ///
 /// The first one is the default: scenes as clean as a drawing, which drivers are quick to learn and which disturb no
-/// perturbation. Drives that were recorded before there were others were driven in it, and mean the same still.
+/// perturbation.
 pub const NAMES: [&str; 3] = ["easy", "standard", "hard"];
 
 /// The value of a setting that follows from the conditions.
@@ -68,7 +68,8 @@ const SETTINGS: [Setting; 16] = [
     fixed("control_delay", [0.0, 0.1, 0.2], (0.0, 2.0), "s", "time from a control to its effect"),
     fixed(
         "straight_ends",
-        [0.0, 24.0, 32.0],
+        // Two seconds at the initial speed.
+        [16.0, 24.0, 32.0],
         (0.0, 500.0),
         "m",
         "straight road before a scenario's own, which begins in a bend else, and \

@@ -66,7 +66,7 @@ impl Component for Lane {
     fn description() -> Description {
         let mounting = Mounting::default();
         let description = Description::simulator("lane", "A two-lane road through grassland, built in: nothing to install")
-            .version(2)
+            .version(3)
             .parameter(
                 Parameter::integer("width", 320, "width of the camera's frames")
                     .range(1.0, 4096.0)

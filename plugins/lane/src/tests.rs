@@ -305,8 +305,10 @@ fn cross_track_error_is_positive_to_the_right_and_departs_at_two_metres() {
 
 #[test]
 fn a_straight_road_is_finished_on_time() {
-    let mut simulator =
-        lane_with(json!({"width": 8, "height": 6, "initial_speed": 10, "speed_limit": 10})).unwrap();
+    let mut simulator = lane_with(
+        json!({"width": 8, "height": 6, "initial_speed": 10, "speed_limit": 10, "straight_ends": 0}),
+    )
+    .unwrap();
     let road = json!({"waypoints": [[5, 2, 5], [5, 2, 105]]});
     let mut state = simulator.reset(&scenario(road, 0), 0).unwrap();
     assert_eq!((state.position, state.speed, state.progress), ([5.0, 2.0, 5.0], 10.0, 0.0));
@@ -347,7 +349,7 @@ fn misuse_is_refused_with_a_sentence() {
 
 #[test]
 fn without_a_lane_the_steering_decays_and_the_vehicle_rolls() {
-    let mut simulator = lane(320, 240);
+    let mut simulator = lane_with(json!({"width": 320, "height": 240, "straight_ends": 0})).unwrap();
     simulator.reset(&scenario(json!({"angles": [30, 30, 0, 0]}), 0), 0).unwrap();
     let mut frame = FrameBuf::new(320, 240);
     simulator.frame(frame.as_mut()).unwrap();
@@ -571,6 +573,6 @@ fn frames_are_those_of_earlier_versions() {
     ];
     assert_eq!(
         found.map(|digest| format!("{digest:016x}")),
-        ["83e2f5b57681bd1a", "bfadcc4720cd605d", "c022771d48f47636", "67b536141001bfb5", "bd23413df97008d2"]
+        ["f9da81cc838a1e5e", "5be2760335357c4d", "3a4d50a3aa1ceeea", "a1a6c846c6998804", "a04dc9ab0702aa70"]
     );
 }
