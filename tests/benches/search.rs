@@ -1,7 +1,7 @@
 //! How good the search strategies are on problems whose answers are known. Needs no simulator:
 //!
 //! ```sh
-//! cargo build --release && cargo bench -p pdk-tests --bench search -- [fronts|regions] [--seeds N] [--evaluations N] [--only STRATEGY,...]
+//! cargo build --release && cargo bench -p pdk-tests --bench search -- [fronts|regions] [--seeds N] [--evaluations N] [--only STRATEGY,...] [--problems PROBLEM,...]
 //! ```
 //!
 //! `fronts`: NSGA-II on problems of the literature, by the hypervolume of its last population. `tests/benches/pymoo_reference.py`
@@ -58,12 +58,15 @@ fn main() {
     if wants("fronts") {
         fronts(&registry, seeds);
     }
-    let place = arguments.iter().position(|argument| argument == "--only");
-    let only: Vec<&str> = place.map_or(Vec::new(), |place| arguments[place + 1].split(',').collect());
+    let list = |name: &str| -> Vec<&str> {
+        let place = arguments.iter().position(|argument| argument == name);
+        place.map_or(Vec::new(), |place| arguments[place + 1].split(',').collect())
+    };
+    let (only, problems) = (list("--only"), list("--problems"));
     if wants("regions") {
         let given = number("--evaluations", 0);
         for evaluations in if given > 0 { vec![given] } else { vec![1000, 7500] } {
-            regions(&registry, seeds, evaluations, &only);
+            regions(&registry, seeds, evaluations, (&only, &problems));
         }
     }
 }
@@ -308,7 +311,7 @@ fn quality(problem: &Regions, critical: &[(usize, Vec<f64>)], evaluations: u64) 
     }
 }
 
-fn regions(registry: &Registry, seeds: u64, evaluations: u64, only: &[&str]) {
+fn regions(registry: &Registry, seeds: u64, evaluations: u64, (only, problems): (&[&str], &[&str])) {
     let strategies: Vec<(&str, &str, Value)> = vec![
         ("random", "random", json!({})),
         ("grid", "grid", json!({})),
@@ -331,12 +334,12 @@ fn regions(registry: &Registry, seeds: u64, evaluations: u64, only: &[&str]) {
         "{:<8} {:<8} {:<20} {:>9} {:>9} {:>9} {:>6} {:>9} {:>8}",
         "problem", "numbers", "strategy", "found", "covered", "first", "A", "p", "s"
     );
-    for problem in PROBLEMS {
+    for problem in PROBLEMS.iter().filter(|problem| problems.is_empty() || problems.contains(&problem.name)) {
         for whole in [false, true] {
             let mut chance: Vec<f64> = Vec::new();
             for (label, name, parameters) in &strategies {
-                // With many evaluations their own time counts: a quarter of a minute a search, or minutes.
-                let slow = evaluations > 2000 && ["surrogate", "published"].contains(label);
+                // With many evaluations its own time counts: a quarter of a minute a search.
+                let slow = evaluations > 2000 && *label == "surrogate";
                 if !only.contains(label) && (slow || !only.is_empty()) {
                     continue;
                 }

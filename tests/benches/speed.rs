@@ -3,6 +3,7 @@
 //!
 //! ```sh
 //! cargo bench -p pdk-tests --bench speed                    # everything, for people
+//! cargo bench -p pdk-tests --bench speed -- --only loop     # the loop alone
 //! cargo bench -p pdk-tests --bench speed -- --only contrast --sizes 320x240 --json FILE --frames FOLDER
 //! ```
 //!
@@ -108,7 +109,8 @@ fn main() {
             }
         }
     }
-    let closed_loop = if options.only.is_empty() { closed_loop(&registry) } else { Vec::new() };
+    let wants_loop = options.only.is_empty() || options.only.iter().any(|only| only == "loop");
+    let closed_loop = if wants_loop { closed_loop(&registry) } else { Vec::new() };
     if let Some(file) = &options.json {
         let figures = json!({ "copy_ms": copies, "cells": cells, "loop": closed_loop });
         std::fs::write(file, serde_json::to_vec_pretty(&figures).unwrap()).unwrap();

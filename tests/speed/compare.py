@@ -372,6 +372,14 @@ def parameters():
     return found
 
 
+def measure_loop():
+    """The figures of the loop alone."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = ["cargo", "bench", "-q", "-p", "pdk-tests", "--bench", "speed", "--", "--json", f"{folder}/pdk.json", "--sizes", "320x240", "--only", "loop"]
+        subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        return json.loads(Path(f"{folder}/pdk.json").read_text())
+
+
 def measure(options):
     """All figures: pdk's and those of each library, by perturbation, size and level."""
     known = parameters()
@@ -541,11 +549,15 @@ saturation of its `ColorJitter`, which blends with grey too. imagecorruptions is
 
 def write(figures, options):
     (ROOT / "docs/speed.md").write_text(page(figures))
-    readme = ROOT / "README.md"
-    text = between(readme.read_text(), "speed", summary(figures))
+    in_readme("speed", summary(figures))
     if not options.without_loop:
-        text = between(text, "loop", closed_loop(figures))
-    readme.write_text(text)
+        in_readme("loop", closed_loop(figures))
+
+
+def in_readme(what, table):
+    """Puts another table between the marks of `what`."""
+    readme = ROOT / "README.md"
+    readme.write_text(between(readme.read_text(), what, table))
 
 
 def between(text, what, table):
@@ -564,10 +576,17 @@ def main():
     parser.add_argument("--published", help="a Python file with perturb(name, level, image) that calls the published tool")
     parser.add_argument("--json", help="where all figures go as JSON")
     parser.add_argument("--without-loop", action="store_true", help="leave out the loop, which is measured by the clock and needs a quiet machine")
+    parser.add_argument("--only-loop", action="store_true", help="measure nothing but the loop")
     parser.add_argument("--write", action="store_true", help="write docs/speed.md and the tables in README.md")
     options = parser.parse_args()
     if options.write and (options.only or options.levels != list(LEVELS)):
         parser.error("--write needs every perturbation and every level: leave out --only and --levels")
+    if options.only_loop:
+        table = closed_loop(measure_loop())
+        print(table)
+        if options.write:
+            in_readme("loop", table)
+        return
     figures = measure(options)
     if options.json:
         Path(options.json).write_text(json.dumps(figures, indent=1))
