@@ -342,6 +342,7 @@ impl World {
         let parameters = json!({
             "width": width, "height": height, "rate": self.rate, "field_of_view": 2.0 * half.atan().to_degrees(),
             "camera_height": above, "camera_pitch": f64::atan2(-z, -y).to_degrees(), "initial_speed": 0, "oncoming": 0,
+            "straight_ends": 0,
         });
         let mut simulator = crate::carla::lane_simulator(&parameters);
         let spec = ComponentSpec::new;

@@ -58,7 +58,7 @@ fn a_scenario_over_the_wire_comes_out_as_one_without_it() {
     let folder = temp();
     let game = BeamNgGame::start(Setup::default());
     run(folder.path(), "beamng", &beamng(game.port())).set("duration", 30).succeed();
-    let lane = simulator("lane", json!({"initial_speed": 0, "oncoming": 0}));
+    let lane = simulator("lane", json!({"initial_speed": 0, "oncoming": 0, "straight_ends": 0}));
     run(folder.path(), "lane", &lane).set("duration", 30).succeed();
     let (found, expected) = (outcomes(folder.path(), "beamng"), outcomes(folder.path(), "lane"));
     for (found, expected) in found.iter().zip(&expected) {

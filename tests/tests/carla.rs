@@ -71,7 +71,8 @@ fn assert_left_as_it_was(server: &CarlaServer) {
 fn a_greedy_test_over_the_wire_comes_out_as_one_without_it() {
     let folder = temp();
     let lane = folder.path().join("lane");
-    let embedded = json!({"name": "lane", "width": 80, "height": 60, "oncoming": 0}).to_string();
+    let embedded =
+        json!({"name": "lane", "width": 80, "height": 60, "oncoming": 0, "straight_ends": 0}).to_string();
     greedy(&lane, &embedded).set("roads", 1).succeed();
     let expected = json_lines(&lane.join("scenarios.jsonl"));
     let seed = expected[0]["scenario"]["seed"].as_u64().unwrap();

@@ -18,7 +18,7 @@ use serde_json::json;
 const SIMULATOR: &str = r#"{"name":"lane","width":80,"height":60,"rate":20}"#;
 const ROAD: &str = r#"{"angles":[0,4,-4],"segment":10}"#;
 /// The same in Lua.
-const SIMULATOR_LUA: &str = r#"{ name = "lane", width = 80, height = 60, rate = 20 }"#;
+const SIMULATOR_LUA: &str = r#"{ name = "lane", width = 80, height = 60, rate = 20, straight_ends = 0 }"#;
 const ROAD_LUA: &str = "{ angles = { 0, 4, -4 }, segment = 10 }";
 
 fn quickstart(out: &Path) -> Pdk {

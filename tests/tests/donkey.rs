@@ -67,7 +67,7 @@ fn a_greedy_test_through_the_wire_has_the_same_outcome() {
         out
     };
     let size = json!({"width": 160, "height": 120});
-    let mut lane = json!({"name": "lane", "initial_speed": 0, "oncoming": 0});
+    let mut lane = json!({"name": "lane", "initial_speed": 0, "oncoming": 0, "straight_ends": 0});
     lane.as_object_mut().unwrap().extend(size.as_object().unwrap().clone());
     let without = greedy("without", lane);
 

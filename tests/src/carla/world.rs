@@ -433,7 +433,7 @@ impl World {
         let parameters = json!({
             "width": number("image_size_x"), "height": number("image_size_y"), "field_of_view": number("fov"),
             "rate": rate, "camera_height": camera.location[2], "camera_pitch": -camera.rotation[0],
-            "initial_speed": speed, "oncoming": 0,
+            "initial_speed": speed, "oncoming": 0, "straight_ends": 0,
         });
         let [x, y, _] = vehicle.location;
         let lane =

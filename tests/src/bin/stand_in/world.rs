@@ -67,7 +67,8 @@ impl World {
         let (width, height) = self.size;
         if self.simulator.is_none() {
             let parameters: Map<String, Value> = json!({
-                "width": width, "height": height, "rate": self.rate, "initial_speed": 0, "oncoming": 0
+                "width": width, "height": height, "rate": self.rate, "initial_speed": 0, "oncoming": 0,
+                "straight_ends": 0
             })
             .as_object()
             .unwrap()
