@@ -14,7 +14,7 @@ use pdk_core::registry::Registry;
 use pdk_core::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_sdk::prelude::*;
-use pdk_tests::library;
+use pdk_tests::test_library;
 use serde_json::Map;
 
 /// Calls in a row, and how often they are timed.
@@ -35,7 +35,7 @@ fn nanoseconds(mut call: impl FnMut(u64)) -> f64 {
 }
 
 fn main() {
-    let search = SearchPath { plugins: vec![library("misbehave")], ..SearchPath::default() };
+    let search = SearchPath { plugins: vec![test_library("misbehave")], ..SearchPath::default() };
     let registry = Registry::discover(&search, Box::new(LuaScripts::new(&search))).unwrap();
     let frame = FrameBuf::new(4, 3);
     let mut target = FrameBuf::new(4, 3);

@@ -44,12 +44,25 @@ pub fn built(name: &str) -> PathBuf {
     file
 }
 
-/// A plugin library by its name in Cargo, such as `misbehave`.
+/// The library of a built-in plugin by its name in Cargo, such as `pdk_noise`.
 ///
 /// # Panics
 /// Where it has not been built.
 pub fn library(name: &str) -> PathBuf {
-    built(&format!("lib{name}.{}", std::env::consts::DLL_EXTENSION))
+    built(&library_file(name))
+}
+
+/// The library of a plugin for tests by its name in Cargo, such as `misbehave`. It is a dependency of the tests, so Cargo
+/// has built it for them, and it lies beside them.
+///
+/// # Panics
+/// Where there is none.
+pub fn test_library(name: &str) -> PathBuf {
+    built(&format!("deps/{}", library_file(name)))
+}
+
+fn library_file(name: &str) -> String {
+    format!("lib{name}.{}", std::env::consts::DLL_EXTENSION)
 }
 
 /// The libraries of the built-in plugins.

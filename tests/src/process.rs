@@ -68,7 +68,7 @@ impl Pdk {
 
     /// Adds the plugin whose only work is to misbehave.
     pub fn misbehave(self) -> Self {
-        self.arg("--plugins").arg(crate::library("misbehave"))
+        self.arg("--plugins").arg(crate::test_library("misbehave"))
     }
 
     /// Sets an environment variable.

@@ -14,12 +14,12 @@ use pdk_sdk::error::ErrorKind;
 use pdk_sdk::prelude::*;
 use pdk_sdk::saliency::HeatmapMut;
 use pdk_tests::process::{json_file, json_lines, pipeline};
-use pdk_tests::{Pdk, library, pictures, temp};
+use pdk_tests::{Pdk, pictures, temp, test_library};
 use serde_json::{Map, Value, json};
 
 /// A registry that has loaded a plugin into this process.
 fn registry(plugin: &str) -> Registry {
-    let search = SearchPath { plugins: vec![library(plugin)], ..SearchPath::default() };
+    let search = SearchPath { plugins: vec![test_library(plugin)], ..SearchPath::default() };
     Registry::discover(&search, Box::new(LuaScripts::new(&search))).unwrap()
 }
 
@@ -54,7 +54,7 @@ fn a_plugin_of_the_first_sdk_describes_itself_and_keeps_the_rules() {
     assert_eq!((entry.description.version, entry.description.family.as_str()), (3, "test"));
     assert_eq!(entry.description.parameters[0].levels, Some([1.0, 2.0, 3.0, 4.0, 5.0]));
 
-    let checked = Pdk::new(["check"]).arg(library("frozen")).succeed();
+    let checked = Pdk::new(["check"]).arg(test_library("frozen")).succeed();
     for kind in kinds_of_the_first_sdk() {
         assert!(checked.stdout.contains(&format!("ok   {kind} `frozen`")), "{}", checked.stdout);
     }
@@ -180,7 +180,7 @@ fn dataset_saliency_and_search_of_the_first_sdk_get_all_that_they_are_given() {
 fn the_verbs_use_a_plugin_of_the_first_sdk_as_any_other() {
     let folder = temp();
     let verb = |arguments: &[&str]| {
-        Pdk::new(arguments).arg("--plugins").arg(library("frozen")).folder(folder.path())
+        Pdk::new(arguments).arg("--plugins").arg(test_library("frozen")).folder(folder.path())
     };
     for kind in kinds_of_the_first_sdk() {
         let listed = verb(&["list", kind.name()]).succeed();
@@ -224,8 +224,9 @@ fn the_verbs_use_a_plugin_of_the_first_sdk_as_any_other() {
 #[test]
 fn a_plugin_that_knows_more_works_with_a_word() {
     let folder = temp();
-    let verb =
-        |arguments: &[&str]| Pdk::new(arguments).arg("--plugins").arg(library("later")).folder(folder.path());
+    let verb = |arguments: &[&str]| {
+        Pdk::new(arguments).arg("--plugins").arg(test_library("later")).folder(folder.path())
+    };
     let listed = verb(&["list", "driver"]).succeed();
     let words: Vec<_> = listed.stderr.lines().collect();
     let end = "; the plugin was built with pdk-sdk 9.1.0, and this pdk has ";
@@ -236,14 +237,14 @@ fn a_plugin_that_knows_more_works_with_a_word() {
         "driver `later`: its parameter `tint` is of the type `colour`, which this pdk does not know and leaves to the plugin to check",
         "driver `later` says `since`, `parameters[0].step`, which this pdk does not know and leaves out",
     ]) {
-        let start = format!("pdk: warning: plugin {}: {said}{end}", library("later").display());
+        let start = format!("pdk: warning: plugin {}: {said}{end}", test_library("later").display());
         assert!(word.starts_with(&start), "{word}\n{start}");
     }
     let shown = verb(&["show", "later"]).succeed();
     assert!(shown.stdout.contains("kind      driver") && !shown.stdout.contains("horn"), "{}", shown.stdout);
     let doctor = verb(&["doctor"]).succeed();
     assert_eq!(doctor.stdout.matches("note left out").count(), 4, "{}", doctor.stdout);
-    let checked = Pdk::new(["check"]).arg(library("later")).succeed();
+    let checked = Pdk::new(["check"]).arg(test_library("later")).succeed();
     assert!(checked.stdout.contains("ok   driver `later`"), "{}", checked.stdout);
     assert_eq!(checked.stdout.matches("note ").count(), 4, "{}", checked.stdout);
 

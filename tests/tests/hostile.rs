@@ -153,7 +153,7 @@ fn nothing_that_a_terminal_would_obey_is_written_to_it() {
 #[test]
 fn a_damaged_library_is_refused_by_name_and_the_others_are_there() {
     let folder = temp();
-    let whole = fs::read(pdk_tests::library("misbehave")).unwrap();
+    let whole = fs::read(pdk_tests::test_library("misbehave")).unwrap();
     let path = folder.path().join("plugins/libdamaged.so");
     fs::create_dir(path.parent().unwrap()).unwrap();
     let mut refused = 0;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use pdk_tests::process::{json_file, json_lines, pipeline};
-use pdk_tests::{Pdk, library, pictures, target_folder, temp};
+use pdk_tests::{Pdk, library, pictures, target_folder, temp, test_library};
 use serde_json::json;
 
 /// A library of this package, as Cargo names it.
@@ -170,8 +170,8 @@ fn what_cannot_be_used_is_not_installed() {
     add(&home.join("seven.lua")).fail(1, &["seven.lua"]);
     add(&home.join("nothing.so")).fail(1, &["cannot find", "nothing.so"]);
     add(home).fail(1, &["is not a file"]);
-    add(&library("stranger")).fail(1, &["was built for version 2 of the plugin interface"]);
-    add(&library("misbehave"))
+    add(&test_library("stranger")).fail(1, &["was built for version 2 of the plugin interface"]);
+    add(&test_library("misbehave"))
         .env("MISBEHAVE", "abort_in_describe")
         .env("PDK_CACHE", home.join("cache"))
         .fail(1, &["libmisbehave", "opening it was ended by signal 6"]);
@@ -180,7 +180,7 @@ fn what_cannot_be_used_is_not_installed() {
     user(home, &["plugin", "add"])
         .env("XDG_DATA_HOME", "")
         .env("HOME", "")
-        .arg(library("frozen"))
+        .arg(test_library("frozen"))
         .fail(1, &["there is no folder for your plugins", "HOME"]);
 }
 
@@ -211,7 +211,7 @@ fn names_that_clash_are_said() {
     user(home, &["plugin", "add", "contrast.lua"])
         .fail(1, &["there is a perturbation `contrast` already, in ", "which comes with pdk; rename yours"]);
 
-    user(home, &["plugin", "add"]).arg(library("frozen")).succeed();
+    user(home, &["plugin", "add"]).arg(test_library("frozen")).succeed();
     let table = user(home, &["plugin", "list"]).succeed().stdout;
     assert!(
         table.contains("1.2.3") && table.contains("dataset `frozen`") && table.contains("tint.lua"),

@@ -8,7 +8,9 @@ use std::path::Path;
 use pdk_sdk::prelude::Control;
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::records::trace;
-use pdk_tests::{Finished, Pdk, built_in_libraries, datasets, library, onnx, pictures, repository, temp};
+use pdk_tests::{
+    Finished, Pdk, built_in_libraries, datasets, library, onnx, pictures, repository, temp, test_library,
+};
 use pdk_trace::reader::read_steps;
 use serde_json::{Value, json};
 
@@ -317,7 +319,7 @@ fn a_description_that_misbehaves_is_refused_by_name() {
     assert!(exited.stderr.contains("libmisbehave.so: opening it ended the process"), "{}", exited.stderr);
     assert!(exited.stdout.contains("lane_keeper"));
     // One that hangs has a minute, but `pdk check` has the patience that it is told to have.
-    let check = Pdk::new(["check", "--patience", "0.7"]).arg(library("misbehave"));
+    let check = Pdk::new(["check", "--patience", "0.7"]).arg(test_library("misbehave"));
     let hung = check.env("MISBEHAVE", "hang_in_describe").run();
     assert_eq!(hung.code, Some(1), "{}", hung.stderr);
     let said = "FAIL loading the plugin: it has not come back for 0.7 s";
@@ -385,7 +387,7 @@ fn offline_a_panic_costs_the_frame_at_hand_only() {
 
 #[test]
 fn check_finds_every_misbehaviour() {
-    let report = Pdk::new(["check", "--json", "--patience", "1.5"]).arg(library("misbehave")).run();
+    let report = Pdk::new(["check", "--json", "--patience", "1.5"]).arg(test_library("misbehave")).run();
     assert_eq!(report.code, Some(1), "{}", report.stderr);
     let json = report.json();
     assert_eq!(json["components"].as_array().unwrap().len(), 6);
@@ -410,7 +412,8 @@ fn check_finds_every_misbehaviour() {
     }
     assert!(checks.len() > 70 && harmless == 16, "{} checks, {harmless} harmless", checks.len());
 
-    let describe = Pdk::new(["check"]).arg(library("misbehave")).env("MISBEHAVE", "panic_in_describe").run();
+    let describe =
+        Pdk::new(["check"]).arg(test_library("misbehave")).env("MISBEHAVE", "panic_in_describe").run();
     assert_eq!(describe.code, Some(1));
     assert!(describe.stdout.contains("FAIL loading the plugin") && describe.stdout.contains("panicked"));
 }
@@ -422,10 +425,10 @@ fn no_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
         fs::write(&path, content).unwrap();
         path
     };
-    let whole = fs::read(library("misbehave")).unwrap();
+    let whole = fs::read(test_library("misbehave")).unwrap();
     let mut files = vec![
         (
-            library("stranger"),
+            test_library("stranger"),
             "was built for version 2 of the plugin interface, but this pdk has version 1; get a newer pdk, or ",
         ),
         (file("text.so", b"this is not a library\n"), "is not a library"),

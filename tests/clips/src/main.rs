@@ -1,6 +1,6 @@
 //! Draws the clips in `scripts/overlays`. They are the same every time.
 //!
-//! `cargo run --release -p pdk-clips -- FOLDER` writes all of them to a folder; with `--pictures` it writes some frames of
+//! `cargo run --release --example pdk-clips -- FOLDER` writes all of them to a folder; with `--pictures` it writes some frames of
 //! each as PNG instead, over a grey road, to look at.
 
 mod birds;
