@@ -87,7 +87,7 @@ fn distances_limit_a_perturbation() {
     let changes = |name: &str, distances: &str| {
         let (out, source) = (folder.path().join(name), folder.path().join(format!("{name}.lua")));
         let text = format!(
-            r#"pdk.drive({{ simulator = {{ name = "lane", width = 160, height = 80, oncoming = 0 }}, driver = "lane_keeper", duration = 0.2,
+            r#"pdk.drive({{ simulator = {{ name = "lane", width = 160, height = 80, oncoming = 0, straight_ends = 0 }}, driver = "lane_keeper", duration = 0.2,
                 images_every = 1,
                 scenarios = {{ {{ perturbations = {{ {{ name = "false_color_filter", level = 3, where = {distances} }} }} }} }} }})"#
         );
