@@ -36,13 +36,15 @@ impl TexelRows<'_> {
     /// The texel to the left of the middle of pixel `x`, and how far to the right of it that lies.
     #[inline(always)]
     fn column(&self, x: usize) -> (usize, f32) {
-        place((x as f32 + 0.5 - self.corner) * self.step - 0.5, self.texels[0].len() - 2)
+        place(x, self.corner, self.step, self.texels[0].len() - 2)
     }
 }
 
-/// The texel before a place, counted from the border, of so many without it, and how far behind it the place lies.
+/// The texel before the middle of a pixel, counted from the border, and how far behind it that lies: of a picture that begins at
+/// `corner`, with `step` texels in a pixel and `size` texels without the border.
 #[inline(always)]
-pub fn place(texel: f32, size: usize) -> (usize, f32) {
+pub fn place(pixel: usize, corner: f32, step: f32, size: usize) -> (usize, f32) {
+    let texel = (pixel as f32 + 0.5 - corner) * step - 0.5;
     let place = (texel + 1.0).clamp(0.0, size as f32);
     let whole = place as i32;
     (whole as usize, place - whole as f32)

@@ -191,18 +191,13 @@ impl<'a> Area<'a> {
     /// The row of texels above the middle of a pixel, and how far below it that lies. Rows count from the border.
     #[inline(always)]
     fn texel_row(&self, y: usize) -> (usize, f32) {
-        self.place((y as f32 + 0.5 - self.corner[1]) * self.step[1] - 0.5)
+        blend::place(y, self.corner[1], self.step[1], self.level.size)
     }
 
     /// The column of texels to the left of the middle of a pixel, as [`Area::texel_row`].
     #[inline(always)]
     fn texel_column(&self, x: usize) -> (usize, f32) {
-        self.place((x as f32 + 0.5 - self.corner[0]) * self.step[0] - 0.5)
-    }
-
-    #[inline(always)]
-    fn place(&self, texel: f32) -> (usize, f32) {
-        blend::place(texel, self.level.size)
+        blend::place(x, self.corner[0], self.step[0], self.level.size)
     }
 
     /// The columns in which a row of texels shows anything; some more at the edges.
