@@ -18,6 +18,7 @@
 -- in each of the conditions, with intervals.
 
 local study = require("@pdk/study")
+local tally = require("@pdk/tally")
 
 local settings = pdk.settings({
 	simulator = "lane",
@@ -26,7 +27,7 @@ local settings = pdk.settings({
 	perturbations = {}, -- none: the default set
 	levels = { 0, 1, 2, 3, 4 },
 	search = "bisect", -- or "all"
-	roads = 6, -- how many random roads in each of the conditions; fewer than 4 leave the failing level open
+	roads = 8, -- how many random roads in each of the conditions; fewer than 4 leave the failing level open
 	road_seed = 1, -- seed of the first road; each further one has the next
 	limit = 35, -- largest angle of a road in degrees
 	segment = 0, -- length of its segments in metres; 0: what the conditions' speed calls for
@@ -128,113 +129,23 @@ if managed == 0 then
 	error("no road was managed without perturbation, so there is nothing to compare with", 0)
 end
 
--- What came of each perturbation with a driver in some conditions: for each road the share of levels that fail, and the drives.
-local function results(place)
-	local by_name = {}
-	for _, name in names do
-		by_name[name] = { filled = {}, shares = {}, by_level = {}, drives = 0, failures = 0, unsafe = 0, stopped = 0, errors = 0, times = {}, increases = {} }
-		for i in levels do
-			by_name[name].by_level[i] = {}
-		end
-	end
-	local of_road = {}
-	for _, searcher in measured(place) do
-		local entry = by_name[searcher.perturbation]
-		entry.errors += if searcher.error then 1 else 0
-		local trials = searcher.trials
-		for i, outcome in searcher.outcomes do
-			entry.drives += 1
-			if not outcome.success then
-				entry.failures += 1
-				entry[outcome.verdict] += 1
-				table.insert(entry.times, outcome.time)
-			elseif trials[i].level == levels[#levels] then
-				-- Of a drive that was cut short it is not comparable.
-				table.insert(entry.increases, outcome.mean_cross_track_error - searcher.road.nominal[1])
-			end
-		end
-		if #trials > 0 then
-			local key = `{searcher.perturbation} {searcher.road.number}`
-			of_road[key] = of_road[key] or { entry = entry, road = searcher.road.number, searchers = {} }
-			table.insert(of_road[key].searchers, trials)
-		end
-	end
-	for _, name in names do
-		local entry = by_name[name]
-		for number = 1, settings.roads do
-			local on_road = of_road[`{name} {number}`]
-			entry.shares[number] = false
-			if on_road then
-				-- Of drivers and conditions in which other levels were driven, each level counts as much.
-				local filled, failed, told = {}, 0, 0
-				for i, level in levels do
-					local here, of = 0, 0
-					for _, trials in on_road.searchers do
-						local fails = pdk.fails_at(trials, level)
-						if fails ~= nil then
-							here += if fails then 1 else 0
-							of += 1
-							table.insert(filled, { level = level, failed = fails })
-						end
-					end
-					if of > 0 then
-						entry.by_level[i][number] = here / of
-						failed += here / of
-						told += 1
-					end
-				end
-				entry.filled[number] = filled
-				entry.shares[number] = if told > 0 then failed / told else false
-			end
-		end
-	end
-	return by_name
-end
-
 for _, place in places do
-	place.results = if #place.roads > 0 then results(place) else nil
+	place.results = if #place.roads > 0 then tally.results(measured(place), names, levels, settings.roads) else nil
 end
 
--- Of a perturbation in the places that a test picks, for each road: the share of levels that fail, over all of these places; and whether
--- each level fails in each of them.
+-- Of a perturbation in the places that a test picks: see `tally.pooled`.
 local function pooled(name: string, picks)
-	local shares, trials = {}, {}
-	for number = 1, settings.roads do
-		local here, filled = {}, {}
-		for _, place in places do
-			local result = if place.results and picks(place) then place.results[name] else nil
-			if result and result.shares[number] then
-				table.insert(here, result.shares[number])
-				table.move(result.filled[number], 1, #result.filled[number], #filled + 1, filled)
-			end
-		end
-		shares[number] = (study.mean(here) or false) :: any
-		trials[number] = filled
-	end
-	return shares, trials
+	return tally.pooled(places, name, settings.roads, picks)
 end
 
 -- The level from which on drivers fail in the places that a test picks.
 local function failing_level(name: string, picks)
-	local _, trials = pooled(name, picks)
+	local _, trials, drives = pooled(name, picks)
 	local found = pdk.failing_level(trials, settings.confidence)
 	if found then
-		found.drives = 0
-		for _, place in places do
-			found.drives += if place.results and picks(place) then place.results[name].drives else 0
-		end
+		found.drives = drives
 	end
 	return found
-end
-
-local function known(shares): { number }
-	local values = {}
-	for _, share in shares do
-		if share then
-			table.insert(values, share)
-		end
-	end
-	return values
 end
 
 local entries, not_driven = {}, {}
@@ -273,7 +184,7 @@ for _, name in names do
 		table.move(of.increases, 1, #of.increases, #increases + 1, increases)
 		local by_level = {}
 		for i, level in levels do
-			local here = known(of.by_level[i])
+			local here = tally.known(of.by_level[i])
 			table.insert(by_level, { level = level, roads = #here, failed_share = study.mean(here) })
 		end
 		table.insert(entry.cells, {
@@ -354,7 +265,7 @@ for _, place in places do
 	for i, level in levels do
 		local of_names = {}
 		for _, name in names do
-			local share = study.mean(known(place.results[name].by_level[i]))
+			local share = study.mean(tally.known(place.results[name].by_level[i]))
 			if share then
 				table.insert(of_names, share)
 				between += if share > 0 and share < 1 then 1 else 0

@@ -25,6 +25,7 @@ pub const PIPELINES: &[BuiltInScript] = scripts! {
 pub const LIBRARY: &[BuiltInScript] = scripts! {
     "hill_climber": "library/hill_climber.lua",
     "study": "library/study.lua",
+    "tally": "library/tally.lua",
 };
 
 /// The perturbations.

@@ -1,0 +1,208 @@
+"""Writes the tables of docs/breaks.md and scripts/ranking.json from the record of a study, and prints what its text says of it.
+
+    pdk run study --out record
+    python -m venv venv && venv/bin/pip install -r tests/study/requirements.txt
+    venv/bin/python tests/study/breaks.py record --pdk target/release/pdk            # prints only
+    venv/bin/python tests/study/breaks.py record --pdk target/release/pdk --write
+
+How alike a frame and its perturbed copy are is measured on three frames of a drive in each of the conditions, perturbed at level 4
+by pdk itself.
+"""
+
+import argparse
+import io
+import json
+import subprocess
+import tempfile
+from collections import Counter, defaultdict
+from pathlib import Path
+
+import numpy as np
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+from PIL import Image
+from scipy.stats import spearmanr
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs/breaks.md"
+HIGHEST = 4
+
+
+def percent(share):
+    """A share as tables have it."""
+    return "< 1 %" if 0 < share < 0.005 else f"{100 * share:.0f} %"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Tables
+
+
+def told(found):
+    """The level from which on a driver fails, as tables have it."""
+    return f"{found['level']:.1f}" if found and found.get("level") is not None else "–"
+
+
+def ranking_table(ranking):
+    """The perturbations that break anything, and the others by name."""
+    drivers = [f"`{driver}`" for driver in ranking["drivers"]]
+    header = ["group", "perturbation", "levels that fail", "95 %", "stopped", *drivers, *ranking["conditions"]]
+    lines = [row(header), "|---" * len(header) + "|"]
+    none = []
+    for entry in ranking["ranking"]:
+        if entry["failures"] == 0:
+            none.append(f"`{entry['perturbation']}`")
+            continue
+        low, high = (f"{100 * entry[f'failed_share_{end}']:.0f}" for end in ("low", "high"))
+        cells = [entry["group"], f"`{entry['perturbation']}`", percent(entry["failed_share"]), f"{low} to {high} %"]
+        cells.append(f"{entry['stopped']} of {entry['failures']}")
+        cells += [told(of["failing_level"]) for of in entry["by_driver"]]
+        cells += [told(of["failing_level"]) for of in entry["by_conditions"]]
+        lines.append(row(cells))
+    most = max(entry["failed_share_high"] for entry in ranking["ranking"] if entry["failures"] == 0)
+    roads = ranking["roads"]
+    return "\n".join(lines) + f"\n\nNothing failed with {', '.join(none)}. {roads} roads allow for a share of up to {percent(most)}.\n"
+
+
+def level_table(ranking):
+    """The share of perturbations and roads that fail at each level."""
+    levels = ranking["levels"]
+    header = ["conditions", "driver", f"level {levels[0]}", *levels[1:], "between 0 and 1"]
+    lines = [row(header), "|---" * len(header) + "|"]
+    for of in ranking["by_level"]:
+        shares = [percent(level["failed_share"]) for level in of["by_level"]]
+        lines.append(row([of["conditions"], f"`{of['driver']}`", *shares, percent(of["between"])]))
+    return "\n".join(lines) + "\n"
+
+
+def row(cells):
+    return "| " + " | ".join(map(str, cells)) + " |"
+
+
+def between(text, what, table):
+    """The text with another table between the marks of `what`."""
+    start, end = f"<!-- {what} -->\n", f"<!-- end of {what} -->"
+    head, rest = text.split(start)
+    return f"{head}{start}{table}{end}{rest.split(end)[1]}"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What the text says
+
+
+def cells_between(ranking):
+    """How many cells, a perturbation at a level, are neither 0 nor 1; of all, and of the perturbations that break anything."""
+    shares = defaultdict(list)
+    for entry in ranking["ranking"]:
+        for cell in entry["cells"]:
+            shares[entry["failures"] > 0] += [level["failed_share"] for level in cell["by_level"]]
+    inside = {breaks: sum(0 < share < 1 for share in of) for breaks, of in shares.items()}
+    count, breaking = sum(map(len, shares.values())), len(shares[True])
+    print(f"cells between 0 and 1: {sum(inside.values())} of {count}, {100 * sum(inside.values()) / count:.1f} %")
+    print(f"of perturbations that break anything: {inside[True]} of {breaking}, {100 * inside[True] / breaking:.0f} %")
+
+
+def drives(record):
+    """How many there are, and how often two that differ only in their seed have different outcomes."""
+    scenarios = [json.loads(line) for line in (record / "scenarios.jsonl").open()]
+    frames = sum(scenario["frames"] for scenario in scenarios)
+    causes = Counter(scenario["cause"] for scenario in scenarios)
+    print(f"{len(scenarios):,} scenarios, {frames:,} frames, {sum(not s['success'] for s in scenarios):,} failed: {dict(causes)}")
+    pairs, by_name = defaultdict(list), Counter()
+    for scenario in scenarios:
+        what = scenario["scenario"]
+        name = scenario["name"].split(", repeat")[0]
+        pairs[(what["simulator"]["parameters"]["conditions"], json.dumps(what["driver"]), name)].append(scenario["success"])
+    pairs = {key: of for key, of in pairs.items() if len(of) == 2 and not all(of)}
+    for (_, _, name), of in pairs.items():
+        by_name[name.split("@")[0]] += of[0] != of[1]
+    print(f"pairs with a failure: {len(pairs)}, different: {sum(by_name.values())}: {by_name.most_common(6)}")
+    in_fog = defaultdict(Counter)
+    for scenario in scenarios:
+        name = scenario["name"].split("@")[0]
+        in_fog[scenario["scenario"]["driver"]["name"]][name, scenario["success"]] += 1
+    for driver, of in in_fog.items():
+        told_of = ("fog_filter", "snow_filter", "frost_filter", "sharpen_filter", "grayscale_filter")
+        print(driver, {name: f"{of[name, False]} of {of[name, False] + of[name, True]} failed" for name in told_of})
+    return scenarios
+
+
+FRAMES = """
+pdk.drive({
+	simulator = { name = "lane", conditions = "CONDITIONS" },
+	driver = "dave2",
+	duration = 20,
+	images_every = 100,
+	scenarios = { { name = "clear", road = pdk.road({ seed = 1, limit = 35, segment = 50, attempts = 1000 }).road } },
+})
+"""
+
+
+def pixels(path):
+    return np.asarray(Image.open(path).convert("RGB"))
+
+
+def likeness(pdk, ranking):
+    """How far what a person sees says what breaks networks: rank correlations of measures of the picture with the ranking."""
+    names = [entry["perturbation"] for entry in ranking["ranking"]]
+    measures = defaultdict(lambda: defaultdict(list))
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder)
+        frames = []
+        for conditions in ranking["conditions"]:
+            script, record = folder / f"{conditions}.lua", folder / conditions
+            script.write_text(FRAMES.replace("CONDITIONS", conditions))
+            subprocess.run([pdk, "run", script, "--out", record], check=True, capture_output=True)
+            (trace,) = record.glob("traces/*.mcap")
+            with trace.open("rb") as file:
+                messages = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages("/raw")
+                images = [decoded.data for _, _, _, decoded in messages]
+            for number, image in enumerate(images[1:4]):
+                frames.append(folder / f"{conditions}-{number}.png")
+                Image.open(io.BytesIO(image)).save(frames[-1])
+        assert len(frames) == 3 * len(ranking["conditions"]), frames
+        for frame in frames:
+            original = pixels(frame)
+            for name in names:
+                out = folder / "out.png"
+                subprocess.run([pdk, "perturb", frame, "--with", f"{name}@{HIGHEST}", "--time", "1", "-o", out], check=True, capture_output=True)
+                perturbed = pixels(out)
+                of = measures[name]
+                of["SSIM"].append(structural_similarity(original, perturbed, channel_axis=2))
+                of["PSNR"].append(peak_signal_noise_ratio(original, perturbed) if (original != perturbed).any() else 99.0)
+                of["brightness"].append(abs(perturbed.mean() - original.mean()))
+    shares = [entry["failed_share"] for entry in ranking["ranking"]]
+    for measure in ("SSIM", "PSNR", "brightness"):
+        values = [np.mean(measures[name][measure]) for name in names]
+        print(f"{measure}: rho {spearmanr(values, shares).statistic:.2f}")
+    for name in names:
+        print(f"  {name}: " + ", ".join(f"{measure} {np.mean(values):.2f}" for measure, values in measures[name].items()))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("record", type=Path, help="the folder of the record of a study")
+    parser.add_argument("--pdk", default="pdk", help="the program that perturbs frames")
+    parser.add_argument("--write", action="store_true", help="write docs/breaks.md and scripts/ranking.json")
+    options = parser.parse_args()
+    text = (options.record / "ranking.json").read_text()
+    ranking = json.loads(text)
+    tables = {"ranking": ranking_table(ranking), "levels": level_table(ranking)}
+    print("\n".join(tables.values()))
+    drives(options.record)
+    cells_between(ranking)
+    for compared in ranking["comparisons"]:
+        print(compared["against"], compared["paired"])
+    for of in ranking["nominal"]:
+        print("nominal", of["conditions"], of["driver"], len(of["roads"]), "roads, over the line on", sum(road["over_line"] for road in of["roads"]))
+    likeness(options.pdk, ranking)
+    if options.write:
+        page = PAGE.read_text()
+        for what, table in tables.items():
+            page = between(page, what, table)
+        PAGE.write_text(page)
+        (ROOT / "scripts/ranking.json").write_text(text)
+
+
+if __name__ == "__main__":
+    main()
