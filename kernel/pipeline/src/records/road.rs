@@ -1,0 +1,56 @@
+//! Making roads.
+
+use pdk_lua::ApiRecord;
+
+use super::field;
+
+/// What `pdk.road` takes.
+pub const ROAD_REQUEST: ApiRecord = ApiRecord {
+    name: "RoadRequest",
+    doc: "What `pdk.road` takes: `angles` for a given road, `turns` and `mean_curvature` for an informed one, neither for a \
+          random one.",
+    fields: &[
+        field("angles", "{ number }?", "Degrees turned at each node, positive to the right."),
+        field(
+            "segment",
+            "(number | { number })?",
+            "Metres from node to node, 25 where it is left out; one for each angle where they are given.",
+        ),
+        field("seed", "number?", "The seed of the draws; that of the run where it is left out."),
+        field(
+            "limit",
+            "number?",
+            "Largest angle in degrees: 35 for random roads, 60 for informed ones where it is left out.",
+        ),
+        field("turns", "number?", "Nodes at which the road turns by at least 25 degrees, 0 to 8."),
+        field("mean_curvature", "number?", "The mean curvature in 1/m that the road should come near."),
+        field(
+            "width",
+            "number?",
+            "Metres from edge to edge, 8 where it is left out; it may not cross itself.",
+        ),
+        field(
+            "smallest_radius",
+            "number?",
+            "Metres; a road with a tighter bend is not valid. 8.5 where it is left out, which the simulator `lane` can drive.",
+        ),
+        field("attempts", "number?", "How many roads are drawn until one is valid; 1 where it is left out."),
+    ],
+};
+
+pub const ROAD: ApiRecord = ApiRecord {
+    name: "Road",
+    doc: "What `pdk.road` returns.",
+    fields: &[
+        field("waypoints", "string", "The waypoints as `x,y,z@x,y,z`, y up, in metres."),
+        field(
+            "road",
+            "{ angles: { number }, segment: number | { number } }",
+            "The same in short, as a simulator takes it: the `road` of a scenario for `lane`.",
+        ),
+        field("angles", "{ number }", "Degrees turned at each node."),
+        field("turns", "number", "Nodes at which it turns by at least 25 degrees."),
+        field("mean_curvature", "number", "Mean curvature over its nodes in 1/m."),
+        field("length", "number", "Its length in metres."),
+    ],
+};

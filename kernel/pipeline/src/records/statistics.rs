@@ -1,0 +1,90 @@
+//! How sure a conclusion is.
+
+use pdk_lua::ApiRecord;
+
+use super::field;
+
+pub const ESTIMATE: ApiRecord = ApiRecord {
+    name: "Estimate",
+    doc: "A value with its interval.",
+    fields: &[
+        field("value", "number", "The value."),
+        field("low", "number", "The lower end of its interval."),
+        field("high", "number", "The upper end."),
+    ],
+};
+
+pub const PAIRED: ApiRecord = ApiRecord {
+    name: "Paired",
+    doc: "What two conditions on the same roads differ by.",
+    fields: &[
+        field("difference", "Estimate", "The mean over roads of the first minus the second."),
+        field(
+            "effect_size",
+            "number",
+            "The matched-pairs rank-biserial correlation: 1 where all roads that differ point upwards, -1 where all point \
+             downwards.",
+        ),
+        field(
+            "p",
+            "number",
+            "How likely a mean difference of at least this size is where the conditions do not differ: a randomisation test over \
+             roads.",
+        ),
+        field("roads", "number", "Roads that have both."),
+    ],
+};
+
+pub const INDEPENDENT: ApiRecord = ApiRecord {
+    name: "Independent",
+    doc: "What two samples differ by that have nothing to do with each other.",
+    fields: &[
+        field(
+            "effect_size",
+            "number",
+            "The probability that a value of the first is larger than one of the second, with ties as one half: 0.5 where they do \
+             not differ (Vargha and Delaney's A).",
+        ),
+        field(
+            "p",
+            "number",
+            "How likely such a difference is where they do not differ: the two-sided test of Mann and Whitney.",
+        ),
+    ],
+};
+
+pub const TRIAL: ApiRecord = ApiRecord {
+    name: "Trial",
+    doc: "A drive at a level.",
+    fields: &[field("level", "number", "The level."), field("failed", "boolean", "Whether it failed.")],
+};
+
+pub const FAILING_LEVEL: ApiRecord = ApiRecord {
+    name: "FailingLevel",
+    doc: "The level at which the probability of failing reaches one half.",
+    fields: &[
+        field(
+            "level",
+            "number?",
+            "The level: the lowest that was driven where it is reached there already, nothing where it is not reached up to the \
+             highest.",
+        ),
+        field("low", "number?", "The lower end of its interval, in the same terms."),
+        field("high", "number?", "The upper end; nothing where it may lie above the highest level."),
+        field("drives", "number", "How many drives it was found with."),
+    ],
+};
+
+pub const BISECTION: ApiRecord = ApiRecord {
+    name: "Bisection",
+    doc: "Levels in which the failing level is looked for.",
+    fields: &[
+        field("lowest", "number?", "The lowest level; 0 where it is left out."),
+        field("highest", "number?", "The highest level; 4 where it is left out."),
+        field(
+            "resolution",
+            "number?",
+            "How close the levels that were survived and failed come in the end; 0.25 where it is left out.",
+        ),
+    ],
+};

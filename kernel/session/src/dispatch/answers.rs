@@ -1,0 +1,259 @@
+//! What workers say: answers are recorded and passed on, and what a lost worker was at is done again.
+
+use std::os::unix::process::ExitStatusExt;
+use std::process::ExitStatus;
+use std::sync::PoisonError;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::Sender;
+use std::time::{Duration, Instant};
+
+use pdk_core::eprintln;
+use pdk_core::ledger::Line;
+use pdk_core::supervisor::is_from_outside;
+use pdk_model::outcome::Outcome;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, ErrorKind, Result};
+
+use super::{Dispatch, LAUNCH};
+use crate::connection::{Connection, Pool};
+use crate::interrupt::{self, Wish};
+use crate::lines::Found;
+use crate::protocol::{Answer, Driven, FromWorker, Ready, Work};
+use crate::recorder::write_trace;
+use crate::submission::{Reply, Submission, Ticket};
+
+/// How often a job is given away whose worker was lost, and a worker started that is killed before it is ready.
+const TRIES: u32 = 3;
+/// How much longer than its calls a worker of this machine may take to be ready, or to report on its job.
+const GRACE: Duration = Duration::from_secs(30);
+/// After so long the user is told what is being waited for.
+const TOLD: Duration = Duration::from_secs(10);
+
+impl Dispatch {
+    /// Takes in what a worker says on a connection; `introduce` is told what the first one has.
+    pub(super) fn hear(
+        &mut self,
+        number: u64,
+        found: Found<FromWorker>,
+        introduce: &mut Option<&Sender<Result<Ready>>>,
+    ) -> Result<()> {
+        let Some(place) = self.connections.iter().position(|connection| connection.number == number) else {
+            return Ok(());
+        };
+        let name = self.options.pool.name();
+        match found {
+            Found::Message(FromWorker::Ready(ready)) => {
+                self.connections[place].ready(&ready, &self.options.pool)?;
+                self.stillborn = 0;
+                let simulators = ready.catalog.of_kind(Kind::Simulator);
+                for description in simulators.map(|entry| &entry.description).filter(|found| found.external) {
+                    let can = description.parameters.iter().any(|parameter| parameter.name == LAUNCH);
+                    self.external.insert(description.name.clone(), can);
+                }
+                if let Some(introduce) = introduce.take() {
+                    let _ = introduce.send(Ok(ready));
+                }
+                Ok(())
+            }
+            Found::Message(FromWorker::Progress(progress)) => {
+                self.shared.frames.fetch_add(progress.frames, Ordering::Relaxed);
+                if let Some(task) = self.tasks.get_mut(&progress.number) {
+                    task.heard = Instant::now();
+                    task.began |= progress.frames > 0;
+                }
+                Ok(())
+            }
+            Found::Message(FromWorker::Done(done)) => {
+                self.connections[place].release(done.number);
+                self.done(done.number, done.answer);
+                Ok(())
+            }
+            Found::Message(FromWorker::Trouble(sentence)) => {
+                self.note(sentence);
+                Ok(())
+            }
+            Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
+            Found::Nonsense(error) => {
+                Err(Error::of(ErrorKind::Nonsense, format!("{name} says what is not a message ({error})")))
+            }
+            Found::End => {
+                let mut connection = self.connections.remove(place);
+                let end = connection.wait(Duration::from_secs(1));
+                if connection.slots.is_some() {
+                    self.lost(&connection, &said(end));
+                    return Ok(());
+                }
+                // That came from outside, as a rule.
+                let killed = end.and_then(|status| status.signal()).is_some_and(is_from_outside);
+                self.stillborn += 1;
+                if !killed || self.stillborn == TRIES {
+                    let sentence = format!(
+                        "{name} ended before it was ready ({}); what it wrote above says why",
+                        said(end)
+                    );
+                    return Err(Error::of(ErrorKind::Lost, sentence));
+                }
+                // Later ones are started where there is work for them.
+                if introduce.is_some() { self.connect() } else { Ok(()) }
+            }
+        }
+    }
+
+    /// A worker has done a job: what came of it is recorded.
+    pub(super) fn done(&mut self, number: u64, answer: Answer) {
+        let Some(task) = self.tasks.get(&number) else { return };
+        match answer {
+            Answer::Driven(driven) => {
+                self.add_up(&driven);
+                let Some(submission) = &task.submission else {
+                    return self.finish(number, Ok(Reply::Driven(Box::new(driven))));
+                };
+                let traced = complete_trace(&task.work, &driven.outcome);
+                let line = line_of(submission, driven.outcome);
+                let written = traced.and_then(|()| match &mut self.record {
+                    Some((_, ledger)) => ledger.add(&line),
+                    None => Ok(()),
+                });
+                self.driven.insert(line.id);
+                self.finish(number, written.map(|()| Reply::Recorded(Box::new(line), false)));
+            }
+            Answer::Evaluated(evaluated) => {
+                self.shared.frames.fetch_add(1, Ordering::Relaxed);
+                self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
+            }
+            Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
+            Answer::Proposed(candidates) => self.finish(number, Ok(Reply::Proposed(candidates))),
+            Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
+            Answer::Broken(failure) => self.finish(number, Err(failure.into())),
+        }
+    }
+
+    /// A task is over: everybody who waits for it gets the answer.
+    pub(super) fn finish(&mut self, number: u64, answer: Result<Reply>) {
+        let Some(task) = self.tasks.remove(&number) else { return };
+        if let Some(submission) = &task.submission {
+            self.scenarios.remove(&submission.scenario.id());
+        }
+        for ticket in task.waiting {
+            self.answer(ticket, answer.clone());
+        }
+    }
+
+    pub(super) fn answer(&self, ticket: Ticket, answer: Result<Reply>) {
+        // Whoever asked may have gone.
+        let _ = self.answers.send((ticket, answer));
+    }
+
+    /// Adds what a scenario took to the sums of the session.
+    pub(super) fn add_up(&self, driven: &Driven) {
+        let mut performance = self.shared.performance.lock().unwrap_or_else(PoisonError::into_inner);
+        performance.times.add(&driven.times);
+        if driven.rate > 0.0 {
+            performance.simulated_seconds += driven.outcome.frames as f64 / driven.rate;
+        }
+        for warning in &driven.warnings {
+            *performance.warnings.entry(warning.clone()).or_default() += 1;
+        }
+    }
+
+    /// Adds up the time in which there is work, and the slots that have some.
+    pub(super) fn measure(&mut self) {
+        let busy: usize = self.connections.iter().map(|connection| connection.jobs().len()).sum();
+        let mut performance = self.shared.performance.lock().unwrap_or_else(PoisonError::into_inner);
+        performance.slots = performance.slots.max(busy);
+        let now = Instant::now();
+        if let Some(since) = self.busy_since {
+            performance.wall_seconds += now.duration_since(since).as_secs_f64();
+        }
+        self.busy_since = (busy > 0).then_some(now);
+    }
+
+    /// Counts a component that took its process along outside of any outcome.
+    pub(super) fn note(&self, trouble: String) {
+        *self.shared.troubles.lock().unwrap_or_else(PoisonError::into_inner).entry(trouble).or_default() += 1;
+    }
+
+    /// A worker is gone: what it was at is done again by another one.
+    pub(super) fn lost(&mut self, connection: &Connection, end: &str) {
+        let _ = pdk_bus::sweep_run(&self.options.run);
+        for number in connection.jobs().into_iter().rev() {
+            let Some(task) = self.tasks.get(&number) else { continue };
+            if interrupt::wish() != Wish::None {
+                // Nothing is given away any more.
+                self.finish(number, Err(interrupt::error()));
+                continue;
+            }
+            if task.tries < TRIES {
+                self.queue.push_front(number);
+                continue;
+            }
+            let message =
+                format!("{} was lost {TRIES} times over it (the last: {end})", self.options.pool.name());
+            let answer = match &task.work {
+                Work::Drive(drive) => match write_trace(drive, &message) {
+                    Ok(()) => Answer::Driven(Driven::lost(ErrorKind::Lost, message, 0)),
+                    Err(error) => Answer::Broken(error.into()),
+                },
+                _ => Answer::Failed(Error::of(ErrorKind::Lost, message).into()),
+            };
+            self.done(number, answer);
+        }
+    }
+
+    /// Ends what has been silent for longer than all of its calls may take: a worker of this machine says something five times a
+    /// second. A pool may take its time, such as a cluster that is busy; the user is told that it is waited for.
+    pub(super) fn look_for_silent(&mut self) -> Result<()> {
+        let patience = self.options.limits.patience;
+        let (Pool::Here(_) | Pool::Usual) = self.options.pool else {
+            for connection in self.connections.iter_mut().filter(|connection| connection.slots.is_none()) {
+                if connection.opened.elapsed() > TOLD && !std::mem::replace(&mut connection.told, true) {
+                    eprintln!("pdk: waiting for {} to be ready", self.options.pool.name());
+                }
+            }
+            return Ok(());
+        };
+        let limit = |work: &Work| {
+            let calls = match work {
+                Work::Drive(_) | Work::Make(_) | Work::Search(_) => 4,
+                Work::Evaluate(frame) => 4 + 2 * frame.evaluation.perturbations.len() as u32,
+            };
+            patience.saturating_mul(calls).saturating_add(GRACE)
+        };
+        let silent = self.connections.iter().position(|connection| {
+            let starting =
+                connection.slots.is_none() && connection.opened.elapsed() > patience.saturating_add(GRACE);
+            let late = |number: &u64| {
+                self.tasks.get(number).is_some_and(|task| task.heard.elapsed() > limit(&task.work))
+            };
+            starting || connection.jobs().iter().any(late)
+        });
+        let Some(place) = silent else { return Ok(()) };
+        let connection = self.connections.remove(place);
+        if connection.slots.is_none() {
+            let waited = connection.opened.elapsed().as_secs();
+            return Err(Error::of(ErrorKind::Late, format!("a worker has not been ready for {waited} s")));
+        }
+        self.lost(&connection, "it said nothing any more");
+        Ok(())
+    }
+}
+
+/// How a worker ended, in words.
+fn said(end: Option<ExitStatus>) -> String {
+    end.map_or_else(|| "it did not end by itself".to_owned(), |status| status.to_string())
+}
+
+/// Writes the trace of a scenario that a pool has given up: whoever was to write it was lost.
+fn complete_trace(work: &Work, outcome: &Outcome) -> Result<()> {
+    match (work, &outcome.error) {
+        (Work::Drive(drive), Some(message)) if drive.trace.as_ref().is_some_and(|path| !path.exists()) => {
+            write_trace(drive, message)
+        }
+        _ => Ok(()),
+    }
+}
+
+fn line_of(submission: &Submission, outcome: Outcome) -> Line {
+    let Submission { scenario, name, images_every } = submission.clone();
+    Line { id: scenario.id(), name, scenario, images_every, outcome }
+}

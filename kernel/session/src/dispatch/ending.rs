@@ -1,0 +1,125 @@
+//! How a session ends: on its own, on the user's wish, or because nothing more can be done.
+
+use std::collections::HashSet;
+use std::sync::mpsc::{Receiver, Sender};
+use std::time::{Duration, Instant};
+
+use pdk_sdk::error::{Error, Result};
+
+use super::{Dispatch, Event, Task};
+use crate::connection::Connection;
+use crate::interrupt::{self, Wish};
+use crate::lines::Found;
+use crate::protocol::{FromWorker, Ready, Work};
+
+/// How long a worker may take to leave that has nothing to do any more: longer than it gives its own process.
+const LEAVE: Duration = Duration::from_secs(12);
+/// How long a worker may take to leave whose work nobody wants any more.
+const DROP: Duration = Duration::from_secs(3);
+/// How long what a worker said last may be on its way.
+const LAST_WORDS: Duration = Duration::from_secs(1);
+/// A scenario of which no frame has come for so long waits for its simulator. Workers tell of frames five times a second.
+const UNDER_WAY: Duration = Duration::from_secs(1);
+
+impl Dispatch {
+    /// Nothing more can be done: everybody is told so.
+    pub(super) fn fail(&mut self, error: Error, introduce: &mut Option<&Sender<Result<Ready>>>) {
+        if let Some(introduce) = introduce.take() {
+            let _ = introduce.send(Err(error.clone()));
+        }
+        self.queue.clear();
+        let tasks: Vec<u64> = self.tasks.keys().copied().collect();
+        for number in tasks {
+            self.finish(number, Err(error.clone()));
+        }
+        self.let_go(DROP);
+        self.broken.get_or_insert(error);
+    }
+
+    /// The user wants an end.
+    pub(super) fn interrupted(&mut self, wish: Wish, introduce: &mut Option<&Sender<Result<Ready>>>) {
+        if let Some(introduce) = introduce.take() {
+            // Nothing has begun.
+            let _ = introduce.send(Err(interrupt::error()));
+        }
+        let dropped: Vec<u64> = match wish {
+            Wish::Drop => {
+                self.let_go(DROP);
+                self.tasks.keys().copied().collect()
+            }
+            Wish::Finish | Wish::None => self.queue.iter().copied().collect(),
+        };
+        self.queue.clear();
+        self.drop_tasks(dropped);
+    }
+
+    /// These are not done: everybody who waits for them is told so.
+    pub(super) fn drop_tasks(&mut self, numbers: Vec<u64>) {
+        for number in numbers {
+            // Its worker may have completed the trace just before it left; without a line it is of no scenario.
+            if let Some(Task { work: Work::Drive(drive), submission: Some(submission), .. }) =
+                self.tasks.get(&number)
+                && let (Some(trace), Some((_, ledger))) = (&drive.trace, &self.record)
+                && !ledger.has(&submission.scenario.id())
+            {
+                let _ = std::fs::remove_file(trace);
+            }
+            self.finish(number, Err(interrupt::error()));
+        }
+    }
+
+    /// Says to all workers that there are no more jobs, and ends those that have not left by then.
+    pub(super) fn let_go(&mut self, limit: Duration) {
+        self.connections.iter_mut().for_each(Connection::close);
+        let until = Instant::now() + limit;
+        for connection in &mut self.connections {
+            connection.wait(until.saturating_duration_since(Instant::now()));
+        }
+        self.connections.clear();
+    }
+
+    /// Ends the workers that wait for a simulator: nothing is in flight there yet that could be finished.
+    pub(super) fn stop_waiting(&mut self) {
+        let is_waiting = |number: &u64| {
+            self.tasks
+                .get(number)
+                .is_some_and(|task| task.external && !task.began && task.given.elapsed() > UNDER_WAY)
+        };
+        let (mut waiting, others) =
+            std::mem::take(&mut self.connections).into_iter().partition::<Vec<_>, _>(|connection| {
+                let jobs = connection.jobs();
+                !jobs.is_empty() && jobs.iter().all(is_waiting)
+            });
+        self.connections = others;
+        if waiting.is_empty() {
+            return;
+        }
+        waiting.iter_mut().for_each(Connection::close);
+        let until = Instant::now() + DROP;
+        for connection in &mut waiting {
+            connection.wait(until.saturating_duration_since(Instant::now()));
+        }
+        self.drop_tasks(waiting.iter().flat_map(Connection::jobs).collect());
+    }
+
+    /// Ends the session. Workers say what happened when their components took leave.
+    pub(super) fn leave(&mut self, events: &Receiver<Event>) {
+        let mut speaking: HashSet<u64> =
+            self.connections.iter().map(|connection| connection.number).collect();
+        self.let_go(LEAVE);
+        while !speaking.is_empty() {
+            match events.recv_timeout(LAST_WORDS) {
+                Ok(Event::Worker(_, Found::Message(FromWorker::Trouble(sentence)))) => self.note(sentence),
+                Ok(Event::Worker(number, Found::End)) => {
+                    speaking.remove(&number);
+                }
+                Ok(_) => {}
+                Err(_) => break,
+            }
+        }
+        if let Some((directory, _)) = &self.record {
+            directory.remove_partial_traces();
+        }
+        let _ = pdk_bus::sweep_run(&self.options.run);
+    }
+}
