@@ -129,9 +129,9 @@ end
 
 local saved = {}
 for _, driver in settings.drivers do
-	local driven, left_out = study.roads(settings, settings.repeats, { driver })
+	local driven, left_out = study.roads(settings, settings.repeats, driver)
 	if #driven == 0 then
-		error(`{study.driver_name(driver)} managed no road without perturbation, so there is nothing to compare with`, 0)
+		error(study.nothing_managed(settings, study.driver_name(driver), left_out), 0)
 	end
 	local found = measured(driver, driven)
 	local groups = {}

@@ -2,7 +2,7 @@
 --
 --   pdk run greedy
 --   pdk run greedy --set perturbations=gaussian_noise,dirty_lens --set roads=10 --set seed=7
---   pdk run greedy --set search=climb --set levels=0,1,2,3,4
+--   pdk run greedy --set search=climb --set levels=0,1,2,3,4 --set conditions=hard
 --
 -- On each road the levels are halved: first the highest, since most perturbations never make a driver fail, then halfway between
 -- what it survived and what it failed. With search=climb all levels are driven from the lowest until the driver fails. The interval
@@ -16,6 +16,7 @@ local study = require("@pdk/study")
 
 local settings = pdk.settings({
 	simulator = "lane",
+	conditions = "", -- of lane: easy, standard or hard; nothing: the simulator as it is
 	driver = "dave2",
 	perturbations = {}, -- none: the default set
 	levels = { 0, 1, 2, 3, 4 }, -- the search goes from the first to the last, a climb takes each
@@ -24,10 +25,10 @@ local settings = pdk.settings({
 	roads = 8, -- how many random roads; fewer make intervals too narrow
 	road_seed = 1, -- seed of the first road; each further one has the next
 	limit = 35, -- largest angle of a road in degrees
-	segment = 25, -- length of its segments in metres: 37.5 and 50 match the speeds of the conditions standard and hard of lane
+	segment = 0, -- length of its segments in metres; 0: what the conditions' speed calls for
 	attempts = 1000, -- draws until a road is valid
 	repeats = 3, -- how often a perturbation that draws at random is driven on each road
-	duration = 30, -- seconds of simulation time
+	duration = 60, -- seconds of simulation time
 	failure = {}, -- what counts as a failure: see FailureCriteria
 	confidence = 0.95, -- of the intervals
 	images_every = 10, -- every how many frames the record keeps an image; 0 for none
@@ -37,9 +38,13 @@ local names, levels = study.checked(settings, { "roads", "attempts", "repeats" }
 if settings.search ~= "bisect" and settings.search ~= "climb" then
 	error(`search is {settings.search}, but has to be bisect or climb`, 0)
 end
-local driven, left_out = study.roads(settings, 1, { settings.driver })
+if settings.resolution <= 0 then
+	error(`resolution is {settings.resolution}, but has to be above 0`, 0)
+end
+settings = study.in_conditions(settings, settings.conditions)
+local driven, left_out = study.roads(settings, 1, settings.driver)
 if #driven == 0 then
-	error("the driver managed no road without perturbation, so there is nothing to search on", 0)
+	error(study.nothing_managed(settings, "the driver", left_out), 0)
 end
 
 -- The level that a searcher drives next; nothing where it knows enough.
@@ -66,7 +71,7 @@ study.search(settings, searchers, next_level)
 local header = { "perturbation", "fails at", "interval", "drives", "unsafe", "stopped", "time to failure s", "errors" }
 local rows, results = {}, {}
 for _, name in names do
-	-- All repeats on a road are drives on that road.
+	-- On each road a list for each repeat.
 	local by_road, roads, times = {}, {}, {}
 	local counted = { unsafe = 0, stopped = 0, errors = 0 }
 	for _, searcher in searchers do
@@ -77,9 +82,7 @@ for _, name in names do
 			by_road[searcher.road] = {}
 			table.insert(roads, by_road[searcher.road])
 		end
-		for _, trial in searcher.trials do
-			table.insert(by_road[searcher.road], trial)
-		end
+		table.insert(by_road[searcher.road], searcher.trials)
 		for _, outcome in searcher.outcomes do
 			if not outcome.success then
 				counted[outcome.verdict] += 1

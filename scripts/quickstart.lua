@@ -2,6 +2,8 @@
 --
 --   pdk run quickstart
 --   pdk run quickstart --set perturbations=gaussian_noise,dirty_lens --set levels=1,4 --seed 7
+--
+-- Each is driven once, which is a look and no conclusion: greedy and study repeat what draws at random, on several roads.
 
 local settings = pdk.settings({
 	simulator = "lane",

@@ -105,7 +105,7 @@ local places, nominal_rows, left_out = {}, {}, {}
 for _, conditions in in_conditions do
 	local these = study.in_conditions(settings, conditions)
 	for _, driver in settings.drivers do
-		local roads, without = study.roads(these, 1, { driver })
+		local roads, without = study.roads(these, 1, driver)
 		local errors, over_line = {}, 0
 		for _, road in roads do
 			table.insert(errors, road.nominal[1])
@@ -126,7 +126,7 @@ for _, place in places do
 	managed += #place.roads
 end
 if managed == 0 then
-	error("no road was managed without perturbation, so there is nothing to compare with", 0)
+	error(study.nothing_managed(settings, "the drivers", left_out), 0)
 end
 
 for _, place in places do
@@ -140,12 +140,8 @@ end
 
 -- The level from which on drivers fail in the places that a test picks.
 local function failing_level(name: string, picks)
-	local _, trials, drives = pooled(name, picks)
-	local found = pdk.failing_level(trials, settings.confidence)
-	if found then
-		found.drives = drives
-	end
-	return found
+	local _, trials = pooled(name, picks)
+	return pdk.failing_level(trials, settings.confidence)
 end
 
 local entries, not_driven = {}, {}

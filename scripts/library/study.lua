@@ -17,8 +17,8 @@ local function once<T>(values: { T }): { T }
 	return kept
 end
 
--- The perturbations and the levels of a study, each once and the levels in order. `counts` names the settings that have to be at
--- least 1. Where no perturbations are set, it is the default set.
+-- The perturbations and the levels of a study, each once and the levels in order. `counts` names the settings that have to be whole
+-- numbers of at least 1. Where no perturbations are set, it is the default set. All that can be wrong is said before anything is driven.
 function study.checked(settings, counts: { string }): ({ string }, { number })
 	local names = once(settings.perturbations)
 	if #names == 0 then
@@ -27,12 +27,21 @@ function study.checked(settings, counts: { string }): ({ string }, { number })
 	local levels = once(settings.levels)
 	table.sort(levels)
 	for _, name in counts do
-		if settings[name] < 1 then
-			error(`{name} is {settings[name]}, but has to be at least 1`, 2)
+		local count = settings[name]
+		if count < 1 or count % 1 ~= 0 then
+			error(`{name} is {count}, but has to be a whole number of at least 1`, 0)
 		end
 	end
 	if #levels == 0 then
-		error("levels is empty; name at least one from 0 to 4", 2)
+		error("levels is empty; name at least one from 0 to 4", 0)
+	end
+	for _, level in { levels[1], levels[#levels] } do
+		if level < 0 or level > 4 then
+			error(`levels has {level}, but intensities go from 0 to 4`, 0)
+		end
+	end
+	if settings.confidence <= 0 or settings.confidence >= 1 then
+		error(`confidence is {settings.confidence}, but has to be between 0 and 1, such as 0.95`, 0)
 	end
 	return names, levels
 end
@@ -116,55 +125,70 @@ function study.search(settings, searchers, next_level, driver)
 	end
 end
 
--- Makes the random roads that are set and drives each with a clear view, `repeats` times, with each of the drivers. Returns those
--- that all manage every time, each with its number, seed, angles and road, and with the mean |XTE| of each drive of the first
--- driver and whether a wheel was over the line; and what is said of the others.
-function study.roads(settings, repeats: number, drivers)
-	local roads = {}
+-- A driver and where it drives, as sentences have it.
+local function place(settings, driver): string
+	local conditions = if type(settings.simulator) == "table" then settings.simulator.conditions else nil
+	return study.driver_name(driver) .. if conditions then ` in {conditions}` else ""
+end
+
+-- Makes the random roads that are set and drives each with a clear view, `repeats` times, with a driver. Returns those that it
+-- manages every time, each with its number, seed, angles and road, and with the mean |XTE| of each drive and whether a wheel was over
+-- the line; and the number of each other road with what ended the drive there.
+function study.roads(settings, repeats: number, driver)
+	local roads, scenarios, of = {}, {}, {}
 	for number = 1, settings.roads do
 		local seed = settings.road_seed + number - 1
 		local made = pdk.road({ seed = seed, limit = settings.limit, segment = settings.segment, attempts = settings.attempts })
 		table.insert(roads, { number = number, seed = seed, angles = made.angles, road = made.road, nominal = {}, over_line = {} })
 	end
-	local left_out, out = {}, {}
-	for place, driver in drivers do
-		local scenarios, of = {}, {}
-		for again = 1, repeats do
-			for _, road in roads do
-				table.insert(scenarios, { name = study.called("nominal", road.number, again), road = road.road, ["repeat"] = again - 1 })
-				table.insert(of, road)
-			end
-		end
-		local outcomes = study.drive(settings, scenarios, driver)
-		local broken = {}
-		for i, outcome in outcomes do
-			local number = of[i].number
-			if outcome.error then
-				table.insert(broken, outcome.error)
-			end
-			if outcome.success then
-				if place == 1 then
-					table.insert(of[i].nominal, outcome.mean_cross_track_error)
-					table.insert(of[i].over_line, outcome.measures.over_line_seconds > 0)
-				end
-			elseif not out[number] then
-				out[number] = true
-				print(`Road {number} is left out: without perturbation it ended with {outcome.cause}.`)
-				table.insert(left_out, { road = number, cause = outcome.cause })
-			end
-		end
-		-- That is not the driver's doing.
-		if #broken == #outcomes and #broken > 0 then
-			error(broken[1], 0)
+	for again = 1, repeats do
+		for _, road in roads do
+			table.insert(scenarios, { name = study.called("nominal", road.number, again), road = road.road, ["repeat"] = again - 1 })
+			table.insert(of, road)
 		end
 	end
-	local driven = {}
+	local outcomes = study.drive(settings, scenarios, driver)
+	local broken, causes = {}, {}
+	for i, outcome in outcomes do
+		local road = of[i]
+		if outcome.error then
+			table.insert(broken, outcome.error)
+		end
+		if outcome.success then
+			table.insert(road.nominal, outcome.mean_cross_track_error)
+			table.insert(road.over_line, outcome.measures.over_line_seconds > 0)
+		else
+			causes[road.number] = causes[road.number] or outcome.cause
+		end
+	end
+	-- That is not the driver's doing.
+	if #broken == #outcomes and #broken > 0 then
+		error(broken[1], 0)
+	end
+	local driven, left_out, told = {}, {}, {}
 	for _, road in roads do
-		if not out[road.number] then
+		local cause = causes[road.number]
+		if cause then
+			table.insert(left_out, { road = road.number, cause = cause })
+			table.insert(told, `{road.number} ({cause})`)
+		else
 			table.insert(driven, road)
 		end
 	end
+	if #told > 0 then
+		print(`Left out for {place(settings, driver)}, because it does not manage them without perturbation: road {table.concat(told, ", ")}`)
+	end
 	return driven, left_out
+end
+
+-- What is said where nobody managed any road, from what ended their drives, and what to do.
+function study.nothing_managed(settings, who: string, left_out): string
+	local late = true
+	for _, road in left_out do
+		late = late and road.cause == "time_out"
+	end
+	local remedy = if late then `raise duration, which is {settings.duration} s` else "set another driver, or easier roads by limit"
+	return `{who} managed no road without perturbation, so there is nothing to test on; {remedy}`
 end
 
 -- The mean of some numbers; nothing where there are none.

@@ -7,10 +7,10 @@ local study = require("@pdk/study")
 local tally = {}
 
 -- What came of one perturbation with a driver in some conditions. For each road: the share of levels that fail, in `shares`, false
--- where that is unknown; of each level the share of drives that fail, in `by_level`; and all that is known, in `filled`. Then counts,
--- times to failure, and how much more |XTE| there was at the highest level than with a clear view.
+-- where that is unknown; of each level the share of drives that fail, in `by_level`; and the drives of each searcher, in `trials`.
+-- Then counts, times to failure, and how much more |XTE| there was at the highest level than with a clear view.
 local function empty(levels: { number })
-	local entry = { filled = {}, shares = {}, by_level = {}, drives = 0, failures = 0, unsafe = 0, stopped = 0, errors = 0, times = {}, increases = {} }
+	local entry = { trials = {}, shares = {}, by_level = {}, drives = 0, failures = 0, unsafe = 0, stopped = 0, errors = 0, times = {}, increases = {} }
 	for i in levels do
 		entry.by_level[i] = {}
 	end
@@ -34,17 +34,16 @@ local function count(entry, searcher, highest: number)
 end
 
 -- Says of all levels on a road what the drives there, each searcher's in a list, tell of them.
-local function fill(entry, number: number, searchers, levels: { number })
-	local filled, failed, told = {}, 0, 0
+local function fill(entry, number: number, levels: { number })
+	local failed, told = 0, 0
 	for i, level in levels do
 		-- Of searchers that drove at other levels, each level counts as much.
 		local here, of = 0, 0
-		for _, trials in searchers do
+		for _, trials in entry.trials[number] do
 			local fails = pdk.fails_at(trials, level)
 			if fails ~= nil then
 				here += if fails then 1 else 0
 				of += 1
-				table.insert(filled, { level = level, failed = fails })
 			end
 		end
 		if of > 0 then
@@ -53,57 +52,51 @@ local function fill(entry, number: number, searchers, levels: { number })
 			told += 1
 		end
 	end
-	entry.filled[number] = filled
 	entry.shares[number] = if told > 0 then failed / told else false
 end
 
 -- What came of each of the named perturbations with a driver in some conditions, by its name, from searchers that are done. The
 -- levels are in order, and roads have numbers up to `roads`.
 function tally.results(searchers, names: { string }, levels: { number }, roads: number)
-	local by_name, trials = {}, {}
+	local by_name = {}
 	for _, name in names do
 		by_name[name] = empty(levels)
-		trials[name] = {}
+		for number = 1, roads do
+			by_name[name].trials[number] = {}
+		end
 	end
 	for _, searcher in searchers do
-		local name, number = searcher.perturbation, searcher.road.number
-		count(by_name[name], searcher, levels[#levels])
+		local entry = by_name[searcher.perturbation]
+		count(entry, searcher, levels[#levels])
 		if #searcher.trials > 0 then
-			trials[name][number] = trials[name][number] or {}
-			table.insert(trials[name][number], searcher.trials)
+			table.insert(entry.trials[searcher.road.number], searcher.trials)
 		end
 	end
 	for _, name in names do
 		for number = 1, roads do
-			by_name[name].shares[number] = false
-			if trials[name][number] then
-				fill(by_name[name], number, trials[name][number], levels)
-			end
+			fill(by_name[name], number, levels)
 		end
 	end
 	return by_name
 end
 
 -- Of a perturbation in those of the places that a test picks, for each road: the share of levels that fail, over all of these places,
--- or false; and whether each level fails in each of them. Then how many drives these were. A place holds its `results`, if any.
+-- or false; and the drives of each searcher there, as `pdk.failing_level` takes them. A place holds its `results`, if any.
 function tally.pooled(places, name: string, roads: number, picks)
-	local shares, trials, drives = {}, {}, 0
+	local shares, trials = {}, {}
 	for number = 1, roads do
-		local here, filled = {}, {}
+		local here, driven = {}, {}
 		for _, place in places do
 			local result = if place.results and picks(place) then place.results[name] else nil
 			if result and result.shares[number] then
 				table.insert(here, result.shares[number])
-				table.move(result.filled[number], 1, #result.filled[number], #filled + 1, filled)
+				table.move(result.trials[number], 1, #result.trials[number], #driven + 1, driven)
 			end
 		end
 		shares[number] = (study.mean(here) or false) :: any
-		trials[number] = filled
+		trials[number] = driven
 	end
-	for _, place in places do
-		drives += if place.results and picks(place) then place.results[name].drives else 0
-	end
-	return shares, trials, drives
+	return shares, trials
 end
 
 -- The shares that are known, of some roads.

@@ -25,7 +25,7 @@ pub fn hint<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str> + Clone) -
     match known.len() {
         0 => "there are none".to_owned(),
         1 => format!("there is only {}", known[0]),
-        2..=20 => format!("there are {}", known.join(", ")),
+        2..=30 => format!("there are {}", known.join(", ")),
         _ => "`pdk list` shows what there is".to_owned(),
     }
 }

@@ -127,14 +127,16 @@ pub const GROUPS: ApiFunction = ApiFunction {
 /// `pdk.failing_level`.
 pub const FAILING_LEVEL: ApiFunction = ApiFunction {
     name: "failing_level",
-    signature: "(roads: { { Trial } }, confidence: number?) -> FailingLevel?",
-    doc: "The level at which the probability of failing reaches one half, from the drives on each road, with its interval. Nothing \
-          without drives.",
+    signature: "(roads: { { { Trial } } }, confidence: number?) -> FailingLevel?",
+    doc: "The level at which the probability of failing reaches one half, from the drives on each road: a list for each repeat. Its \
+          interval ends at levels that were driven. Nothing without drives.",
     make: |lua| {
         function(lua, "pdk.failing_level", |_, [roads, confidence]| {
             let place = "pdk.failing_level";
-            let roads =
-                list(place, &roads)?.iter().map(|road| trials(place, road)).collect::<Result<Vec<_>>>()?;
+            let repeats = |road| -> Result<Vec<Vec<Trial>>> {
+                list(place, road)?.iter().map(|repeat| trials(place, repeat)).collect()
+            };
+            let roads = list(place, &roads)?.iter().map(repeats).collect::<Result<Vec<_>>>()?;
             Ok(json!(level::failing_level(&roads, level_of_confidence(place, &confidence)?)))
         })
     },

@@ -111,8 +111,8 @@ pub fn roads(drive: &Drive) -> Vec<String> {
     roads.into_iter().cloned().collect()
 }
 
-/// Drives by perturbation and road, as far as they have one level.
-pub type Trials<'a> = BTreeMap<(&'a str, &'a str), Vec<Trial>>;
+/// Drives by perturbation and road, as far as they have one level; those of each seed by themselves, which had the same luck.
+pub type Trials<'a> = BTreeMap<(&'a str, &'a str), BTreeMap<u64, Vec<Trial>>>;
 
 /// The trials of a drive.
 pub fn trials(drive: &Drive) -> Trials<'_> {
@@ -120,22 +120,27 @@ pub fn trials(drive: &Drive) -> Trials<'_> {
     for scenario in drive.scenarios.iter().filter(|scenario| scenario.verdict != Verdict::Void) {
         if let (Some(perturbation), Some(level)) = (&scenario.perturbation, scenario.level) {
             let trial = Trial { level, failed: scenario.verdict.failed() };
-            trials.entry((perturbation, &scenario.road_id)).or_default().push(trial);
+            let on_road = trials.entry((perturbation, &scenario.road_id)).or_default();
+            on_road.entry(scenario.seed).or_default().push(trial);
         }
     }
     trials
 }
 
-/// Those of a perturbation on each of these roads.
-pub fn on_roads(trials: &Trials<'_>, perturbation: &str, roads: &[String]) -> Vec<Vec<Trial>> {
-    roads.iter().map(|road| trials.get(&(perturbation, road.as_str())).cloned().unwrap_or_default()).collect()
+/// Those of a perturbation on each of these roads, with each of their seeds.
+pub fn on_roads(trials: &Trials<'_>, perturbation: &str, roads: &[String]) -> Vec<Vec<Vec<Trial>>> {
+    let on_road = |road: &String| {
+        let of_seeds = trials.get(&(perturbation, road.as_str())).into_iter().flat_map(BTreeMap::values);
+        of_seeds.cloned().collect()
+    };
+    roads.iter().map(on_road).collect()
 }
 
 /// What two drivers differ by, over the roads that both drove.
 fn against(drive: &Drive, other: &Drive, order: &[(String, Tally)]) -> Vec<(String, Difference)> {
     let both = [drive.scenarios.as_slice(), other.scenarios.as_slice()];
     // Levels that one of them was not driven at may be known by those that it was.
-    let levels = levels(both.into_iter().flatten());
+    let levels = levels(both);
     let tallies = |drive: &Drive| {
         let mut tallies: BTreeMap<String, Tally> = BTreeMap::new();
         for scenario in &drive.scenarios {
@@ -225,6 +230,29 @@ mod tests {
         );
         assert_eq!(found.rows[1].difference.value, "0 %");
         assert_eq!((found.roads, found.highest.as_str(), found.others.len()), (10, "4", 0));
+    }
+
+    #[test]
+    fn a_bisection_that_only_went_on_where_drives_failed_says_no_more_than_all_levels() {
+        // Of three repeats on each road one fails, from level 2 on.
+        let mut scenarios = Vec::new();
+        for (road, seed) in (0..8).flat_map(|road| (0..3).map(move |seed| (road, seed))) {
+            let levels: &[f64] = if seed == 0 { &[4.0, 2.0, 1.0] } else { &[4.0] };
+            scenarios.extend(levels.iter().map(|&level| Scenario {
+                perturbation: Some("fog".into()),
+                level: Some(level),
+                road_id: road.to_string(),
+                seed,
+                verdict: if seed == 0 && level >= 2.0 { Verdict::Unsafe } else { Verdict::Passed },
+                time: 5.0,
+                ..Scenario::default()
+            }));
+        }
+        let drive = Drive { simulator: "lane".into(), driver: "a".into(), scenarios, ..Drive::default() };
+        let found = conclusions(&drive, std::slice::from_ref(&drive));
+        let row = &found.rows[0];
+        assert_eq!((row.failed.as_str(), row.share.as_str()), ("16 of 40", "20 %"));
+        assert_eq!((row.fails_at.as_str(), row.level_interval.as_str()), ("never", "above 4 to above 4"));
     }
 
     #[test]

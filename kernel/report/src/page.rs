@@ -170,7 +170,7 @@ mod tests {
             mean_error: 0.25,
             max_error: 1.5,
             road_id: nasty(),
-            repeat: 0,
+            seed: 0,
             measures: Some(Measures { over_line_seconds: 0.75, ..Measures::default() }),
             path: vec![Place::default(), Place { x: 1.0, z: 20.0, error: 1.0 }],
             unreadable: nasty(),

@@ -1,11 +1,11 @@
 //! How the scenarios of a group went.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
+use pdk_model::level::MAX_INTENSITY;
 use pdk_statistics::level::{Trial, failing_share};
 use pdk_statistics::{CONFIDENCE, Estimate, mean, share};
 
-use crate::heat::MOST_COLUMNS;
 use crate::text::{count, number, percent};
 use crate::view::{Scenario, Verdict};
 
@@ -31,7 +31,7 @@ pub struct Tally {
 /// What is known of a road.
 #[derive(Debug, Clone, Default)]
 struct Road {
-    /// Drives under the same luck, by the drive they belong to and their repeat.
+    /// Drives under the same luck, by the drive they belong to and their seed.
     trials: BTreeMap<(usize, u64), Vec<Trial>>,
     /// Whether drives failed that have no level.
     others: Vec<bool>,
@@ -62,7 +62,7 @@ impl Tally {
         let road = self.roads.entry(scenario.road_id.clone()).or_default();
         match scenario.level {
             Some(level) => {
-                road.trials.entry((drive, scenario.repeat)).or_default().push(Trial { level, failed });
+                road.trials.entry((drive, scenario.seed)).or_default().push(Trial { level, failed });
             }
             None => road.others.push(failed),
         }
@@ -159,24 +159,35 @@ impl Road {
     }
 }
 
-/// The levels that scenarios have, in their order; none where they are too many to have been chosen.
-pub fn levels<'a>(scenarios: impl IntoIterator<Item = &'a Scenario>) -> Vec<f64> {
-    let mut levels: Vec<f64> = Vec::new();
-    for level in scenarios.into_iter().filter_map(|scenario| scenario.level) {
-        if let Err(place) = levels.binary_search_by(|other| other.total_cmp(&level)) {
-            levels.insert(place, level);
-        }
-        if levels.len() > MOST_COLUMNS {
-            return Vec::new();
+/// The levels over which the share of a road is taken in these drives; none where that of its drives says as much.
+///
+/// Where levels were chosen by what failed, some roads were not driven at levels at which others were. Then these are the whole ones.
+pub fn levels<'a>(drives: impl IntoIterator<Item = &'a [Scenario]>) -> Vec<f64> {
+    let mut of_perturbations: BTreeMap<&str, BTreeMap<_, BTreeSet<u64>>> = BTreeMap::new();
+    for (drive, scenarios) in drives.into_iter().enumerate() {
+        for scenario in scenarios {
+            if let (Some(perturbation), Some(level)) = (&scenario.perturbation, scenario.level) {
+                let searches = of_perturbations.entry(perturbation).or_default();
+                let search = searches.entry((drive, &scenario.road_id, scenario.seed)).or_default();
+                search.insert(level.to_bits());
+            }
         }
     }
-    levels
+    let differ = |searches: &BTreeMap<_, BTreeSet<u64>>| {
+        let mut levels = searches.values();
+        let first = levels.next();
+        levels.any(|levels| Some(levels) != first)
+    };
+    match of_perturbations.values().any(differ) {
+        true => (0..=MAX_INTENSITY as u32).map(f64::from).collect(),
+        false => Vec::new(),
+    }
 }
 
 /// The perturbations of some drives, the worst first: by the share that fails, then by how soon they failed, then by the mean
 /// cross-track error.
 pub fn by_severity<'a>(drives: impl IntoIterator<Item = &'a [Scenario]> + Clone) -> Vec<(String, Tally)> {
-    let levels = levels(drives.clone().into_iter().flatten());
+    let levels = levels(drives.clone());
     let mut tallies: BTreeMap<&str, Tally> = BTreeMap::new();
     for (drive, scenarios) in drives.into_iter().enumerate() {
         for scenario in scenarios {
@@ -244,8 +255,9 @@ mod tests {
         let chosen = [at("a", 4.0), at("a", 2.0), at("a", 1.0), at("b", 4.0)];
         let all: Vec<Scenario> =
             ["a", "b"].iter().flat_map(|road| (0..5).map(move |level| at(road, f64::from(level)))).collect();
-        let levels = levels(&all);
+        let levels = levels([&chosen[..]]);
         assert_eq!(levels, [0.0, 1.0, 2.0, 3.0, 4.0]);
+        assert!(super::levels([&all[..]]).is_empty());
         let roads = ["a", "b"].map(str::to_owned);
         for scenarios in [&chosen[..], &all] {
             let mut tally = Tally::over(&levels);

@@ -104,8 +104,8 @@ pub struct Scenario {
     pub road: Option<usize>,
     /// What tells its road from the others of the run.
     pub road_id: String,
-    /// Which drive of the same it is.
-    pub repeat: u64,
+    /// The seed of all that was drawn: on the same road, drives with the same one had the same luck.
+    pub seed: u64,
     /// What it says about the driver.
     pub verdict: Verdict,
     /// How it ended, such as "lane departure".

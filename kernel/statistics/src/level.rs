@@ -19,9 +19,9 @@ pub struct Trial {
 pub struct FailingLevel {
     /// The level; the lowest that was driven where it is reached there already, none where it is not reached up to the highest.
     pub level: Option<f64>,
-    /// The lower end of its interval, in the same terms.
+    /// The lower end of its interval, a level that was driven; none where it lies above the highest.
     pub low: Option<f64>,
-    /// The upper end; none where it may lie above the highest level.
+    /// The upper end, in the same terms; none where it may lie above the highest level.
     pub high: Option<f64>,
     /// How many drives it was found with.
     pub drives: usize,
@@ -50,33 +50,81 @@ pub fn failing_share(trials: &[Trial], levels: &[f64]) -> Option<f64> {
     (count > 0).then(|| known().filter(|fails| *fails).count() as f64 / count as f64)
 }
 
-/// Finds the level from the drives on each road; none where there are no drives. Roads without drives do not count.
+/// Finds the level from the drives on each road: a list for each luck that was tried there, such as each repeat. None where there are
+/// no drives; roads without drives do not count.
 ///
-/// At each level that was driven anywhere, the share that failed is averaged over roads. On a road that was not driven there, it is
-/// interpolated between the levels that were; beyond them it stays. The means are made to rise (isotonic regression), and the level
-/// is where they cross one half, linear between two levels. The interval comes from resampled roads. Where there are so few that half
-/// of all roads could be of a kind that was not met (up to three), it reaches over all levels.
-pub fn failing_level(roads: &[Vec<Trial>], confidence: f64) -> Option<FailingLevel> {
-    let mut levels: Vec<f64> = roads.iter().flatten().map(|trial| trial.level).collect();
+/// Drives under different luck may not be thrown together: where levels were chosen by what failed, as bisection does, low levels
+/// were only driven under the luck that failed at high ones. So each list by itself says what happens at each level that was driven
+/// anywhere: what [a drive says](fails_at), and between two drives that say nothing a share between theirs. These are averaged over
+/// a road's lists, and then over roads. The means are made to rise (isotonic regression), and the level is where they cross one
+/// half, linear between two levels.
+///
+/// The interval comes from resampled roads, and its ends are levels that were driven. How failing goes on between two of these is
+/// not known: so of each resample the lower end is the last level below the first at which half of the roads may fail, and the
+/// upper end the first from which on at least half of them do fail. Where there are so few roads that half of all could be of a kind
+/// that was not met (up to three), it reaches over all levels.
+pub fn failing_level(roads: &[Vec<Vec<Trial>>], confidence: f64) -> Option<FailingLevel> {
+    let mut levels: Vec<f64> = roads.iter().flatten().flatten().map(|trial| trial.level).collect();
     let drives = levels.len();
     levels.sort_by(f64::total_cmp);
     levels.dedup();
     let (lowest, highest) = (*levels.first()?, *levels.last()?);
-    let shares: Vec<Vec<f64>> =
-        roads.iter().filter(|trials| !trials.is_empty()).map(|trials| shares(trials, &levels)).collect();
-    let all: Vec<usize> = (0..shares.len()).collect();
-    let crossing = |chosen: &[usize]| crossing(&levels, &shares, chosen);
-    let (low, high) = match largest_unseen(shares.len() as u64, confidence) >= 0.5 {
+    let roads: Vec<Vec<Shares>> = roads.iter().filter_map(|lists| over_lists(lists, &levels)).collect();
+    let all: Vec<usize> = (0..roads.len()).collect();
+    let (low, high) = match largest_unseen(roads.len() as u64, confidence) >= 0.5 {
         true => (lowest, f64::INFINITY),
-        false => bootstrap::interval(&bootstrap::resampled(shares.len(), crossing), shares.len(), confidence),
+        false => {
+            let end = |of: fn(&[f64], &[Shares]) -> f64| {
+                bootstrap::resampled(roads.len(), |chosen| of(&levels, &over_roads(&roads, chosen)))
+            };
+            let (low, _) = bootstrap::interval(&end(earliest), roads.len(), confidence);
+            let (_, high) = bootstrap::interval(&end(latest), roads.len(), confidence);
+            (low, high)
+        }
     };
     let reached = |level: f64| (level <= highest).then_some(level);
-    let level = reached(crossing(&all));
+    let level = reached(crossing(&levels, &over_roads(&roads, &all)));
     Some(FailingLevel { level, low: reached(low), high: reached(high), drives })
 }
 
-/// The share of a road's drives that failed, at each of the levels.
-fn shares(trials: &[Trial], levels: &[f64]) -> Vec<f64> {
+/// The share that fails at a level.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Shares {
+    /// The likely one.
+    likely: f64,
+    /// That where whatever no drive says is survived, and where it fails.
+    least: f64,
+    most: f64,
+}
+
+impl Shares {
+    /// The mean of some.
+    fn mean<'a>(shares: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let count = shares.clone().count() as f64;
+        let mean = |of: fn(&Self) -> f64| shares.clone().map(of).sum::<f64>() / count;
+        Self {
+            likely: mean(|shares| shares.likely),
+            least: mean(|shares| shares.least),
+            most: mean(|shares| shares.most),
+        }
+    }
+}
+
+/// The shares of a road at each of the levels, from its lists of drives; none where there are no drives.
+fn over_lists(lists: &[Vec<Trial>], levels: &[f64]) -> Option<Vec<Shares>> {
+    let lists: Vec<Vec<Shares>> =
+        lists.iter().filter(|list| !list.is_empty()).map(|list| shares(list, levels)).collect();
+    (!lists.is_empty())
+        .then(|| (0..levels.len()).map(|place| Shares::mean(lists.iter().map(|list| &list[place]))).collect())
+}
+
+/// The means over the chosen roads.
+fn over_roads(roads: &[Vec<Shares>], chosen: &[usize]) -> Vec<Shares> {
+    (0..roads[0].len()).map(|place| Shares::mean(chosen.iter().map(|road| &roads[*road][place]))).collect()
+}
+
+/// What drives under the same luck say of each of the levels.
+fn shares(trials: &[Trial], levels: &[f64]) -> Vec<Shares> {
     let driven: Vec<(f64, f64)> = levels
         .iter()
         .filter_map(|level| {
@@ -85,7 +133,7 @@ fn shares(trials: &[Trial], levels: &[f64]) -> Vec<f64> {
             (of > 0).then(|| (*level, failed as f64 / of as f64))
         })
         .collect();
-    let at = |level: &f64| {
+    let between = |level: &f64| {
         let above = driven.partition_point(|(other, _)| other < level);
         match (above.checked_sub(1).map(|below| driven[below]), driven.get(above).copied()) {
             (_, Some((other, share))) if other == *level => share,
@@ -94,16 +142,28 @@ fn shares(trials: &[Trial], levels: &[f64]) -> Vec<f64> {
             (None, None) => 0.0,
         }
     };
+    let at = |level: &f64| {
+        let likely = between(level);
+        if driven.iter().any(|(other, _)| other == level) {
+            return Shares { likely, least: likely, most: likely };
+        }
+        match fails_at(trials, *level) {
+            Some(fails) => {
+                Shares { likely, least: f64::from(u8::from(fails)), most: f64::from(u8::from(fails)) }
+            }
+            None => Shares { likely, least: 0.0, most: 1.0 },
+        }
+    };
     levels.iter().map(at).collect()
 }
 
-/// Where the mean over the chosen roads crosses one half; infinite where it does not.
-fn crossing(levels: &[f64], shares: &[Vec<f64>], chosen: &[usize]) -> f64 {
-    let mean =
-        |place: usize| chosen.iter().map(|road| shares[*road][place]).sum::<f64>() / chosen.len() as f64;
-    let rising = rising((0..levels.len()).map(mean));
-    // Sums of shares are not exact.
-    match rising.iter().position(|share| *share >= 0.5 - 1e-9) {
+/// One half, which sums of shares need not reach exactly.
+const HALF: f64 = 0.5 - 1e-9;
+
+/// Where the likely share crosses one half; infinite where it does not.
+fn crossing(levels: &[f64], shares: &[Shares]) -> f64 {
+    let rising = rising(shares.iter().map(|shares| shares.likely));
+    match rising.iter().position(|share| *share >= HALF) {
         None => f64::INFINITY,
         Some(0) => levels[0],
         Some(place) => {
@@ -112,6 +172,18 @@ fn crossing(levels: &[f64], shares: &[Vec<f64>], chosen: &[usize]) -> f64 {
             levels[place - 1] + (levels[place] - levels[place - 1]) * share
         }
     }
+}
+
+/// The last level below the first at which half may fail; infinite where half cannot fail at any.
+fn earliest(levels: &[f64], shares: &[Shares]) -> f64 {
+    let first = shares.iter().position(|shares| shares.most >= HALF);
+    first.map_or(f64::INFINITY, |place| levels[place.saturating_sub(1)])
+}
+
+/// The first level from which on at least half fail; infinite where there is none.
+fn latest(levels: &[f64], shares: &[Shares]) -> f64 {
+    let last = shares.iter().rposition(|shares| shares.least < HALF);
+    levels.get(last.map_or(0, |place| place + 1)).copied().unwrap_or(f64::INFINITY)
 }
 
 /// The rising numbers that are nearest to these: neighbours that fall are replaced by their mean.
@@ -200,20 +272,54 @@ mod tests {
 
     const LEVELS: [f64; 5] = [0.0, 1.0, 2.0, 3.0, 4.0];
 
+    /// The level of roads on which one luck was tried.
+    fn found(roads: &[Vec<Trial>]) -> Option<FailingLevel> {
+        failing_level(&roads.iter().map(|road| vec![road.clone()]).collect::<Vec<_>>(), 0.95)
+    }
+
+    fn ends(found: Option<FailingLevel>) -> (Option<f64>, Option<f64>, Option<f64>) {
+        found.map(|found| (found.level, found.low, found.high)).unwrap()
+    }
+
     #[test]
     fn the_level_is_where_half_of_the_roads_fail() {
-        let roads: Vec<_> =
-            [0.5, 1.5, 1.6, 2.5, 2.6, 3.5].map(|threshold| trials(threshold, &LEVELS)).to_vec();
-        let found = failing_level(&roads, 0.95).unwrap();
-        assert_eq!((found.level, found.drives), (Some(2.0), 30));
-        assert!(found.low.unwrap() < 2.0 && found.high.is_none_or(|high| high > 2.0), "{found:?}");
-        let never = failing_level(&vec![trials(9.0, &LEVELS); 10], 0.95).unwrap();
-        assert_eq!((never.level, never.low, never.high), (None, None, None));
-        let always = failing_level(&vec![trials(0.0, &LEVELS); 10], 0.95).unwrap();
-        assert_eq!((always.level, always.low, always.high), (Some(0.0), Some(0.0), Some(0.0)));
-        assert_eq!(failing_level(&[vec![]], 0.95), None);
-        let one = failing_level(&[trials(2.5, &LEVELS)], 0.95).unwrap();
-        assert_eq!((one.level, one.low, one.high), (Some(2.5), Some(0.0), None));
+        let roads = [0.5, 1.5, 1.6, 2.5, 2.6, 3.5].map(|threshold| trials(threshold, &LEVELS));
+        let half = found(&roads).unwrap();
+        assert_eq!((half.level, half.drives), (Some(2.0), 30));
+        assert!(half.low.unwrap() < 2.0 && half.high.is_none_or(|high| high > 2.0), "{half:?}");
+        assert_eq!(ends(found(&vec![trials(9.0, &LEVELS); 10])), (None, None, None));
+        assert_eq!(ends(found(&vec![trials(0.0, &LEVELS); 10])), (Some(0.0), Some(0.0), Some(0.0)));
+        assert_eq!((found(&[vec![]]), failing_level(&[vec![]], 0.95)), (None, None));
+        assert_eq!(ends(found(&[trials(2.5, &LEVELS)])), (Some(2.5), Some(0.0), None));
+    }
+
+    #[test]
+    fn between_two_levels_nothing_is_known_however_many_roads_agree() {
+        for threshold in [1.01, 1.5, 2.0] {
+            let found = found(&vec![trials(threshold, &LEVELS); 20]);
+            assert_eq!(ends(found), (Some(1.5), Some(1.0), Some(2.0)));
+        }
+        // Nor what a level means that more survive than one below it.
+        let odd: Vec<Trial> = LEVELS.iter().map(|&level| Trial { level, failed: level != 1.0 }).collect();
+        assert_eq!(ends(found(&vec![odd; 20])), (Some(0.0), Some(0.0), Some(2.0)));
+    }
+
+    #[test]
+    fn each_luck_counts_as_much_however_many_levels_were_driven_under_it() {
+        let bisected = |threshold: f64| {
+            let (mut road, bisection) =
+                (Vec::new(), Bisection { lowest: 0.0, highest: 4.0, resolution: 0.25 });
+            while let Some(level) = bisection.next(&road) {
+                road.push(Trial { level, failed: level >= threshold });
+            }
+            road
+        };
+        // One of three fails, from level 1 on: never half.
+        let third = vec![vec![bisected(1.0), bisected(9.0), bisected(9.0)]; 8];
+        assert_eq!(ends(failing_level(&third, 0.95)), (None, None, None));
+        // Two of three do.
+        let two_thirds = vec![vec![bisected(1.1), bisected(9.0), bisected(1.1)]; 8];
+        assert_eq!(ends(failing_level(&two_thirds, 0.95)), (Some(1.1875), Some(1.0), Some(1.25)));
     }
 
     #[test]
@@ -228,7 +334,10 @@ mod tests {
     #[test]
     fn levels_that_a_road_was_not_driven_at_lie_between_those_that_it_was() {
         let road = [Trial { level: 1.0, failed: false }, Trial { level: 3.0, failed: true }];
-        assert_eq!(shares(&road, &LEVELS), [0.0, 0.0, 0.5, 1.0, 1.0]);
+        let of = |pick: fn(&Shares) -> f64| shares(&road, &LEVELS).iter().map(pick).collect::<Vec<_>>();
+        assert_eq!(of(|shares| shares.likely), [0.0, 0.0, 0.5, 1.0, 1.0]);
+        assert_eq!(of(|shares| shares.least), [0.0, 0.0, 0.0, 1.0, 1.0]);
+        assert_eq!(of(|shares| shares.most), [0.0, 0.0, 1.0, 1.0, 1.0]);
     }
 
     #[test]
@@ -241,7 +350,7 @@ mod tests {
                 assert!(road.len() < 20);
             }
             assert_eq!(road.len(), expected, "{threshold}: {road:?}");
-            let found = failing_level(&[road], 0.95).unwrap().level;
+            let found = found(&[road]).unwrap().level;
             match (0.0..=4.0).contains(&threshold) {
                 true => assert!((found.unwrap() - threshold).abs() <= 0.25, "{threshold}: {found:?}"),
                 false => assert_eq!(found, None),

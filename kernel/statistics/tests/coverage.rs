@@ -46,6 +46,8 @@ const WORLDS: [World; 4] = [
     World { spread: 1.5, luck: 0.2, middle: 2.6 },
     World { spread: 0.3, luck: 0.6, middle: 2.1 },
 ];
+/// Roads that hardly differ, as for a perturbation that draws nothing.
+const ALIKE: World = World { spread: 0.02, luck: 0.01, middle: 1.2 };
 const LEVELS: [f64; 5] = [0.0, 1.0, 2.0, 3.0, 4.0];
 
 /// How often the interval of a made-up study covers the truth.
@@ -143,25 +145,48 @@ fn differences(studies: u32, world: World, better: f64, roads: usize) -> f64 {
     })
 }
 
-/// The failing level, from all levels or from a bisection on each road. The truth is where the share over all roads crosses one
-/// half, which is the middle: roads and luck are symmetric about it.
-fn levels(studies: u32, world: World, roads: usize, bisection: Option<Bisection>) -> f64 {
+/// How the failing level is looked for.
+#[derive(Clone, Copy)]
+struct Plan {
+    roads: usize,
+    repeats: usize,
+    /// All levels where there is none.
+    bisection: Option<Bisection>,
+    /// Whether the luck of a repeat is the same at all levels, so that it fails from one of them on, or another at each.
+    same_luck: bool,
+}
+
+const PLAN: Plan = Plan { roads: 10, repeats: 1, bisection: Some(FINE), same_luck: false };
+
+/// The failing level. The truth is where the share over all roads crosses one half, which is the middle: roads and luck are
+/// symmetric about it.
+fn levels(studies: u32, world: World, plan: Plan) -> f64 {
+    let Plan { roads, repeats, bisection, same_luck } = plan;
     let how = if bisection.is_some() { "bisection" } else { "5 levels" };
-    let name =
-        format!("{roads:2} roads, failing level by {how}, spread {}, luck {}", world.spread, world.luck);
+    let each = if same_luck { "a repeat" } else { "a drive" };
+    let World { spread, luck, middle } = world;
+    let name = format!(
+        "{roads:2} roads x {repeats} repeats, level {middle} by {how}, spread {spread}, luck {luck} of {each}"
+    );
     let (mut drives, mut width) = (0, 0.0);
     let found = coverage(studies, &name, |random| {
-        let trials: Vec<Vec<Trial>> = (0..roads)
+        let repeat = |road: f64, random: &mut Random| {
+            let of_repeat = random.unit();
+            let mut drive = |level: f64| {
+                let luck = if same_luck { of_repeat } else { random.unit() };
+                Trial { level, failed: luck < world.fails(road, level) }
+            };
+            let Some(bisection) = bisection else { return LEVELS.into_iter().map(drive).collect() };
+            let mut trials = Vec::new();
+            while let Some(level) = bisection.next(&trials) {
+                trials.push(drive(level));
+            }
+            trials
+        };
+        let trials: Vec<Vec<Vec<Trial>>> = (0..roads)
             .map(|_| {
                 let road = world.road(random);
-                let mut drive =
-                    |level: f64| Trial { level, failed: random.unit() < world.fails(road, level) };
-                let Some(bisection) = bisection else { return LEVELS.into_iter().map(drive).collect() };
-                let mut trials = Vec::new();
-                while let Some(level) = bisection.next(&trials) {
-                    trials.push(drive(level));
-                }
-                trials
+                (0..repeats).map(|_| repeat(road, random)).collect()
             })
             .collect();
         let found = failing_level(&trials, CONFIDENCE).expect("there are roads");
@@ -175,6 +200,7 @@ fn levels(studies: u32, world: World, roads: usize, bisection: Option<Bisection>
     found
 }
 
+const COARSE: Bisection = Bisection { lowest: 0.0, highest: 4.0, resolution: 1.0 };
 const FINE: Bisection = Bisection { lowest: 0.0, highest: 4.0, resolution: 0.25 };
 
 /// 95 % within sampling error of so many studies: two points, and four standard errors.
@@ -192,9 +218,20 @@ fn intervals_cover_as_often_as_they_promise() {
     found.push(over_levels(1500, WORLDS[0], 10, 1));
     found.push(over_levels(1500, WORLDS[1], 10, 3));
     found.push(differences(1500, WORLDS[1], 0.7, 10));
-    found.push(levels(600, WORLDS[0], 20, None));
-    found.push(levels(600, WORLDS[0], 20, Some(FINE)));
     assert!(found.iter().all(|coverage| promised(*coverage)), "{found:?}");
+}
+
+/// Intervals of failing levels end at levels that were driven, so they cover more often.
+#[test]
+fn intervals_of_failing_levels_cover_at_least_as_often() {
+    let mut found = Vec::new();
+    for world in [WORLDS[0], WORLDS[1], ALIKE] {
+        for bisection in [None, Some(FINE)] {
+            found.push(levels(400, world, Plan { bisection, ..PLAN }));
+            found.push(levels(200, world, Plan { bisection, repeats: 3, same_luck: true, ..PLAN }));
+        }
+    }
+    assert!(found.iter().all(|coverage| *coverage >= 0.93), "{found:?}");
 }
 
 #[test]
@@ -216,8 +253,8 @@ fn figures() {
     for roads in [5, 10, 20, 40] {
         shares(200_000, roads);
     }
-    for roads in [5, 10, 20] {
-        for world in WORLDS {
+    for roads in [5, 6, 8, 10, 20] {
+        for world in WORLDS.into_iter().chain([ALIKE]) {
             for repeats in [2, 3, 5] {
                 repeated(studies, world, 1.0, roads, repeats);
             }
@@ -226,8 +263,10 @@ fn figures() {
             }
             differences(studies, world, 0.7, roads);
             differences(studies, world, 0.0, roads);
-            levels(studies / 4, world, roads, None);
-            levels(studies / 4, world, roads, Some(FINE));
+            for bisection in [None, Some(COARSE), Some(FINE)] {
+                levels(studies / 4, world, Plan { roads, bisection, ..PLAN });
+                levels(studies / 4, world, Plan { roads, bisection, repeats: 3, same_luck: true });
+            }
         }
     }
 }

@@ -47,7 +47,7 @@ pub fn with_motion(description: Description, ends: [&str; 3]) -> Description {
              it starts again",
         ))
         .parameter(
-            Parameter::number("rate", 0.0, "frames of the clip per second of simulation time; 0: the clip's own")
+            Parameter::number("rate", 0.0, "frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of it where the clip follows that")
                 .range(0.0, 1000.0)
                 .unit("Hz"),
         )

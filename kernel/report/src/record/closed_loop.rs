@@ -42,7 +42,7 @@ fn scenario(number: u64, line: &Line, folder: &Path, clips: &ClipFolder) -> Scen
         perturbation,
         level,
         road_id: canonical(&line.scenario.road),
-        repeat: line.scenario.repeat,
+        seed: line.scenario.seed,
         verdict: outcome.cause.verdict(),
         cause: outcome.cause.text().to_owned(),
         error: outcome.error.clone().unwrap_or_default(),
