@@ -1,13 +1,15 @@
 //! The tables that pipelines write and read, as types for editors.
 
-pub mod applied;
-pub mod driving;
-pub mod evaluation;
-pub mod road;
-pub mod search;
-pub mod statistics;
+mod applied;
+mod driving;
+mod evaluation;
+mod road;
+mod search;
+mod statistics;
 
 use pdk_lua::{ApiField, ApiRecord};
+
+pub use self::road::ROAD_REQUEST;
 
 const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -> ApiField {
     ApiField { name, luau_type, doc }

@@ -5,7 +5,7 @@ use pdk_sdk::error::{Error, Result};
 use serde_json::{Value, json};
 
 use crate::fields::Fields;
-use crate::records::road::ROAD_REQUEST;
+use crate::records::ROAD_REQUEST;
 
 /// Width of a road in metres: two lanes of the published study's simulators.
 const WIDTH: f64 = 8.0;

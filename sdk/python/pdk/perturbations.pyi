@@ -199,7 +199,8 @@ def dynamic_lightning_filter(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
+        it where the clip follows that (Hz; 0 to 1000; default 0.0).
     horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
         own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     Source: A loop over a green screen, drawn by this project.
@@ -226,7 +227,8 @@ def dynamic_object_overlay(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
+        it where the clip follows that (Hz; 0 to 1000; default 0.0).
     horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
         own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     Source: A loop over a green screen, drawn by this project.
@@ -254,7 +256,8 @@ def dynamic_rain_filter(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
+        it where the clip follows that (Hz; 0 to 1000; default 0.0).
     horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
         own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     haze: the share of the distant scene that the air hides, at an opacity of 1 (0 to 1; default 0.45).
@@ -281,7 +284,8 @@ def dynamic_smoke_filter(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
+        it where the clip follows that (Hz; 0 to 1000; default 0.0).
     Source: A loop over a green screen, drawn by this project.
     """
 
@@ -307,7 +311,8 @@ def dynamic_snow_filter(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
+        it where the clip follows that (Hz; 0 to 1000; default 0.0).
     horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
         own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     haze: the share of the distant scene that the air hides, at an opacity of 1 (0 to 1; default 0.5).
@@ -337,7 +342,8 @@ def dynamic_sun_filter(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "repeat").
-    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
+        it where the clip follows that (Hz; 0 to 1000; default 0.0).
     horizon: where the horizon is in the frame, as a share of its height from the top: the clip is laid so that its
         own lies there, and enlarged as far as that takes; not with fit=stretch (0 to 1; default 0.32).
     darker: the share of the light that the camera takes away, at an opacity of 1 (0 to 1; default 0.35).
@@ -1091,7 +1097,8 @@ def overlay(
         of the frame, as published (default "cover").
     loop: cross-fade: the last half second fades into the first; ping-pong: the clip runs back to its beginning;
         repeat: it starts again (default "cross-fade").
-    rate: frames of the clip per second of simulation time; 0: the clip's own (Hz; 0 to 1000; default 0.0).
+    rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
+        it where the clip follows that (Hz; 0 to 1000; default 0.0).
     clip: video, animated or still picture, or folder of pictures; before a screen of one colour, or with an alpha
         channel; or the name of a clip of pdk's own, such as built-in:birds.
     key: colour of the screen, such as #05c142; `auto` or nothing: found in the clip.

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use pdk_core::println;
-use pdk_pipeline::records::road::ROAD_REQUEST;
+use pdk_pipeline::records::ROAD_REQUEST;
 use pdk_pipeline::road;
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::{Map, Value, json};

@@ -7,13 +7,13 @@ use pdk_lua::ApiRecord;
 
 use super::field;
 
-pub const COMPONENT: ApiRecord = ApiRecord {
+pub(super) const COMPONENT: ApiRecord = ApiRecord {
     name: "Component",
     doc: "A simulator, driver or dataset reader with parameters, which stand beside the name.",
     fields: &[field("name", "string", "Its name."), field("[string]", "any", "Its parameters.")],
 };
 
-pub const SCHEDULE: ApiRecord = ApiRecord {
+pub(super) const SCHEDULE: ApiRecord = ApiRecord {
     name: "Schedule",
     doc: "An intensity that changes over time: one of the fields. Times are seconds since the start of the scenario.",
     fields: &[
@@ -31,7 +31,7 @@ pub const SCHEDULE: ApiRecord = ApiRecord {
     ],
 };
 
-pub const REGION: ApiRecord = ApiRecord {
+pub(super) const REGION: ApiRecord = ApiRecord {
     name: "Region",
     doc: "A part of the frame: one of the fields. Coordinates are shares of the width and height, from 0 to 1.",
     fields: &[
@@ -46,7 +46,7 @@ pub const REGION: ApiRecord = ApiRecord {
     ],
 };
 
-pub const SELECTION: ApiRecord = ApiRecord {
+pub(super) const SELECTION: ApiRecord = ApiRecord {
     name: "Selection",
     doc: "Pixels that are chosen: by one of the first fields (`nearer` and `farther` go together), and how they are taken.",
     fields: &[
@@ -80,7 +80,7 @@ pub const SELECTION: ApiRecord = ApiRecord {
     ],
 };
 
-pub const ATTENTION: ApiRecord = ApiRecord {
+pub(super) const ATTENTION: ApiRecord = ApiRecord {
     name: "Attention",
     doc: "The saliency maps that a perturbation follows.",
     fields: &[
@@ -91,7 +91,7 @@ pub const ATTENTION: ApiRecord = ApiRecord {
     ],
 };
 
-pub const APPLIED: ApiRecord = ApiRecord {
+pub(super) const APPLIED: ApiRecord = ApiRecord {
     name: "AppliedPerturbation",
     doc: "A perturbation at an intensity with parameters, which stand beside the name. A text such as `\"contrast@2\"` \
           does as well.",

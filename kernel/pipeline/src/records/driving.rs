@@ -4,7 +4,7 @@ use pdk_lua::ApiRecord;
 
 use super::field;
 
-pub const FAILURE_CRITERIA: ApiRecord = ApiRecord {
+pub(super) const FAILURE_CRITERIA: ApiRecord = ApiRecord {
     name: "FailureCriteria",
     doc: "What counts as a failure, besides a collision and the time limit, which always do.",
     fields: &[
@@ -38,7 +38,7 @@ pub const FAILURE_CRITERIA: ApiRecord = ApiRecord {
     ],
 };
 
-pub const SCENARIO: ApiRecord = ApiRecord {
+pub(super) const SCENARIO: ApiRecord = ApiRecord {
     name: "Scenario",
     doc: "A road, perturbations with intensities, a seed and a duration.",
     fields: &[
@@ -90,7 +90,7 @@ pub const SCENARIO: ApiRecord = ApiRecord {
     ],
 };
 
-pub const SESSION_REQUEST: ApiRecord = ApiRecord {
+pub(super) const SESSION_REQUEST: ApiRecord = ApiRecord {
     name: "SessionRequest",
     doc: "What `pdk.session` takes: what scenarios have where they do not say it themselves.",
     fields: &[
@@ -115,7 +115,7 @@ pub const SESSION_REQUEST: ApiRecord = ApiRecord {
     ],
 };
 
-pub const DRIVE_REQUEST: ApiRecord = ApiRecord {
+pub(super) const DRIVE_REQUEST: ApiRecord = ApiRecord {
     name: "DriveRequest",
     doc: "What `pdk.drive` takes.",
     fields: &[
@@ -142,7 +142,7 @@ pub const DRIVE_REQUEST: ApiRecord = ApiRecord {
     ],
 };
 
-pub const OUTCOME: ApiRecord = ApiRecord {
+pub(super) const OUTCOME: ApiRecord = ApiRecord {
     name: "Outcome",
     doc: "What happened in a scenario.",
     fields: &[
@@ -177,7 +177,7 @@ pub const OUTCOME: ApiRecord = ApiRecord {
     ],
 };
 
-pub const MEASURES: ApiRecord = ApiRecord {
+pub(super) const MEASURES: ApiRecord = ApiRecord {
     name: "Measures",
     doc: "What is measured of a drive besides its end.",
     fields: &[

@@ -4,7 +4,7 @@ use pdk_lua::ApiRecord;
 
 use super::field;
 
-pub const EVALUATE_REQUEST: ApiRecord = ApiRecord {
+pub(super) const EVALUATE_REQUEST: ApiRecord = ApiRecord {
     name: "EvaluateRequest",
     doc: "What `pdk.evaluate` takes.",
     fields: &[
@@ -20,7 +20,7 @@ pub const EVALUATE_REQUEST: ApiRecord = ApiRecord {
     ],
 };
 
-pub const EVALUATION: ApiRecord = ApiRecord {
+pub(super) const EVALUATION: ApiRecord = ApiRecord {
     name: "Evaluation",
     doc: "What `pdk.evaluate` returns.",
     fields: &[
@@ -32,7 +32,7 @@ pub const EVALUATION: ApiRecord = ApiRecord {
     ],
 };
 
-pub const EVALUATION_ROW: ApiRecord = ApiRecord {
+pub(super) const EVALUATION_ROW: ApiRecord = ApiRecord {
     name: "EvaluationRow",
     doc: "How the driver did under one perturbation at one level. Steering and throttle are from -1 to 1.",
     fields: &[

@@ -38,7 +38,7 @@ pub const ROAD_REQUEST: ApiRecord = ApiRecord {
     ],
 };
 
-pub const ROAD: ApiRecord = ApiRecord {
+pub(super) const ROAD: ApiRecord = ApiRecord {
     name: "Road",
     doc: "What `pdk.road` returns.",
     fields: &[

@@ -4,7 +4,7 @@ use pdk_lua::ApiRecord;
 
 use super::field;
 
-pub const SEARCH_RANGE: ApiRecord = ApiRecord {
+pub(super) const SEARCH_RANGE: ApiRecord = ApiRecord {
     name: "SearchRange",
     doc: "The values that a variable of a search may take: one of the fields.",
     fields: &[
@@ -19,7 +19,7 @@ pub const SEARCH_RANGE: ApiRecord = ApiRecord {
     ],
 };
 
-pub const SEARCH_STRATEGY: ApiRecord = ApiRecord {
+pub(super) const SEARCH_STRATEGY: ApiRecord = ApiRecord {
     name: "SearchStrategy",
     doc: "A strategy of the pipeline's own.",
     fields: &[
@@ -45,7 +45,7 @@ pub const SEARCH_STRATEGY: ApiRecord = ApiRecord {
     ],
 };
 
-pub const SEARCH_JUDGEMENT: ApiRecord = ApiRecord {
+pub(super) const SEARCH_JUDGEMENT: ApiRecord = ApiRecord {
     name: "SearchJudgement",
     doc: "What is said of a candidate.",
     fields: &[
@@ -68,7 +68,7 @@ pub const SEARCH_JUDGEMENT: ApiRecord = ApiRecord {
     ],
 };
 
-pub const SEARCH_REQUEST: ApiRecord = ApiRecord {
+pub(super) const SEARCH_REQUEST: ApiRecord = ApiRecord {
     name: "SearchRequest",
     doc: "What `pdk.search` takes.",
     fields: &[
@@ -120,7 +120,7 @@ pub const SEARCH_REQUEST: ApiRecord = ApiRecord {
     ],
 };
 
-pub const SEARCH_RESULT: ApiRecord = ApiRecord {
+pub(super) const SEARCH_RESULT: ApiRecord = ApiRecord {
     name: "SearchResult",
     doc: "What `pdk.search` returns. Candidates go by their numbers, from 0.",
     fields: &[

@@ -4,7 +4,7 @@ use pdk_lua::ApiRecord;
 
 use super::field;
 
-pub const ESTIMATE: ApiRecord = ApiRecord {
+pub(super) const ESTIMATE: ApiRecord = ApiRecord {
     name: "Estimate",
     doc: "A value with its interval.",
     fields: &[
@@ -14,7 +14,7 @@ pub const ESTIMATE: ApiRecord = ApiRecord {
     ],
 };
 
-pub const PAIRED: ApiRecord = ApiRecord {
+pub(super) const PAIRED: ApiRecord = ApiRecord {
     name: "Paired",
     doc: "What two conditions on the same roads differ by.",
     fields: &[
@@ -35,7 +35,7 @@ pub const PAIRED: ApiRecord = ApiRecord {
     ],
 };
 
-pub const INDEPENDENT: ApiRecord = ApiRecord {
+pub(super) const INDEPENDENT: ApiRecord = ApiRecord {
     name: "Independent",
     doc: "What two samples differ by that have nothing to do with each other.",
     fields: &[
@@ -53,13 +53,13 @@ pub const INDEPENDENT: ApiRecord = ApiRecord {
     ],
 };
 
-pub const TRIAL: ApiRecord = ApiRecord {
+pub(super) const TRIAL: ApiRecord = ApiRecord {
     name: "Trial",
     doc: "A drive at a level.",
     fields: &[field("level", "number", "The level."), field("failed", "boolean", "Whether it failed.")],
 };
 
-pub const FAILING_LEVEL: ApiRecord = ApiRecord {
+pub(super) const FAILING_LEVEL: ApiRecord = ApiRecord {
     name: "FailingLevel",
     doc: "The level at which the probability of failing reaches one half.",
     fields: &[
@@ -69,13 +69,17 @@ pub const FAILING_LEVEL: ApiRecord = ApiRecord {
             "The level: the lowest that was driven where it is reached there already, nothing where it is not reached up to the \
              highest.",
         ),
-        field("low", "number?", "The lower end of its interval, in the same terms."),
+        field(
+            "low",
+            "number?",
+            "The lower end of its interval, a level that was driven; nothing where it lies above the highest.",
+        ),
         field("high", "number?", "The upper end; nothing where it may lie above the highest level."),
         field("drives", "number", "How many drives it was found with."),
     ],
 };
 
-pub const BISECTION: ApiRecord = ApiRecord {
+pub(super) const BISECTION: ApiRecord = ApiRecord {
     name: "Bisection",
     doc: "Levels in which the failing level is looked for.",
     fields: &[
