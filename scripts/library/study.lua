@@ -29,19 +29,19 @@ function study.checked(settings, counts: { string }): ({ string }, { number })
 	for _, name in counts do
 		local count = settings[name]
 		if count < 1 or count % 1 ~= 0 then
-			error(`{name} is {count}, but has to be a whole number of at least 1`, 0)
+			error(`{name} is {count}, but has to be a whole number of at least 1`, 2)
 		end
 	end
 	if #levels == 0 then
-		error("levels is empty; name at least one from 0 to 4", 0)
+		error("levels is empty; name at least one from 0 to 4", 2)
 	end
 	for _, level in { levels[1], levels[#levels] } do
 		if level < 0 or level > 4 then
-			error(`levels has {level}, but intensities go from 0 to 4`, 0)
+			error(`levels has {level}, but intensities go from 0 to 4`, 2)
 		end
 	end
 	if settings.confidence <= 0 or settings.confidence >= 1 then
-		error(`confidence is {settings.confidence}, but has to be between 0 and 1, such as 0.95`, 0)
+		error(`confidence is {settings.confidence}, but has to be between 0 and 1, such as 0.95`, 2)
 	end
 	return names, levels
 end

@@ -95,9 +95,47 @@ fn a_bisection_finds_the_failing_level_on_every_road() {
 fn roads_that_fail_without_perturbation_are_left_out() {
     let folder = temp();
     let out = folder.path().join("record");
-    tiny("greedy.lua", &out).set("duration", 1).set("roads", 1).fail(1, &["managed no road"]);
+    let said = ["managed no road", "raise duration, which is 1 s"];
+    let greedy = tiny("greedy.lua", &out).set("duration", 1).set("roads", 1).fail(1, &said);
+    assert!(!greedy.contains("Left out"), "{greedy}");
     let study = folder.path().join("study");
-    tiny_study(&study).set("duration", 1).set("roads", 1).fail(1, &["no road was managed"]);
+    tiny_study(&study).set("duration", 1).set("roads", 1).fail(1, &said);
+}
+
+#[test]
+fn settings_are_checked_before_anything_is_driven() {
+    let folder = temp();
+    for (setting, value, said) in [
+        ("levels", "0,5", "levels has 5, but intensities go from 0 to 4"),
+        ("repeats", "2.5", "repeats is 2.5, but has to be a whole number of at least 1"),
+        ("confidence", "95", "confidence is 95, but has to be between 0 and 1"),
+    ] {
+        for script in ["greedy.lua", "study.lua"] {
+            let out = folder.path().join(format!("{script}-{setting}"));
+            tiny(script, &out).set(setting, value).fail(1, &[said]);
+            assert!(!out.exists(), "{script} began to drive with {setting}={value}");
+        }
+    }
+}
+
+#[test]
+fn repeats_are_searched_apart() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    // In less than half of the repeats it makes the driver fail, at levels from 1 on.
+    let source = "return { doc = 'moves the frame at times', draws_per_sequence = 'whether', apply = function(image, cx) \
+                  if cx.sequence_random:unit() < 0.55 and cx.intensity >= 1 then image:translate(40, -30) end end }";
+    fs::write(folder.path().join("at_times.lua"), source).unwrap();
+    let greedy =
+        tiny("greedy.lua", &out).set("roads", 4).set("resolution", 1).arg("--plugins").arg(folder.path());
+    greedy.set("perturbations", "at_times").succeed();
+    let greedy = json_file(&out.join("greedy.json"));
+    let searches = greedy["searches"].as_array().unwrap();
+    let failed = searches.iter().filter(|search| search["drives"][0]["success"] == false);
+    assert_eq!((searches.len(), failed.count()), (12, 5));
+    // The drives below level 4 were all under the luck of those that failed there, and say nothing about the others.
+    let level = &greedy["results"][0]["failing_level"];
+    assert_eq!((level.get("level"), level["drives"].as_u64()), (None, Some(12 + 5 * 2)), "{level}");
 }
 
 #[test]
@@ -267,12 +305,13 @@ fn a_pipeline_has_the_statistics_of_the_report() {
         local never, always, roads = {}, {}, {}
         for road = 1, 10 do
             never[road], always[road] = { false }, { true, true }
-            roads[road] = {}
-            local level = pdk.next_level(roads[road], { resolution = 0.5 })
+            local trials = {}
+            local level = pdk.next_level(trials, { resolution = 0.5 })
             while level do
-                table.insert(roads[road], { level = level, failed = level > 1.6 + road / 20 })
-                level = pdk.next_level(roads[road], { resolution = 0.5 })
+                table.insert(trials, { level = level, failed = level > 1.6 + road / 20 })
+                level = pdk.next_level(trials, { resolution = 0.5 })
             end
+            roads[road] = { trials }
         end
         local ones, zeros = table.create(10, 1), table.create(10, 0)
         pdk.save("told.json", {
@@ -301,10 +340,16 @@ fn a_pipeline_has_the_statistics_of_the_report() {
     assert_eq!(told["groups"], json!([1, 2, 2]));
     let level = number(&told["level"]["level"]);
     assert!((1.5..2.2).contains(&level) && number(&told["level"]["drives"]) < 60.0, "{told}");
+    // On half of the roads it fails from 2 on, on the others from 2.5: each level between could be the one.
+    assert_eq!((&told["level"]["low"], &told["level"]["high"]), (&json!(1.5), &json!(2.5)), "{told}");
     assert_eq!((&told["noise"], &told["contrast"]), (&json!(true), &json!(false)));
     for (call, said) in [
         ("pdk.failed_share({ 1 })", "pdk.failed_share: 1 is not a list"),
         ("pdk.compare({ 0.5 }, {})", "the lists have 1 and 0 entries"),
+        (
+            "pdk.failing_level({ { { level = 1, failed = true } } })",
+            "pdk.failing_level: {\"failed\":true,\"level\":1} is not a list",
+        ),
         ("pdk.draws('contrst')", "did you mean `contrast`?"),
         ("pdk.next_level({}, { lowest = 4 })", "there is nothing to look for"),
     ] {
