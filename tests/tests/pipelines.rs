@@ -135,7 +135,7 @@ fn repeats_are_searched_apart() {
     assert_eq!((searches.len(), failed.count()), (12, 5));
     // The drives below level 4 were all under the luck of those that failed there, and say nothing about the others.
     let level = &greedy["results"][0]["failing_level"];
-    assert_eq!((level.get("level"), level["drives"].as_u64()), (None, Some(12 + 5 * 2)), "{level}");
+    assert_eq!((level.get("level"), level["drives"].as_u64()), (None, Some(12 + 5 * 3)), "{level}");
 }
 
 #[test]
