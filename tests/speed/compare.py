@@ -9,8 +9,7 @@ pdk is measured by its benchmark (tests/benches/speed.rs) and, where its wheel i
 plain OpenCV as one would write the perturbation with it, albumentations where it has the same effect, imagecorruptions beside pdk's
 suite of the same corruptions. All get the same frames of the embedded simulator, with parameters as near to pdk's as they allow;
 all times are medians of the thread's processor time, and a single time for what takes long. What a library does not have stays
-empty. The published tool is on no package index: --published names a Python file with a function perturb(name, level, image) that
-calls a copy of it and raises NotImplementedError for what that lacks, and with a text NOTE that says what was measured.
+empty. The published tool is on no package index: --published names a checkout of its repository.
 """
 
 import argparse
@@ -18,7 +17,6 @@ import ctypes
 import functools
 import importlib
 import importlib.metadata
-import importlib.util
 import itertools
 import json
 import math
@@ -313,12 +311,12 @@ def corruptions():
     return module
 
 
-def published(file):
-    """The published tool, through a file with perturb(name, level, image), and what that says of itself."""
-    spec = importlib.util.spec_from_file_location("published", file)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return lambda name, level, _: lambda f: module.perturb(name, level, f), module.NOTE
+def published(checkout):
+    """The published tool in a checkout of its repository, and what is said of how it was measured."""
+    import published as module
+
+    tool = module.Published(checkout)
+    return lambda name, level, _: lambda f: tool.perturb(name, level, f), module.NOTE
 
 
 def from_python():
@@ -573,7 +571,7 @@ def main():
     parser.add_argument("--only", type=listed, default=[], help="perturbations; all where it is left out")
     parser.add_argument("--levels", type=lambda text: [int(level) for level in text.split(",")], default=list(LEVELS))
     parser.add_argument("--sizes", type=listed, default=["320x240", "1280x720"])
-    parser.add_argument("--published", help="a Python file with perturb(name, level, image) that calls the published tool")
+    parser.add_argument("--published", help="a checkout of the published tool's repository")
     parser.add_argument("--json", help="where all figures go as JSON")
     parser.add_argument("--without-loop", action="store_true", help="leave out the loop, which is measured by the clock and needs a quiet machine")
     parser.add_argument("--only-loop", action="store_true", help="measure nothing but the loop")

@@ -1,0 +1,64 @@
+"""Calls the functions of the published tool in a checkout of its repository, for compare.py.
+
+Only the module with its perturbations is loaded, and what that imports itself; the package around it needs far more. Overlays are
+given as the tool's class prepares them: keyed and scaled to the frame once, still ones as a picture, moving ones as an endless
+iterator of pictures. The videos themselves are replaced by drawn ones, since a checkout need not have them.
+"""
+
+import importlib
+import inspect
+import itertools
+import sys
+import types
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+PACKAGE = "perturbationdrive"
+NOTE = """Of the published tool its functions are measured, without the class around them. Overlays are keyed and scaled once, as it does,
+and its videos are replaced by drawn ones of 640x480."""
+PICTURES = 20  # of a drawn video
+
+
+class Published:
+    """The perturbations of a checkout."""
+
+    def __init__(self, checkout):
+        folder = Path(checkout).resolve() / PACKAGE
+        if not (folder / "perturbationfuncs.py").is_file():
+            sys.exit(f"{checkout} is no checkout of the published tool: it has no {PACKAGE}/perturbationfuncs.py")
+        # A package of this name without its __init__.py, which imports frameworks for networks.
+        package = types.ModuleType(PACKAGE)
+        package.__path__ = [str(folder)]
+        sys.modules[PACKAGE] = package
+        self.functions = importlib.import_module(f"{PACKAGE}.perturbationfuncs")
+        self.overlays = {}
+
+    def perturb(self, name, level, image):
+        """The frame as the tool perturbs it."""
+        function = getattr(self.functions, name, None)
+        if not callable(function):
+            raise NotImplementedError(name)
+        given = [parameter for parameter in inspect.signature(function).parameters.values() if parameter.default is parameter.empty]
+        if len(given) == 2:
+            return function(level, image)
+        if len(given) != 3:
+            raise NotImplementedError(name)
+        key = (name, image.shape)
+        if key not in self.overlays:
+            pictures = drawn(image.shape)
+            self.overlays[key] = itertools.cycle(pictures) if name.startswith("dynamic") else pictures[0]
+        return function(level, image, self.overlays[key])
+
+
+def drawn(shape):
+    """Pictures with opacity, of which a fifth is covered."""
+    random = np.random.default_rng(7)
+    pictures = []
+    for _ in range(PICTURES):
+        picture = np.zeros((480, 640, 4), np.uint8)
+        for x, y in random.integers((0, 0), (640, 480), (60, 2)).tolist():
+            cv2.circle(picture, (x, y), 18, (200, 200, 200, 255), -1)
+        pictures.append(cv2.resize(picture, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST))
+    return pictures
