@@ -1,0 +1,150 @@
+//! What a page says about drives.
+
+use super::*;
+
+fn scenario(name: Option<&str>, level: f64, verdict: Verdict, time: f64) -> Scenario {
+    Scenario {
+        name: name.unwrap_or("nominal").to_owned(),
+        perturbation: name.map(str::to_owned),
+        level: name.map(|_| level),
+        verdict,
+        cause: "lane departure".into(),
+        time,
+        progress: time / 10.0,
+        mean_error: 1.0 / time,
+        ..Scenario::default()
+    }
+}
+
+fn drive() -> Drive {
+    use Verdict::{Passed, Unsafe, Void};
+    let scenarios = vec![
+        scenario(None, 0.0, Passed, 10.0),
+        scenario(Some("fog"), 1.0, Passed, 10.0),
+        scenario(Some("fog"), 2.0, Unsafe, 5.0),
+        scenario(Some("rain"), 1.0, Unsafe, 4.0),
+        scenario(Some("rain"), 1.0, Unsafe, 2.0),
+        scenario(Some("rain"), 2.0, Void, 1.0),
+    ];
+    Drive { scenarios, ..Drive::default() }
+}
+
+#[test]
+fn two_sentences_say_what_happened() {
+    let drive = drive();
+    assert_eq!(
+        verdict(std::slice::from_ref(&drive)),
+        [
+            "6 scenarios were driven, and 3 failed (60 %), but not the one without perturbation; in 1 a component \
+             failed, which says nothing about the driver.",
+            "The worst perturbation is rain: 2 of 2 failed, the first at level 1.",
+        ]
+    );
+    let good = Drive { scenarios: drive.scenarios[..2].to_vec(), ..Drive::default() };
+    assert_eq!(
+        verdict(&[good]),
+        [
+            "2 scenarios were driven, and none failed.",
+            "The largest deviation comes with fog: 0.100 m from the middle of the lane on average.",
+        ]
+    );
+    let alone = Drive { scenarios: drive.scenarios[..1].to_vec(), ..Drive::default() };
+    assert_eq!(verdict(&[alone]), ["1 scenario was driven, and none failed."]);
+}
+
+#[test]
+fn to_stop_is_told_apart() {
+    let mut drive = drive();
+    drive.scenarios[2].verdict = Verdict::Stopped;
+    assert!(
+        verdict(std::slice::from_ref(&drive))[0].contains("; in 1 of these the vehicle only stopped; in 1 a")
+    );
+    let section = section(&drive, &[], &[0.1]).unwrap();
+    let fog = section.failed.rows.iter().find(|row| row.label == "fog").unwrap();
+    assert_eq!(fog.cells[1].as_ref().unwrap().text, "stopped");
+    assert_eq!(section.scenarios[2].mark, "■");
+    drive.scenarios.truncate(3);
+    assert!(verdict(&[drive])[0].contains("no vehicle left its lane or hit anything: they stopped."));
+}
+
+#[test]
+fn the_heat_map_counts_what_says_something_about_the_driver() {
+    let section = section(&drive(), &[], &[0.1]).unwrap();
+    assert_eq!(section.failed.columns, ["1", "2"].map(|level| Some(level.to_owned())));
+    let rows = |grid: &Grid| {
+        let text = |cell: &Option<Cell>| cell.as_ref().map_or(String::new(), |cell| cell.text.clone());
+        let row = |row: &heat::Row| (row.label.clone(), row.cells.iter().map(text).collect::<Vec<_>>());
+        grid.rows.iter().map(row).collect::<Vec<_>>()
+    };
+    let expected = |name: &str, cells: [&str; 2]| (name.to_owned(), cells.map(str::to_owned).to_vec());
+    assert_eq!(rows(&section.failed), [expected("rain", ["2/2", "–"]), expected("fog", ["ok", "failed"])]);
+    assert_eq!(
+        rows(&section.error),
+        [expected("rain", ["✗ 3.00 s", "–"]), expected("fog", ["0.100", "✗ 5.00 s"])]
+    );
+    assert_eq!(section.failed.nominal.unwrap().text, "ok");
+    assert_eq!(section.error.legend.1, "0.100 m, or all failed");
+    assert_eq!(section.curves.len(), 2);
+    assert_eq!(section.scenarios.len(), 6);
+}
+
+#[test]
+fn the_heat_map_of_many_levels_has_a_column_for_each_whole_one() {
+    use Verdict::{Passed, Unsafe};
+    let at = |place: u32| {
+        let verdict = if place < 30 { Passed } else { Unsafe };
+        scenario(Some("fog"), f64::from(place) / 10.0, verdict, 10.0)
+    };
+    let drive = Drive { scenarios: (0..=40).map(at).collect(), ..Drive::default() };
+    let grid = section(&drive, &[], &[0.1]).unwrap().failed;
+    let columns: Vec<&str> = grid.columns.iter().flatten().map(String::as_str).collect();
+    assert_eq!(columns, ["0 to below 1", "1 to below 2", "2 to below 3", "3 to below 4", "4"]);
+    let cells: Vec<&str> = grid.rows[0].cells.iter().flatten().map(|cell| cell.text.as_str()).collect();
+    assert_eq!(cells, ["0/10", "0/10", "0/10", "10/10", "failed"]);
+}
+
+#[test]
+fn what_is_not_in_the_pictures_is_told() {
+    let mut drive = drive();
+    let pictures = 1;
+    assert_eq!(
+        road_note(&drive, 0),
+        "The simulator does not tell its roads. Of 1 scenario, in which a component failed, there is nothing to draw."
+    );
+    drive.roads.push(vec![[0.0, 0.0], [0.0, 50.0]]);
+    drive.scenarios.iter_mut().for_each(|scenario| scenario.road = Some(0));
+    assert_eq!(road_note(&drive, pictures), "");
+    for scenario in &mut drive.scenarios[..2] {
+        (scenario.road, scenario.unreadable) = (None, "the trace is missing".to_owned());
+    }
+    let unreadable = "2 scenarios are shown without a path, because the trace cannot be read: the table of scenarios says why.";
+    assert_eq!(road_note(&drive, pictures), unreadable);
+    assert_eq!(section(&drive, &[], &[0.1]).unwrap().scenarios[1].unreadable, "the trace is missing");
+    drive.scenarios[2].road = None;
+    let unknown = "Of 1 scenario the simulator did not tell the road.";
+    assert_eq!(road_note(&drive, pictures), format!("{unknown} {unreadable}"));
+    let many = "These are the 24 roads with the most failures; 6 more are in the table.";
+    assert_eq!(road_note(&drive, 30), format!("{many} {unknown} {unreadable}"));
+}
+
+#[test]
+fn survival_falls_with_every_failure() {
+    let drive = drive();
+    let group: Vec<&Scenario> = drive.scenarios[1..5].iter().collect();
+    let points = survival(&group, 10.0);
+    let expected =
+        [(0.0, 1.0), (2.0, 1.0), (2.0, 0.75), (4.0, 0.75), (4.0, 0.5), (5.0, 0.5), (5.0, 0.25), (10.0, 0.25)];
+    assert_eq!(points, expected);
+}
+
+#[test]
+fn every_perturbation_shows_a_failure_before_any_shows_two() {
+    assert_eq!(worst_failures(&drive(), 6), [4, 2, 3]);
+    assert_eq!(worst_failures(&drive(), 2), [4, 2]);
+}
+
+#[test]
+fn classes_are_named_by_their_edges() {
+    let texts: Vec<_> = legend(&[0.5, 1.0, 1.5, 2.0]).into_iter().map(|class| class.text).collect();
+    assert_eq!(texts, ["up to 0.5 m", "to 1 m", "to 1.5 m", "to 2 m", "over 2 m"]);
+}
