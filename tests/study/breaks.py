@@ -1,4 +1,5 @@
-"""Writes the tables of docs/breaks.md and scripts/ranking.json from the record of a study, and prints what its text says of it.
+"""Writes what follows from the record of a study: the tables of docs/breaks.md, scripts/ranking.json, and from that the order of the
+perturbations in scripts/search.lua; and prints what the text of docs/breaks.md says of it.
 
     pdk run study --out record
     python -m venv venv && venv/bin/pip install -r tests/study/requirements.txt
@@ -12,8 +13,10 @@ by pdk itself.
 import argparse
 import io
 import json
+import re
 import subprocess
 import tempfile
+import textwrap
 from collections import Counter, defaultdict
 from pathlib import Path
 
@@ -26,6 +29,8 @@ from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs/breaks.md"
+SEARCH = ROOT / "scripts/search.lua"
+LINE = 124  # columns of a line of Lua, of which a tab takes four
 HIGHEST = 4
 
 
@@ -73,6 +78,17 @@ def level_table(ranking):
         shares = [percent(level["failed_share"]) for level in of["by_level"]]
         lines.append(row([of["conditions"], f"`{of['driver']}`", *shares, percent(of["between"])]))
     return "\n".join(lines) + "\n"
+
+
+def in_order(script, ranking):
+    """The script of the search with its perturbations from the weakest to the strongest."""
+    head, rest = script.split("\tperturbations = {\n")
+    listed, rest = rest.split("\n\t},\n", 1)
+    listed = set(re.findall(r'"(\w+)"', listed))
+    names = [f'"{entry["perturbation"]}",' for entry in reversed(ranking["ranking"]) if entry["perturbation"] in listed]
+    assert len(names) == len(listed), listed
+    lines = textwrap.wrap(" ".join(names), LINE - 8)
+    return head + "\tperturbations = {\n" + "\n".join(f"\t\t{line}" for line in lines) + "\n\t},\n" + rest
 
 
 def row(cells):
@@ -183,7 +199,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("record", type=Path, help="the folder of the record of a study")
     parser.add_argument("--pdk", default="pdk", help="the program that perturbs frames")
-    parser.add_argument("--write", action="store_true", help="write docs/breaks.md and scripts/ranking.json")
+    parser.add_argument("--write", action="store_true", help="write the files")
     options = parser.parse_args()
     text = (options.record / "ranking.json").read_text()
     ranking = json.loads(text)
@@ -202,6 +218,7 @@ def main():
             page = between(page, what, table)
         PAGE.write_text(page)
         (ROOT / "scripts/ranking.json").write_text(text)
+        SEARCH.write_text(in_order(SEARCH.read_text(), ranking))
 
 
 if __name__ == "__main__":
