@@ -74,21 +74,27 @@ pub fn failing_level(roads: &[Vec<Vec<Trial>>], confidence: f64) -> Option<Faili
     let (low, high) = match largest_unseen(roads.len() as u64, confidence) >= 0.5 {
         true => (lowest, f64::INFINITY),
         false => {
-            let end = |of: fn(&[f64], &[Shares]) -> f64| {
-                bootstrap::resampled(roads.len(), |chosen| of(&levels, &over_roads(&roads, chosen)))
-            };
-            let (low, _) = bootstrap::interval(&end(earliest), roads.len(), confidence);
-            let (_, high) = bootstrap::interval(&end(latest), roads.len(), confidence);
+            let (mut resample, mut latest_of_each) = (vec![Shares::default(); levels.len()], Vec::new());
+            let earliest_of_each = bootstrap::resampled(roads.len(), |chosen| {
+                over_roads(&roads, chosen, &mut resample);
+                latest_of_each.push(latest(&levels, &resample));
+                earliest(&levels, &resample)
+            });
+            latest_of_each.sort_by(f64::total_cmp);
+            let (low, _) = bootstrap::interval(&earliest_of_each, roads.len(), confidence);
+            let (_, high) = bootstrap::interval(&latest_of_each, roads.len(), confidence);
             (low, high)
         }
     };
     let reached = |level: f64| (level <= highest).then_some(level);
-    let level = reached(crossing(&levels, &over_roads(&roads, &all)));
+    let mut means = vec![Shares::default(); levels.len()];
+    over_roads(&roads, &all, &mut means);
+    let level = reached(crossing(&levels, &means));
     Some(FailingLevel { level, low: reached(low), high: reached(high), drives })
 }
 
 /// The share that fails at a level.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Shares {
     /// The likely one.
     likely: f64,
@@ -97,16 +103,20 @@ struct Shares {
     most: f64,
 }
 
-impl Shares {
-    /// The mean of some.
-    fn mean<'a>(shares: impl Iterator<Item = &'a Self> + Clone) -> Self {
-        let count = shares.clone().count() as f64;
-        let mean = |of: fn(&Self) -> f64| shares.clone().map(of).sum::<f64>() / count;
-        Self {
-            likely: mean(|shares| shares.likely),
-            least: mean(|shares| shares.least),
-            most: mean(|shares| shares.most),
+/// The means of rows of shares, of which each has one for each level.
+fn mean<'a>(rows: impl Iterator<Item = &'a Vec<Shares>>, into: &mut [Shares]) {
+    into.fill(Shares::default());
+    let mut count = 0.0;
+    for row in rows {
+        count += 1.0;
+        for (sum, shares) in into.iter_mut().zip(row) {
+            sum.likely += shares.likely;
+            sum.least += shares.least;
+            sum.most += shares.most;
         }
+    }
+    for sum in into {
+        *sum = Shares { likely: sum.likely / count, least: sum.least / count, most: sum.most / count };
     }
 }
 
@@ -114,13 +124,14 @@ impl Shares {
 fn over_lists(lists: &[Vec<Trial>], levels: &[f64]) -> Option<Vec<Shares>> {
     let lists: Vec<Vec<Shares>> =
         lists.iter().filter(|list| !list.is_empty()).map(|list| shares(list, levels)).collect();
-    (!lists.is_empty())
-        .then(|| (0..levels.len()).map(|place| Shares::mean(lists.iter().map(|list| &list[place]))).collect())
+    let mut means = vec![Shares::default(); levels.len()];
+    mean(lists.iter(), &mut means);
+    (!lists.is_empty()).then_some(means)
 }
 
 /// The means over the chosen roads.
-fn over_roads(roads: &[Vec<Shares>], chosen: &[usize]) -> Vec<Shares> {
-    (0..roads[0].len()).map(|place| Shares::mean(chosen.iter().map(|road| &roads[*road][place]))).collect()
+fn over_roads(roads: &[Vec<Shares>], chosen: &[usize], into: &mut [Shares]) {
+    mean(chosen.iter().map(|road| &roads[*road]), into);
 }
 
 /// What drives under the same luck say of each of the levels.

@@ -20,6 +20,7 @@
 //! `tests/coverage.rs` checks on made-up failures with known probabilities how often intervals cover the truth. With ten roads or
 //! more nominal 95 % are 93 to 97 % in most conditions; they are more where failures are rare, and were 91 % at worst, where each road
 //! has one sharp level. With six and eight roads they are 88 to 99 %. Five roads are too few: 83 % at worst.
+//! Intervals of failing levels end at levels that were driven, so they cover in 97 % and more, and in all studies where roads are alike.
 
 mod bootstrap;
 pub mod estimate;

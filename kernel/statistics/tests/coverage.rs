@@ -241,6 +241,8 @@ fn few_roads_cover_less() {
         for world in WORLDS {
             found.push(over_levels(1000, world, roads, 1));
             found.push(differences(1000, world, 0.7, roads));
+            found.push(levels(300, world, Plan { roads, ..PLAN }));
+            found.push(levels(300, world, Plan { roads, bisection: Some(COARSE), ..PLAN }));
         }
     }
     assert!(found.iter().all(|coverage| *coverage >= 0.86), "{found:?}");
