@@ -91,6 +91,23 @@ def in_order(script, ranking):
     return head + "\tperturbations = {\n" + "\n".join(f"\t\t{line}" for line in lines) + "\n\t},\n" + rest
 
 
+def rounded(value):
+    """A value with four decimals in each of its numbers."""
+    if isinstance(value, dict):
+        return {key: rounded(of) for key, of in value.items()}
+    if isinstance(value, list):
+        return [rounded(of) for of in value]
+    return round(value, 4) if isinstance(value, float) else value
+
+
+def in_short(ranking):
+    """The ranking as JSON that can be compared line by line."""
+    written = lambda value: json.dumps(value, separators=(",", ":"), sort_keys=True)  # noqa: E731
+    listed = lambda values: "[\n" + ",\n".join(map(written, values)) + "\n]"  # noqa: E731
+    fields = sorted(rounded(ranking).items())
+    return "{\n" + ",\n".join(f'"{key}": {listed(of) if isinstance(of, list) else written(of)}' for key, of in fields) + "\n}\n"
+
+
 def row(cells):
     return "| " + " | ".join(map(str, cells)) + " |"
 
@@ -201,8 +218,7 @@ def main():
     parser.add_argument("--pdk", default="pdk", help="the program that perturbs frames")
     parser.add_argument("--write", action="store_true", help="write the files")
     options = parser.parse_args()
-    text = (options.record / "ranking.json").read_text()
-    ranking = json.loads(text)
+    ranking = json.loads((options.record / "ranking.json").read_text())
     tables = {"ranking": ranking_table(ranking), "levels": level_table(ranking)}
     print("\n".join(tables.values()))
     drives(options.record)
@@ -217,7 +233,7 @@ def main():
         for what, table in tables.items():
             page = between(page, what, table)
         PAGE.write_text(page)
-        (ROOT / "scripts/ranking.json").write_text(text)
+        (ROOT / "scripts/ranking.json").write_text(in_short(ranking))
         SEARCH.write_text(in_order(SEARCH.read_text(), ranking))
 
 
