@@ -66,7 +66,7 @@ def ranking_table(ranking):
         lines.append(row(cells))
     most = max(entry["failed_share_high"] for entry in ranking["ranking"] if entry["failures"] == 0)
     roads = ranking["roads"]
-    return "\n".join(lines) + f"\n\nNothing failed with {', '.join(none)}. {roads} roads allow for a share of up to {percent(most)}.\n"
+    return "\n".join(lines) + f"\n\nNothing failed with {', '.join(none)}. With {roads} roads, a share of up to {percent(most)} is possible.\n"
 
 
 def level_table(ranking):
