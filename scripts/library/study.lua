@@ -183,7 +183,7 @@ end
 
 -- What is said where nobody managed any road, from what ended their drives, and what to do.
 function study.nothing_managed(settings, who: string, left_out): string
-	local late = true
+	local late = #left_out > 0
 	for _, road in left_out do
 		late = late and road.cause == "time_out"
 	end
