@@ -22,9 +22,9 @@ fn worker() {
     assert_eq!((store.index().frames, store.index().rate), (12, 25.0));
 }
 
-/// Begins a process that does what [`worker`] says, with this script in place of ffmpeg.
-fn begin(folder: &Path, script: &str) -> Child {
-    program(folder, script);
+/// Begins a process that does what [`worker`] says, with the stand-in for ffmpeg that lies in the folder. The stand-in is
+/// written before: replacing it takes it away for a moment from processes that already run.
+fn begin(folder: &Path) -> Child {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let path = std::iter::once(folder.to_owned()).chain(std::env::split_paths(&path));
     Command::new(std::env::current_exe().unwrap())
@@ -64,7 +64,8 @@ fn processes_that_want_the_same_clip_prepare_it_once() {
     let place = folder.path().display();
     // Half a second is enough for all to come and find that it is being prepared.
     let script = format!("echo started >> '{place}/log'; sleep 0.5; exec cat '{place}/frames'");
-    let workers: Vec<Child> = (0..4).map(|_| begin(folder.path(), &script)).collect();
+    program(folder.path(), &script);
+    let workers: Vec<Child> = (0..4).map(|_| begin(folder.path())).collect();
     for mut worker in workers {
         assert!(worker.wait().unwrap().success());
     }
@@ -85,13 +86,15 @@ fn a_killed_process_leaves_neither_ffmpeg_nor_its_turn() {
     let place = folder.path().display();
     let number = folder.path().join("number");
     let hanging = format!("echo $$ > '{place}/number'; exec sleep 100");
-    let mut killed = begin(folder.path(), &hanging);
+    program(folder.path(), &hanging);
+    let mut killed = begin(folder.path());
     wait_until("ffmpeg is started", || {
         std::fs::read_to_string(&number).is_ok_and(|text| text.ends_with('\n'))
     });
     assert!(crate::stand_in::runs(&number));
     // Another one waits already.
-    let mut waiting = begin(folder.path(), &format!("exec cat '{place}/frames'"));
+    program(folder.path(), &format!("exec cat '{place}/frames'"));
+    let mut waiting = begin(folder.path());
     killed.kill().unwrap();
     killed.wait().unwrap();
     wait_until("ffmpeg is gone", || !crate::stand_in::runs(&number));
