@@ -24,7 +24,7 @@ local settings = pdk.settings({
 	limit = 35, -- largest angle of a road in degrees
 	segment = 25, -- length of its segments in metres: 37.5 and 50 match the speeds of the conditions standard and hard of lane
 	attempts = 1000, -- draws until a road is valid
-	repeats = 1, -- how often each condition is driven at each level on each road
+	repeats = 3, -- how often what draws at random, a perturbation or its places, is driven at each level on each road
 	duration = 30, -- seconds of simulation time
 	failure = {}, -- what counts as a failure: see FailureCriteria
 	confidence = 0.95, -- of the intervals
@@ -44,82 +44,127 @@ local function looked_at_by(driver)
 	return method
 end
 
--- Drives all conditions with a driver: by perturbation and condition, for each road, whether its drives failed and the mean |XTE|
--- of those that did not.
-local function measured(driver, driven)
-	local found, scenarios, of = {}, {}, {}
+-- What was found under a condition, with an entry for each road: the share of drives that failed, false where none says anything,
+-- and the mean |XTE|, false unless all came to the end. `drives`, `failures` and `broken`, those in which a component failed, count all.
+type Found = {
+	shares: { number | false },
+	errors: { number | false },
+	drives: number,
+	failures: number,
+	broken: number,
+}
+
+-- Drives all conditions with a driver: what was found, by perturbation and condition.
+local function measured(driver, driven): { [string]: { [string]: Found } }
+	local lists, scenarios, of = {}, {}, {}
 	for _, name in names do
-		found[name] = {}
+		lists[name] = {}
 		for _, condition in conditions do
-			local entry = { failed = {}, errors = {}, broken = 0 }
+			local list = { failed = {}, errors = {}, broken = 0 }
 			for place in driven do
-				entry.failed[place], entry.errors[place] = {}, {}
+				list.failed[place], list.errors[place] = {}, {}
 			end
-			found[name][condition] = entry
+			lists[name][condition] = list
 			local where = { [condition] = settings.share, every = settings.every }
 			if condition ~= "random" then
 				where.by = looked_at_by(driver)
 			end
+			local repeats = if condition == "random" then settings.repeats else study.repeats(settings, name)
 			for _, level in levels do
 				for place, road in driven do
-					for again = 1, settings.repeats do
+					for again = 1, repeats do
 						table.insert(scenarios, {
 							name = study.called(`{name}@{level} {condition} {settings.share} %`, road.number, again),
 							road = road.road,
 							["repeat"] = again - 1,
 							perturbations = { { name = name, level = level, where = where } },
 						})
-						table.insert(of, { entry = entry, place = place })
+						table.insert(of, { list = list, place = place })
 					end
 				end
 			end
 		end
 	end
 	for i, outcome in study.drive(settings, scenarios, driver) do
-		local entry, place = of[i].entry, of[i].place
+		local list, place = of[i].list, of[i].place
 		if outcome.cause == "error" then
 			-- A component failed, which says nothing about the driver.
-			entry.broken += 1
+			list.broken += 1
 			continue
 		end
-		table.insert(entry.failed[place], not outcome.success)
+		table.insert(list.failed[place], not outcome.success)
 		if outcome.success then
-			table.insert(entry.errors[place], outcome.mean_cross_track_error)
+			table.insert(list.errors[place], outcome.mean_cross_track_error)
+		end
+	end
+
+	local found = {}
+	for name, by_condition in lists do
+		found[name] = {}
+		for condition, list in by_condition do
+			local one: Found = { shares = study.shares(list.failed), errors = {}, drives = 0, failures = 0, broken = list.broken }
+			for place, errors in list.errors do
+				local drives = #list.failed[place]
+				one.errors[place] = if #errors == drives then study.mean(errors) or false else false
+				one.drives += drives
+				one.failures += drives - #errors
+			end
+			found[name][condition] = one
 		end
 	end
 	return found
 end
 
--- How much more often the first condition fails than the second, and how much larger its |XTE| is on roads where both come to the
--- end.
-local function compared(first, second)
+-- What was found under a condition with all perturbations, each of which counts the same, however often it was driven. Roads on
+-- which one of them says nothing are left out, since the others alone would be another mixture.
+local function together(found: { [string]: { [string]: Found } }, condition: string): Found
+	local all: Found = { shares = {}, errors = {}, drives = 0, failures = 0, broken = 0 }
+	for place in found[names[1]][condition].shares do
+		for _, of in { "shares", "errors" } do
+			local values = {}
+			for _, name in names do
+				local value = found[name][condition][of][place]
+				if value then
+					table.insert(values, value)
+				end
+			end
+			all[of][place] = if #values == #names then study.mean(values) else false
+		end
+	end
+	for _, name in names do
+		for _, count in { "drives", "failures", "broken" } do
+			all[count] += found[name][condition][count]
+		end
+	end
+	return all
+end
+
+-- The mean of the values that there are.
+local function mean_error(errors: { number | false })
+	local known = {}
+	for _, value in errors do
+		if value then
+			table.insert(known, value)
+		end
+	end
+	return pdk.mean(known, settings.confidence)
+end
+
+-- How much more often the first condition fails than the second, and how much larger its |XTE| is on roads where all drives of both
+-- come to the end.
+local function compared(first: Found, second: Found)
 	local differences = {}
 	for place in first.errors do
-		local a, b = study.mean(first.errors[place]), study.mean(second.errors[place])
+		local a, b = first.errors[place], second.errors[place]
 		if a and b then
 			table.insert(differences, a - b)
 		end
 	end
 	return {
-		failed = pdk.compare(study.shares(first.failed), study.shares(second.failed), settings.confidence),
+		failed = pdk.compare(first.shares, second.shares, settings.confidence),
 		mean_cross_track_error = pdk.mean(differences, settings.confidence),
 		roads_with_both = #differences,
 	}
-end
-
--- Everything that was driven under a condition, whatever the perturbation.
-local function together(found, condition: string)
-	local sum = { failed = {}, errors = {}, broken = 0 }
-	for _, name in names do
-		local entry = found[name][condition]
-		sum.broken += entry.broken
-		for place in entry.failed do
-			sum.failed[place], sum.errors[place] = sum.failed[place] or {}, sum.errors[place] or {}
-			table.move(entry.failed[place], 1, #entry.failed[place], #sum.failed[place] + 1, sum.failed[place])
-			table.move(entry.errors[place], 1, #entry.errors[place], #sum.errors[place] + 1, sum.errors[place])
-		end
-	end
-	return sum
 end
 
 local percent = string.format("%g %%", 100 * settings.confidence)
@@ -129,7 +174,7 @@ end
 
 local saved = {}
 for _, driver in settings.drivers do
-	local driven, left_out = study.roads(settings, settings.repeats, driver)
+	local driven, left_out = study.roads(settings, 1, driver)
 	if #driven == 0 then
 		error(study.nothing_managed(settings, study.driver_name(driver), left_out), 0)
 	end
@@ -151,26 +196,20 @@ for _, driver in settings.drivers do
 		local entry = { perturbation = group.name, conditions = {}, comparisons = {} }
 		for _, condition in conditions do
 			local one = group.by[condition]
-			local share = pdk.failed_share(one.failed, settings.confidence)
-			local means, failures, drives = {}, 0, 0
-			for place, errors in one.errors do
-				table.insert(means, study.mean(errors))
-				drives += #one.failed[place]
-				failures += #one.failed[place] - #errors
-			end
-			local error_mean = pdk.mean(means, settings.confidence)
+			local share = pdk.mean_share(one.shares, settings.confidence)
+			local error_mean = mean_error(one.errors)
 			table.insert(rows, {
 				group.name,
 				`{condition} {settings.share} %`,
-				`{failures} of {drives}`,
+				`{one.failures} of {one.drives}`,
 				share and share.value or "",
 				interval(share),
 				error_mean and error_mean.value or "",
 				interval(error_mean),
 			} :: { any })
 			entry.conditions[condition] = {
-				drives = drives,
-				failures = failures,
+				drives = one.drives,
+				failures = one.failures,
 				errors = one.broken,
 				failed_share = share,
 				mean_cross_track_error = error_mean,
@@ -192,7 +231,7 @@ for _, driver in settings.drivers do
 		end
 		table.insert(entries, entry)
 	end
-	print(`{study.driver_name(driver)}, {#driven} roads`)
+	print(`{study.driver_name(driver)}, {#driven} of {settings.roads} roads`)
 	pdk.table({ "perturbation", "where", "failed", "share", percent, "mean |XTE| m", percent }, rows)
 	pdk.table({ "perturbation", "paired by road", "failed share", percent, "p", "mean |XTE| m", percent }, differences)
 	table.insert(saved, { driver = driver, roads = #driven, left_out = left_out, perturbations = entries })

@@ -361,33 +361,49 @@ fn a_pipeline_has_the_statistics_of_the_report() {
 fn attention_compares_where_it_matters_with_where_it_does_not() {
     let folder = temp();
     let out = folder.path().join("attention");
-    let run = |out: &Path| tiny("attention.lua", out).set("roads", 2).set("duration", 40).set("levels", "4");
+    let run = |out: &Path| tiny("attention.lua", out).set("roads", 1).set("duration", 40).set("levels", "4");
+    let names = ["gaussian_noise", "defocus_blur"];
     run(&out)
         .set("drivers", r#"["dave2"]"#)
-        .set("perturbations", "[\"gaussian_noise\"]")
+        .set("perturbations", names.join(","))
         .set("method", "gradient")
+        .set("repeats", 2)
         .succeed();
     let found = json_file(&out.join("attention.json"));
-    let entry = &found["drivers"][0]["perturbations"][0];
-    assert_eq!(entry["perturbation"], "gaussian_noise");
+    let entries = found["drivers"][0]["perturbations"].as_array().unwrap();
     let lines = json_lines(&out.join("scenarios.jsonl"));
-    for condition in ["top", "random", "bottom"] {
-        let named: Vec<_> = lines
-            .iter()
-            .filter(|line| line["name"].as_str().is_some_and(|name| name.contains(condition)))
-            .collect();
-        assert_eq!(entry["conditions"][condition]["drives"], named.len());
-        let failures = named.iter().filter(|line| line["success"] == false).count();
-        assert_eq!(entry["conditions"][condition]["failures"], failures);
-        for line in named {
-            let where_ = &line["scenario"]["perturbations"][0]["where"];
-            assert_eq!(where_[condition], 20.0, "{line}");
-            assert_eq!(
-                where_["by"]["parameters"]["model"].as_str(),
-                (condition != "random").then_some("dave2")
-            );
+    for (entry, name) in entries.iter().zip(names) {
+        assert_eq!(entry["perturbation"], name);
+        for condition in ["top", "random", "bottom"] {
+            let named: Vec<_> = lines
+                .iter()
+                .filter(|line| line["name"].as_str().unwrap().starts_with(&format!("{name}@4 {condition}")))
+                .collect();
+            // The blur draws nothing, but random places are drawn.
+            let drives = if name == "defocus_blur" && condition != "random" { 1 } else { 2 };
+            assert_eq!(named.len(), drives, "{name} {condition}");
+            assert_eq!(entry["conditions"][condition]["drives"], drives);
+            let failures = named.iter().filter(|line| line["success"] == false).count();
+            assert_eq!(entry["conditions"][condition]["failures"], failures);
+            for line in named {
+                let where_ = &line["scenario"]["perturbations"][0]["where"];
+                assert_eq!(where_[condition], 20.0, "{line}");
+                assert_eq!(
+                    where_["by"]["parameters"]["model"].as_str(),
+                    (condition != "random").then_some("dave2")
+                );
+            }
         }
     }
+    // Each perturbation counts the same in all together, however often it was driven.
+    let all = &entries[2];
+    assert_eq!(all["perturbation"], "all");
+    for condition in ["top", "random", "bottom"] {
+        let share = |entry: &Value| entry["conditions"][condition]["failed_share"]["value"].as_f64().unwrap();
+        let mean = (share(&entries[0]) + share(&entries[1])) / 2.0;
+        assert!((share(all) - mean).abs() < 1e-9, "{all}");
+    }
+    let entry = &entries[0];
     for pair in ["top-random", "random-bottom", "top-bottom"] {
         assert!(entry["comparisons"][pair]["failed"]["roads"].as_u64().unwrap() > 0);
     }
