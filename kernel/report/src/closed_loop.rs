@@ -41,6 +41,8 @@ pub struct Section {
     failures: Vec<Failure>,
     failure_note: String,
     scenarios: Vec<ScenarioRow>,
+    /// Whether a vehicle only stopped.
+    with_stopped: bool,
     /// Whether there are roads, skipped frames and clips to tell in the table.
     with_roads: bool,
     with_skipped: bool,
@@ -214,6 +216,7 @@ pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section>
         failures: failures.into_iter().map(|(_, failure)| failure).collect(),
         failure_note,
         scenarios: drive.scenarios.iter().map(scenario_row).collect(),
+        with_stopped: drive.scenarios.iter().any(|s| s.verdict == Verdict::Stopped),
         with_roads: drive.roads.len() > 1,
         with_skipped: drive.scenarios.iter().any(|s| s.skipped_frames > 0),
         with_clips: drive.scenarios.iter().any(|s| !s.clip.is_empty()),

@@ -54,8 +54,12 @@ pub fn add(directory: &RunDirectory, lines: &[Line], drives: &mut [Drive], most:
                             ));
                             None
                         })?;
-                        drive.roads.push(points);
-                        Some(drive.roads.len() - 1)
+                        // Heights may be drawn anew for each repeat; from above it is the same road.
+                        let known = drive.roads.iter().position(|road| *road == points);
+                        Some(known.unwrap_or_else(|| {
+                            drive.roads.push(points);
+                            drive.roads.len() - 1
+                        }))
                     });
                 }
                 Some(Err(error)) => {
@@ -221,15 +225,15 @@ mod tests {
     #[test]
     fn paths_are_the_telemetry_and_roads_are_shared() {
         let directory = directory("paths");
-        let lines: Vec<Line> = (0..4).map(line).collect();
-        for (line, road) in lines.iter().zip(["0,0,0@1,5,20", "", "0,0,0@1,5,20", "0,0,inf"]) {
+        let lines: Vec<Line> = (0..5).map(line).collect();
+        for (line, road) in lines.iter().zip(["0,0,0@1,5,20", "", "0,0,0@1,5,20", "0,0,inf", "0,1,0@1,3,20"]) {
             write(&directory.trace(&line.id).unwrap(), 1, road);
         }
-        let mut drives = drives(4);
+        let mut drives = drives(5);
         let warnings = add(&directory, &lines, &mut drives, 1);
         assert_eq!(drives[0].roads, [[[0.0, 0.0], [1.0, 20.0]]]);
         let roads: Vec<_> = drives[0].scenarios.iter().map(|scenario| scenario.road).collect();
-        assert_eq!(roads, [Some(0), None, Some(0), None]);
+        assert_eq!(roads, [Some(0), None, Some(0), None, Some(0)], "heights make no other road");
         assert_eq!(warnings.len(), 1, "{warnings:?}");
         assert!(warnings[0].starts_with("scenario 3 is shown without its road: "), "{warnings:?}");
         let path = &drives[0].scenarios[1].path;
