@@ -100,21 +100,12 @@ class Record:
                     "seed": scenario["seed"],
                     "repeat": scenario.get("repeat", 0),
                     "images_every": line.pop("images_every"),
-                    "verdict": self._verdict(line["cause"]),
+                    "verdict": _pdk.verdict(line["cause"]),
                     **line,
                     **measures,
                 }
             )
         return pandas.DataFrame(rows)
-
-    def _verdict(self, cause):
-        if cause not in _VERDICTS:
-            raise error(
-                "failed",
-                f"{self.path} has a scenario that ended with `{cause}`, of which this package does not know what it says about the "
-                "driver; read it with the version of pdk that drove it",
-            )
-        return _VERDICTS[cause]
 
     def results(self) -> pandas.DataFrame:
         """A row for each frame, perturbation and level of an offline evaluation. Needs pandas."""
@@ -169,17 +160,6 @@ class Record:
         `images_every`.
         """
         return _pdk.trace_frames(self.trace(scenario), topic)
-
-
-#: What the cause of an outcome says about the driver, as in pipelines.
-_VERDICTS = {
-    "finished": "passed",
-    "lane_departure": "unsafe",
-    "collision": "unsafe",
-    "no_progress": "stopped",
-    "time_out": "stopped",
-    "error": "void",
-}
 
 
 def _text(perturbation):

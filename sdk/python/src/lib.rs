@@ -39,6 +39,7 @@ fn _pdk(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(images::perturb, module)?)?;
     module.add_function(wrap_pyfunction!(images::identity, module)?)?;
     module.add_function(wrap_pyfunction!(records::read_ledger, module)?)?;
+    module.add_function(wrap_pyfunction!(records::verdict, module)?)?;
     module.add_function(wrap_pyfunction!(records::trace_steps, module)?)?;
     module.add_function(wrap_pyfunction!(records::trace_events, module)?)?;
     module.add_function(wrap_pyfunction!(records::trace_frames, module)?)?;

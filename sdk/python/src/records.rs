@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use numpy::{IntoPyArray, PyArray, PyArray1};
 use pdk_core::directory::RunDirectory;
 use pdk_core::ledger;
+use pdk_model::outcome::Cause;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Control, State};
 use pdk_trace::reader::{Entry, TraceReader, read_steps};
@@ -13,7 +14,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{bytes, made};
-use crate::failure::{detached, mistake};
+use crate::failure::{detached, mistake, raise};
 
 /// The lines of a record's ledger as JSON, in their order, after a look at their checksums.
 #[pyfunction]
@@ -23,6 +24,15 @@ pub fn read_ledger(py: Python<'_>, record: PathBuf) -> PyResult<Vec<String>> {
         let (lines, _) = ledger::read(&RunDirectory::open(&record)?)?;
         lines.iter().map(|line| Ok(serde_json::to_string(line)?)).collect()
     })
+}
+
+/// What the cause of an outcome says about the driver, as in pipelines.
+#[pyfunction]
+pub fn verdict(py: Python<'_>, cause: &str) -> PyResult<String> {
+    let known = serde_json::from_value::<Cause>(cause.into());
+    let known = known.map_err(|_| mistake(py, format!("`{cause}` is not the cause of an outcome")))?;
+    let name = serde_json::to_value(known.verdict()).map_err(|error| raise(py, &error.into()))?;
+    Ok(name.as_str().unwrap_or_default().to_owned())
 }
 
 /// The steps of a trace: an array for each number of states and controls, by name.

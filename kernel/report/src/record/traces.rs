@@ -226,7 +226,8 @@ mod tests {
     fn paths_are_the_telemetry_and_roads_are_shared() {
         let directory = directory("paths");
         let lines: Vec<Line> = (0..5).map(line).collect();
-        for (line, road) in lines.iter().zip(["0,0,0@1,5,20", "", "0,0,0@1,5,20", "0,0,inf", "0,1,0@1,3,20"]) {
+        for (line, road) in lines.iter().zip(["0,0,0@1,5,20", "", "0,0,0@1,5,20", "0,0,inf", "0,1,0@1,3,20"])
+        {
             write(&directory.trace(&line.id).unwrap(), 1, road);
         }
         let mut drives = drives(5);
