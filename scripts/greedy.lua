@@ -68,12 +68,12 @@ for _, place in driven do
 end
 study.search(settings, searchers, next_level)
 
-local header = { "perturbation", "fails at", "interval", "drives", "unsafe", "stopped", "time to failure s", "errors" }
+local header = { "perturbation", "fails at", "interval", "drives", "unsafe", "stopped", "late", "time to failure s", "errors" }
 local rows, results = {}, {}
 for _, name in names do
 	-- On each road a list for each repeat.
 	local by_road, roads, times = {}, {}, {}
-	local counted = { unsafe = 0, stopped = 0, errors = 0 }
+	local counted = { unsafe = 0, stopped = 0, late = 0, errors = 0 }
 	for _, searcher in searchers do
 		if searcher.perturbation ~= name then
 			continue
@@ -97,6 +97,7 @@ for _, name in names do
 		failing_level = found,
 		unsafe = counted.unsafe,
 		stopped = counted.stopped,
+		late = counted.late,
 		errors = counted.errors,
 		median_time_to_failure = study.median(times),
 	}
@@ -112,6 +113,7 @@ for _, name in names do
 		if found then found.drives else 0,
 		result.unsafe,
 		result.stopped,
+		result.late,
 		result.median_time_to_failure or "",
 		result.errors,
 	} :: { any })

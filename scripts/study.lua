@@ -152,17 +152,12 @@ for _, name in names do
 		table.insert(not_driven, name)
 		continue
 	end
-	local entry = {
+	local entry: { [string]: any } = {
 		perturbation = name,
 		shares = shares,
 		failed_share = share.value,
 		failed_share_low = share.low,
 		failed_share_high = share.high,
-		drives = 0,
-		failures = 0,
-		unsafe = 0,
-		stopped = 0,
-		errors = 0,
 		by_driver = {},
 		by_conditions = {},
 		cells = {},
@@ -173,9 +168,6 @@ for _, name in names do
 		if not of then
 			continue
 		end
-		for _, count in { "drives", "failures", "unsafe", "stopped", "errors" } do
-			entry[count] += of[count]
-		end
 		table.move(of.times, 1, #of.times, #times + 1, times)
 		table.move(of.increases, 1, #of.increases, #increases + 1, increases)
 		local by_level = {}
@@ -183,19 +175,19 @@ for _, name in names do
 			local here = tally.known(of.by_level[i])
 			table.insert(by_level, { level = level, roads = #here, failed_share = study.mean(here) })
 		end
-		table.insert(entry.cells, {
+		local cell: { [string]: any } = {
 			conditions = place.conditions,
 			driver = place.name,
-			drives = of.drives,
-			failures = of.failures,
-			unsafe = of.unsafe,
-			stopped = of.stopped,
-			errors = of.errors,
 			failing_level = failing_level(name, function(other) return other == place end),
 			median_time_to_failure = study.median(of.times),
 			mean_cross_track_error_increase = study.mean(of.increases),
 			by_level = by_level,
-		})
+		}
+		for _, count in tally.counts do
+			cell[count] = of[count]
+			entry[count] = (entry[count] or 0) + of[count]
+		end
+		table.insert(entry.cells, cell)
 	end
 	for _, driver in settings.drivers do
 		local found = failing_level(name, function(place) return place.driver == driver end)
@@ -231,6 +223,7 @@ for _, driver in settings.drivers do
 	table.insert(header, `{study.driver_name(driver)} fails at`)
 end
 table.insert(header, "time to failure s")
+table.insert(header, "over the line")
 table.insert(header, `|XTE| increase at {levels[#levels]} m`)
 local rows = {}
 for rank, entry in entries do
@@ -240,6 +233,7 @@ for rank, entry in entries do
 		table.insert(row, if of.failing_level then (study.shown(of.failing_level, levels[#levels])) else "unknown")
 	end
 	table.insert(row, entry.median_time_to_failure or "")
+	table.insert(row, `{entry.over_line} of {entry.drives - entry.failures}`)
 	table.insert(row, entry.mean_cross_track_error_increase or "")
 	table.insert(rows, row)
 end

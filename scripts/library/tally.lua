@@ -6,11 +6,28 @@ local study = require("@pdk/study")
 
 local tally = {}
 
+-- What is counted of a perturbation.
+tally.counts = { "drives", "failures", "unsafe", "stopped", "late", "over_line", "errors" }
+
 -- What came of one perturbation with a driver in some conditions. For each road: the share of levels that fail, in `shares`, false
 -- where that is unknown; of each level the share of drives that fail, in `by_level`; and the drives of each searcher, in `trials`.
--- Then counts, times to failure, and how much more |XTE| there was at the highest level than with a clear view.
+-- Then counts, among which `over_line` is of drives that came to the end with a wheel over the line on the way, times to failure, and
+-- how much more |XTE| there was at the highest level than with a clear view.
 local function empty(levels: { number })
-	local entry = { trials = {}, shares = {}, by_level = {}, drives = 0, failures = 0, unsafe = 0, stopped = 0, errors = 0, times = {}, increases = {} }
+	local entry = {
+		trials = {},
+		shares = {},
+		by_level = {},
+		drives = 0,
+		failures = 0,
+		unsafe = 0,
+		stopped = 0,
+		late = 0,
+		over_line = 0,
+		errors = 0,
+		times = {},
+		increases = {},
+	}
 	for i in levels do
 		entry.by_level[i] = {}
 	end
@@ -26,7 +43,10 @@ local function count(entry, searcher, highest: number)
 			entry.failures += 1
 			entry[outcome.verdict] += 1
 			table.insert(entry.times, outcome.time)
-		elseif searcher.trials[i].level == highest then
+			continue
+		end
+		entry.over_line += if outcome.measures.over_line_seconds > 0 then 1 else 0
+		if searcher.trials[i].level == highest then
 			-- Of a drive that was cut short it is not comparable.
 			table.insert(entry.increases, outcome.mean_cross_track_error - searcher.road.nominal[1])
 		end

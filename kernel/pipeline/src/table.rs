@@ -46,6 +46,7 @@ fn outcome_table(outcomes: &[Value]) -> String {
             "passed" => "ok",
             "unsafe" => "FAIL",
             "stopped" => "STOP",
+            "late" => "LATE",
             _ => "",
         };
         // Where a component failed, there is nothing to say about the driver.
@@ -134,6 +135,7 @@ mod tests {
             ["FAIL lane departure", "6.2", "50 %", "cut short"]
         );
         assert_eq!(row("stopped", "no_progress")[1], "STOP no progress");
+        assert_eq!(row("late", "time_out")[1], "LATE time out");
         assert_eq!(row("void", "error")[1..4], ["error", "", ""]);
     }
 

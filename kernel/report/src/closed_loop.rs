@@ -1,24 +1,26 @@
 //! What was driven: which perturbations make the driver fail, how soon, and where.
 
+mod curves;
+mod maps;
 #[cfg(test)]
 mod tests;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 use pdk_sdk::error::Result;
 use serde::Serialize;
 
-use crate::color::{LINES, NOMINAL, ORDERED, Rgb};
+use crate::closed_loop::curves::curves;
+use crate::closed_loop::maps::grids;
+use crate::color::{ORDERED, Rgb};
 use crate::conclusions::{Conclusions, conclusions};
-use crate::curve::{Axes, Chart, Curve, chart};
-use crate::heat::{self, Cell, Columns, Grid};
+use crate::curve::Chart;
+use crate::heat::Grid;
 use crate::road::{self, Picture};
-use crate::tally::{Tally, by_severity};
+use crate::tally::{Tally, by_severity, levels};
 use crate::text::{self, count, number, percent, was};
 use crate::view::{Drive, Measures, Scenario, Verdict};
 
-/// Perturbations that have a curve of their own.
-const CURVES: usize = 7;
 /// Roads that have a picture.
 const PICTURES: usize = 24;
 /// The name of what is not perturbed.
@@ -41,6 +43,8 @@ pub struct Section {
     failures: Vec<Failure>,
     failure_note: String,
     scenarios: Vec<ScenarioRow>,
+    /// Whether levels were chosen by what failed.
+    levels_chosen: bool,
     /// Whether a vehicle only stopped.
     with_stopped: bool,
     /// Whether there are roads, skipped frames and clips to tell in the table.
@@ -139,14 +143,22 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
             (judged, failed) => format!(", {failed} of the {judged} without perturbation"),
         };
     }
-    if tally.stopped > 0 {
-        first += &match tally.stopped {
-            all if all == tally.failed => {
-                "; no vehicle left its lane or hit anything: they stopped".to_owned()
-            }
-            stopped => format!("; in {stopped} of these the vehicle only stopped"),
-        };
-    }
+    let all_of = |part: usize| part == tally.failed;
+    first += &match (tally.stopped, tally.late) {
+        (0, 0) => String::new(),
+        (stopped, 0) if all_of(stopped) => {
+            "; no vehicle left its lane or hit anything: they stopped".to_owned()
+        }
+        (0, late) if all_of(late) => {
+            "; no vehicle left its lane or hit anything: they were too slow".to_owned()
+        }
+        (stopped, late) if all_of(stopped + late) => {
+            format!("; no vehicle left its lane or hit anything: {stopped} stopped, {late} were too slow")
+        }
+        (stopped, 0) => format!("; in {stopped} of these the vehicle stopped"),
+        (0, late) => format!("; in {late} of these the vehicle was too slow"),
+        (stopped, late) => format!("; in {stopped} of these the vehicle stopped, in {late} it was too slow"),
+    };
     if void > 0 {
         first += &format!("; in {void} a component failed, which says nothing about the driver");
     }
@@ -180,7 +192,8 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
 pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section> {
     let order: Vec<String> =
         by_severity([drive.scenarios.as_slice()]).into_iter().map(|(name, _)| name).collect();
-    let (failed, error) = grids(drive, &order);
+    let chosen = levels([drive.scenarios.as_slice()]);
+    let (failed, error) = grids(drive, &order, &chosen);
     let mut roads = road::pictures(drive, classes);
     let road_note = road_note(drive, roads.len());
     roads.truncate(PICTURES);
@@ -209,13 +222,14 @@ pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section>
         failed,
         error,
         conclusions: conclusions(drive, all),
-        curves: if all_failed > 0 { curves(drive, &order)? } else { Vec::new() },
+        curves: if all_failed > 0 { curves(drive, &order, &chosen)? } else { Vec::new() },
         roads,
         road_note,
         classes: legend(classes),
         failures: failures.into_iter().map(|(_, failure)| failure).collect(),
         failure_note,
         scenarios: drive.scenarios.iter().map(scenario_row).collect(),
+        levels_chosen: !chosen.is_empty(),
         with_stopped: drive.scenarios.iter().any(|s| s.verdict == Verdict::Stopped),
         with_roads: drive.roads.len() > 1,
         with_skipped: drive.scenarios.iter().any(|s| s.skipped_frames > 0),
@@ -261,140 +275,6 @@ fn road_note(drive: &Drive, pictures: usize) -> String {
         ));
     }
     sentences.join(" ")
-}
-
-/// The heat maps: the share that failed, and the mean cross-track error.
-fn grids(drive: &Drive, order: &[String]) -> (Grid, Grid) {
-    let columns = Columns::of(drive.scenarios.iter().filter_map(|scenario| scenario.level));
-    // In the order in which they come first.
-    let mut cells: Vec<(Option<&String>, Option<f64>, Tally, usize)> = Vec::new();
-    let mut known: HashMap<(Option<&String>, Option<u64>), usize> = HashMap::new();
-    for scenario in &drive.scenarios {
-        let perturbation = scenario.perturbation.as_ref();
-        let level = perturbation.and(scenario.level).map(|level| columns.column(level));
-        let place = *known.entry((perturbation, level.map(heat::key))).or_insert_with(|| {
-            cells.push((perturbation, level, Tally::default(), 0));
-            cells.len() - 1
-        });
-        let (.., tally, total) = &mut cells[place];
-        tally.add(scenario);
-        *total += 1;
-    }
-    let largest = cells.iter().filter_map(|(.., tally, _)| tally.mean_error()).fold(0.0, f64::max);
-    let (mut failed, mut error) = (Vec::new(), Vec::new());
-    for (name, level, tally, total) in cells {
-        let what = match (name, level) {
-            (None, _) => NO_PERTURBATION.to_owned(),
-            (Some(name), None) => name.clone(),
-            (Some(name), Some(level)) => format!("{name} at level {}", columns.name(level)),
-        };
-        let void = match total - tally.judged {
-            0 => String::new(),
-            void => format!("; in {void} a component failed"),
-        };
-        let title = format!("{what}: {}{void}", tally.told());
-        let share = match (tally.judged, tally.failed, tally.stopped) {
-            (0, ..) => "–".to_owned(),
-            (1, 0, _) => "ok".to_owned(),
-            (1, _, 0) => "failed".to_owned(),
-            (1, ..) => "stopped".to_owned(),
-            (judged, failed, 0) => format!("{failed}/{judged}"),
-            (judged, failed, stopped) => format!("{failed}/{judged} ({stopped} st.)"),
-        };
-        // A drive that was cut short has no mean that could be compared: where all were, it is how soon.
-        let (shown, depth) = match (tally.mean_error(), tally.time_to_failure()) {
-            (None, None) => ("–".to_owned(), 0.0),
-            (None, Some(seconds)) => (format!("✗ {} s", number(seconds)), 1.0),
-            (Some(metres), time) => {
-                let mark = if time.is_some() { " ✗" } else { "" };
-                (format!("{}{mark}", number(metres)), if largest > 0.0 { metres / largest } else { 0.0 })
-            }
-        };
-        let push = |entries: &mut Vec<heat::Entry>, text: String, share: f64| {
-            entries.push(heat::Entry {
-                row: name.cloned(),
-                level,
-                cell: Cell::new(text, title.clone(), share),
-            });
-        };
-        push(&mut failed, share, tally.share_of_drives());
-        push(&mut error, shown, depth);
-    }
-    (
-        columns.grid(&failed, order, ("none failed".to_owned(), "all failed".to_owned())),
-        columns.grid(&error, order, ("0 m".to_owned(), format!("{} m, or all failed", number(largest)))),
-    )
-}
-
-/// Shares that are still driving, over time: by level, and for the worst perturbations.
-fn curves(drive: &Drive, order: &[String]) -> Result<Vec<Chart>> {
-    let end = drive.scenarios.iter().map(|scenario| scenario.time).fold(0.0, f64::max);
-    if end <= 0.0 {
-        return Ok(Vec::new());
-    }
-    let curve = |key: String, name: String, color: Rgb, in_group: &dyn Fn(&Scenario) -> bool| {
-        let group: Vec<&Scenario> =
-            drive.scenarios.iter().filter(|s| s.verdict != Verdict::Void && in_group(s)).collect();
-        let points = survival(&group, end);
-        let name = format!("{name} ({})", group.len());
-        (!group.is_empty()).then_some(Curve { key, name, points, band: Vec::new(), color })
-    };
-    let nominal =
-        || curve("–".to_owned(), NO_PERTURBATION.to_owned(), NOMINAL, &|s| s.perturbation.is_none());
-    let axes = |label| Axes {
-        x: "simulation time in s",
-        x_range: (0.0, end),
-        y: "still driving",
-        top: 1.0,
-        share: true,
-        label,
-    };
-
-    let mut by_level: Vec<Curve> = nominal().into_iter().collect();
-    let whole = drive.scenarios.iter().filter_map(|s| s.level).all(|level| level.fract() == 0.0);
-    for (step, color) in ORDERED.iter().enumerate() {
-        let name = match (whole, step + 1 == ORDERED.len()) {
-            (true, _) | (_, true) => format!("level {step}"),
-            (false, false) => format!("level {step} to below {}", step + 1),
-        };
-        by_level.extend(curve(step.to_string(), name, *color, &|s| {
-            s.perturbation.is_some() && s.level.is_some_and(|level| level.floor() as usize == step)
-        }));
-    }
-    by_level.extend(curve("~".to_owned(), "as scheduled".to_owned(), LINES[3], &|s| {
-        s.perturbation.is_some() && s.level.is_none()
-    }));
-
-    let mut worst: Vec<Curve> = nominal().into_iter().collect();
-    let failing = |name: &&String| {
-        drive.scenarios.iter().any(|s| s.verdict.failed() && s.perturbation.as_ref() == Some(*name))
-    };
-    for ((name, color), key) in order.iter().filter(failing).take(CURVES).zip(LINES).zip('A'..) {
-        worst.extend(curve(key.to_string(), name.clone(), color, &|s| s.perturbation.as_ref() == Some(name)));
-    }
-    let label = match order.iter().filter(failing).count() > CURVES {
-        true => "Share of scenarios still driving, for the worst perturbations",
-        false => "Share of scenarios still driving, by perturbation with failures",
-    };
-    Ok(vec![
-        chart(&by_level, &axes("Share of scenarios still driving, by level"))?,
-        chart(&worst, &axes(label))?,
-    ])
-}
-
-/// The share that has not failed, over time, as corners of a line of steps. Who reached the end of the road counts as still
-/// driving.
-fn survival(group: &[&Scenario], end: f64) -> Vec<(f64, f64)> {
-    let mut times: Vec<f64> = group.iter().filter(|s| s.verdict.failed()).map(|s| s.time).collect();
-    times.sort_by(f64::total_cmp);
-    let mut points = vec![(0.0, 1.0)];
-    let share = |failed: usize| 1.0 - failed as f64 / group.len().max(1) as f64;
-    for (failed, time) in times.into_iter().enumerate() {
-        points.extend([(time, share(failed)), (time, share(failed + 1))]);
-    }
-    let last = points[points.len() - 1].1;
-    points.push((end, last));
-    points
 }
 
 fn legend(edges: &[f64]) -> Vec<Class> {
@@ -454,6 +334,7 @@ fn scenario_row(scenario: &Scenario) -> ScenarioRow {
             Verdict::Passed => "✓",
             Verdict::Unsafe => "✗",
             Verdict::Stopped => "■",
+            Verdict::Late => "▷",
             Verdict::Void => "–",
         },
         cause: scenario.cause.clone(),

@@ -38,6 +38,7 @@ pub struct Row {
     share: String,
     interval: String,
     stopped: usize,
+    late: usize,
     fails_at: String,
     level_interval: String,
     /// Less the share that failed without perturbation on the same roads.
@@ -88,6 +89,7 @@ pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
                 share: estimate.map_or_else(String::new, |share| percent(share.value)),
                 interval: estimate.map_or_else(String::new, |share| interval(&share, percent)),
                 stopped: tally.stopped,
+                late: tally.late,
                 fails_at,
                 level_interval,
                 difference: difference(compare(shares, &nominal.shares(&roads), SHARE, CONFIDENCE)),
@@ -237,7 +239,7 @@ mod tests {
         // Of three repeats on each road one fails, from level 2 on.
         let mut scenarios = Vec::new();
         for (road, seed) in (0..8).flat_map(|road| (0..3).map(move |seed| (road, seed))) {
-            let levels: &[f64] = if seed == 0 { &[4.0, 2.0, 1.0] } else { &[4.0] };
+            let levels: &[f64] = if seed == 0 { &[4.0, 0.0, 2.0, 1.0] } else { &[4.0] };
             scenarios.extend(levels.iter().map(|&level| Scenario {
                 perturbation: Some("fog".into()),
                 level: Some(level),
@@ -251,7 +253,7 @@ mod tests {
         let drive = Drive { simulator: "lane".into(), driver: "a".into(), scenarios, ..Drive::default() };
         let found = conclusions(&drive, std::slice::from_ref(&drive));
         let row = &found.rows[0];
-        assert_eq!((row.failed.as_str(), row.share.as_str()), ("16 of 40", "20 %"));
+        assert_eq!((row.failed.as_str(), row.share.as_str()), ("16 of 48", "20 %"));
         assert_eq!((row.fails_at.as_str(), row.level_interval.as_str()), ("never", "above 4 to above 4"));
     }
 

@@ -16,6 +16,8 @@ pub struct Tally {
     pub failed: usize,
     /// Those of them in which the vehicle stopped.
     pub stopped: usize,
+    /// Those of them in which it was too slow.
+    pub late: usize,
     /// Scenarios that say something about the driver.
     pub judged: usize,
     /// The sum of the mean cross-track errors of those that reached the end.
@@ -70,6 +72,7 @@ impl Tally {
             true => {
                 self.failed += 1;
                 self.stopped += usize::from(scenario.verdict == Verdict::Stopped);
+                self.late += usize::from(scenario.verdict == Verdict::Late);
                 self.times.push(scenario.time);
             }
             false => self.error += scenario.mean_error,
@@ -131,6 +134,9 @@ impl Tally {
         if self.stopped > 0 {
             parts.push(format!("{} because the vehicle stopped", self.stopped));
         }
+        if self.late > 0 {
+            parts.push(format!("{} because it was too slow", self.late));
+        }
         if let Some(seconds) = self.time_to_failure() {
             parts.push(format!("half of these within {} s", number(seconds)));
         }
@@ -161,7 +167,8 @@ impl Road {
 
 /// The levels over which the share of a road is taken in these drives; none where that of its drives says as much.
 ///
-/// Where levels were chosen by what failed, some roads were not driven at levels at which others were. Then these are the whole ones.
+/// Where levels were chosen by what failed, some roads were not driven at levels at which others were. Then these are the whole
+/// ones from the lowest to the highest that was driven.
 pub fn levels<'a>(drives: impl IntoIterator<Item = &'a [Scenario]>) -> Vec<f64> {
     let mut of_perturbations: BTreeMap<&str, BTreeMap<_, BTreeSet<u64>>> = BTreeMap::new();
     for (drive, scenarios) in drives.into_iter().enumerate() {
@@ -178,10 +185,18 @@ pub fn levels<'a>(drives: impl IntoIterator<Item = &'a [Scenario]>) -> Vec<f64> 
         let first = levels.next();
         levels.any(|levels| Some(levels) != first)
     };
-    match of_perturbations.values().any(differ) {
-        true => (0..=MAX_INTENSITY as u32).map(f64::from).collect(),
-        false => Vec::new(),
+    // What was chosen began at the same level everywhere; drives that have nothing to do with each other, as of a search, did not.
+    let begins = |searches: &BTreeMap<_, BTreeSet<u64>>| {
+        let common = searches.values().cloned().reduce(|common, levels| &common & &levels);
+        common.is_some_and(|common| !common.is_empty())
+    };
+    if !of_perturbations.values().any(differ) || !of_perturbations.values().all(begins) {
+        return Vec::new();
     }
+    let driven = of_perturbations.values().flat_map(BTreeMap::values).flatten().copied().map(f64::from_bits);
+    let (lowest, highest) =
+        driven.fold((MAX_INTENSITY, 0.0_f64), |(low, high), level: f64| (low.min(level), high.max(level)));
+    (0..=MAX_INTENSITY as u32).map(f64::from).filter(|level| (lowest..=highest).contains(level)).collect()
 }
 
 /// The perturbations of some drives, the worst first: by the share that fails, then by how soon they failed, then by the mean
@@ -256,8 +271,13 @@ mod tests {
         let all: Vec<Scenario> =
             ["a", "b"].iter().flat_map(|road| (0..5).map(move |level| at(road, f64::from(level)))).collect();
         let levels = levels([&chosen[..]]);
-        assert_eq!(levels, [0.0, 1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(levels, [1.0, 2.0, 3.0, 4.0]);
+        // Between whole levels, these count.
+        assert_eq!(super::levels([&[at("a", 4.0), at("a", 1.5), at("b", 4.0)][..]]), [2.0, 3.0, 4.0]);
+        // As a search drives.
+        assert!(super::levels([&[at("a", 4.0), at("b", 2.0), at("b", 3.0)][..]]).is_empty());
         assert!(super::levels([&all[..]]).is_empty());
+        let levels = [0.0, 1.0, 2.0, 3.0, 4.0];
         let roads = ["a", "b"].map(str::to_owned);
         for scenarios in [&chosen[..], &all] {
             let mut tally = Tally::over(&levels);

@@ -19,7 +19,8 @@ pub struct Trial {
 pub struct FailingLevel {
     /// The level; the lowest that was driven where it is reached there already, none where it is not reached up to the highest.
     pub level: Option<f64>,
-    /// The lower end of its interval, a level that was driven; none where it lies above the highest.
+    /// The lower end of its interval, a level that was driven, or 0 where half may fail at the lowest already: below it nothing is known.
+    /// None where it lies above the highest.
     pub low: Option<f64>,
     /// The upper end, in the same terms; none where it may lie above the highest level.
     pub high: Option<f64>,
@@ -68,11 +69,11 @@ pub fn failing_level(roads: &[Vec<Vec<Trial>>], confidence: f64) -> Option<Faili
     let drives = levels.len();
     levels.sort_by(f64::total_cmp);
     levels.dedup();
-    let (lowest, highest) = (*levels.first()?, *levels.last()?);
+    let highest = *levels.last()?;
     let roads: Vec<Vec<Shares>> = roads.iter().filter_map(|lists| over_lists(lists, &levels)).collect();
     let all: Vec<usize> = (0..roads.len()).collect();
     let (low, high) = match largest_unseen(roads.len() as u64, confidence) >= 0.5 {
-        true => (lowest, f64::INFINITY),
+        true => (0.0, f64::INFINITY),
         false => {
             let (mut resample, mut latest_of_each) = (vec![Shares::default(); levels.len()], Vec::new());
             let earliest_of_each = bootstrap::resampled(roads.len(), |chosen| {
@@ -185,10 +186,11 @@ fn crossing(levels: &[f64], shares: &[Shares]) -> f64 {
     }
 }
 
-/// The last level below the first at which half may fail; infinite where half cannot fail at any.
+/// The last level below the first at which half may fail, 0 where that is the lowest, since nothing is known below; infinite where
+/// half cannot fail at any.
 fn earliest(levels: &[f64], shares: &[Shares]) -> f64 {
     let first = shares.iter().position(|shares| shares.most >= HALF);
-    first.map_or(f64::INFINITY, |place| levels[place.saturating_sub(1)])
+    first.map_or(f64::INFINITY, |place| place.checked_sub(1).map_or(0.0, |below| levels[below]))
 }
 
 /// The first level from which on at least half fail; infinite where there is none.
@@ -331,6 +333,17 @@ mod tests {
         // Two of three do.
         let two_thirds = vec![vec![bisected(1.1), bisected(9.0), bisected(1.1)]; 8];
         assert_eq!(ends(failing_level(&two_thirds, 0.95)), (Some(1.1875), Some(1.0), Some(1.25)));
+    }
+
+    #[test]
+    fn below_the_lowest_level_nothing_is_known() {
+        let road = |failed: [bool; 2]| {
+            vec![[2.0, 4.0].into_iter().zip(failed).map(|(level, failed)| Trial { level, failed }).collect()]
+        };
+        let all = vec![road([true, true]); 8];
+        assert_eq!(ends(failing_level(&all, 0.95)), (Some(2.0), Some(0.0), Some(2.0)));
+        let high = vec![road([false, true]); 8];
+        assert_eq!(ends(failing_level(&high, 0.95)), (Some(3.0), Some(2.0), Some(4.0)));
     }
 
     #[test]

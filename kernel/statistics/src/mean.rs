@@ -18,9 +18,16 @@ mod tests {
     #[test]
     fn a_mean_lies_in_its_interval_and_in_its_range() {
         let metres = (0.0, f64::INFINITY);
-        let found = over_roads(&[0.1, 0.3, 0.2, 0.9], metres, 0.95).unwrap();
-        assert!((found.value - 0.375).abs() < 1e-15 && found.low < 0.375 && found.high > 0.375);
+        let found = over_roads(&[0.1, 0.3, 0.2, 0.9, 0.1, 0.2], metres, 0.95).unwrap();
+        assert!((found.value - 0.3).abs() < 1e-15 && found.low < 0.3 && found.high > 0.3);
         assert!(found.low >= 0.1 && found.high <= 0.9);
+        // Two roads say next to nothing: 12.7 standard errors.
+        let two = over_roads(&[1.1, 1.2], metres, 0.95).unwrap();
+        assert!(
+            (two.low - (1.15 - 12.7062 * 0.05)).abs() < 1e-4 && (two.high - 1.7853).abs() < 1e-4,
+            "{two:?}"
+        );
+        assert_eq!(over_roads(&[0.1, 0.2], metres, 0.95).unwrap().low, 0.0);
         let alike = over_roads(&[0.4; 10], metres, 0.95).unwrap();
         assert!(alike.value == alike.high && (alike.low - 0.4 * (1.0 - 0.2775)).abs() < 1e-4, "{alike:?}");
         assert!(over_roads(&[], metres, 0.95).is_none());

@@ -237,7 +237,7 @@ fn intervals_of_failing_levels_cover_at_least_as_often() {
 #[test]
 fn few_roads_cover_less() {
     let mut found = Vec::new();
-    for roads in [6, 8] {
+    for roads in [4, 6, 8] {
         for world in WORLDS {
             found.push(over_levels(1000, world, roads, 1));
             found.push(differences(1000, world, 0.7, roads));
@@ -246,6 +246,36 @@ fn few_roads_cover_less() {
         }
     }
     assert!(found.iter().all(|coverage| *coverage >= 0.86), "{found:?}");
+}
+
+/// Rare failures: shares of failing drives that are far from normal, with their mean.
+type Rare = (&'static str, f64, fn(&mut Random) -> f64);
+
+const RARE: [Rare; 4] = [
+    // A gamma distribution of shape 1/2: half of the square of a normal number, scaled.
+    ("most roads almost never", 0.05, |random| (0.05 * random.normal().powi(2)).min(1.0)),
+    ("most roads almost never, some less", 0.01, |random| (0.01 * random.normal().powi(2)).min(1.0)),
+    ("one road in ten always", 0.1, |random| if random.unit() < 0.1 { 1.0 } else { 0.0 }),
+    ("one road in twenty at the highest level", 0.01, |random| if random.unit() < 0.05 { 0.2 } else { 0.0 }),
+];
+
+/// Many drives a road, of which few fail.
+fn rare(studies: u32, (what, truth, share): Rare, roads: usize) -> f64 {
+    coverage(studies, &format!("{roads:2} roads, mean {truth:.2}: {what}"), |random| {
+        let values: Vec<f64> = (0..roads).map(|_| share(random)).collect();
+        let found = over_roads(&values, (0.0, 1.0), CONFIDENCE).expect("there are roads");
+        found.low <= truth && truth <= found.high
+    })
+}
+
+#[test]
+fn intervals_of_rare_failures_cover_too() {
+    for roads in [4, 6, 8, 10, 20] {
+        for world in RARE {
+            let found = rare(500, world, roads);
+            assert!(found >= 0.93, "{roads} roads, {}: {found}", world.0);
+        }
+    }
 }
 
 #[test]

@@ -31,8 +31,10 @@ pub enum Verdict {
     Passed,
     /// The vehicle left its lane or hit something.
     Unsafe,
-    /// The vehicle stood still or was too slow, and endangered nobody.
+    /// The vehicle stood still, on the road.
     Stopped,
+    /// The vehicle was too slow to reach the end in time.
+    Late,
     /// Nothing: a component failed.
     Void,
 }
@@ -40,7 +42,7 @@ pub enum Verdict {
 impl Verdict {
     /// Whether the driver failed, in whatever way.
     pub fn failed(self) -> bool {
-        matches!(self, Self::Unsafe | Self::Stopped)
+        matches!(self, Self::Unsafe | Self::Stopped | Self::Late)
     }
 }
 
@@ -50,7 +52,8 @@ impl Cause {
         match self {
             Cause::Finished => Verdict::Passed,
             Cause::LaneDeparture | Cause::Collision => Verdict::Unsafe,
-            Cause::NoProgress | Cause::TimeOut => Verdict::Stopped,
+            Cause::NoProgress => Verdict::Stopped,
+            Cause::TimeOut => Verdict::Late,
             Cause::Error => Verdict::Void,
         }
     }
@@ -184,7 +187,7 @@ mod tests {
     #[test]
     fn to_stop_is_a_failure_and_not_unsafe() {
         assert_eq!(Cause::NoProgress.verdict(), Verdict::Stopped);
-        assert_eq!(Cause::TimeOut.verdict(), Verdict::Stopped);
+        assert_eq!(Cause::TimeOut.verdict(), Verdict::Late);
         assert_eq!(Cause::LaneDeparture.verdict(), Verdict::Unsafe);
         let failed = [Verdict::Passed, Verdict::Unsafe, Verdict::Stopped, Verdict::Void].map(Verdict::failed);
         assert_eq!(failed, [false, true, true, false]);

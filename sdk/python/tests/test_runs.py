@@ -260,7 +260,7 @@ def test_every_cause_has_a_verdict(pipeline):
     if documents.is_file():
         told = next(line for line in documents.read_text().splitlines() if line.startswith("| `outcome.cause` "))
         causes = re.findall("`([a-z_]+)`", told.split("|")[3])
-        assert {_pdk.verdict(cause) for cause in causes} == {"passed", "unsafe", "stopped", "void"}
+        assert {_pdk.verdict(cause) for cause in causes} == {"passed", "unsafe", "stopped", "late", "void"}
     with pytest.raises(pdk.Error, match="`abducted` is not the cause"):
         _pdk.verdict("abducted")
 

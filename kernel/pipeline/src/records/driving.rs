@@ -157,9 +157,9 @@ pub(super) const OUTCOME: ApiRecord = ApiRecord {
         ),
         field(
             "verdict",
-            "\"passed\" | \"unsafe\" | \"stopped\" | \"void\"",
-            "What that says about the driver: it reached the end; it left its lane or hit something; it stood still or was too \
-             slow, which endangers nobody; nothing, because a component failed or it is driven elsewhere.",
+            "\"passed\" | \"unsafe\" | \"stopped\" | \"late\" | \"void\"",
+            "What that says about the driver: it reached the end; it left its lane or hit something; it stood still; it was too \
+             slow to reach the end in time; nothing, because a component failed or it is driven elsewhere.",
         ),
         field("error", "string?", "What failed, where a component did."),
         field("time", "number", "Simulation time at the end in seconds."),

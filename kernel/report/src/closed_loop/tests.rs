@@ -1,6 +1,8 @@
 //! What a page says about drives.
 
 use super::*;
+use crate::closed_loop::curves::survival;
+use crate::heat::{self, Cell};
 
 fn scenario(name: Option<&str>, level: f64, verdict: Verdict, time: f64) -> Scenario {
     Scenario {
@@ -56,15 +58,22 @@ fn two_sentences_say_what_happened() {
 fn to_stop_is_told_apart() {
     let mut drive = drive();
     drive.scenarios[2].verdict = Verdict::Stopped;
-    assert!(
-        verdict(std::slice::from_ref(&drive))[0].contains("; in 1 of these the vehicle only stopped; in 1 a")
-    );
+    assert!(verdict(std::slice::from_ref(&drive))[0].contains("; in 1 of these the vehicle stopped; in 1 a"));
     let section = section(&drive, &[], &[0.1]).unwrap();
     let fog = section.failed.rows.iter().find(|row| row.label == "fog").unwrap();
     assert_eq!(fog.cells[1].as_ref().unwrap().text, "stopped");
     assert_eq!(section.scenarios[2].mark, "■");
     drive.scenarios.truncate(3);
-    assert!(verdict(&[drive])[0].contains("no vehicle left its lane or hit anything: they stopped."));
+    assert!(
+        verdict(std::slice::from_ref(&drive))[0]
+            .contains("no vehicle left its lane or hit anything: they stopped.")
+    );
+    drive.scenarios[2].verdict = Verdict::Late;
+    assert!(
+        verdict(std::slice::from_ref(&drive))[0]
+            .contains("no vehicle left its lane or hit anything: they were too slow.")
+    );
+    assert_eq!(super::section(&drive, &[], &[0.1]).unwrap().scenarios[2].mark, "▷");
 }
 
 #[test]
@@ -83,7 +92,7 @@ fn the_heat_map_counts_what_says_something_about_the_driver() {
         [expected("rain", ["✗ 3.00 s", "–"]), expected("fog", ["0.100", "✗ 5.00 s"])]
     );
     assert_eq!(section.failed.nominal.unwrap().text, "ok");
-    assert_eq!(section.error.legend.1, "0.100 m, or all failed");
+    assert_eq!(section.error.legend.1, "1.00 m, or all failed");
     assert_eq!(section.curves.len(), 2);
     assert_eq!(section.scenarios.len(), 6);
 }
@@ -125,6 +134,48 @@ fn what_is_not_in_the_pictures_is_told() {
     assert_eq!(road_note(&drive, pictures), format!("{unknown} {unreadable}"));
     let many = "These are the 24 roads with the most failures; 6 more are in the table.";
     assert_eq!(road_note(&drive, 30), format!("{many} {unknown} {unreadable}"));
+}
+
+#[test]
+fn where_levels_were_chosen_the_map_tells_the_share_of_roads() {
+    use Verdict::{Passed, Unsafe};
+    // Roads a and b fail from level 2 on, c and d never: by bisection.
+    let at = |road: &str, level: f64| {
+        let fails = "ab".contains(road) && level >= 2.0;
+        let verdict = if fails { Unsafe } else { Passed };
+        Scenario {
+            road_id: road.into(),
+            ..scenario(Some("fog"), level, verdict, if fails { 4.0 } else { 10.0 })
+        }
+    };
+    let driven = [
+        ("a", 4.0),
+        ("b", 4.0),
+        ("c", 4.0),
+        ("d", 4.0),
+        ("a", 0.0),
+        ("b", 0.0),
+        ("a", 2.0),
+        ("b", 2.0),
+        ("a", 1.0),
+    ];
+    let mut scenarios: Vec<_> = driven.iter().map(|(road, level)| at(road, *level)).collect();
+    scenarios.push(scenario(None, 0.0, Passed, 10.0));
+    let drive = Drive { scenarios, ..Drive::default() };
+    let section = section(&drive, &[], &[0.1]).unwrap();
+    let cells = |grid: &Grid| -> Vec<String> {
+        grid.rows[0].cells.iter().flatten().map(|cell| cell.text.clone()).collect()
+    };
+    assert_eq!(section.failed.columns.iter().flatten().collect::<Vec<_>>(), ["0", "1", "2", "3", "4"]);
+    // At level 1 nothing says how b would go; at 2 and 4 c and d survive.
+    assert_eq!(cells(&section.failed), ["0 %", "0 %", "50 %", "50 %", "50 %"]);
+    assert_eq!(cells(&section.error)[2], "✗ 4.00 s");
+    // One chart, of the level at which all roads were driven.
+    assert_eq!(section.curves.len(), 1);
+    assert_eq!(
+        section.curves[0].label,
+        "Share of scenarios still driving at level 4, by perturbation with failures"
+    );
 }
 
 #[test]

@@ -130,6 +130,6 @@ mod tests {
         assert_eq!(told, expected);
         assert_eq!(drives[0].scenarios[1].replay, "pdk replay run --scenario 2");
         let mut all = drives.iter().flat_map(|d| &d.scenarios);
-        assert!(all.all(|s| s.verdict == Verdict::Stopped && s.clip.is_empty() && s.road.is_none()));
+        assert!(all.all(|s| s.verdict == Verdict::Late && s.clip.is_empty() && s.road.is_none()));
     }
 }

@@ -1,0 +1,134 @@
+//! Perturbations by levels: the share that failed, and the mean cross-track error.
+
+use std::collections::{BTreeSet, HashMap};
+
+use pdk_statistics::level::{Trial, fails_at};
+
+use crate::closed_loop::NO_PERTURBATION;
+use crate::conclusions::{Trials, trials};
+use crate::heat::{self, Cell, Columns, Grid};
+use crate::tally::Tally;
+use crate::text::{number, percent};
+use crate::view::{Drive, Scenario};
+
+/// What is in a cell.
+struct Counted<'a> {
+    /// The perturbation; none for what is not perturbed.
+    name: Option<&'a String>,
+    /// The column; none where the level is no single one.
+    level: Option<f64>,
+    tally: Tally,
+    /// Scenarios, also those in which a component failed.
+    total: usize,
+}
+
+/// The heat maps of a drive: the share that failed, and the mean cross-track error. `chosen` are the levels over which shares are
+/// taken where levels were chosen by what failed: then the share at a level is that of all roads on which drives tell it, also drives
+/// at other levels. Else a cell counts its drives.
+pub fn grids(drive: &Drive, order: &[String], chosen: &[f64]) -> (Grid, Grid) {
+    let columns = match chosen.is_empty() {
+        true => Columns::of(drive.scenarios.iter().filter_map(|scenario| scenario.level)),
+        false => Columns::Exact,
+    };
+    let cells = counted(drive, order, columns, chosen);
+    let trials = trials(drive);
+    // So that small errors look small.
+    let largest = cells.iter().filter_map(|cell| cell.tally.mean_error()).fold(1.0, f64::max);
+    let (mut failed, mut error) = (Vec::new(), Vec::new());
+    for Counted { name, level, tally, total } in cells {
+        let what = match (name, level) {
+            (None, _) => NO_PERTURBATION.to_owned(),
+            (Some(name), None) => name.clone(),
+            (Some(name), Some(level)) => format!("{name} at level {}", columns.name(level)),
+        };
+        let void = match total - tally.judged {
+            0 => String::new(),
+            void => format!("; in {void} a component failed"),
+        };
+        let title = format!("{what}: {}{void}", tally.told());
+        let push = |entries: &mut Vec<heat::Entry>, text: String, title: String, share: f64| {
+            entries.push(heat::Entry { row: name.cloned(), level, cell: Cell::new(text, title, share) });
+        };
+        match name.zip(level.filter(|_| !chosen.is_empty())) {
+            Some((name, level)) => match share_at(&trials, name, level) {
+                Some(share) => push(&mut failed, percent(share), title.clone(), share),
+                None => push(&mut failed, "–".to_owned(), title.clone(), 0.0),
+            },
+            None => push(&mut failed, share_of_drives(&tally), title.clone(), tally.share_of_drives()),
+        }
+        // A drive that was cut short has no mean that could be compared: where all were, it is how soon.
+        let (shown, depth) = match (tally.mean_error(), tally.time_to_failure()) {
+            (None, None) => ("–".to_owned(), 0.0),
+            (None, Some(seconds)) => (format!("✗ {} s", number(seconds)), 1.0),
+            (Some(metres), time) => {
+                let mark = if time.is_some() { " ✗" } else { "" };
+                (format!("{}{mark}", number(metres)), metres / largest)
+            }
+        };
+        push(&mut error, shown, title, depth);
+    }
+    (
+        columns.grid(&failed, order, ("none failed".to_owned(), "all failed".to_owned())),
+        columns.grid(&error, order, ("0 m".to_owned(), format!("{} m, or all failed", number(largest)))),
+    )
+}
+
+/// The cells with what was driven, in the order in which they come first; then those of chosen levels at which nothing was.
+fn counted<'a>(drive: &'a Drive, order: &'a [String], columns: Columns, chosen: &[f64]) -> Vec<Counted<'a>> {
+    let mut cells: Vec<Counted<'a>> = Vec::new();
+    let mut known: HashMap<(Option<&String>, Option<u64>), usize> = HashMap::new();
+    let mut place = |name: Option<&'a String>, level: Option<f64>, scenario: Option<&Scenario>| {
+        let place = *known.entry((name, level.map(heat::key))).or_insert_with(|| {
+            cells.push(Counted { name, level, tally: Tally::default(), total: 0 });
+            cells.len() - 1
+        });
+        if let Some(scenario) = scenario {
+            cells[place].tally.add(scenario);
+            cells[place].total += 1;
+        }
+    };
+    for scenario in &drive.scenarios {
+        let name = scenario.perturbation.as_ref();
+        let level = name.and(scenario.level).map(|level| columns.column(level));
+        if level.is_none_or(|level| chosen.is_empty() || chosen.contains(&level)) {
+            place(name, level, Some(scenario));
+        }
+    }
+    let leveled: BTreeSet<&String> = drive
+        .scenarios
+        .iter()
+        .filter(|s| s.level.is_some())
+        .filter_map(|s| s.perturbation.as_ref())
+        .collect();
+    for name in order.iter().filter(|name| leveled.contains(name)) {
+        chosen.iter().for_each(|level| place(Some(name), Some(*level), None));
+    }
+    cells
+}
+
+/// What a cell says of its drives.
+fn share_of_drives(tally: &Tally) -> String {
+    match (tally.judged, tally.failed, tally.stopped, tally.late) {
+        (0, ..) => "–".to_owned(),
+        (1, 0, ..) => "ok".to_owned(),
+        (1, _, 1, _) => "stopped".to_owned(),
+        (1, _, _, 1) => "late".to_owned(),
+        (1, ..) => "failed".to_owned(),
+        (judged, failed, 0, 0) => format!("{failed}/{judged}"),
+        (judged, failed, stopped, 0) => format!("{failed}/{judged} ({stopped} st.)"),
+        (judged, failed, 0, late) => format!("{failed}/{judged} ({late} late)"),
+        (judged, failed, stopped, late) => format!("{failed}/{judged} ({stopped} st., {late} late)"),
+    }
+}
+
+/// The share of roads on which a perturbation makes the driver fail at a level, as far as drives tell; several under different luck on
+/// a road count by their mean.
+fn share_at(trials: &Trials<'_>, name: &str, level: f64) -> Option<f64> {
+    let mean =
+        |values: &[f64]| (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64);
+    let of = |trials: &Vec<Trial>| Some(f64::from(u8::from(fails_at(trials, level)?)));
+    let roads = trials.iter().filter(|((of, _), _)| *of == name);
+    let shares: Vec<f64> =
+        roads.filter_map(|(_, seeds)| mean(&seeds.values().filter_map(of).collect::<Vec<_>>())).collect();
+    mean(&shares)
+}
