@@ -1,5 +1,7 @@
 -- Whether it matters where a frame is perturbed: the same perturbation on as many pixels, once where a saliency map says that
--- the driver looks, once at random places, and once where it looks least.
+-- the driver looks, once at random pixels, and once where it looks least. Take perturbations that change every pixel: of one that
+-- draws shapes, such as cutout_filter, only what lies within those pixels remains, which differs from place to place. Random pixels
+-- are scattered, while a map marks areas, so compare `top` with `bottom` first.
 --
 --   pdk run attention
 --   pdk run attention --set share=10 --set method=grad-cam --set levels=4
@@ -14,7 +16,7 @@ local study = require("@pdk/study")
 local settings = pdk.settings({
 	simulator = "lane",
 	drivers = { "dave2", "dave2_augmented" }, -- networks; a file as { name = "onnx", model = "FILE.onnx" }
-	perturbations = { "gaussian_noise", "cutout_filter", "defocus_blur" },
+	perturbations = { "gaussian_noise", "false_color_filter", "defocus_blur" },
 	levels = { 2, 4 },
 	share = 20, -- percent of the frame that is perturbed
 	method = "hirescam", -- the saliency method, with parameters of its own as a table { name = ..., ... }
@@ -25,7 +27,7 @@ local settings = pdk.settings({
 	segment = 25, -- length of its segments in metres: 37.5 and 50 match the speeds of the conditions standard and hard of lane
 	attempts = 1000, -- draws until a road is valid
 	repeats = 3, -- how often what draws at random, a perturbation or its places, is driven at each level on each road
-	duration = 30, -- seconds of simulation time
+	duration = 60, -- seconds of simulation time
 	failure = {}, -- what counts as a failure: see FailureCriteria
 	confidence = 0.95, -- of the intervals
 	images_every = 0, -- every how many frames the record keeps an image; 0 for none

@@ -53,6 +53,9 @@ local function repeats(perturbations): number
 	return 1
 end
 
+for _, name in { "roads", "attempts", "repeats" } do
+	study.count(settings, name)
+end
 settings = study.in_conditions(settings, settings.conditions)
 local scenarios = {}
 for number = 1, settings.roads do

@@ -12,7 +12,12 @@ local settings = pdk.settings({
 	perturbations = { "gaussian_noise", "motion_blur", "fog_filter", "translate_image", "raindrops_on_lens", "dirty_lens" },
 	levels = { 2, 4 },
 	duration = 30, -- seconds of simulation time
+	failure = {}, -- what counts as a failure: see FailureCriteria
 })
+
+if #settings.perturbations > 0 and #settings.levels == 0 then
+	error("levels is empty; name at least one from 0 to 4", 0)
+end
 
 local scenarios = { { name = "nominal" } }
 for _, name in settings.perturbations do
@@ -28,5 +33,7 @@ pdk.show(pdk.drive({
 	simulator = settings.simulator,
 	driver = settings.driver,
 	duration = settings.duration,
+	failure = settings.failure,
 	scenarios = scenarios,
 }))
+print("Each was driven once, on one road. What holds on others: pdk run greedy, pdk run study")

@@ -42,6 +42,7 @@ local settings = pdk.settings({
 	road_seed = 1, -- which roads the turns and the curvature stand for
 	attempts = 200, -- draws until a road is valid
 	duration = 30, -- seconds of simulation time
+	failure = {}, -- what counts as a failure: see FailureCriteria
 	images_every = 0, -- every how many frames the record keeps an image; 0 for none
 })
 
@@ -65,6 +66,7 @@ local function searched(strategy, number: number?)
 		simulator = settings.simulator,
 		driver = settings.driver,
 		duration = settings.duration,
+		failure = settings.failure,
 		images_every = settings.images_every,
 		strategy = strategy,
 		space = {
@@ -100,6 +102,15 @@ end
 -- What one search found.
 local function show(found)
 	print(`{found.evaluations} tests, {found.critical} failed, {#found.distinct_failures} of them unlike each other.`)
+	local harmless = { stopped = 0, late = 0 }
+	for _, test in found.tests do
+		if harmless[test.verdict] and not test.same_as then
+			harmless[test.verdict] += 1
+		end
+	end
+	if harmless.stopped + harmless.late > 0 then
+		print(`Of those that failed, {harmless.stopped} stopped and {harmless.late} were too slow.`)
+	end
 	local rows = {}
 	if found.tree then
 		for _, region in found.tree.critical_regions do
@@ -115,9 +126,10 @@ local function show(found)
 		local values = test.values
 		table.insert(rows, {
 			`{values.perturbation}@{values.intensity}`,
-			`{values.turns} turns, {values.curvature}/1000 1/m`,
+			`{values.turns} {if values.turns == 1 then "turn" else "turns"}, {values.curvature}/1000 1/m`,
 			(string.gsub(test.cause or "", "_", " ")),
-			test.objectives.mean_cross_track_error,
+			-- The mean of a part of the road is not comparable.
+			string.format("%.0f %%", 100 * (1 - test.objectives.time_to_failure)),
 			test.scenario,
 		})
 		if #rows == 20 then
@@ -125,7 +137,7 @@ local function show(found)
 		end
 	end
 	if #rows > 0 then
-		pdk.table({ "perturbation", "road", "cause", "mean |XTE| m", "scenario" }, rows)
+		pdk.table({ "perturbation", "road", "cause", "driven", "scenario" }, rows)
 	end
 end
 

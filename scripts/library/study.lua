@@ -17,6 +17,14 @@ local function once<T>(values: { T }): { T }
 	return kept
 end
 
+-- Refuses a setting that is not a whole number of at least 1, at the pipeline, which is so many callers away.
+function study.count(settings, name: string, callers: number?)
+	local count = settings[name]
+	if count < 1 or count % 1 ~= 0 then
+		error(`{name} is {count}, but has to be a whole number of at least 1`, (callers or 1) + 1)
+	end
+end
+
 -- The perturbations and the levels of a study, each once and the levels in order. `counts` names the settings that have to be whole
 -- numbers of at least 1. Where no perturbations are set, it is the default set. All that can be wrong is said before anything is driven.
 function study.checked(settings, counts: { string }): ({ string }, { number })
@@ -27,10 +35,7 @@ function study.checked(settings, counts: { string }): ({ string }, { number })
 	local levels = once(settings.levels)
 	table.sort(levels)
 	for _, name in counts do
-		local count = settings[name]
-		if count < 1 or count % 1 ~= 0 then
-			error(`{name} is {count}, but has to be a whole number of at least 1`, 2)
-		end
+		study.count(settings, name, 2)
 	end
 	if #levels == 0 then
 		error("levels is empty; name at least one from 0 to 4", 2)
@@ -39,6 +44,10 @@ function study.checked(settings, counts: { string }): ({ string }, { number })
 		if level < 0 or level > 4 then
 			error(`levels has {level}, but intensities go from 0 to 4`, 2)
 		end
+	end
+	for _, name in names do
+		-- Says so where there is no such perturbation.
+		pdk.draws(name)
 	end
 	if settings.confidence <= 0 or settings.confidence >= 1 then
 		error(`confidence is {settings.confidence}, but has to be between 0 and 1, such as 0.95`, 2)

@@ -1,5 +1,6 @@
 //! The settings of a pipeline: the defaults it declares, and what the command line puts in their place.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -140,7 +141,23 @@ pub fn apply(defaults: Value, overrides: &[Override]) -> Result<Value> {
         Value::Array(list) if list.is_empty() => Map::new(),
         other => return Err(Error::new(format!("pdk.settings takes a table of defaults, not {other}"))),
     };
+    // An empty Lua table takes any names: who gets it knows them.
+    let is_open = |value: &Value| value.as_array().is_some_and(Vec::is_empty);
+    let open: BTreeSet<String> =
+        settings.iter().filter(|(_, value)| is_open(value)).map(|(name, _)| name.clone()).collect();
     for Override { key, value } in overrides {
+        if let Some((name, field)) =
+            key.split_once('.').filter(|(name, field)| open.contains(*name) && !field.contains('.'))
+        {
+            let table = settings.entry(name).or_insert(Value::Null);
+            if is_open(table) {
+                *table = Value::Object(Map::new());
+            }
+            if let Value::Object(table) = table {
+                table.insert(field.to_owned(), parse_value(value));
+                continue;
+            }
+        }
         set(&mut settings, key, key, value)?;
     }
     Ok(Value::Object(settings))
@@ -276,6 +293,22 @@ mod tests {
             let error = read(&[text]).unwrap_err().to_string();
             assert!(error.contains(said), "{error}");
         }
+    }
+
+    #[test]
+    fn an_empty_table_takes_fields_one_by_one() {
+        let set = |texts: &[&str]| {
+            let overrides: Vec<Override> = texts.iter().map(|text| text.parse().unwrap()).collect();
+            apply(json!({"failure": [], "levels": [1]}), &overrides)
+        };
+        let both = set(&["failure.lane_departure=4", "failure.comparison=more_than"]).unwrap();
+        assert_eq!(both["failure"], json!({"lane_departure": 4, "comparison": "more_than"}));
+        assert_eq!(
+            set(&[r#"failure={"over_line":1}"#, "failure.lane_departure=3"]).unwrap()["failure"]["over_line"],
+            1
+        );
+        assert!(set(&["failure=1,2", "failure.x=3"]).unwrap_err().to_string().contains("is not a table"));
+        assert!(set(&["levels.x=3"]).unwrap_err().to_string().contains("is not a table"));
     }
 
     #[test]

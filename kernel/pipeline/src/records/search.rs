@@ -115,6 +115,7 @@ pub(super) const SEARCH_REQUEST: ApiRecord = ApiRecord {
         field("simulator", "(string | Component)?", "The simulator of the scenarios."),
         field("driver", "(string | Component)?", "The driver under test."),
         field("duration", "number?", "The time limit of a scenario in seconds of simulation time."),
+        field("failure", "FailureCriteria?", "As in `DriveRequest`."),
         field("images_every", "number?", "As in `DriveRequest`."),
         field("mode", "(\"lockstep\" | \"realtime\")?", "As in `DriveRequest`."),
     ],
@@ -154,7 +155,8 @@ pub(super) const SEARCH_RESULT: ApiRecord = ApiRecord {
         field(
             "tests",
             "{ { number: number, values: { [string]: any }, objectives: { [string]: number }?, violation: number?, \
-             critical: boolean?, same_as: number?, failure: string?, cause: string?, scenario: string? } }",
+             critical: boolean?, same_as: number?, failure: string?, cause: string?, verdict: string?, \
+             scenario: string? } }",
             "All candidates.",
         ),
         field(

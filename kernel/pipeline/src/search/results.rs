@@ -128,7 +128,7 @@ pub fn table(summary: &Summary<'_>) -> String {
         .into_iter()
         .chain(variables)
         .chain(objectives)
-        .chain(["violation", "critical", "same_as", "failure", "cause", "scenario"])
+        .chain(["violation", "critical", "same_as", "failure", "cause", "verdict", "scenario"])
         .collect();
     let mut text = String::new();
     line(&mut text, columns.iter().map(|column| (*column).to_owned()));
@@ -141,7 +141,7 @@ pub fn table(summary: &Summary<'_>) -> String {
             .chain(problem.space.variables.iter().map(|v| variable(&v.name)))
             .chain(problem.objectives.iter().map(|name| field(&test["objectives"][name])))
             .chain(
-                ["violation", "critical", "same_as", "failure", "cause", "scenario"]
+                ["violation", "critical", "same_as", "failure", "cause", "verdict", "scenario"]
                     .map(|name| field(&test[name])),
             );
         line(&mut text, cells);
@@ -189,6 +189,7 @@ fn test(summary: &Summary<'_>, number: usize) -> Value {
     }
     if let Some(outcome) = &verdict.outcome {
         test.insert("cause".into(), outcome["cause"].clone());
+        test.insert("verdict".into(), outcome["verdict"].clone());
         test.insert("scenario".into(), outcome["id"].clone());
     }
     Value::Object(test)
