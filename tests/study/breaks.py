@@ -51,7 +51,7 @@ def told(found):
 def ranking_table(ranking):
     """The perturbations that break anything, and the others by name."""
     drivers = [f"`{driver}`" for driver in ranking["drivers"]]
-    header = ["group", "perturbation", "levels that fail", "95 %", "stopped", *drivers, *ranking["conditions"]]
+    header = ["group", "perturbation", "levels that fail", "95 %", "stopped, late", "over the line", *drivers, *ranking["conditions"]]
     lines = [row(header), "|---" * len(header) + "|"]
     none = []
     for entry in ranking["ranking"]:
@@ -60,7 +60,8 @@ def ranking_table(ranking):
             continue
         low, high = (f"{100 * entry[f'failed_share_{end}']:.0f}" for end in ("low", "high"))
         cells = [entry["group"], f"`{entry['perturbation']}`", percent(entry["failed_share"]), f"{low} to {high} %"]
-        cells.append(f"{entry['stopped']} of {entry['failures']}")
+        cells.append(f"{entry['stopped']}, {entry['late']} of {entry['failures']}")
+        cells.append(percent(entry["over_line"] / max(entry["drives"] - entry["failures"], 1)))
         cells += [told(of["failing_level"]) for of in entry["by_driver"]]
         cells += [told(of["failing_level"]) for of in entry["by_conditions"]]
         lines.append(row(cells))
@@ -146,10 +147,14 @@ def drives(record):
         what = scenario["scenario"]
         name = scenario["name"].split(", repeat")[0]
         pairs[(what["simulator"]["parameters"]["conditions"], json.dumps(what["driver"]), name)].append(scenario["success"])
-    pairs = {key: of for key, of in pairs.items() if len(of) == 2 and not all(of)}
+    # At the highest level all pairs were driven; lower ones only where both failed above.
+    pairs = {key: of for key, of in pairs.items() if len(of) == 2 and not all(of) and f"@{HIGHEST}," in key[2]}
     for (_, _, name), of in pairs.items():
         by_name[name.split("@")[0]] += of[0] != of[1]
-    print(f"pairs with a failure: {len(pairs)}, different: {sum(by_name.values())}: {by_name.most_common(6)}")
+    print(f"pairs at level {HIGHEST} with a failure: {len(pairs)}, different: {sum(by_name.values())}: {by_name.most_common(6)}")
+    passed = [s for s in scenarios if s["success"] and f"@{HIGHEST}," in s["name"]]
+    over = sum(s["measures"]["over_line_seconds"] > 0 for s in passed)
+    print(f"at level {HIGHEST} {len(passed)} drives came to the end, {over} with a wheel over the line")
     in_fog = defaultdict(Counter)
     for scenario in scenarios:
         name = scenario["name"].split("@")[0]
