@@ -20,7 +20,7 @@ return {
         { name = "flicker", default = 100, min = 0, max = 1000, unit = "Hz",
           doc = "How often the lamps flicker nominally: twice the mains frequency" },
         { name = "drift", default = 0.4, min = 0, max = 10, unit = "Hz",
-          doc = "How far the flicker is from that at most; at least half of it" },
+          doc = "Largest deviation from `flicker`; each sequence draws between half of it and all of it" },
         { name = "readout", default = 0.03, min = 0, max = 1, unit = "s",
           doc = "How long the camera takes from the first row to the last" },
         { name = "exposure", default = 0.003, min = 0, max = 1, unit = "s",

@@ -481,7 +481,7 @@ def closed_loop(figures):
 
 
 def losses(figures):
-    """Where pdk is slower, drawing no more than the other does, or called from Python; the worst first."""
+    """Where pdk is slower, drawing no more than the other does, or called from Python, whichever is slower; the worst first."""
     found = []
     for cell in figures["cells"]:
         for library, theirs in cell["others"].items():
@@ -491,7 +491,7 @@ def losses(figures):
     if not found:
         return "Nowhere.\n"
     found.sort(key=lambda loss: -loss[0])
-    lines = ["| perturbation | size | level | than | its ms | pdk ms | from Python | times slower |", "|---|---|---:|---|---:|---:|---:|---:|"]
+    lines = ["| perturbation | size | level | than | its ms | pdk ms | from Python | times slower, at worst |", "|---|---|---:|---|---:|---:|---:|---:|"]
     for times, cell, library, theirs in found:
         call = f"{cell['python_ms']:.3f}" if "python_ms" in cell else ""
         lines.append(

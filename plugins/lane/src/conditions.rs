@@ -72,8 +72,8 @@ const SETTINGS: [Setting; 16] = [
         [16.0, 24.0, 32.0],
         (0.0, 500.0),
         "m",
-        "straight road before a scenario's own, which begins in a bend else, and \
-        behind its last angle, whose segment is not driven else",
+        "straight road before and behind a scenario's own; without it, the road begins in a bend, and the segment of its last angle is \
+        not driven",
     ),
     fixed(
         "segment",
@@ -182,7 +182,7 @@ pub fn parameters() -> Vec<Parameter> {
         "light",
         &names,
         &format!(
-            "the light: a clear day, dusk with headlights, an overcast sky, or night; any: one of those of the conditions ({})",
+            "the light: a clear day, dusk with headlights, an overcast sky, or night; any: drawn from the lights of the conditions ({})",
             lights.collect::<Vec<_>>().join("; ")
         ),
     );

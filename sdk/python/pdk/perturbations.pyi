@@ -60,7 +60,8 @@ def banding(
     depth: How much of the lamps' light is missing between two of their peaks (0 to 1; by level 0.15, 0.3, 0.45,
         0.6, 0.75).
     flicker: How often the lamps flicker nominally: twice the mains frequency (Hz; 0 to 1000; default 100.0).
-    drift: How far the flicker is from that at most; at least half of it (Hz; 0 to 10; default 0.4).
+    drift: Largest deviation from `flicker`; each sequence draws between half of it and all of it (Hz; 0 to 10;
+        default 0.4).
     readout: How long the camera takes from the first row to the last (s; 0 to 1; default 0.03).
     exposure: How long each row gathers light; the longer, the fainter the bands (s; 0 to 1; default 0.003).
     Source: Light of lamps on the mains as a raised cosine, integrated over the exposure e of each row of a rolling
