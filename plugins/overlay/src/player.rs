@@ -165,6 +165,9 @@ impl Player {
     }
 }
 
+/// Frames a second from which on a clip is fast.
+const FAST: f64 = 50.0;
+
 /// What is shown of a store at some time: a frame, and how much of the next one is mixed in, in 256ths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shown {
@@ -177,7 +180,8 @@ pub struct Shown {
 }
 
 /// What is shown of a store at a time, in seconds, when the vehicle has driven so many metres, where that is known: between two
-/// frames of the clip both, so that it moves evenly at any rate of frames.
+/// frames of the clip both, so that it moves evenly at any rate of frames. Of a clip with [`FAST`] frames a second or more it is the
+/// nearest one: that is even enough, and what is mixed shows fast things twice.
 pub fn frame_at(
     index: &Index,
     motion: Motion,
@@ -198,8 +202,12 @@ pub fn frame_at(
     };
     let start = random.below(period as u32) as i64;
     // In 256ths of a frame. Times are multiples of a frame's duration that are not exact, so the nearest one counts.
-    let passed = (seconds * rate.unwrap_or(index.rate) * 256.0).round() as i64;
-    let (whole, weight) = (passed.div_euclid(256), passed.rem_euclid(256) as u16);
+    let rate = rate.unwrap_or(index.rate);
+    let passed = (seconds * rate * 256.0).round() as i64;
+    let (whole, weight) = match rate >= FAST {
+        true => (passed.saturating_add(127).div_euclid(256), 0),
+        false => (passed.div_euclid(256), passed.rem_euclid(256) as u16),
+    };
     let frame = |number: i64| {
         let place = number.saturating_add(start).rem_euclid(period as i64) as usize;
         match end {
@@ -293,6 +301,25 @@ mod tests {
             let shown = at(time, None);
             assert!(shown.first < 1000 && shown.second < 1000 && shown.weight < 256);
         }
+    }
+
+    #[test]
+    fn of_a_fast_clip_the_nearest_frame_is_shown() {
+        let index = Index { rate: 60.0, ..index(1000, 0, &[]) };
+        let random = Key([4; 32]).sequence();
+        let at = |time: f64, rate: Option<f64>| {
+            frame_at(&index, Motion::Runs { end: Loop::Repeat, rate }, (time, None), &mut random.clone())
+        };
+        let start = at(0.0, None).first;
+        let passed = |time: f64| (at(time, None).first + 1000 - start) % 1000;
+        // At 20 frames a second three each, at 25 two or three.
+        assert_eq!([0.05, 0.1, 0.15, 0.04, 0.08, 0.12, 0.16].map(passed), [3, 6, 9, 2, 5, 7, 10]);
+        for i in 0..100 {
+            assert_eq!(at(f64::from(i) / 77.0, None).weight, 0);
+        }
+        // In slow motion both are shown again.
+        assert_eq!(at(0.05, Some(10.0)).weight, 128);
+        assert!(at(1e300, None).first < 1000);
     }
 
     #[test]

@@ -233,13 +233,13 @@ macro_rules! overlays {
 
 overlays! {
     "rain": DynamicRain "dynamic_rain_filter", StaticRain "static_rain_filter", "streaks of rain",
-        "a loop of 3 s", RAIN, 3 2;
+        "a loop of 3 s", RAIN, 4 3;
     "snow": DynamicSnow "dynamic_snow_filter", StaticSnow "static_snow_filter", "flakes of snow",
-        "a loop of 4 s", SNOW, 3 2;
+        "a loop of 4 s", SNOW, 4 3;
     "smoke": DynamicSmoke "dynamic_smoke_filter", StaticSmoke "static_smoke_filter", "swathes of smoke",
         "a loop of 4 s", Shows::Anything, 3 2, not_default;
     "birds": DynamicObject "dynamic_object_overlay", StaticObject "static_object_overlay", "birds in flight above the horizon",
-        "a loop of 4 s", Shows::Sky, 3 2;
+        "a loop of 4 s", Shows::Sky, 4 3;
     "sun": DynamicSun "dynamic_sun_filter", StaticSun "static_sun_filter", "glare of a low sun",
         "a loop of 4 s", Shows::Sun, 3 2;
     "lightning": DynamicLightning "dynamic_lightning_filter", StaticLightning "static_lightning_filter", "bolts of lightning",

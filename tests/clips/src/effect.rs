@@ -10,8 +10,10 @@ use crate::smoke::Smoke;
 use crate::snow::Snow;
 use crate::sun::Sun;
 
-/// Frames per second of all clips.
-pub const RATE: u32 = 30;
+/// Frames per second of what moves slowly: between two of these, both can be mixed.
+const SLOW: u32 = 30;
+/// Frames per second of what moves so fast that a mixture of two frames shows it twice: the nearest is taken.
+const FAST: u32 = 60;
 
 /// Something that moves and repeats.
 pub trait Effect {
@@ -19,9 +21,10 @@ pub trait Effect {
     fn draw(&self, time: f32, canvas: &mut Canvas);
 }
 
-/// A clip: its name, its length in frames, how finely it is encoded (the quantiser, finer is smaller) and what it shows.
+/// A clip: its name, its frames per second, its length in frames, how finely it is encoded (the quantiser, finer is smaller) and what it shows.
 pub struct Clip {
     pub name: &'static str,
+    pub rate: u32,
     pub frames: usize,
     pub quantiser: u8,
     pub make: fn(&mut Random) -> Box<dyn Effect>,
@@ -29,13 +32,26 @@ pub struct Clip {
 
 /// All clips.
 pub const CLIPS: [Clip; 6] = [
-    Clip { name: "rain", frames: 90, quantiser: 33, make: |random| Box::new(Rain::new(random)) },
-    Clip { name: "snow", frames: 120, quantiser: 35, make: |random| Box::new(Snow::new(random)) },
-    Clip { name: "smoke", frames: 120, quantiser: 24, make: |random| Box::new(Smoke::new(random)) },
-    Clip { name: "birds", frames: 120, quantiser: 26, make: |random| Box::new(Birds::new(random)) },
-    Clip { name: "sun", frames: 120, quantiser: 22, make: |random| Box::new(Sun::new(random)) },
+    Clip { name: "rain", rate: FAST, frames: 180, quantiser: 33, make: |random| Box::new(Rain::new(random)) },
+    Clip { name: "snow", rate: FAST, frames: 240, quantiser: 35, make: |random| Box::new(Snow::new(random)) },
+    Clip {
+        name: "smoke",
+        rate: SLOW,
+        frames: 120,
+        quantiser: 24,
+        make: |random| Box::new(Smoke::new(random)),
+    },
+    Clip {
+        name: "birds",
+        rate: FAST,
+        frames: 240,
+        quantiser: 26,
+        make: |random| Box::new(Birds::new(random)),
+    },
+    Clip { name: "sun", rate: SLOW, frames: 120, quantiser: 22, make: |random| Box::new(Sun::new(random)) },
     Clip {
         name: "lightning",
+        rate: SLOW,
         frames: LIGHTNING_FRAMES,
         quantiser: 24,
         make: |random| Box::new(Lightning::new(random)),

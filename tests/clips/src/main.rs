@@ -41,7 +41,7 @@ fn main() -> Result<()> {
         }
         let effect = clip.effect();
         let frames = (0..clip.frames).map(|number| clip.frame(effect.as_ref(), number));
-        let bytes = video::encode(frames, clip.quantiser)?;
+        let bytes = video::encode(frames, clip.rate, clip.quantiser)?;
         let path = folder.join(format!("{}.mp4", clip.name));
         std::fs::write(&path, &bytes)?;
         println!("{}: {} frames, {} bytes", path.display(), clip.frames, bytes.len());

@@ -10,7 +10,6 @@ use openh264::encoder::{
 use openh264::formats::YUVBuffer;
 
 use crate::canvas::{Canvas, SIZE};
-use crate::effect::RATE;
 
 /// The screen: far from grey, so that transparency has many steps.
 pub const GREEN: [f32; 3] = [0.0, 0.86, 0.10];
@@ -18,14 +17,14 @@ pub const GREEN: [f32; 3] = [0.0, 0.86, 0.10];
 /// Ticks per second in the file.
 const TIMESCALE: u32 = 30_000;
 
-/// Encodes frames as an MP4 file.
-pub fn encode(frames: impl Iterator<Item = Canvas>, quantiser: u8) -> Result<Vec<u8>> {
+/// Encodes frames, of which there are so many a second, as an MP4 file.
+pub fn encode(frames: impl Iterator<Item = Canvas>, rate: u32, quantiser: u8) -> Result<Vec<u8>> {
     // Every frame gets the same quantiser, so nothing depends on how long encoding takes.
     let config = EncoderConfig::new()
         .rate_control_mode(RateControlMode::Quality)
         .bitrate(BitRate::from_bps(100_000_000))
         .qp(QpRange::new(quantiser, quantiser))
-        .max_frame_rate(FrameRate::from_hz(RATE as f32))
+        .max_frame_rate(FrameRate::from_hz(rate as f32))
         .complexity(Complexity::High)
         .profile(Profile::High)
         .vui(VuiConfig::bt601())
@@ -57,7 +56,7 @@ pub fn encode(frames: impl Iterator<Item = Canvas>, quantiser: u8) -> Result<Vec
             bytes.extend_from_slice(&(unit.len() as u32).to_be_bytes());
             bytes.extend_from_slice(unit);
         }
-        let duration = TIMESCALE / RATE;
+        let duration = TIMESCALE / rate;
         let sample = Mp4Sample {
             start_time: u64::from(duration) * number as u64,
             duration,
