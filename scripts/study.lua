@@ -224,7 +224,7 @@ for _, driver in settings.drivers do
 end
 table.insert(header, "time to failure s")
 table.insert(header, "over the line")
-table.insert(header, `|XTE| increase at {levels[#levels]} m`)
+table.insert(header, `|XTE| increase at level {levels[#levels]}, m`)
 local rows = {}
 for rank, entry in entries do
 	entry.rank, entry.group, entry.shares = rank, groups[rank], nil
@@ -306,7 +306,7 @@ for i = 2, #settings.drivers do
 	end
 end
 if #compared_rows > 0 then
-	print(`Failing levels of {study.driver_name(settings.drivers[1])} less those of the others, road by road`)
+	print(`The share of levels at which {study.driver_name(settings.drivers[1])} fails less that of the others, road by road`)
 	pdk.table({ "driver", "difference", percent, "effect size", "p", "roads" }, compared_rows)
 end
 
