@@ -238,7 +238,8 @@ function study.shown(found, highest: number): (string, string)
 	local function end_of(level: number?): string
 		return if level then string.format("%.2f", level) else `above {highest}`
 	end
-	return if found.level then end_of(found.level) else "never", `{end_of(found.low)} to {end_of(found.high)}`
+	local interval = if found.low then `{end_of(found.low)} to {end_of(found.high)}` else end_of(nil)
+	return if found.level then end_of(found.level) else "never", interval
 end
 
 return study

@@ -155,9 +155,11 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
         (stopped, late) if all_of(stopped + late) => {
             format!("; no vehicle left its lane or hit anything: {stopped} stopped, {late} were too slow")
         }
-        (stopped, 0) => format!("; in {stopped} of these the vehicle stopped"),
-        (0, late) => format!("; in {late} of these the vehicle was too slow"),
-        (stopped, late) => format!("; in {stopped} of these the vehicle stopped, in {late} it was too slow"),
+        (stopped, 0) => format!("; in {stopped} of the failed ones the vehicle stopped"),
+        (0, late) => format!("; in {late} of the failed ones the vehicle was too slow"),
+        (stopped, late) => {
+            format!("; in {stopped} of the failed ones the vehicle stopped, in {late} it was too slow")
+        }
     };
     if void > 0 {
         first += &format!("; in {void} a component failed, which says nothing about the driver");

@@ -172,7 +172,11 @@ pub fn told(found: &FailingLevel, highest: f64) -> (String, String) {
         None => format!("above {}", crate::text::short(highest)),
     };
     let level = found.level.map_or("never".to_owned(), number);
-    (level, format!("{} to {}", of(found.low), of(found.high)))
+    let interval = match found.low {
+        Some(_) => format!("{} to {}", of(found.low), of(found.high)),
+        None => of(None),
+    };
+    (level, interval)
 }
 
 fn difference(paired: Option<Paired>) -> Difference {
@@ -225,7 +229,7 @@ mod tests {
         assert_eq!((told[0].1, told[0].2), ("fog", "1.50"));
         assert_eq!(told[1], (2, "rain", "never", "0 % to 28 %"));
         assert_eq!((told[2].0, told[2].1), (2, "snow"));
-        assert_eq!(found.rows[1].level_interval, "above 4 to above 4");
+        assert_eq!(found.rows[1].level_interval, "above 4");
         assert_eq!(
             (found.rows[0].difference.value.as_str(), found.rows[0].difference.effect_size.as_str()),
             ("+60 %", "1.00")
@@ -254,7 +258,7 @@ mod tests {
         let found = conclusions(&drive, std::slice::from_ref(&drive));
         let row = &found.rows[0];
         assert_eq!((row.failed.as_str(), row.share.as_str()), ("16 of 48", "20 %"));
-        assert_eq!((row.fails_at.as_str(), row.level_interval.as_str()), ("never", "above 4 to above 4"));
+        assert_eq!((row.fails_at.as_str(), row.level_interval.as_str()), ("never", "above 4"));
     }
 
     #[test]

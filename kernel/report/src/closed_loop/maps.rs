@@ -65,7 +65,10 @@ pub fn grids(drive: &Drive, order: &[String], chosen: &[f64]) -> (Grid, Grid) {
                 (format!("{}{mark}", number(metres)), metres / largest)
             }
         };
-        push(&mut error, shown, title, depth);
+        // What was not driven has no error.
+        if total > 0 {
+            push(&mut error, shown, title, depth);
+        }
     }
     (
         columns.grid(&failed, order, ("none failed".to_owned(), "all failed".to_owned())),

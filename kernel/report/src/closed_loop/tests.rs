@@ -58,7 +58,10 @@ fn two_sentences_say_what_happened() {
 fn to_stop_is_told_apart() {
     let mut drive = drive();
     drive.scenarios[2].verdict = Verdict::Stopped;
-    assert!(verdict(std::slice::from_ref(&drive))[0].contains("; in 1 of these the vehicle stopped; in 1 a"));
+    assert!(
+        verdict(std::slice::from_ref(&drive))[0]
+            .contains("; in 1 of the failed ones the vehicle stopped; in 1 a")
+    );
     let section = section(&drive, &[], &[0.1]).unwrap();
     let fog = section.failed.rows.iter().find(|row| row.label == "fog").unwrap();
     assert_eq!(fog.cells[1].as_ref().unwrap().text, "stopped");
