@@ -272,7 +272,7 @@ def test_records_are_frames_of_pandas(pipeline):
     assert isinstance(table, pandas.DataFrame) and len(table) == 9
     assert list(table.perturbation[:2]) == ["gaussian_noise"] * 2
     assert table.level[2] == 1.0 and numpy.isnan(table.level[8]) and table.perturbations[8] == ["fog_filter over time"]
-    assert set(table.verdict) == {"stopped"} and (table.max_lateral_acceleration >= 0).all()
+    assert set(table.verdict) == {"late"} and (table.max_lateral_acceleration >= 0).all()
     telemetry = record.telemetry(3)
     assert len(telemetry) == table.frames[3] and telemetry.time.is_monotonic_increasing
 
