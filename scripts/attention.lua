@@ -125,12 +125,10 @@ local function together(found: { [string]: { [string]: Found } }, condition: str
 		for _, of in { "shares", "errors" } do
 			local values = {}
 			for _, name in names do
-				local value = found[name][condition][of][place]
-				if value then
-					table.insert(values, value)
-				end
+				table.insert(values, found[name][condition][of][place])
 			end
-			all[of][place] = if #values == #names then study.mean(values) else false
+			local known = study.known(values)
+			all[of][place] = if #known == #names then study.mean(known) else false
 		end
 	end
 	for _, name in names do
@@ -139,17 +137,6 @@ local function together(found: { [string]: { [string]: Found } }, condition: str
 		end
 	end
 	return all
-end
-
--- The mean of the values that there are.
-local function mean_error(errors: { number | false })
-	local known = {}
-	for _, value in errors do
-		if value then
-			table.insert(known, value)
-		end
-	end
-	return pdk.mean(known, settings.confidence)
 end
 
 -- How much more often the first condition fails than the second, and how much larger its |XTE| is on roads where all drives of both
@@ -199,7 +186,7 @@ for _, driver in settings.drivers do
 		for _, condition in conditions do
 			local one = group.by[condition]
 			local share = pdk.mean_share(one.shares, settings.confidence)
-			local error_mean = mean_error(one.errors)
+			local error_mean = pdk.mean(study.known(one.errors), settings.confidence)
 			table.insert(rows, {
 				group.name,
 				`{condition} {settings.share} %`,

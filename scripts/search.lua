@@ -102,14 +102,14 @@ end
 -- What one search found.
 local function show(found)
 	print(`{found.evaluations} tests, {found.critical} failed, {#found.distinct_failures} of them unlike each other.`)
-	local harmless = { stopped = 0, late = 0 }
+	local not_unsafe = { stopped = 0, late = 0 }
 	for _, test in found.tests do
-		if harmless[test.verdict] and not test.same_as then
-			harmless[test.verdict] += 1
+		if not_unsafe[test.verdict] and not test.same_as then
+			not_unsafe[test.verdict] += 1
 		end
 	end
-	if harmless.stopped + harmless.late > 0 then
-		print(`Of those that failed, {harmless.stopped} stopped and {harmless.late} were too slow.`)
+	if not_unsafe.stopped + not_unsafe.late > 0 then
+		print(`Of those that failed, {not_unsafe.stopped} stopped and {not_unsafe.late} were too slow.`)
 	end
 	local rows = {}
 	if found.tree then

@@ -172,7 +172,7 @@ for _, name in names do
 		table.move(of.increases, 1, #of.increases, #increases + 1, increases)
 		local by_level = {}
 		for i, level in levels do
-			local here = tally.known(of.by_level[i])
+			local here = study.known(of.by_level[i])
 			table.insert(by_level, { level = level, roads = #here, failed_share = study.mean(here) })
 		end
 		local cell: { [string]: any } = {
@@ -255,7 +255,7 @@ for _, place in places do
 	for i, level in levels do
 		local of_names = {}
 		for _, name in names do
-			local share = study.mean(tally.known(place.results[name].by_level[i]))
+			local share = study.mean(study.known(place.results[name].by_level[i]))
 			if share then
 				table.insert(of_names, share)
 				between += if share > 0 and share < 1 then 1 else 0

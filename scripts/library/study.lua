@@ -26,7 +26,7 @@ function study.count(settings, name: string, callers: number?)
 end
 
 -- The perturbations and the levels of a study, each once and the levels in order. `counts` names the settings that have to be whole
--- numbers of at least 1. Where no perturbations are set, it is the default set. All that can be wrong is said before anything is driven.
+-- numbers of at least 1. Where no perturbations are set, it is the default set. What is wrong with these is said before anything is driven.
 function study.checked(settings, counts: { string }): ({ string }, { number })
 	local names = once(settings.perturbations)
 	if #names == 0 then
@@ -198,6 +198,17 @@ function study.nothing_managed(settings, who: string, left_out): string
 	end
 	local remedy = if late then `raise duration, which is {settings.duration} s` else "set another driver, or easier roads by limit"
 	return `{who} managed no road without perturbation, so there is nothing to test on; {remedy}`
+end
+
+-- The values that are known, of some that are false where they are not.
+function study.known(values): { number }
+	local known = {}
+	for _, value in values do
+		if value then
+			table.insert(known, value)
+		end
+	end
+	return known
 end
 
 -- The mean of some numbers; nothing where there are none.

@@ -14,20 +14,16 @@ tally.counts = { "drives", "failures", "unsafe", "stopped", "late", "over_line",
 -- Then counts, among which `over_line` is of drives that came to the end with a wheel over the line on the way, times to failure, and
 -- how much more |XTE| there was at the highest level than with a clear view.
 local function empty(levels: { number })
-	local entry = {
+	local entry: { [string]: any } = {
 		trials = {},
 		shares = {},
 		by_level = {},
-		drives = 0,
-		failures = 0,
-		unsafe = 0,
-		stopped = 0,
-		late = 0,
-		over_line = 0,
-		errors = 0,
 		times = {},
 		increases = {},
 	}
+	for _, count in tally.counts do
+		entry[count] = 0
+	end
 	for i in levels do
 		entry.by_level[i] = {}
 	end
@@ -117,17 +113,6 @@ function tally.pooled(places, name: string, roads: number, picks)
 		trials[number] = driven
 	end
 	return shares, trials
-end
-
--- The shares that are known, of some roads.
-function tally.known(shares): { number }
-	local values = {}
-	for _, share in shares do
-		if share then
-			table.insert(values, share)
-		end
-	end
-	return values
 end
 
 return tally

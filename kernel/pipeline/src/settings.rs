@@ -149,11 +149,11 @@ pub fn apply(defaults: Value, overrides: &[Override]) -> Result<Value> {
         if let Some((name, field)) =
             key.split_once('.').filter(|(name, field)| open.contains(*name) && !field.contains('.'))
         {
-            let table = settings.entry(name).or_insert(Value::Null);
-            if is_open(table) {
-                *table = Value::Object(Map::new());
+            if is_open(&settings[name]) {
+                settings[name] = Value::Object(Map::new());
             }
-            if let Value::Object(table) = table {
+            // Set to a list meanwhile, it has no fields.
+            if let Some(table) = settings[name].as_object_mut() {
                 table.insert(field.to_owned(), parse_value(value));
                 continue;
             }

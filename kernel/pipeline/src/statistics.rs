@@ -111,8 +111,8 @@ pub const GROUPS: ApiFunction = ApiFunction {
     name: "groups",
     signature: "(entries: { { number | false } }, confidence: number?) -> { number }",
     doc: "The group of each entry of a ranking, from 1. The entries come in the order of the ranking, each as the share that failed \
-          on each road (see `compare`). Who follows the first of a group belongs to it as long as the two cannot be told apart. Fewer than \
-          six roads tell nothing apart.",
+          on each road (see `compare`). Who follows the first of a group belongs to it as long as the two cannot be told apart; at \
+          95 % fewer than six roads tell nothing apart.",
     make: |lua| {
         function(lua, "pdk.groups", |_, [entries, confidence]| {
             let place = "pdk.groups";

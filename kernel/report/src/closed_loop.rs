@@ -45,7 +45,7 @@ pub struct Section {
     scenarios: Vec<ScenarioRow>,
     /// Whether levels were chosen by what failed.
     levels_chosen: bool,
-    /// Whether a vehicle only stopped.
+    /// Whether a vehicle stopped.
     with_stopped: bool,
     /// Whether there are roads, skipped frames and clips to tell in the table.
     with_roads: bool,

@@ -165,12 +165,12 @@ impl Road {
     }
 }
 
-/// The levels over which the share of a road is taken in these drives; none where that of its drives says as much.
-///
-/// Where levels were chosen by what failed, some roads were not driven at levels at which others were. Then these are the whole
-/// ones from the lowest to the highest that was driven.
-pub fn levels<'a>(drives: impl IntoIterator<Item = &'a [Scenario]>) -> Vec<f64> {
-    let mut of_perturbations: BTreeMap<&str, BTreeMap<_, BTreeSet<u64>>> = BTreeMap::new();
+/// Levels, by their bits.
+type Levels = BTreeSet<u64>;
+
+/// At which levels each perturbation was driven, for each drive, road and luck.
+fn driven_levels<'a>(drives: impl IntoIterator<Item = &'a [Scenario]>) -> BTreeMap<&'a str, Vec<Levels>> {
+    let mut of_perturbations: BTreeMap<&str, BTreeMap<_, Levels>> = BTreeMap::new();
     for (drive, scenarios) in drives.into_iter().enumerate() {
         for scenario in scenarios {
             if let (Some(perturbation), Some(level)) = (&scenario.perturbation, scenario.level) {
@@ -180,20 +180,33 @@ pub fn levels<'a>(drives: impl IntoIterator<Item = &'a [Scenario]>) -> Vec<f64> 
             }
         }
     }
-    let differ = |searches: &BTreeMap<_, BTreeSet<u64>>| {
-        let mut levels = searches.values();
-        let first = levels.next();
-        levels.any(|levels| Some(levels) != first)
-    };
+    of_perturbations.into_iter().map(|(name, searches)| (name, searches.into_values().collect())).collect()
+}
+
+/// The levels that all have.
+fn common<'a>(searches: impl IntoIterator<Item = &'a Levels>) -> Levels {
+    searches.into_iter().cloned().reduce(|common, levels| &common & &levels).unwrap_or_default()
+}
+
+/// The highest level at which each perturbation was driven on each road under each luck; none where there is no such level.
+pub fn common_level(scenarios: &[Scenario]) -> Option<f64> {
+    let common = common(driven_levels([scenarios]).values().flatten());
+    common.into_iter().map(f64::from_bits).max_by(f64::total_cmp)
+}
+
+/// The levels over which the share of a road is taken in these drives; none where that of its drives says as much.
+///
+/// Where levels were chosen by what failed, some roads were not driven at levels at which others were. Then these are the whole
+/// ones from the lowest to the highest that was driven.
+pub fn levels<'a>(drives: impl IntoIterator<Item = &'a [Scenario]>) -> Vec<f64> {
+    let of_perturbations = driven_levels(drives);
+    let differ = |searches: &Vec<Levels>| searches.iter().any(|levels| *levels != searches[0]);
     // What was chosen began at the same level everywhere; drives that have nothing to do with each other, as of a search, did not.
-    let begins = |searches: &BTreeMap<_, BTreeSet<u64>>| {
-        let common = searches.values().cloned().reduce(|common, levels| &common & &levels);
-        common.is_some_and(|common| !common.is_empty())
-    };
+    let begins = |searches: &Vec<Levels>| !common(searches).is_empty();
     if !of_perturbations.values().any(differ) || !of_perturbations.values().all(begins) {
         return Vec::new();
     }
-    let driven = of_perturbations.values().flat_map(BTreeMap::values).flatten().copied().map(f64::from_bits);
+    let driven = of_perturbations.values().flatten().flatten().copied().map(f64::from_bits);
     let (lowest, highest) =
         driven.fold((MAX_INTENSITY, 0.0_f64), |(low, high), level: f64| (low.min(level), high.max(level)));
     (0..=MAX_INTENSITY as u32).map(f64::from).filter(|level| (lowest..=highest).contains(level)).collect()

@@ -61,8 +61,8 @@ fn student_limit(roads: usize, confidence: f64) -> f64 {
 ///
 /// Where all roads have the same value, resampling says nothing. Then the interval leaves room for as many roads with any other
 /// value as could have been missed: with 10 roads up to 28 % of all. With fewer than six roads resampling says too little, and the
-/// interval is Student's. In any case a mean of 28 % of the range stays possible from either end, so that little that was seen is not
-/// surer than nothing.
+/// interval is Student's. In any case as many roads at either end of the range stay possible, so that a mean near an end is not
+/// surer than one at it.
 pub fn mean(values: &[f64], range: (f64, f64), confidence: f64) -> Estimate {
     let roads = values.len();
     let value = values.iter().sum::<f64>() / roads as f64;

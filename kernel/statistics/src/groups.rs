@@ -4,8 +4,8 @@ use crate::paired::compare;
 
 /// The group of each entry of a ranking, from 1. `entries` are in the order of the ranking, each with its values by road (see
 /// [`compare`]). The first of a group is its leader; who follows belongs to it as long as the interval of the paired difference to
-/// the leader contains 0, or the randomisation test finds the difference no less likely than 1 - `confidence`. Fewer than six roads
-/// are one group: the least likely difference of five has p = .0625.
+/// the leader contains 0, or the randomisation test finds the difference no less likely than 1 - `confidence`. At 95 % fewer than
+/// six roads are one group: the least likely difference of five has p = .0625.
 ///
 /// Nobody in a group can be told from its leader. Two neighbours in different groups can still be close: it is the leader that the
 /// second one differs from.

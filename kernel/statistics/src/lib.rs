@@ -19,7 +19,7 @@
 //!
 //! `tests/coverage.rs` checks on made-up failures with known probabilities how often intervals cover the truth. With ten roads or
 //! more nominal 95 % are 93 to 97 % in most conditions; they were 91 % at worst, where each road
-//! has one sharp level. With six and eight roads they are 88 to 99 %. Where failures are rare, or are those of a few roads, they are
+//! has one sharp level. With six and eight roads they are 88 to 100 %. Where failures are rare, or are those of a few roads, they are
 //! 97 to 100 %, because no interval ends below what as many roads as could have been missed may add: with eight roads 32 %.
 //! Intervals of failing levels end at levels that were driven, so they cover in 97 % and more, and in all studies where roads are alike.
 

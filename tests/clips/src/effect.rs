@@ -21,7 +21,8 @@ pub trait Effect {
     fn draw(&self, time: f32, canvas: &mut Canvas);
 }
 
-/// A clip: its name, its frames per second, its length in frames, how finely it is encoded (the quantiser, finer is smaller) and what it shows.
+/// A clip: its name, its frames per second, its length in frames, how finely it is encoded (the quantiser, finer is smaller) and what
+/// it shows.
 pub struct Clip {
     pub name: &'static str,
     pub rate: u32,

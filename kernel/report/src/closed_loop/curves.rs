@@ -1,12 +1,11 @@
 //! Who is still driving, over time.
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use pdk_sdk::error::Result;
 
 use crate::closed_loop::NO_PERTURBATION;
 use crate::color::{LINES, NOMINAL, ORDERED, Rgb};
 use crate::curve::{Axes, Chart, Curve, chart};
+use crate::tally::common_level;
 use crate::text;
 use crate::view::{Drive, Scenario, Verdict};
 
@@ -21,7 +20,7 @@ const CURVES: usize = 7;
 pub fn curves(drive: &Drive, order: &[String], chosen: &[f64]) -> Result<Vec<Chart>> {
     let common = match chosen.is_empty() {
         true => None,
-        false => match common_level(drive) {
+        false => match common_level(&drive.scenarios) {
             None => return Ok(Vec::new()),
             common => common,
         },
@@ -99,16 +98,4 @@ pub fn survival(group: &[&Scenario], end: f64) -> Vec<(f64, f64)> {
     let last = points[points.len() - 1].1;
     points.push((end, last));
     points
-}
-
-/// The highest level at which each perturbation was driven on each road under each luck; none where there is no such level.
-fn common_level(drive: &Drive) -> Option<f64> {
-    let mut searches: BTreeMap<_, BTreeSet<u64>> = BTreeMap::new();
-    for scenario in &drive.scenarios {
-        if let (Some(name), Some(level)) = (&scenario.perturbation, scenario.level) {
-            searches.entry((name, &scenario.road_id, scenario.seed)).or_default().insert(level.to_bits());
-        }
-    }
-    let common = searches.into_values().reduce(|common, levels| &common & &levels)?;
-    common.into_iter().map(f64::from_bits).max_by(f64::total_cmp)
 }
