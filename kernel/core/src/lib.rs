@@ -21,6 +21,7 @@
 //! | [`directory`] | the folder of a run |
 //! | [`ledger`] | one line an outcome, append-only, on [`lines`] |
 //! | [`manifest`] | what was run |
+//! | [`settle`] | what a scenario leaves to the machine, put into it |
 //! | [`merge`] | runs in parts, and their records put together |
 //! | [`output`] | lines and progress bars for people |
 //!
@@ -54,6 +55,7 @@ mod reading;
 pub mod registry;
 pub mod search_path;
 mod selection;
+pub mod settle;
 pub mod suggest;
 pub mod supervisor;
 pub mod view;

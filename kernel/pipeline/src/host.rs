@@ -81,6 +81,8 @@ pub struct Host {
     numbers: BTreeMap<ScenarioId, usize>,
     /// What came of it, as far as anybody has taken it; nothing where another part of the run drives it.
     outcomes: BTreeMap<Ticket, Result<Option<Line>>>,
+    /// What scenarios and evaluations left to the machine, such as the engine of networks, and what it was.
+    settled: Vec<(String, String)>,
     evaluations: Vec<Value>,
     /// What each of them went through.
     evaluated: Vec<EvaluatedFrames>,
@@ -169,6 +171,7 @@ impl Host {
             submitted: BTreeMap::new(),
             numbers: BTreeMap::new(),
             outcomes: BTreeMap::new(),
+            settled: Vec::new(),
             evaluations: Vec::new(),
             evaluated: Vec::new(),
             evaluation_times: Vec::new(),

@@ -1,6 +1,6 @@
 //! The settings of a pipeline: the defaults it declares, and what the command line puts in their place.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -17,6 +17,7 @@ pub const COMMON: &[(&str, &str)] = &[
     ("seed", "the seed that all random numbers come from"),
     ("workers", "how many scenarios or frames are computed at the same time"),
     ("out", "the folder of the record"),
+    ("engine", "who runs networks whose `engine` is not set, such as onnxruntime"),
     ("patience", "how many seconds one call of a component may take"),
     ("memory", "how much memory a worker may take, in MiB"),
     ("pool", "a command that provides workers, in the place of this machine's"),
@@ -41,6 +42,8 @@ pub struct Common {
     pub pool: Option<String>,
     /// Which part of the scenarios is driven; none for all.
     pub shard: Option<Shard>,
+    /// Options that take the place of the defaults of components, by parameter: `engine`.
+    pub wanted: BTreeMap<String, String>,
 }
 
 impl Default for Common {
@@ -52,6 +55,7 @@ impl Default for Common {
             limits: Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY },
             pool: None,
             shard: None,
+            wanted: BTreeMap::new(),
         }
     }
 }
@@ -74,6 +78,7 @@ impl Common {
                         workers.ok_or_else(|| wrong(&format!("a whole number from 1 to {MOST_WORKERS}")))?;
                     common.workers = Some(workers);
                 }
+                "engine" => drop(common.wanted.insert(key, value)),
                 "out" => common.out = Some(PathBuf::from(value)),
                 "patience" => {
                     let seconds = value.parse().ok().filter(|&seconds: &f64| seconds > 0.0);

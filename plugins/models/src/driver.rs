@@ -3,7 +3,7 @@
 use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 
-use crate::backend;
+use crate::engine;
 use crate::model_file::{Inputs, ModelFile, Source};
 use crate::pixels::Pixels;
 use crate::selection::{Selection, Slot};
@@ -11,9 +11,8 @@ use crate::session::Session;
 
 /// Drives with a network.
 ///
-/// The same model, backend and processor give the same control for the same frame, bit for bit, on any number of
-/// threads. Another backend or another processor may round differently in the last digits, because both pick their
-/// arithmetic by what the processor can do.
+/// The same model on the same engine gives the same control for the same frame, bit for bit, on any machine and any number of threads.
+/// Another engine may round differently in the last digits.
 pub struct Onnx {
     /// The file and who runs it, for messages.
     place: String,
@@ -39,7 +38,7 @@ impl Component for Onnx {
             .family("network")
             .drop_in("models", &["onnx"], "model")
             .parameter(model)
-            .parameter(backend());
+            .parameter(engine::parameter());
         with_reading(description)
     }
 
@@ -47,16 +46,6 @@ impl Component for Onnx {
         let model = config.text("model");
         Self::open(Source::File(model.into()), model, config)
     }
-}
-
-/// The parameter that says who runs a network.
-pub fn backend() -> Parameter {
-    Parameter::choice(
-        "backend",
-        &backend::NAMES,
-        "who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes ONNX Runtime \
-         where PDK_ONNXRUNTIME names it or a Python package brings it, else tract",
-    )
 }
 
 /// Adds the parameters that say how a network reads frames.
@@ -100,7 +89,7 @@ impl Onnx {
     /// Makes a driver of the model in a file, which messages call `name`.
     ///
     /// # Errors
-    /// Where it is no driving model, or the backend cannot run it.
+    /// Where it is no driving model, or the engine cannot run it.
     pub fn open(source: Source, name: &str, config: &Config) -> Result<Self> {
         let place = format!("model `{name}`");
         Self::make(source, &place, config).map_err(|error| error.at(place))
@@ -108,12 +97,12 @@ impl Onnx {
 
     fn make(source: Source, place: &str, config: &Config) -> Result<Self> {
         let model = ModelFile::read(source, config.text("layout"))?;
-        let mut session = backend::open(&model.network(), config.text("backend"))?;
+        let mut session = engine::open(&model.network(), config.text(engine::PARAMETER))?;
         let sizes = model.try_out(&mut *session, 0.0)?;
         let (steering, throttle) = (config.text("steering_output"), config.text("throttle_output"));
         let selection = model.selection(&sizes, steering, throttle)?;
         Ok(Self {
-            place: format!("{place} on {}", session.backend()),
+            place: format!("{place} on {}", session.engine()),
             session,
             pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
             selection,
@@ -169,7 +158,7 @@ impl Driver for Onnx {
     }
 
     fn info(&self) -> Vec<(String, String)> {
-        vec![("backend".to_owned(), self.session.backend())]
+        self.session.info()
     }
 }
 

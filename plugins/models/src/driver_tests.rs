@@ -1,4 +1,4 @@
-//! Tests of the whole driver, with every backend that the machine has.
+//! Tests of the whole driver, with every engine that the machine has.
 
 use std::time::Instant;
 
@@ -13,8 +13,8 @@ fn open(given: Value) -> Result<Onnx> {
     Onnx::new(&Config::check(&Onnx::description(), given.as_object().unwrap())?)
 }
 
-/// The backends to test; ONNX Runtime where it is found.
-fn backends() -> Vec<&'static str> {
+/// The engines to test; ONNX Runtime where it is found.
+fn engines() -> Vec<&'static str> {
     match Search::from_environment().find().unwrap() {
         Some(_) => vec!["tract", "onnxruntime"],
         None => {
@@ -36,12 +36,12 @@ fn drive(driver: &mut Onnx, frame: &FrameBuf) -> Control {
 #[test]
 fn steering_and_throttle_are_what_the_model_computes() {
     let frame = frame(6, 4);
-    for backend in backends() {
+    for engine in engines() {
         for (dims, batch) in [(["batch", "3", "4", "6"], "nchw"), (["1", "4", "6", "3"], "nhwc")] {
             let pilot = Pilot::new(&dims);
             let file = pilot.file();
             let mut driver =
-                open(json!({"model": file.path(), "backend": backend, "layout": batch})).unwrap();
+                open(json!({"model": file.path(), "engine": engine, "layout": batch})).unwrap();
             let values: Vec<f32> = match batch {
                 "nhwc" => frame.data().iter().map(|&v| f32::from(v)).collect(),
                 _ => (0..3)
@@ -50,8 +50,8 @@ fn steering_and_throttle_are_what_the_model_computes() {
             };
             let expected = &pilot.expected(&values)[0];
             let control = drive(&mut driver, &frame);
-            assert!((control.steering - expected[0]).abs() < 1e-5, "{backend}: {control:?} {expected:?}");
-            assert!((control.throttle - expected[1]).abs() < 1e-5, "{backend}: {control:?} {expected:?}");
+            assert!((control.steering - expected[0]).abs() < 1e-5, "{engine}: {control:?} {expected:?}");
+            assert!((control.throttle - expected[1]).abs() < 1e-5, "{engine}: {control:?} {expected:?}");
             assert!(
                 expected.iter().all(|v| v.abs() > 1e-3 && v.abs() < 1.0),
                 "a test that tells: {expected:?}"
@@ -66,10 +66,10 @@ fn a_speed_input_gets_the_speed() {
     let frame = frame(6, 4);
     let plain = Pilot { gain: 0.1, ..Pilot::new(&["1", "3", "4", "6"]) };
     let with = Pilot { second_input: Some("speed"), gain: 0.1, ..Pilot::new(&["1", "3", "4", "6"]) };
-    for backend in backends() {
+    for engine in engines() {
         let (plain, with) = (plain.file(), with.file());
-        let without = drive(&mut open(json!({"model": plain.path(), "backend": backend})).unwrap(), &frame);
-        let mut driver = open(json!({"model": with.path(), "backend": backend})).unwrap();
+        let without = drive(&mut open(json!({"model": plain.path(), "engine": engine})).unwrap(), &frame);
+        let mut driver = open(json!({"model": with.path(), "engine": engine})).unwrap();
         let cx = DriveContext { speed: 0.25, ..DriveContext::default() };
         let control = driver.drive(frame.as_ref(), &cx).unwrap();
         assert!((control.steering - without.steering - 0.25).abs() < 1e-5, "{control:?} {without:?}");
@@ -87,11 +87,11 @@ fn what_a_network_remembers_comes_back_with_the_next_frame() {
     // Adds what it gave before to what it gives.
     let sums = Pilot { second_input: Some("sum_in"), copy: Some("sum_out"), ..pilot() };
     let (steers, sums) = (steers.file(), sums.file());
-    for backend in backends() {
+    for engine in engines() {
         let alone =
-            drive(&mut open(json!({"model": steers.path(), "backend": backend})).unwrap(), &frame).steering;
+            drive(&mut open(json!({"model": steers.path(), "engine": engine})).unwrap(), &frame).steering;
         assert!(alone.abs() > 1e-4, "a test that tells: {alone}");
-        let mut driver = open(json!({"model": sums.path(), "backend": backend})).unwrap();
+        let mut driver = open(json!({"model": sums.path(), "engine": engine})).unwrap();
         for times in [1.0, 2.0, 3.0] {
             let control = drive(&mut driver, &frame);
             assert!((control.steering - times * alone).abs() < 1e-5, "{times}: {control:?}, {alone}");
@@ -103,7 +103,7 @@ fn what_a_network_remembers_comes_back_with_the_next_frame() {
     let two =
         Pilot { second_input: Some("sum_in"), copy: Some("sum_out"), ..Pilot::new(&["1", "3", "4", "6"]) };
     let file = two.file();
-    let error = open(json!({"model": file.path(), "backend": "tract"})).err().unwrap().to_string();
+    let error = open(json!({"model": file.path(), "engine": "tract"})).err().unwrap().to_string();
     assert!(error.contains("its output `sum_out` has 2 values, but the input"), "{error}");
     let alone = Pilot { second_input: Some("sum_in"), ..Pilot::new(&["1", "3", "4", "6"]) };
     let file = alone.file();
@@ -116,13 +116,13 @@ fn scale_and_colours_reach_the_model() {
     let frame = frame(6, 4);
     let pilot = Pilot { gain: 100.0, ..Pilot::new(&["1", "4", "6", "3"]) };
     let file = pilot.file();
-    for backend in backends() {
-        let given = json!({"model": file.path(), "backend": backend, "scale": "-1..1", "color": "bgr"});
+    for engine in engines() {
+        let given = json!({"model": file.path(), "engine": engine, "scale": "-1..1", "color": "bgr"});
         let control = drive(&mut open(given).unwrap(), &frame);
         let bgr = frame.data().chunks(3).flat_map(|p| [p[2], p[1], p[0]]);
         let values: Vec<f32> = bgr.map(|v| f32::from(v) / 127.5 - 1.0).collect();
         let expected = pilot.expected(&values)[0][0];
-        assert!((control.steering - expected).abs() < 1e-5, "{backend}: {control:?} {expected}");
+        assert!((control.steering - expected).abs() < 1e-5, "{engine}: {control:?} {expected}");
     }
 }
 
@@ -132,8 +132,8 @@ fn frames_of_another_size_are_resized() {
     let large = frame(31, 17);
     let mut small = FrameBuf::new(6, 4);
     pdk_sdk::ops::resize::resize_linear(large.as_ref(), small.as_mut());
-    for backend in backends() {
-        let mut driver = open(json!({"model": file.path(), "backend": backend})).unwrap();
+    for engine in engines() {
+        let mut driver = open(json!({"model": file.path(), "engine": engine})).unwrap();
         let expected = drive(&mut driver, &small);
         assert_eq!(drive(&mut driver, &large), expected);
         assert_ne!(drive(&mut driver, &frame(6, 4)), expected);
@@ -147,12 +147,12 @@ fn other_outputs_are_used_as_the_parameters_say() {
     let alone = Pilot { outputs: vec![("angle", 1)], ..Pilot::new(&["1", "4", "6", "3"]) };
     let values: Vec<f32> = frame.data().iter().map(|&v| f32::from(v)).collect();
     let (expected, file, alone_file) = (pilot.expected(&values), pilot.file(), alone.file());
-    for backend in backends() {
-        let given = json!({"model": file.path(), "backend": backend, "throttle_output": "speed"});
+    for engine in engines() {
+        let given = json!({"model": file.path(), "engine": engine, "throttle_output": "speed"});
         let control = drive(&mut open(given).unwrap(), &frame);
         assert!((control.steering - expected[1][0]).abs() < 1e-5, "{control:?} {expected:?}");
         assert!((control.throttle - expected[0][0]).abs() < 1e-5, "{control:?} {expected:?}");
-        let given = json!({"model": alone_file.path(), "backend": backend, "throttle": 0.125});
+        let given = json!({"model": alone_file.path(), "engine": engine, "throttle": 0.125});
         let control = drive(&mut open(given).unwrap(), &frame);
         assert!((control.steering - alone.expected(&values)[0][0]).abs() < 1e-5);
         assert_eq!(control.throttle, 0.125);
@@ -162,12 +162,12 @@ fn other_outputs_are_used_as_the_parameters_say() {
 #[test]
 fn steering_stays_within_its_range_and_is_never_not_a_number() {
     let bright = FrameBuf::from_vec(vec![255; 72], 6, 4).unwrap();
-    for backend in backends() {
+    for engine in engines() {
         let file = Pilot { gain: 1e4, ..Pilot::new(&["1", "3", "4", "6"]) }.file();
-        let control = drive(&mut open(json!({"model": file.path(), "backend": backend})).unwrap(), &bright);
+        let control = drive(&mut open(json!({"model": file.path(), "engine": engine})).unwrap(), &bright);
         assert_eq!((control.steering.abs(), control.throttle.abs()), (1.0, 1.0));
         let file = Pilot { gain: f32::INFINITY, ..Pilot::new(&["1", "3", "4", "6"]) }.file();
-        let mut driver = open(json!({"model": file.path(), "backend": backend})).unwrap();
+        let mut driver = open(json!({"model": file.path(), "engine": engine})).unwrap();
         let cx = DriveContext { frame_index: 7, ..Default::default() };
         let error = driver.drive(bright.as_ref(), &cx).unwrap_err().to_string();
         assert!(error.contains(" on ") && error.contains("for frame 7 is NaN"), "{error}");
@@ -176,10 +176,10 @@ fn steering_stays_within_its_range_and_is_never_not_a_number() {
 
 #[test]
 fn an_unsuitable_model_is_refused_when_it_is_opened() {
-    for backend in backends() {
+    for engine in engines() {
         let error = |pilot: Pilot| {
             let file = pilot.file();
-            let given = json!({"model": file.path(), "backend": backend});
+            let given = json!({"model": file.path(), "engine": engine});
             let error = open(given).err().unwrap().to_string();
             assert!(error.starts_with(&format!("model `{}`: ", file.path().display())), "{error}");
             error
@@ -211,7 +211,7 @@ fn a_damaged_model_is_an_error_or_a_driver_but_never_a_panic() {
             let mut bytes = whole.clone();
             bytes[position] ^= 1 << bit;
             std::fs::write(file.path(), bytes).unwrap();
-            refused += usize::from(open(json!({"model": file.path(), "backend": "tract"})).is_err());
+            refused += usize::from(open(json!({"model": file.path(), "engine": "tract"})).is_err());
         }
     }
     assert!(refused > 500, "{refused}");
@@ -235,9 +235,9 @@ fn tub() -> Option<(String, Vec<(FrameBuf, f64)>)> {
 fn a_real_model_steers_a_real_drive() {
     let Some((model, frames)) = tub() else { return };
     let mut steering: Vec<Vec<f64>> = Vec::new();
-    for backend in backends() {
+    for engine in engines() {
         let opening = Instant::now();
-        let mut driver = open(json!({"model": model, "backend": backend})).unwrap();
+        let mut driver = open(json!({"model": model, "engine": engine})).unwrap();
         let opening = opening.elapsed().as_secs_f64() * 1e3;
         let driving = Instant::now();
         let controls: Vec<_> = frames.iter().map(|(frame, _)| drive(&mut driver, frame)).collect();
@@ -247,11 +247,11 @@ fn a_real_model_steers_a_real_drive() {
         let error = errors.sum::<f64>() / frames.len() as f64;
         println!(
             "{}: mean absolute steering error {error:.4}, {each:.3} ms a frame, opened in {opening:.1} ms",
-            driver.session.backend()
+            driver.session.engine()
         );
-        assert!((0.05..0.09).contains(&error), "{backend}: {error}");
+        assert!((0.05..0.09).contains(&error), "{engine}: {error}");
         // A second instance, used from the last frame to the first, says the same bit for bit.
-        let mut second = open(json!({"model": model, "backend": backend})).unwrap();
+        let mut second = open(json!({"model": model, "engine": engine})).unwrap();
         for ((frame, _), control) in frames.iter().zip(&controls).rev() {
             assert_eq!(drive(&mut second, frame), *control);
         }
@@ -259,7 +259,7 @@ fn a_real_model_steers_a_real_drive() {
     }
     if let [tract, onnxruntime] = steering.as_slice() {
         let largest = tract.iter().zip(onnxruntime).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        println!("the backends differ by at most {largest:.2e}");
+        println!("the engines differ by at most {largest:.2e}");
         assert!(largest < 1e-4);
     }
 }
@@ -267,9 +267,9 @@ fn a_real_model_steers_a_real_drive() {
 #[test]
 fn instances_on_several_threads_say_the_same_as_one() {
     let Some((model, frames)) = tub() else { return };
-    for backend in backends() {
+    for engine in engines() {
         let steer = || -> Vec<u64> {
-            let mut driver = open(json!({"model": model, "backend": backend})).unwrap();
+            let mut driver = open(json!({"model": model, "engine": engine})).unwrap();
             frames.iter().take(50).map(|(frame, _)| drive(&mut driver, frame).steering.to_bits()).collect()
         };
         let alone = steer();

@@ -1,4 +1,4 @@
-//! Graphs of gradients on every backend that the machine has, against the plain reference in 64-bit floats.
+//! Graphs of gradients on every engine that the machine has, against the plain reference in 64-bit floats.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -8,13 +8,13 @@ use pdk_onnx::testing::{self, CASES, OPSETS, numbers, relative_error};
 use pdk_onnx::{Graph, Target, Tensor, gradients, layers, model};
 use pdk_sdk::prelude::*;
 
-use crate::backend;
+use crate::engine;
 use crate::fixture;
 use crate::session::Graph as Content;
 use crate::session::{Network, Session};
 
-/// The backends to test; ONNX Runtime where it is found.
-pub fn backends() -> Vec<&'static str> {
+/// The engines to test; ONNX Runtime where it is found.
+pub fn engines() -> Vec<&'static str> {
     match crate::locate::Search::from_environment().find().unwrap() {
         Some(_) => vec!["tract", "onnxruntime"],
         None => {
@@ -24,23 +24,23 @@ pub fn backends() -> Vec<&'static str> {
     }
 }
 
-fn open(model: &ModelProto, backend: &str) -> Result<Box<dyn Session>> {
+fn open(model: &ModelProto, engine: &str) -> Result<Box<dyn Session>> {
     let graph = Graph::new(model.clone())?;
     let inputs = graph.inputs().map(|name| graph.fact(name).unwrap().shape.clone()).collect();
-    backend::open(&Network { graph: Content::Memory(&model::encode(model)), inputs }, backend)
+    engine::open(&Network { graph: Content::Memory(&model::encode(model)), inputs }, engine)
 }
 
-/// What a backend computes, or why it does not.
-fn run(model: &ModelProto, backend: &str, x: &Tensor) -> Result<Vec<f64>> {
+/// What a engine computes, or why it does not.
+fn run(model: &ModelProto, engine: &str, x: &Tensor) -> Result<Vec<f64>> {
     let values: Vec<f32> = x.values.iter().map(|&value| value as f32).collect();
     let mut outputs = vec![Vec::new()];
-    open(model, backend)?.run(&[values], &mut outputs)?;
+    open(model, engine)?.run(&[values], &mut outputs)?;
     Ok(outputs[0].iter().map(|&value| f64::from(value)).collect())
 }
 
-/// The gradient of a model with the input `x` on each backend, compared with the reference: errors by backend.
+/// The gradient of a model with the input `x` on each engine, compared with the reference: errors by engine.
 ///
-/// A backend that does not run the model itself is not asked for its gradient.
+/// A engine that does not run the model itself is not asked for its gradient.
 fn compare(model: &ModelProto, x: &Tensor) -> BTreeMap<&'static str, Result<f64, String>> {
     let graph = Graph::new(model.clone()).unwrap();
     let built = gradients(&graph, Target { value: "target", index: 0 }, &["x"], &[]).unwrap();
@@ -48,62 +48,62 @@ fn compare(model: &ModelProto, x: &Tensor) -> BTreeMap<&'static str, Result<f64,
     let expected = reference.evaluate(&[("x", x)], &[&built.outputs[0]]).unwrap().swap_remove(0);
     let forward = graph.evaluate(&[("x", x)], &["target"]).unwrap().swap_remove(0);
     let mut errors = BTreeMap::new();
-    for backend in backends() {
-        let Ok(found) = run(model, backend, x) else { continue };
-        // A forward pass that differs is the backend's own reading of the operator.
+    for engine in engines() {
+        let Ok(found) = run(model, engine, x) else { continue };
+        // A forward pass that differs is the engine's own reading of the operator.
         if relative_error(&found, &forward.values) > 1e-4 {
-            errors.insert(backend, Err("reads the operator in another way".to_owned()));
+            errors.insert(engine, Err("reads the operator in another way".to_owned()));
             continue;
         }
-        let gradient = run(&built.model, backend, x).map_err(|error| error.to_string());
-        errors.insert(backend, gradient.map(|found| relative_error(&found, &expected.values)));
+        let gradient = run(&built.model, engine, x).map_err(|error| error.to_string());
+        errors.insert(engine, gradient.map(|found| relative_error(&found, &expected.values)));
     }
     errors
 }
 
 #[test]
-fn gradients_of_every_operator_are_right_on_every_backend() {
+fn gradients_of_every_operator_are_right_on_every_engine() {
     let mut ran: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     let mut wrong = Vec::new();
     let mut otherwise = Vec::new();
     for case in CASES {
         for opset in OPSETS.into_iter().filter(|opset| case.opsets.contains(opset)) {
-            for (backend, error) in compare(&case.model(opset), &case.x()) {
+            for (engine, error) in compare(&case.model(opset), &case.x()) {
                 match error {
-                    Ok(error) if error < 1e-4 => ran.entry(backend).or_default().push(case.name.to_owned()),
+                    Ok(error) if error < 1e-4 => ran.entry(engine).or_default().push(case.name.to_owned()),
                     Ok(error) => {
-                        wrong.push(format!("{backend}: {} at version {opset}: {error:.1e}", case.name))
+                        wrong.push(format!("{engine}: {} at version {opset}: {error:.1e}", case.name))
                     }
                     Err(error) if error.starts_with("reads") => {
-                        otherwise.push(format!("{backend}: {} at version {opset}", case.name))
+                        otherwise.push(format!("{engine}: {} at version {opset}", case.name))
                     }
-                    Err(error) => wrong.push(format!("{backend}: {} at version {opset}: {error}", case.name)),
+                    Err(error) => wrong.push(format!("{engine}: {} at version {opset}: {error}", case.name)),
                 }
             }
         }
     }
-    println!("computed in another way by the backend itself: {otherwise:#?}");
-    for backend in backends() {
-        let mut names = ran.remove(backend).unwrap_or_default();
+    println!("computed in another way by the engine itself: {otherwise:#?}");
+    for engine in engines() {
+        let mut names = ran.remove(engine).unwrap_or_default();
         let count = names.len();
         names.dedup();
         let missing: Vec<_> =
             CASES.iter().map(|case| case.name).filter(|name| !names.iter().any(|ran| ran == name)).collect();
-        println!("{backend}: {count} gradients of {} cases; it does not run {missing:?}", names.len());
-        assert!(names.len() * 10 > CASES.len() * 9, "{backend} runs too few");
+        println!("{engine}: {count} gradients of {} cases; it does not run {missing:?}", names.len());
+        assert!(names.len() * 10 > CASES.len() * 9, "{engine} runs too few");
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
 #[test]
-fn gradients_of_random_graphs_are_right_on_every_backend() {
+fn gradients_of_random_graphs_are_right_on_every_engine() {
     for seed in 0..40 {
         let model = testing::random(seed, OPSETS[seed as usize % OPSETS.len()]);
         let shape = [1, 2, 6, 7];
         let values = numbers(seed + 1000, 84).into_iter().map(|value| f64::from(value as f32)).collect();
-        for (backend, error) in compare(&model, &Tensor::floats(&shape, values)) {
-            let error = error.unwrap_or_else(|error| panic!("graph {seed} on {backend}: {error}"));
-            assert!(error < 1e-4, "graph {seed} on {backend}: relative error {error:e}");
+        for (engine, error) in compare(&model, &Tensor::floats(&shape, values)) {
+            let error = error.unwrap_or_else(|error| panic!("graph {seed} on {engine}: {error}"));
+            assert!(error < 1e-4, "graph {seed} on {engine}: relative error {error:e}");
         }
     }
 }
@@ -147,9 +147,9 @@ fn gradients_of_networks_are_right_and_cost_little_more_than_the_network() {
                 .unwrap()
                 .swap_remove(0);
             let plain = graph.model(&[target.value]).unwrap();
-            for backend in backends() {
+            for engine in engines() {
                 let mut times = [&plain, &built.model].map(|model| {
-                    let mut session = open(model, backend).unwrap();
+                    let mut session = open(model, engine).unwrap();
                     let mut outputs = vec![Vec::new(); 2];
                     let mut best = f64::INFINITY;
                     for _ in 0..30 {
@@ -167,10 +167,10 @@ fn gradients_of_networks_are_right_and_cost_little_more_than_the_network() {
                 let error = difference / expected.values.iter().map(|value| value.abs()).sum::<f64>();
                 let [(forward, _), (both, _)] = &mut times;
                 println!(
-                    "{name}, {backend}, gradient of `{of}`: {both:.2} ms, {:.1} times the network's {forward:.2} ms; relative error {error:.1e}",
+                    "{name}, {engine}, gradient of `{of}`: {both:.2} ms, {:.1} times the network's {forward:.2} ms; relative error {error:.1e}",
                     *both / *forward
                 );
-                assert!(error < 1e-3, "{name} on {backend}: {error:e}");
+                assert!(error < 1e-3, "{name} on {engine}: {error:e}");
             }
         }
     }

@@ -1,20 +1,22 @@
 //! Components that run a neural network.
 //!
 //! A model is an ONNX file. [`model_file`] reads what the file declares and refuses what is no driving model, the same
-//! way whichever backend runs it later. [`backend`] chooses who runs it: [`tract`], which is part of this plugin, or
+//! way whichever engine runs it later. [`engine`] chooses who runs it: [`tract`], which is part of this plugin, or
 //! [`onnxruntime`], a shared library that [`locate`] finds on the machine. [`pixels`] turns frames into the numbers that
 //! the model expects, [`selection`] says which of its outputs steer, and [`driver`] puts it all together. [`trained`] holds the
 //! drivers that are part of the plugin. [`saliency`] shows what a network looks at. [`repaint`] and [`segmentation`] run networks
 //! that make of an image another [`picture`], and [`painters`] holds those that are part of the plugin.
 
-mod backend;
+mod engine;
 mod driver;
 mod locate;
+mod mathematics;
 mod model_file;
 mod onnxruntime;
 mod painters;
 mod picture;
 mod pixels;
+mod processor;
 mod repaint;
 mod saliency;
 mod segmentation;

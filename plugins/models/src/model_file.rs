@@ -123,7 +123,7 @@ pub struct ModelFile {
 }
 
 impl ModelFile {
-    /// The network for a backend, for one image at a time.
+    /// The network for an engine, for one image at a time.
     pub fn network(&self) -> Network<'_> {
         let graph = match &self.source {
             Source::File(path) => Graph::File { path, proto: &self.proto },
@@ -141,7 +141,7 @@ impl ModelFile {
     /// Runs it on a black image at a speed, and gives the number of values of each output, which files need not declare.
     ///
     /// # Errors
-    /// Where the backend cannot run it, or what it remembers does not fit its input.
+    /// Where the engine cannot run it, or what it remembers does not fit its input.
     pub fn try_out(&self, session: &mut dyn Session, speed: f32) -> Result<Vec<usize>> {
         let mut outputs = vec![Vec::new(); self.outputs.len()];
         let mut inputs = self.inputs();

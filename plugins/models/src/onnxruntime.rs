@@ -2,7 +2,7 @@
 
 use std::ffi::CStr;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use libloading::{Library, Symbol};
 use ort::environment::Environment;
@@ -12,6 +12,7 @@ use ort::value::TensorRef;
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
+use crate::processor;
 use crate::session::{Graph, Network, Session};
 
 /// The library in use. It stays loaded until the process ends.
@@ -19,9 +20,35 @@ pub struct Runtime {
     path: PathBuf,
     version: String,
     environment: Environment,
+    /// BLAKE3 of the library, once somebody has asked.
+    hash: OnceLock<Option<String>>,
+}
+
+/// The full name of the engine with this version of ONNX Runtime.
+fn name_of(version: &str) -> String {
+    format!("onnxruntime {version}/{}", processor::class())
+}
+
+/// The full name of the engine that this library is. Only where the name of its file does not say its version is it loaded.
+///
+/// # Errors
+/// As for [`load`].
+pub fn engine(path: &Path) -> Result<String> {
+    let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let name = real.file_name().unwrap_or_default().to_string_lossy();
+    match name.split_once(".so.").map(|(_, version)| version).filter(|version| version.split('.').count() == 3) {
+        Some(version) => Ok(name_of(version)),
+        None => Ok(name_of(&load(path)?.version)),
+    }
 }
 
 impl Runtime {
+    /// BLAKE3 of the library, in hexadecimal; none if it cannot be read any more.
+    fn hash(&self) -> Option<&str> {
+        let hash = || Some(blake3::hash(&std::fs::read(&self.path).ok()?).to_hex().to_string());
+        self.hash.get_or_init(hash).as_deref()
+    }
+
     /// The name with the version.
     pub fn name(&self) -> String {
         format!("ONNX Runtime {}", self.version)
@@ -75,7 +102,7 @@ fn start(path: &Path) -> Result<Runtime> {
     std::mem::forget(library);
     let environment =
         ort::init().with_name("pdk").with_telemetry(false).build().place("it cannot be started")?;
-    Ok(Runtime { path: path.to_path_buf(), version, environment })
+    Ok(Runtime { path: path.to_path_buf(), version, environment, hash: OnceLock::new() })
 }
 
 /// A network that ONNX Runtime runs.
@@ -143,8 +170,17 @@ impl Session for OnnxRuntime {
         Ok(())
     }
 
-    fn backend(&self) -> String {
-        self.runtime.name()
+    fn engine(&self) -> String {
+        name_of(&self.runtime.version)
+    }
+
+    // Two builds of one version may differ.
+    fn info(&self) -> Vec<(String, String)> {
+        let mut info = vec![("engine".to_owned(), self.engine())];
+        if let Some(hash) = self.runtime.hash() {
+            info.push(("ONNX Runtime BLAKE3".to_owned(), hash.to_owned()));
+        }
+        info
     }
 }
 

@@ -1,13 +1,13 @@
 //! The perturbations whose network is part of this plugin. They learned from images of the embedded simulator; the recipe is in
 //! `scripts/training/repaint`.
 //!
-//! The networks compute with whole numbers only, all of which 32-bit floats hold exactly, so that every backend on every processor
+//! The networks compute with whole numbers only, all of which 32-bit floats hold exactly, so that every engine on every processor
 //! paints the same bytes.
 
 use pdk_onnx::model;
 use pdk_sdk::prelude::*;
 
-use crate::driver::backend;
+use crate::engine;
 use crate::model_file::Source;
 use crate::picture::PictureNetwork;
 use crate::repaint::{Repaint, laying};
@@ -44,7 +44,7 @@ macro_rules! painters {
                     $(let description = description.parameter(
                         Parameter::choice("style", &$styles, "the style, each after a picture that the recipe draws"),
                     );)?
-                    laying(description).parameter(backend())
+                    laying(description).parameter(engine::indifferent_parameter())
                 }
 
                 fn new(config: &Config) -> Result<Self> {
@@ -105,7 +105,7 @@ fn with_style(content: &[u8], style: usize) -> Result<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gradient_tests::backends;
+    use crate::gradient_tests::engines;
     use pdk_sdk::config::frame_values;
     use pdk_sdk::serde_json::{Value, json};
 
@@ -166,17 +166,17 @@ mod tests {
     }
 
     #[test]
-    fn every_backend_paints_the_same_bytes() {
+    fn every_engine_paints_the_same_bytes() {
         let frame = scene(320, 160);
         for style in STYLES {
-            let of = |backend| painted::<Artistic>(json!({"style": style, "backend": backend}), 4.0, &frame);
-            let all: Vec<_> = backends().into_iter().map(of).collect();
+            let of = |engine| painted::<Artistic>(json!({"style": style, "engine": engine}), 4.0, &frame);
+            let all: Vec<_> = engines().into_iter().map(of).collect();
             assert!(all.iter().all(|picture| picture.data() == all[0].data()), "{style}");
         }
-        let nights = backends().into_iter().map(|b| painted::<Night>(json!({"backend": b}), 4.0, &frame));
+        let nights = engines().into_iter().map(|engine| painted::<Night>(json!({"engine": engine}), 4.0, &frame));
         let nights: Vec<_> = nights.collect();
         assert!(nights.iter().all(|picture| picture.data() == nights[0].data()));
-        let rains = backends().into_iter().map(|b| painted::<Rainy>(json!({"backend": b}), 4.0, &frame));
+        let rains = engines().into_iter().map(|engine| painted::<Rainy>(json!({"engine": engine}), 4.0, &frame));
         let rains: Vec<_> = rains.collect();
         assert!(rains.iter().all(|picture| picture.data() == rains[0].data()));
     }

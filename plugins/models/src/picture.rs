@@ -3,8 +3,7 @@
 use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 
-use crate::backend;
-use crate::driver;
+use crate::engine;
 use crate::model_file::{Inputs, Layout, ModelFile, Size, Source};
 use crate::pixels::Pixels;
 use crate::session::Session;
@@ -30,7 +29,7 @@ pub fn parameters(description: Description) -> Description {
             "model",
             "the ONNX file: an image of one or three channels in, and the result as its first output",
         ))
-        .parameter(driver::backend())
+        .parameter(engine::parameter())
         .parameter(Parameter::choice(
             "layout",
             &["auto", "nchw", "nhwc"],
@@ -62,7 +61,7 @@ impl PictureNetwork {
     /// Opens the network that `model` names and runs it once.
     ///
     /// # Errors
-    /// Where it is no such network, or the backend cannot run it.
+    /// Where it is no such network, or the engine cannot run it.
     pub fn open(config: &Config) -> Result<Self> {
         Self::of(Source::File(config.text("model").into()), config)
     }
@@ -82,12 +81,12 @@ impl PictureNetwork {
                     "it remembers frames, which only a driver can; export it without the inputs `NAME_in`",
                 ));
             }
-            let mut session = backend::open(&model.network(), config.text("backend"))?;
+            let mut session = engine::open(&model.network(), config.text(engine::PARAMETER))?;
             let mut outputs = vec![Vec::new(); model.outputs.len()];
             let inputs = model.inputs();
             session.run(inputs.values(), &mut outputs)?;
             Ok(Self {
-                place: format!("model `{name}` on {}", session.backend()),
+                place: format!("model `{name}` on {}", session.engine()),
                 size: [model.input.width, model.input.height],
                 layout: model.input.layout,
                 session,
@@ -103,7 +102,7 @@ impl PictureNetwork {
     /// Runs the network on a frame of any size, and gives the values of its first output.
     ///
     /// # Errors
-    /// Where the backend fails, or a value is no number.
+    /// Where the engine fails, or a value is no number.
     pub fn run(&mut self, frame: Frame<'_>) -> Result<&[f32]> {
         let same_size = [frame.width(), frame.height()] == self.size;
         if !same_size {

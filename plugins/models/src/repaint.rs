@@ -257,7 +257,7 @@ fn all_colors([width, height]: [usize; 2]) -> FrameBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gradient_tests::backends;
+    use crate::gradient_tests::engines;
     use pdk_onnx::testing::Sketch;
     use pdk_onnx::{Tensor, model};
     use pdk_sdk::config::frame_values;
@@ -308,14 +308,14 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_is_painted_in_every_range_and_on_every_backend() {
+    fn a_picture_is_painted_in_every_range_and_on_every_engine() {
         let frame = all_colors([16, 12]);
-        for backend in backends() {
+        for engine in engines() {
             for (gain, offset) in [(1.0, 0.0), (255.0, 0.0), (2.0, -1.0)] {
-                let found = painted(&swap(gain, offset), json!({"backend": backend}), 4.0, &frame);
+                let found = painted(&swap(gain, offset), json!({"engine": engine}), 4.0, &frame);
                 let expected = swapped(&frame);
                 let close = found.data().iter().zip(expected.data()).all(|(a, b)| a.abs_diff(*b) <= 1);
-                assert!(close, "{gain} {offset} on {backend}");
+                assert!(close, "{gain} {offset} on {engine}");
             }
         }
         // The level says how much of it shows.

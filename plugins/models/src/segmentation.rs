@@ -102,7 +102,7 @@ mod tests {
     }
 
     fn config(file: &tempfile::NamedTempFile, classes: &Value) -> Config {
-        let given = json!({"model": file.path().to_str().unwrap(), "classes": classes, "backend": "tract"});
+        let given = json!({"model": file.path().to_str().unwrap(), "classes": classes, "engine": "tract"});
         Config::check(&Segmentation::description(), given.as_object().unwrap()).unwrap()
     }
 

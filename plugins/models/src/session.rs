@@ -5,7 +5,7 @@ use std::path::Path;
 use pdk_sdk::error::Result;
 use tract_onnx::pb::ModelProto;
 
-/// A network as a backend takes it.
+/// A network as an engine takes it.
 pub struct Network<'a> {
     /// The graph.
     pub graph: Graph<'a>,
@@ -32,6 +32,11 @@ pub trait Session: Send {
     /// order of the graph's inputs and outputs.
     fn run(&mut self, inputs: &[Vec<f32>], outputs: &mut [Vec<f32>]) -> Result<()>;
 
-    /// Who runs it, with the version.
-    fn backend(&self) -> String;
+    /// The full name of the engine that runs it.
+    fn engine(&self) -> String;
+
+    /// What the record keeps of the engine: its full name, and what its code is if that is not part of pdk.
+    fn info(&self) -> Vec<(String, String)> {
+        vec![("engine".to_owned(), self.engine())]
+    }
 }

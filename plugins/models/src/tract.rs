@@ -2,16 +2,18 @@
 
 use std::borrow::Cow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 use tract_onnx::pb;
 use tract_onnx::prelude::*;
+use tract_onnx::tract_core::knobs::set_str;
 use tract_onnx::tract_core::model::TypedSimpleState;
 use tract_onnx::tract_hir::infer::InferenceFact;
 
 use crate::locate;
+use crate::processor;
 use crate::session::{Graph, Network, Session};
 
 /// A network that tract runs.
@@ -29,12 +31,88 @@ pub fn name() -> &'static str {
     "tract 0.23.9"
 }
 
+/// Its full name on this machine.
+pub fn engine() -> String {
+    format!("{}/{}", name(), Class::of_this_machine().name())
+}
+
+/// The kernels that are used. tract picks them by the processor, and their sums differ in the last digits, so it is held to those of
+/// few classes that many processors share.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Class {
+    /// With AVX2 and FMA: nearly every x86-64 processor since 2013.
+    X86V3,
+    /// What every processor of the architecture has.
+    Baseline,
+}
+
+impl Class {
+    fn of_this_machine() -> Self {
+        match processor::is_v3() {
+            true => Self::X86V3,
+            false => Self::Baseline,
+        }
+    }
+
+    fn name(self) -> String {
+        match self {
+            Self::X86V3 => "x86-64-v3".to_owned(),
+            Self::Baseline => std::env::consts::ARCH.replace('_', "-"),
+        }
+    }
+
+    /// What tract is told of the processor: its own settings, which it otherwise takes from the environment or finds out.
+    fn settings(self) -> Vec<(&'static str, &'static str)> {
+        let instructions = match (self, std::env::consts::ARCH) {
+            (Self::X86V3, _) => "-avx512f,-avx512vnni,-avx512fp16,-avxvnni,-amx-int8,-amx-bf16",
+            (Self::Baseline, "x86_64") => {
+                "-avx,-avx2,-fma,-f16c,-avx512f,-avx512vnni,-avx512fp16,-avxvnni,-amx-int8,-amx-bf16"
+            }
+            (Self::Baseline, "aarch64") => "-fp16,-dotprod,-sve2,-sme,-sme2,-apple-amx",
+            (Self::Baseline, _) => "",
+        };
+        let mut settings = vec![
+            ("TRACT_CPU_ISA", instructions),
+            ("TRACT_AMX_BF16", "false"),
+            ("TRACT_AVGPOOL_SEPARABLE", "false"),
+            // Which kernels a convolution takes.
+            ("TRACT_DISABLE_DIRECT_SPATIAL", "false"),
+            ("TRACT_ENABLE_BLOCKED_CONV", "false"),
+            ("TRACT_DISABLE_BLOCKED_CONV", "true"),
+            ("TRACT_DISABLE_DEPTHWISE_DECONV", "false"),
+        ];
+        if std::env::consts::ARCH == "aarch64" {
+            settings.extend([
+                ("TRACT_CPU_AARCH64_KIND", "generic"),
+                ("TRACT_DOTPROD_DISABLE", "true"),
+                ("TRACT_SVE_DISABLE", "true"),
+                ("TRACT_SME_DISABLE", "true"),
+            ]);
+        }
+        settings
+    }
+}
+
+/// Holds tract to the kernels of this machine's class, before it looks at the processor for the first time.
+fn pin() -> Result<()> {
+    static PINNED: OnceLock<Option<&str>> = OnceLock::new();
+    let unknown = PINNED.get_or_init(|| {
+        let settings = Class::of_this_machine().settings();
+        settings.into_iter().find(|(name, value)| !set_str(name, value)).map(|(name, _)| name)
+    });
+    match unknown {
+        None => Ok(()),
+        Some(name) => Err(Error::new(format!("it has no setting {name}, which is a defect in pdk"))),
+    }
+}
+
 impl Tract {
     /// Prepares a network.
     ///
     /// # Errors
     /// Where the network has operators that tract does not know or contradicts itself.
     pub fn new(network: &Network<'_>) -> Result<Self> {
+        pin()?;
         let onnx = tract_onnx::onnx();
         let proto = match &network.graph {
             Graph::File { proto, .. } => Cow::Borrowed(*proto),
@@ -140,8 +218,8 @@ impl Session for Tract {
         Ok(())
     }
 
-    fn backend(&self) -> String {
-        name().to_owned()
+    fn engine(&self) -> String {
+        engine()
     }
 }
 
@@ -152,6 +230,19 @@ mod tests {
         let version = super::name().strip_prefix("tract ").unwrap();
         let workspace = include_str!("../../../Cargo.toml");
         assert!(workspace.contains(&format!("tract-onnx = {{ version = \"={version}\"")));
+    }
+
+    #[test]
+    fn tract_is_held_to_its_class_whatever_the_processor_has() {
+        use tract_onnx::tract_core::tract_linalg::isa::{Isa, native};
+        super::pin().unwrap();
+        let has = native();
+        for beyond in [Isa::X86_64Avx512f, Isa::X86_64Avx512Vnni, Isa::X86_64AvxVnni, Isa::X86_64AmxInt8] {
+            assert!(!has.has(beyond), "{has:?}");
+        }
+        let v3 = crate::processor::is_v3();
+        assert_eq!(has.has(Isa::X86_64Fma), v3);
+        assert_eq!(super::engine().ends_with("/x86-64-v3"), v3);
     }
 
     #[test]

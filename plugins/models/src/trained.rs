@@ -3,7 +3,8 @@
 
 use pdk_sdk::prelude::*;
 
-use crate::driver::{Onnx, backend};
+use crate::driver::Onnx;
+use crate::engine;
 use crate::model_file::Source;
 
 /// Defines the driver of a network; the literals are its name, which is also that of its file in `scripts/models`, BLAKE3 of that
@@ -25,7 +26,7 @@ macro_rules! networks {
                     Description::driver($name, $doc)
                         .family("network")
                         .source("DAVE-2: Bojarski et al., End to End Learning for Self-Driving Cars, 2016")
-                        .parameter(backend())
+                        .parameter(engine::parameter())
                         .blake3($hash)
                 }
 
@@ -86,9 +87,9 @@ mod tests {
     fn a_network_drives_as_the_file_that_it_was_made_from() {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scripts/models/dave2.onnx");
         let given =
-            Map::from_iter([("model".to_owned(), file.into()), ("backend".to_owned(), "tract".into())]);
+            Map::from_iter([("model".to_owned(), file.into()), ("engine".to_owned(), "tract".into())]);
         let mut from_file = Onnx::new(&Config::check(&Onnx::description(), &given).unwrap()).unwrap();
-        let given = Map::from_iter([("backend".to_owned(), "tract".into())]);
+        let given = Map::from_iter([("engine".to_owned(), "tract".into())]);
         let mut own = Dave2::new(&Config::check(&Dave2::description(), &given).unwrap()).unwrap();
         let pixels = (0..320 * 160 * 3).map(|i| (i * 31 % 251) as u8).collect();
         let frame = FrameBuf::from_vec(pixels, 320, 160).unwrap();

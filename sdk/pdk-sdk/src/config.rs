@@ -172,6 +172,8 @@ fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
         ParameterType::Boolean => wrong("true or false".into()),
         ParameterType::Choice { options } => match value.as_str() {
             Some(v) if options.iter().any(|o| o == v) => Ok(()),
+            Some(v) if parameter.stands_for.values().any(|meaning| meaning == v) => Ok(()),
+            Some(v) if !parameter.stands_for.is_empty() && v.contains('/') => Err(not_here(parameter, v)),
             _ => wrong(format!("one of {}", options.join(", "))),
         },
         ParameterType::Text | ParameterType::Path if value.is_string() => Ok(()),
@@ -179,6 +181,17 @@ fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
         ParameterType::Path => wrong("a path".into()),
         ParameterType::Json => Ok(()),
     }
+}
+
+/// What is said of a value that another machine has and this one does not.
+fn not_here(parameter: &Parameter, value: &str) -> Error {
+    let here: Vec<_> = parameter.stands_for.iter().map(|(option, meaning)| format!("{meaning} ({option})")).collect();
+    mistake(format!(
+        "parameter `{name}` is \"{value}\", which this machine does not have; it has {}; use a machine that has it, or choose another \
+         `{name}`, which makes it another scenario",
+        here.join(", "),
+        name = parameter.name
+    ))
 }
 
 /// Something that only the user can correct.
@@ -278,6 +291,24 @@ mod tests {
         );
         assert!(error(json!({"strength": [0, 0, 0, 0, [1]]})).contains("lists in its list"));
         assert!(error(json!({"size": [1, 2, 3, 4, 5]})).ends_with("a whole number from 1 to 9"));
+    }
+
+    #[test]
+    fn what_an_option_stands_for_is_allowed_and_that_of_another_machine_is_not() {
+        let meanings = [("auto", "fast 1/v3"), ("fast", "fast 1/v3")];
+        let meanings = meanings.map(|(option, meaning)| (option.to_owned(), meaning.to_owned()));
+        let engine = Parameter::choice("engine", &["auto", "fast", "slow"], "who computes").stands_for(meanings);
+        let description = Description::driver("net", "A network").parameter(engine);
+        let check = |engine: &str| Config::check(&description, json!({"engine": engine}).as_object().unwrap());
+        for allowed in ["auto", "fast", "slow", "fast 1/v3"] {
+            assert_eq!(check(allowed).unwrap().text("engine"), allowed);
+        }
+        assert_eq!(
+            check("fast 1/v2").unwrap_err().message(),
+            "driver `net`: parameter `engine` is \"fast 1/v2\", which this machine does not have; it has fast 1/v3 (auto), fast 1/v3 \
+             (fast); use a machine that has it, or choose another `engine`, which makes it another scenario"
+        );
+        assert!(check("quick").unwrap_err().message().ends_with("one of auto, fast, slow"));
     }
 
     #[test]

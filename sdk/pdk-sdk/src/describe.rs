@@ -1,5 +1,7 @@
 //! How a component describes itself. Lists, help, error messages, Lua types and reference pages all derive from it.
 
+use std::collections::BTreeMap;
+
 pub use pdk_model::level::LEVELS;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -388,6 +390,10 @@ pub struct Parameter {
     /// The choice with which it has an effect; none where it always has one. With any other choice it may not be set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub only_for: Option<Condition>,
+    /// What an option stands for on this machine, such as an engine with its version and class; empty for most parameters. An option
+    /// is replaced by what it stands for before a scenario gets its id, so that the record says what decided the outcome.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub stands_for: BTreeMap<String, String>,
 }
 
 /// A choice that has to be made for something to have an effect, such as `variant=corrected`.
@@ -408,7 +414,7 @@ impl std::fmt::Display for Condition {
 impl Parameter {
     fn of(name: &str, doc: &str, kind: ParameterType, default: Value) -> Self {
         let (name, doc, unit) = (name.to_owned(), doc.to_owned(), String::new());
-        Self { name, doc, unit, kind, default, levels: None, only_for: None }
+        Self { name, doc, unit, kind, default, levels: None, only_for: None, stands_for: BTreeMap::new() }
     }
 
     /// A real number that follows the intensity, with its value at each of the five levels.
@@ -480,6 +486,12 @@ impl Parameter {
         let condition = Condition { parameter: parameter.to_owned(), option: option.to_owned() };
         self.doc = format!("{}; only with `{condition}`", self.doc);
         self.only_for = Some(condition);
+        self
+    }
+
+    /// Says what options stand for on this machine. Besides the options, these values are allowed, and no other machine's.
+    pub fn stands_for(mut self, meanings: impl IntoIterator<Item = (String, String)>) -> Self {
+        self.stands_for = meanings.into_iter().collect();
         self
     }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use pdk_core::ledger::Line;
+use pdk_core::settle::Settler;
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Verdict;
 use pdk_model::perturbation::AppliedPerturbation;
@@ -19,7 +20,9 @@ use super::{Host, Submitted, progress};
 
 impl Host {
     /// Submits scenarios, after making sure that their components can be made.
-    pub(crate) fn submit(&mut self, submissions: Vec<Submission>) -> Result<Vec<Ticket>> {
+    pub(crate) fn submit(&mut self, mut submissions: Vec<Submission>) -> Result<Vec<Ticket>> {
+        let mut settler = self.settler();
+        submissions.iter_mut().for_each(|submission| settler.scenario(&mut submission.scenario));
         for Submission { scenario, .. } in &submissions {
             self.check(scenario)?;
         }
@@ -48,6 +51,11 @@ impl Host {
             tickets.push(ticket);
         }
         Ok(tickets)
+    }
+
+    /// Settles what scenarios and evaluations leave to the machine.
+    pub(super) fn settler(&mut self) -> Settler<'_> {
+        Settler { catalog: self.session.catalog(), wanted: &self.common.wanted, settled: &mut self.settled }
     }
 
     /// Waits for an outcome.

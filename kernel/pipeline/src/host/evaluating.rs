@@ -19,7 +19,10 @@ use crate::requests::{DatasetSpec, Evaluate};
 impl Host {
     /// `pdk.evaluate`: the offline loop.
     pub(crate) fn evaluate(&mut self, request: Value) -> Result<Value> {
-        let Evaluate { dataset, driver, cells, frames } = Evaluate::from_json(request)?;
+        let Evaluate { dataset, mut driver, mut cells, frames } = Evaluate::from_json(request)?;
+        let mut settler = self.settler();
+        settler.component(Kind::Driver, &mut driver);
+        settler.perturbations(&mut cells);
         let (reader, available) = self.open_dataset(&dataset)?;
         let info = self.make(Kind::Driver, &driver)?.info;
         for component in components(&cells) {

@@ -46,6 +46,10 @@ impl Host {
             self.speed
                 .insert(0, format!("{} of {all} scenarios were in the record already", self.kept.len()));
         }
+        self.settled.sort();
+        for (parameter, value) in &self.settled {
+            self.speed.push(format!("{parameter}: {value}"));
+        }
         let scenarios = failed.first().map(|first| {
             Error::new(match all {
                 1 => format!("the scenario could not be driven because a component failed: {first}"),

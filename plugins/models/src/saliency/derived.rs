@@ -5,7 +5,7 @@ use pdk_onnx::{Graph, Target, gradients, model};
 use pdk_sdk::prelude::*;
 
 use super::viewer::Viewer;
-use crate::backend;
+use crate::engine;
 use crate::model_file::{Inputs, Source};
 use crate::session::{self, Network, Session};
 
@@ -77,7 +77,7 @@ impl Derived {
     /// A graph that computes the layer, and the gradient of the output with respect to it. The gradient comes last.
     ///
     /// # Errors
-    /// Where an operator behind the layer has no gradient, or the backend cannot run the graph.
+    /// Where an operator behind the layer has no gradient, or the engine cannot run the graph.
     pub fn gradient(graph: &Graph, viewer: &Viewer, layer: Layer) -> Result<Self> {
         let (value, index) = viewer.target();
         let is_input = graph.inputs().any(|input| input == layer.value);
@@ -90,7 +90,7 @@ impl Derived {
     /// A graph that computes the layer alone.
     ///
     /// # Errors
-    /// Where the backend cannot run the graph.
+    /// Where the engine cannot run the graph.
     pub fn forward(graph: &Graph, viewer: &Viewer, layer: Layer) -> Result<Self> {
         let model = graph.model(&[&layer.value])?;
         Self::open(viewer, layer, &model, 1)
@@ -104,14 +104,14 @@ impl Derived {
     ) -> Result<Self> {
         let bytes = model::encode(model);
         let network = Network { graph: session::Graph::Memory(&bytes), inputs: viewer.model.shapes.clone() };
-        let session = backend::open(&network, &viewer.backend)?;
+        let session = engine::open(&network, &viewer.engine)?;
         Ok(Self { session, inputs: viewer.model.inputs(), outputs: vec![Vec::new(); outputs], layer })
     }
 
     /// Runs the graph on a frame in the size of the model's image, and gives each output channel by channel.
     ///
     /// # Errors
-    /// Where the backend fails.
+    /// Where the engine fails.
     pub fn run(&mut self, viewer: &Viewer, frame: Frame<'_>) -> Result<Vec<Planes>> {
         viewer.numbers(frame, self.inputs.image());
         self.compute(viewer)
@@ -120,7 +120,7 @@ impl Derived {
     /// Runs the graph on the numbers of an image.
     ///
     /// # Errors
-    /// Where the backend fails.
+    /// Where the engine fails.
     pub fn run_on(&mut self, viewer: &Viewer, image: &[f32]) -> Result<Vec<Planes>> {
         self.inputs.image().copy_from_slice(image);
         self.compute(viewer)

@@ -44,7 +44,7 @@ impl Kept {
         let network = blake3::hash(&viewer.model.source.content().ok()?);
         // The same grid, however large the map is that is made of it, and wherever the network lies.
         let mut parameters = config.values().clone();
-        for name in ["size", "model", "backend", "speed"] {
+        for name in ["size", "model", "engine", "speed"] {
             parameters.shift_remove(name);
         }
         let Description { name, version, .. } = description;
@@ -201,8 +201,8 @@ mod tests {
     fn a_map_is_made_once_for_all_that_it_depends_on() {
         let folder = tempfile::tempdir().unwrap();
         let description = parameters(Description::saliency("test", "x"));
-        let open = |backend: &str, number: u32| {
-            let given = json!({"model": "dave2", "backend": backend, "number": number});
+        let open = |engine: &str, number: u32| {
+            let given = json!({"model": "dave2", "engine": engine, "number": number});
             let config = Config::check(&description, given.as_object().unwrap()).unwrap();
             let viewer = Viewer::open(&config).unwrap();
             Kept::within(folder.path().to_owned(), &description, &config, &viewer).unwrap()

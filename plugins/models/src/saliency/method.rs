@@ -29,7 +29,7 @@ pub trait Method: Send + Sized {
     /// The grid of a frame that has the size of the model's image.
     ///
     /// # Errors
-    /// Where the backend fails.
+    /// Where the engine fails.
     fn grid(&mut self, viewer: &mut Viewer, frame: Frame<'_>, cx: &MapContext<'_>) -> Result<Grid>;
 }
 

@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 
 use super::*;
 use crate::fixture;
-use crate::gradient_tests::backends;
+use crate::gradient_tests::engines;
 
 /// A network that sees brightness in the right half of an image of 32 x 16 and nothing else: a convolution of 4 x 4 with
 /// stride 4, a ReLU, and weights of the cells. `sign` is the sign of those.
@@ -73,22 +73,22 @@ fn sides(values: &[f32], width: usize) -> (f32, f32) {
     (mean(0..width / 4), mean(width - width / 4..width))
 }
 
-/// Checks that a method finds the right half, on frames of the model's size and of another one, on every backend.
+/// Checks that a method finds the right half, on frames of the model's size and of another one, on every engine.
 fn finds<M: Component + Saliency + 'static>(more: Value) {
     let name = M::description().name;
-    for backend in backends() {
+    for engine in engines() {
         let mut more = more.clone();
-        more["backend"] = backend.into();
+        more["engine"] = engine.into();
         let file = right_half(1.0);
         for (width, height) in [(32, 16), (64, 48)] {
             let values = map(&mut open::<M>(&file, more.clone()).unwrap(), &bright(width, height));
             let (left, right) = sides(&values, width);
-            assert!(right > 0.5 && right > 2.0 * left, "{name} on {backend}: left {left}, right {right}");
+            assert!(right > 0.5 && right > 2.0 * left, "{name} on {engine}: left {left}, right {right}");
         }
         let checked = check_saliency(&config::<M>(&file, more.clone()).unwrap(), &mut |config| {
             Ok(Box::new(M::new(config)?) as Box<dyn Saliency>)
         });
-        checked.unwrap_or_else(|error| panic!("{name} on {backend}: {error}"));
+        checked.unwrap_or_else(|error| panic!("{name} on {engine}: {error}"));
     }
 }
 
@@ -165,9 +165,9 @@ fn a_real_network_is_explained_by_every_method_in_little_time() {
         );
         assert!(first.iter().all(|value| (0.0..=1.0).contains(value)));
     }
-    for backend in backends() {
-        println!("on {backend}:");
-        let given = || given(json!({"backend": backend}));
+    for engine in engines() {
+        println!("on {engine}:");
+        let given = || given(json!({"engine": engine}));
         time::<GradCam>(&frame, given());
         time::<GradCamPlusPlus>(&frame, given());
         time::<HiResCam>(&frame, given());
@@ -185,14 +185,14 @@ fn a_real_network_is_explained_by_every_method_in_little_time() {
 fn hirescam_is_the_same_before_and_behind_the_activation_function() {
     let Some(path) = fixture::shared("tub_pilot.onnx") else { return };
     let frame = bright(160, 120);
-    for backend in backends() {
+    for engine in engines() {
         let maps = [true, false].map(|activation| {
-            let given = json!({"model": path.to_str().unwrap(), "backend": backend, "activation": activation, "layer": "conv2d_4"});
+            let given = json!({"model": path.to_str().unwrap(), "engine": engine, "activation": activation, "layer": "conv2d_4"});
             let config = Config::check(&HiResCam::description(), given.as_object().unwrap()).unwrap();
             map(&mut HiResCam::new(&config).unwrap(), &frame)
         });
         let largest = maps[0].iter().zip(&maps[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        assert!(largest < 1e-5, "{backend}: {largest}");
+        assert!(largest < 1e-5, "{engine}: {largest}");
     }
 }
 

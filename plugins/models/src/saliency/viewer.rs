@@ -4,7 +4,7 @@ use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
-use crate::backend;
+use crate::engine;
 use crate::driver::with_pixels;
 use crate::model_file::{Inputs, Layout, ModelFile, Source};
 use crate::pixels::Pixels;
@@ -16,7 +16,7 @@ pub struct Viewer {
     /// The file and who runs it, for messages.
     pub place: String,
     pub model: ModelFile,
-    pub backend: String,
+    pub engine: String,
     session: Box<dyn Session>,
     pixels: Pixels,
     /// The output that is explained, by its place and name.
@@ -36,7 +36,7 @@ pub fn parameters(description: Description) -> Description {
     let description = description
         .example(json!({"model": "dave2"}))
         .parameter(Parameter::path("model", "the ONNX file whose view is shown, which the driver `onnx` takes; or the name of a network that is part of pdk"))
-        .parameter(Parameter::choice("backend", &backend::NAMES, "who runs the network, as for the driver `onnx`"));
+        .parameter(engine::parameter());
     with_pixels(description)
         .parameter(Parameter::text("output", "the output that is explained, by name; left out, the one that steers"))
         .parameter(
@@ -70,8 +70,8 @@ impl Viewer {
     /// Where the file is no driving model, or has no such output.
     pub fn open(config: &Config) -> Result<Self> {
         let model = ModelFile::read(source(config.text("model")), config.text("layout"))?;
-        let backend = config.text("backend").to_owned();
-        let mut session = backend::open(&model.network(), &backend)?;
+        let engine = config.text(engine::PARAMETER).to_owned();
+        let mut session = engine::open(&model.network(), &engine)?;
         let speed = config.number("speed") as f32;
         let sizes = model.try_out(&mut *session, speed)?;
         let output = match config.text("output") {
@@ -89,11 +89,11 @@ impl Viewer {
             )));
         }
         Ok(Self {
-            place: format!("model `{}` on {}", config.text("model"), session.backend()),
+            place: format!("model `{}` on {}", config.text("model"), session.engine()),
             pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
             resized: FrameBuf::new(model.input.width, model.input.height),
             output: (output, name),
-            backend,
+            engine,
             session,
             number,
             speed,
@@ -106,7 +106,7 @@ impl Viewer {
 
     /// Who runs the network, with the version.
     pub fn runs_on(&self) -> String {
-        self.session.backend()
+        self.session.engine()
     }
 
     /// Tells the network this speed from now on, or the assumed one where it is not known.
@@ -160,7 +160,7 @@ impl Viewer {
     /// What the network gives for a frame in the size of its image.
     ///
     /// # Errors
-    /// Where the backend fails, or the number is not finite.
+    /// Where the engine fails, or the number is not finite.
     pub fn answer(&mut self, frame: Frame<'_>) -> Result<f64> {
         self.pixels.write(frame, self.inputs.image());
         self.inputs.move_at(self.speed);
