@@ -1,4 +1,4 @@
-//! What a saliency map costs, beside the forward pass of its network, in milliseconds: for each method, backend and network.
+//! What a saliency map costs, beside the forward pass of its network, in milliseconds: for each method, engine and network.
 //!
 //! ```sh
 //! cargo build --release && cargo bench -p pdk-tests --bench saliency [-- --model FILE.onnx]
@@ -53,22 +53,22 @@ fn main() {
     let named = arguments.iter().position(|argument| argument == "--model").map(|at| &arguments[at + 1]);
     let networks = [Some("dave2"), named.map(String::as_str)];
     for network in networks.into_iter().flatten() {
-        for backend in ["tract", "onnxruntime"] {
+        for engine in ["tract", "onnxruntime"] {
             let values: Map<String, Value> =
-                [("model".to_owned(), network.into()), ("backend".to_owned(), backend.into())]
+                [("model".to_owned(), network.into()), ("engine".to_owned(), engine.into())]
                     .into_iter()
                     .collect();
             // A network that is part of pdk is a driver by its own name.
             let driver = match network {
                 "dave2" => {
-                    registry.driver("dave2", &[("backend".to_owned(), backend.into())].into_iter().collect())
+                    registry.driver("dave2", &[("engine".to_owned(), engine.into())].into_iter().collect())
                 }
                 _ => registry.driver("onnx", &values),
             };
             let mut driver = match driver {
                 Ok((driver, _)) => driver,
                 Err(error) => {
-                    println!("{network} on {backend}: not measured, because {error}");
+                    println!("{network} on {engine}: not measured, because {error}");
                     continue;
                 }
             };
@@ -76,7 +76,7 @@ fn main() {
                 let cx = DriveContext { frame_index, time: 0.0, speed: 8.0 };
                 driver.drive(frame.as_ref(), &cx).unwrap();
             });
-            println!("{network} on {backend}: a forward pass takes {forward:.2} ms at {WIDTH}x{HEIGHT}");
+            println!("{network} on {engine}: a forward pass takes {forward:.2} ms at {WIDTH}x{HEIGHT}");
             for name in &methods {
                 let (mut method, _) = registry.saliency(name, &values).unwrap();
                 let key = Key([1; 32]);

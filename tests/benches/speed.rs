@@ -135,18 +135,18 @@ fn closed_loop(registry: &Registry) -> Vec<Value> {
         }));
     }
     let folder = pdk_tests::temp();
-    for backend in ["tract", "onnxruntime"] {
-        let record = folder.path().join(backend);
+    for engine in ["tract", "onnxruntime"] {
+        let record = folder.path().join(engine);
         let run = Pdk::new(["run", "--out"])
             .arg(&record)
             .arg(pdk_tests::repository().join("scripts/manual.lua"))
-            .set("driver", format!(r#"{{"name":"dave2","backend":"{backend}"}}"#))
+            .set("driver", format!(r#"{{"name":"dave2","engine":"{engine}"}}"#))
             .set("chains", "gaussian_noise@2")
             .set("roads", 2)
             .set("images_every", 0)
             .set("workers", 1)
             .run();
-        if backend == "onnxruntime" && run.code != Some(0) {
+        if engine == "onnxruntime" && run.code != Some(0) {
             println!("the loop is measured without ONNX Runtime: {}", run.stderr.trim());
             continue;
         }
@@ -155,7 +155,7 @@ fn closed_loop(registry: &Registry) -> Vec<Value> {
         let [frames, real_time] =
             ["frames_per_second", "real_time_factor"].map(|name| drive[name].as_f64().unwrap());
         rows.push(json!({
-            "what": format!("simulator, gaussian_noise or none, `dave2` with {backend}, record, 320x160"),
+            "what": format!("simulator, gaussian_noise or none, `dave2` with {engine}, record, 320x160"),
             "ms": 1e3 / frames, "frames_per_second": frames, "real_time_factor": real_time,
         }));
     }

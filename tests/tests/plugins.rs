@@ -490,10 +490,10 @@ fn the_built_in_plugins_keep_the_rules() {
                 check = check.set("folder.path", "folder").set("tub.path", "tub");
             }
             "libpdk_models" => {
-                check = check.set("onnx.model", "pilot.onnx").set("onnx.backend", "tract");
+                check = check.set("onnx.model", "pilot.onnx").set("onnx.engine", "tract");
                 for component in ["repaint", "segmentation"] {
                     check = check.set(&format!("{component}.model"), "mirror.onnx");
-                    check = check.set(&format!("{component}.backend"), "tract");
+                    check = check.set(&format!("{component}.engine"), "tract");
                 }
             }
             "libpdk_overlay" => {

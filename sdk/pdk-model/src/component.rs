@@ -8,6 +8,9 @@ use serde_json::{Map, Value};
 use crate::error::{Error, Result};
 use crate::text::{parse_value, split_outside_brackets};
 
+/// The parameter by which a component that runs a network names the engine that runs it.
+pub const ENGINE: &str = "engine";
+
 /// A component with the parameters that the user sets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ComponentSpec {

@@ -381,7 +381,7 @@ def test_paths_in_a_job_are_found_by_descriptions():
     catalog = [
         {"description": {"kind": kind, "name": name, "parameters": [{**parameter, "name": n, "type": t} for n, t in given.items()]}}
         for kind, name, given in [
-            ("driver", "onnx", {"model": "path", "backend": "text"}),
+            ("driver", "onnx", {"model": "path", "engine": "text"}),
             ("simulator", "process", {"command": "json", "gpus": "number"}),
             ("perturbation", "repaint", {"model": "path"}),
             ("saliency", "hirescam", {"model": "path"}),
@@ -391,7 +391,7 @@ def test_paths_in_a_job_are_found_by_descriptions():
     where = {"top": 20, "by": {"name": "hirescam", "parameters": {"model": "s.onnx"}}}
     applied = {"name": "repaint", "level": 1, "parameters": {"model": "r.onnx"}, "region": {"mask": "m.png"}, "where": where}
     simulator = {"name": "process", "parameters": {"command": ["python3", "town.py", "--fast"], "gpus": 0.25}}
-    driver = {"name": "onnx", "parameters": {"model": "p.onnx", "backend": "m.png"}}
+    driver = {"name": "onnx", "parameters": {"model": "p.onnx", "engine": "m.png"}}
     scenario = {"simulator": simulator, "driver": driver, "perturbations": [applied]}
     paths = Paths(catalog)
 

@@ -1,9 +1,11 @@
 //! Scenarios as a page shows them, as far as the ledger tells; their traces tell the rest.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use pdk_core::ledger::Line;
 use pdk_model::canonical::canonical;
+use pdk_model::component::ENGINE;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Mode;
 
@@ -15,8 +17,15 @@ use crate::view::{Drive, Scenario};
 /// place among the lines.
 pub fn drives(lines: &[Line], folder: &Path, clips: &ClipFolder) -> Vec<Drive> {
     let mut drives: Vec<Drive> = Vec::new();
+    // Who ran a network tells drives apart only if several did.
+    let engine = |line: &Line| line.scenario.driver.parameters.get(ENGINE).cloned();
+    let one_engine = lines.iter().filter_map(engine).map(|engine| engine.to_string()).collect::<BTreeSet<_>>().len() < 2;
     for (number, line) in (0..).zip(lines) {
-        let (simulator, driver) = (line.scenario.simulator.to_string(), line.scenario.driver.to_string());
+        let mut driver = line.scenario.driver.clone();
+        if one_engine {
+            driver.parameters.shift_remove(ENGINE);
+        }
+        let (simulator, driver) = (line.scenario.simulator.to_string(), driver.to_string());
         let mode = match line.scenario.mode {
             Mode::Lockstep => "lockstep",
             Mode::Realtime => "real time",
