@@ -66,6 +66,7 @@ for _, place in driven do
 		end
 	end
 end
+study.warn_of_luck(settings)
 study.search(settings, searchers, next_level)
 
 local header = { "perturbation", "fails at", "interval", "drives", "unsafe", "stopped", "late", "time to failure s", "errors" }

@@ -10,12 +10,13 @@
 -- search=all every level is driven, which also finds levels that are worse than those above them.
 --
 -- The ranking goes by the share of levels at which drivers fail: the mean over roads, conditions and drivers. Roads are the unit, and
--- one that is driven in several conditions or by several drivers is one: intervals come from how roads differ, and perturbations that
--- cannot be told from the first of their group share its number. Drivers are compared road by road. Roads that a driver does not manage with a clear view are left out for it.
+-- one that is driven in several conditions or by several drivers is one: intervals come from how roads differ. Perturbations that
+-- cannot be told apart share the number of their group; all pairs are tested together (see pdk.groups). Drivers are compared road by
+-- road. Roads that a driver does not manage with a clear view are left out for it.
 -- An error of a component says nothing about a driver and is counted apart.
 --
--- ranking.json in the record holds what the tables show and more: failures by level, and the level from which on each driver fails
--- in each of the conditions, with intervals.
+-- ranking.json in the record holds what the tables show and more: the share of failing levels on each road, from which groups can be
+-- computed again (pdk.groups), failures by level, and the level from which on each driver fails in each of the conditions, with intervals.
 
 local study = require("@pdk/study")
 local tally = require("@pdk/tally")
@@ -84,6 +85,8 @@ local function next_level(searcher): number?
 	end
 	return nearest
 end
+
+study.warn_of_luck(settings)
 
 -- Drives all perturbations with a driver in some conditions.
 local function measured(place)
@@ -227,7 +230,7 @@ table.insert(header, "over the line")
 table.insert(header, `|XTE| increase at level {levels[#levels]}, m`)
 local rows = {}
 for rank, entry in entries do
-	entry.rank, entry.group, entry.shares = rank, groups[rank], nil
+	entry.rank, entry.group = rank, groups[rank]
 	local row: { any } = { rank, entry.group, entry.perturbation, entry.failed_share, string.format("%.2f to %.2f", entry.failed_share_low, entry.failed_share_high) }
 	for _, of in entry.by_driver do
 		table.insert(row, if of.failing_level then (study.shown(of.failing_level, levels[#levels])) else "unknown")

@@ -134,6 +134,17 @@ function study.search(settings, searchers, next_level, driver)
 	end
 end
 
+-- Says how far a bisection may be off in a simulator that may end drives under the same draws differently. `lane` does not.
+function study.warn_of_luck(settings)
+	local simulator = if type(settings.simulator) == "table" then settings.simulator.name else settings.simulator
+	if settings.search == "bisect" and simulator ~= "lane" then
+		print(
+			`If each drive in {simulator} has luck of its own, the levels that bisection finds are off by up to a quarter of a level; `
+				.. "the pipeline study with search=all drives all levels"
+		)
+	end
+end
+
 -- A driver and where it drives, as sentences have it.
 local function place(settings, driver): string
 	local conditions = if type(settings.simulator) == "table" then settings.simulator.conditions else nil

@@ -93,9 +93,9 @@ def in_order(script, ranking):
 
 
 def rounded(value):
-    """A value with four decimals in each of its numbers."""
+    """A value with four decimals in each of its numbers but the shares by road, from which groups are computed."""
     if isinstance(value, dict):
-        return {key: rounded(of) for key, of in value.items()}
+        return {key: of if key == "shares" else rounded(of) for key, of in value.items()}
     if isinstance(value, list):
         return [rounded(of) for of in value]
     return round(value, 4) if isinstance(value, float) else value

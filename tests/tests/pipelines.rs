@@ -213,6 +213,8 @@ fn the_study_ranks_by_failures() {
     let shares: Vec<f64> = entries.iter().map(|entry| entry["failed_share"].as_f64().unwrap()).collect();
     assert!(shares.is_sorted_by(|a, b| a >= b) && shares[0] > 0.0, "{shares:?}");
     for entry in entries {
+        // The share on each road, here on one.
+        assert_eq!(entry["shares"], json!([entry["failed_share"]]));
         let name = entry["perturbation"].as_str().unwrap();
         // Where discs sit is drawn, so it is driven twice at each of the two levels; the others draw nothing.
         let each = if name == "splatter_mapping" { 2 } else { 1 };
@@ -317,12 +319,30 @@ fn a_pipeline_has_the_statistics_of_the_report() {
             roads[road] = { trials }
         end
         local ones, zeros = table.create(10, 1), table.create(10, 0)
+        -- 49 perturbations that are all alike, each with shares of five levels on eight roads.
+        local alike, state = {}, 1
+        for entry = 1, 49 do
+            alike[entry] = {}
+            for road = 1, 8 do
+                state = state * 16807 % 2147483647
+                alike[entry][road] = (state // 1000 % 6) / 5
+            end
+        end
+        local function sum(shares)
+            local all = 0
+            for _, share in shares do
+                all += share
+            end
+            return all
+        end
+        table.sort(alike, function(a, b) return sum(a) > sum(b) end)
         pdk.save("told.json", {
             never = pdk.failed_share(never),
             always = pdk.failed_share(always, 0.9),
             mean = pdk.mean({ 1, 2, 3 }),
             paired = pdk.compare(ones, zeros),
             groups = pdk.groups({ ones, zeros, zeros }),
+            alike = pdk.groups(alike),
             level = pdk.failing_level(roads),
             noise = pdk.draws("gaussian_noise"),
             contrast = pdk.draws("contrast"),
@@ -341,6 +361,9 @@ fn a_pipeline_has_the_statistics_of_the_report() {
     assert_eq!(told["mean"]["value"], 2);
     assert_eq!((&told["paired"]["effect_size"], &told["paired"]["roads"]), (&json!(1), &json!(10)));
     assert_eq!(told["groups"], json!([1, 2, 2]));
+    assert_eq!(told["alike"], json!(vec![1; 49]));
+    // Of 1,024 ways to exchange, two are as extreme, which count half.
+    assert_eq!(told["paired"]["p"], json!(1.0 / 1024.0));
     let level = number(&told["level"]["level"]);
     assert!((1.5..2.2).contains(&level) && number(&told["level"]["drives"]) < 60.0, "{told}");
     // On half of the roads it fails from 2 on, on the others from 2.5: each level between could be the one.

@@ -70,7 +70,7 @@ pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
     let trials = trials(drive);
     let nominal = Tally::of(drive.scenarios.iter().filter(|s| s.perturbation.is_none()));
     let shares: Vec<Vec<Option<f64>>> = order.iter().map(|(_, tally)| tally.shares(&roads)).collect();
-    let groups = groups(&shares, SHARE, CONFIDENCE);
+    let groups = groups(&shares, CONFIDENCE);
     let highest = drive.scenarios.iter().filter_map(|s| s.level).fold(0.0, f64::max);
     let rows = order
         .iter()
@@ -271,7 +271,7 @@ mod tests {
         let (name, difference) = &found.others[0].rows[0];
         assert_eq!(
             (name.as_str(), difference.value.as_str(), difference.p.as_str()),
-            ("fog", "+20 %", "0.002")
+            ("fog", "+20 %", "< 0.001")
         );
     }
 }

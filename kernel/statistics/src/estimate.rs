@@ -2,6 +2,7 @@
 
 use pdk_ops::random::normal_quantile;
 use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, StudentsT};
 
 /// How often an interval covers the truth, where nobody says.
 pub const CONFIDENCE: f64 = 0.95;
@@ -20,6 +21,16 @@ pub struct Estimate {
 /// How many standard deviations a normal variable lies from its mean at most, with this probability.
 pub(crate) fn normal_limit(confidence: f64) -> f64 {
     normal_quantile(0.5 + 0.5 * confidence)
+}
+
+/// How many standard errors the mean of this many values lies from the true one at most, with this probability, by Student's t.
+pub(crate) fn student_limit(values: usize, confidence: f64) -> f64 {
+    let limit = match StudentsT::new(0.0, 1.0, values as f64 - 1.0) {
+        Ok(student) => student.inverse_cdf(0.5 + 0.5 * confidence),
+        Err(_) => f64::INFINITY,
+    };
+    // The crate computes with the system's mathematical functions; their last bits are cut off.
+    (limit * 1e6).round() / 1e6
 }
 
 #[cfg(test)]

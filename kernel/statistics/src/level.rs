@@ -230,6 +230,12 @@ pub struct Bisection {
 impl Bisection {
     /// The next level to drive on a road with these drives so far; none where enough is known.
     ///
+    /// If drives under the same draws have the same outcome, as in a simulator without a clock of its own, the levels that
+    /// [`failing_level`] finds from these drives are those that it finds if all are driven. If each drive has luck of its own, bisection
+    /// goes wrong where a drive did, and never comes back: the levels found are up to .23 too high if they are near 1 and up to .1 too
+    /// low elsewhere, if the probability of failing takes 3.5 levels to rise from 10 to 90 %. With all levels they are off by .08 at most.
+    /// `tests/coverage.rs` prints these figures.
+    ///
     /// First the highest level: most perturbations never make a driver fail, and cost one drive then. Then the middle between
     /// the highest level that was survived and the lowest that was failed above it; the lowest level of all where everything above
     /// it failed.

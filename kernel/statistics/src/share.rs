@@ -1,7 +1,7 @@
 //! The share of drives that failed.
 
-use crate::bootstrap;
 use crate::estimate::{Estimate, normal_limit};
+use crate::mean;
 
 /// The share of `count` among `of` independent drives, such as one on each road; none where there are no drives.
 ///
@@ -57,7 +57,7 @@ pub fn share_over_roads(roads: &[Drives], confidence: f64) -> Option<Estimate> {
         return share(sum(|drives| drives.failed), sum(|drives| drives.of), confidence);
     }
     let shares: Vec<f64> = roads.iter().filter_map(|drives| drives.share()).collect();
-    (!shares.is_empty()).then(|| bootstrap::mean(&shares, (0.0, 1.0), confidence))
+    (!shares.is_empty()).then(|| mean::interval(&shares, (0.0, 1.0), confidence))
 }
 
 #[cfg(test)]

@@ -49,6 +49,9 @@ const WORLDS: [World; 4] = [
 /// Roads that hardly differ, as for a perturbation that draws nothing.
 const ALIKE: World = World { spread: 0.02, luck: 0.01, middle: 1.2 };
 const LEVELS: [f64; 5] = [0.0, 1.0, 2.0, 3.0, 4.0];
+/// Those that a fine bisection chooses from.
+const QUARTERS: [f64; 17] =
+    [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0, 3.25, 3.5, 3.75, 4.0];
 
 /// How often the interval of a made-up study covers the truth.
 fn coverage(studies: u32, name: &str, mut covers: impl FnMut(&mut Random) -> bool) -> f64 {
@@ -150,53 +153,60 @@ fn differences(studies: u32, world: World, better: f64, roads: usize) -> f64 {
 struct Plan {
     roads: usize,
     repeats: usize,
-    /// All levels where there is none.
     bisection: Option<Bisection>,
+    /// The levels that are driven where there is no bisection.
+    levels: &'static [f64],
     /// Whether the luck of a repeat is the same at all levels, so that it fails from one of them on, or another at each.
     same_luck: bool,
 }
 
-const PLAN: Plan = Plan { roads: 10, repeats: 1, bisection: Some(FINE), same_luck: false };
+const PLAN: Plan = Plan { roads: 10, repeats: 1, bisection: Some(FINE), levels: &LEVELS, same_luck: false };
+
+/// The drives of a study.
+fn drives(world: World, plan: Plan, random: &mut Random) -> Vec<Vec<Vec<Trial>>> {
+    let Plan { roads, repeats, bisection, same_luck, levels } = plan;
+    let repeat = |road: f64, random: &mut Random| {
+        let of_repeat = random.unit();
+        let mut drive = |level: f64| {
+            let luck = if same_luck { of_repeat } else { random.unit() };
+            Trial { level, failed: luck < world.fails(road, level) }
+        };
+        let Some(bisection) = bisection else { return levels.iter().copied().map(drive).collect() };
+        let mut trials = Vec::new();
+        while let Some(level) = bisection.next(&trials) {
+            trials.push(drive(level));
+        }
+        trials
+    };
+    (0..roads)
+        .map(|_| {
+            let road = world.road(random);
+            (0..repeats).map(|_| repeat(road, random)).collect()
+        })
+        .collect()
+}
 
 /// The failing level. The truth is where the share over all roads crosses one half, which is the middle: roads and luck are
 /// symmetric about it.
 fn levels(studies: u32, world: World, plan: Plan) -> f64 {
-    let Plan { roads, repeats, bisection, same_luck } = plan;
+    let Plan { roads, repeats, bisection, same_luck, .. } = plan;
     let how = if bisection.is_some() { "bisection" } else { "5 levels" };
     let each = if same_luck { "a repeat" } else { "a drive" };
     let World { spread, luck, middle } = world;
     let name = format!(
         "{roads:2} roads x {repeats} repeats, level {middle} by {how}, spread {spread}, luck {luck} of {each}"
     );
-    let (mut drives, mut width) = (0, 0.0);
+    let (mut driven, mut width) = (0, 0.0);
     let found = coverage(studies, &name, |random| {
-        let repeat = |road: f64, random: &mut Random| {
-            let of_repeat = random.unit();
-            let mut drive = |level: f64| {
-                let luck = if same_luck { of_repeat } else { random.unit() };
-                Trial { level, failed: luck < world.fails(road, level) }
-            };
-            let Some(bisection) = bisection else { return LEVELS.into_iter().map(drive).collect() };
-            let mut trials = Vec::new();
-            while let Some(level) = bisection.next(&trials) {
-                trials.push(drive(level));
-            }
-            trials
-        };
-        let trials: Vec<Vec<Vec<Trial>>> = (0..roads)
-            .map(|_| {
-                let road = world.road(random);
-                (0..repeats).map(|_| repeat(road, random)).collect()
-            })
-            .collect();
+        let trials = drives(world, plan, random);
         let found = failing_level(&trials, CONFIDENCE).expect("there are roads");
-        drives += found.drives;
+        driven += found.drives;
         let (low, high) = (found.low.unwrap_or(4.0), found.high.unwrap_or(4.0));
         width += high - low;
         found.low.is_some_and(|low| low <= world.middle) && found.high.is_none_or(|high| high >= world.middle)
     });
     let each = f64::from(studies);
-    println!("         with {:.1} drives, the interval {:.2} wide", drives as f64 / each, width / each);
+    println!("         with {:.1} drives, the interval {:.2} wide", driven as f64 / each, width / each);
     found
 }
 
@@ -278,6 +288,154 @@ fn intervals_of_rare_failures_cover_too() {
     }
 }
 
+/// A quantity that has one value a road, with its mean and what it can be.
+type Quantity = (&'static str, f64, (f64, f64), fn(&mut Random) -> f64);
+
+const ANY: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
+const LENGTH: (f64, f64) = (0.0, f64::INFINITY);
+
+fn exponential(random: &mut Random) -> f64 {
+    -libm::log(1.0 - random.unit())
+}
+
+fn lognormal(random: &mut Random) -> f64 {
+    libm::exp(random.normal())
+}
+
+/// The mean of a lognormal quantity with sigma 1.
+const LOGNORMAL: f64 = 1.648_721_270_700_128;
+
+const QUANTITIES: [Quantity; 6] =
+    [
+        ("normal", 0.0, ANY, Random::normal),
+        ("uniform", 0.5, (0.0, 1.0), Random::unit),
+        ("exponential", 1.0, LENGTH, exponential),
+        ("lognormal, sigma 1", LOGNORMAL, LENGTH, lognormal),
+        ("half 0, else exponential", 0.5, LENGTH, |random| {
+            if random.unit() < 0.5 { 0.0 } else { exponential(random) }
+        }),
+        ("80 % 0, else lognormal", 0.2 * LOGNORMAL, LENGTH, |random| {
+            if random.unit() < 0.8 { 0.0 } else { lognormal(random) }
+        }),
+    ];
+
+/// Means of quantities, of which not all are the same on all roads.
+fn means(studies: u32, (name, truth, range, quantity): Quantity, roads: usize) -> f64 {
+    coverage(studies, &format!("{roads:2} roads, mean, {name}"), |random| {
+        let values = loop {
+            let values: Vec<f64> = (0..roads).map(|_| quantity(random)).collect();
+            if values.iter().any(|value| *value != values[0]) {
+                break values;
+            }
+        };
+        let found = over_roads(&values, range, CONFIDENCE).expect("there are roads");
+        found.low <= truth && truth <= found.high
+    })
+}
+
+#[test]
+fn means_of_skewed_quantities_are_covered_too() {
+    for roads in [6, 8, 10, 20, 50] {
+        for quantity in QUANTITIES {
+            let found = means(4000, quantity, roads);
+            // The longer the tail, the more studies miss it altogether.
+            let least = match quantity.0 {
+                "normal" | "uniform" => 0.93,
+                "lognormal, sigma 1" if roads < 20 => 0.87,
+                _ => 0.91,
+            };
+            assert!((least..=0.98).contains(&found), "{roads} roads, {}: {found}", quantity.0);
+        }
+    }
+}
+
+/// How often two conditions that do not differ have a p of at most 5 %.
+fn size(studies: u32, world: World, roads: usize) -> f64 {
+    let name = format!("{roads:2} roads, p at most 5 %, alike, middle {}, luck {}", world.middle, world.luck);
+    coverage(studies, &name, |random| {
+        let (mut a, mut b) = (Vec::new(), Vec::new());
+        for _ in 0..roads {
+            let road = world.road(random);
+            a.push(Some(failed_share(random, world, road, 1)));
+            b.push(Some(failed_share(random, world, road, 1)));
+        }
+        compare(&a, &b, (0.0, 1.0), CONFIDENCE).expect("there are roads").p <= 0.05
+    })
+}
+
+/// Conditions that fail at all levels, and ones that rarely fail.
+const ALIKE_WORLDS: [World; 3] = [
+    World { spread: 0.5, luck: 0.4, middle: 2.0 },
+    World { spread: 0.5, luck: 0.1, middle: 2.0 },
+    World { spread: 0.5, luck: 0.4, middle: 4.5 },
+];
+
+#[test]
+fn conditions_that_do_not_differ_seldom_seem_to() {
+    for roads in [5, 6, 8, 10, 14, 20] {
+        for world in ALIKE_WORLDS {
+            let found = size(if roads < 15 { 3000 } else { 600 }, world, roads);
+            assert!(found <= 0.07, "{roads} roads, {}: {found}", world.middle);
+        }
+    }
+}
+
+/// The mean of the levels that are found, less the truth, by bisection and by driving all of its levels; and how often there is none.
+fn bias(studies: u32, world: World, plan: Plan) -> (f64, f64) {
+    let mut random = Key([11; 32]).frame(u64::from(plan.same_luck));
+    let (mut sum, mut found, mut never) = (0.0, 0_u32, 0_u32);
+    for _ in 0..studies {
+        match failing_level(&drives(world, plan, &mut random), CONFIDENCE).and_then(|found| found.level) {
+            Some(level) => (sum, found) = (sum + level, found + 1),
+            None => never += 1,
+        }
+    }
+    (sum / f64::from(found.max(1)) - world.middle, f64::from(never) / f64::from(studies))
+}
+
+fn biases(studies: u32, world: World, same_luck: bool, roads: usize) -> [f64; 2] {
+    let plan = Plan { roads, same_luck, ..PLAN };
+    let of = [
+        bias(studies, world, plan),
+        bias(studies, world, Plan { bisection: None, levels: &QUARTERS, ..plan }),
+    ];
+    println!(
+        "{:+.2} by bisection (never in {:3.0} %), {:+.2} by all levels (never in {:3.0} %): {roads} roads, level {}, spread {}, luck {} of {}",
+        of[0].0,
+        100.0 * of[0].1,
+        of[1].0,
+        100.0 * of[1].1,
+        world.middle,
+        world.spread,
+        world.luck,
+        if same_luck { "a repeat" } else { "a drive" }
+    );
+    of.map(|(bias, _)| bias)
+}
+
+#[test]
+fn bisection_is_biased_only_where_each_drive_has_luck_of_its_own() {
+    let world = World { spread: 0.5, luck: 0.6, middle: 3.0 };
+    let same = biases(100, world, true, 10);
+    assert!(same.iter().all(|bias| bias.abs() < 0.12), "{same:?}");
+    let other = biases(100, world, false, 10);
+    assert!(other[0].abs() < 0.4 && other[1].abs() < 0.12, "{other:?}");
+}
+
+#[test]
+#[ignore = "takes minutes; prints how far levels that bisection finds are from the truth"]
+fn figures_of_bisection() {
+    for same_luck in [true, false] {
+        for spread in [0.3, 1.0] {
+            for middle in [1.0, 2.0, 3.0, 3.5] {
+                for luck in [0.05, 0.2, 0.4, 0.6, 0.8] {
+                    biases(200, World { spread, luck, middle }, same_luck, 10);
+                }
+            }
+        }
+    }
+}
+
 #[test]
 #[ignore = "takes minutes; prints the figures of many conditions"]
 fn figures() {
@@ -295,9 +453,19 @@ fn figures() {
             }
             differences(studies, world, 0.7, roads);
             differences(studies, world, 0.0, roads);
+        }
+    }
+}
+
+#[test]
+#[ignore = "takes minutes; prints the figures of intervals of failing levels"]
+fn figures_of_levels() {
+    let studies = 4000;
+    for roads in [5, 6, 8, 10, 20] {
+        for world in WORLDS.into_iter().chain([ALIKE]) {
             for bisection in [None, Some(COARSE), Some(FINE)] {
                 levels(studies / 4, world, Plan { roads, bisection, ..PLAN });
-                levels(studies / 4, world, Plan { roads, bisection, repeats: 3, same_luck: true });
+                levels(studies / 4, world, Plan { roads, bisection, repeats: 3, same_luck: true, ..PLAN });
             }
         }
     }

@@ -69,7 +69,7 @@ impl Shows {
         if self == Self::Anything {
             return description;
         }
-        let description = description.parameter(
+        let mut description = description.parameter(
             Parameter::number(
                 "horizon",
                 FRAME_HORIZON,
@@ -78,6 +78,10 @@ impl Shows {
             )
             .range(0.0, 1.0),
         );
+        if self == Self::Sun {
+            description.doc +=
+                "; in a bend the sun turns with the vehicle, since perturbations do not know where it heads";
+        }
         match self {
             Self::Falling { haze, .. } => description
                 .mathematics(

@@ -336,7 +336,8 @@ def dynamic_sun_filter(
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
-    """Lays glare of a low sun over the frame, moving in simulation time in a loop of 4 s.
+    """Lays glare of a low sun over the frame, moving in simulation time in a loop of 4 s; in a bend the sun turns with
+    the vehicle, since perturbations do not know where it heads.
 
     opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
@@ -1628,7 +1629,8 @@ def static_sun_filter(
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
-    """Lays glare of a low sun over the frame, standing still.
+    """Lays glare of a low sun over the frame, standing still; in a bend the sun turns with the vehicle, since
+    perturbations do not know where it heads.
 
     opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape

@@ -28,8 +28,8 @@ pub(super) const PAIRED: ApiRecord = ApiRecord {
         field(
             "p",
             "number",
-            "How likely a mean difference of at least this size is where the conditions do not differ: a randomisation test over \
-             roads.",
+            "How likely a mean difference of this size or more is if the conditions do not differ: the mid-p-value of a \
+             randomisation test over roads. It is for this comparison alone, not adjusted for others.",
         ),
         field("roads", "number", "Roads that have both."),
     ],
