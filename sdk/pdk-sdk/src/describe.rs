@@ -388,6 +388,10 @@ pub struct Parameter {
     /// The choice with which it has an effect; none where it always has one. With any other choice it may not be set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub only_for: Option<Condition>,
+    /// Whether its value is a program that the component starts, with or without arguments. Unless it is empty, a record that comes
+    /// from elsewhere is replayed only if the user agrees.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub starts_program: bool,
 }
 
 /// A choice that has to be made for something to have an effect, such as `variant=corrected`.
@@ -408,7 +412,7 @@ impl std::fmt::Display for Condition {
 impl Parameter {
     fn of(name: &str, doc: &str, kind: ParameterType, default: Value) -> Self {
         let (name, doc, unit) = (name.to_owned(), doc.to_owned(), String::new());
-        Self { name, doc, unit, kind, default, levels: None, only_for: None }
+        Self { name, doc, unit, kind, default, levels: None, only_for: None, starts_program: false }
     }
 
     /// A real number that follows the intensity, with its value at each of the five levels.
@@ -489,6 +493,27 @@ impl Parameter {
             self.default = Value::String(String::new());
         }
         self
+    }
+
+    /// Says that its value is a program that the component starts: a text or a list of texts.
+    pub fn starts_program(mut self) -> Self {
+        self.starts_program = true;
+        self
+    }
+
+    /// The program in a value of this parameter, with its arguments; none if the value starts none.
+    pub fn program(&self, value: &Value) -> Option<Vec<String>> {
+        let words: Vec<String> = match value {
+            _ if !self.starts_program => return None,
+            Value::Null => return None,
+            Value::String(program) => vec![program.clone()],
+            Value::Array(words) => words
+                .iter()
+                .map(|word| word.as_str().map_or_else(|| word.to_string(), str::to_owned))
+                .collect(),
+            other => vec![other.to_string()],
+        };
+        words.first().is_some_and(|program| !program.is_empty()).then_some(words)
     }
 
     /// The value at an intensity, for a parameter that follows the intensity: linear between the levels, and the
