@@ -50,10 +50,28 @@ fn value(name: &str, shape: &[u64]) -> Vec<u8> {
 /// Where it cannot be written.
 pub fn pilot(path: &Path, channels: u64, height: u64, width: u64) {
     let inputs = channels * height * width;
-    let weight = |i: u64| ((i * 7 % 23) as f32 - 11.0) / (inputs as f32 * 50.0);
-    let weights: Vec<u8> = (0..inputs * 2).flat_map(|i| weight(i).to_le_bytes()).collect();
-    let tensor =
-        [number(1, inputs), number(1, 2), number(2, 1), bytes(8, b"weights"), bytes(9, &weights)].concat();
+    write_pilot(path, [channels, height, width], &bytes(9, &pilot_weights(inputs, 7)));
+}
+
+/// Writes such a network for pictures, with its weights in a file of this name beside it. Another `mix` makes other weights.
+///
+/// # Panics
+/// Where it cannot be written.
+pub fn pilot_with_weights_beside(path: &Path, weights: &str, height: u64, width: u64, mix: u64) {
+    std::fs::write(path.with_file_name(weights), pilot_weights(3 * height * width, mix)).unwrap();
+    let location = [bytes(1, b"location"), bytes(2, weights.as_bytes())].concat();
+    write_pilot(path, [3, height, width], &[bytes(13, &location), number(14, 1)].concat());
+}
+
+fn pilot_weights(inputs: u64, mix: u64) -> Vec<u8> {
+    let weight = |i: u64| ((i * mix % 23) as f32 - 11.0) / (inputs as f32 * 50.0);
+    (0..inputs * 2).flat_map(|i| weight(i).to_le_bytes()).collect()
+}
+
+/// Writes the network of [`pilot`] with these fields for its weights.
+fn write_pilot(path: &Path, [channels, height, width]: [u64; 3], weights: &[u8]) {
+    let inputs = channels * height * width;
+    let tensor = [&number(1, inputs), &number(1, 2), &number(2, 1), &bytes(8, b"weights"), weights].concat();
     let graph = [
         bytes(1, &node("Flatten", ["image", ""], "flat")),
         bytes(1, &node("MatMul", ["flat", "weights"], "control")),

@@ -8,6 +8,10 @@ use std::time::{Duration, Instant};
 
 use pdk_core::directory::{PERFORMANCE, RunDirectory, SCENARIOS};
 use pdk_core::ledger::{self, Ledger, Line};
+use pdk_model::scenario::{Scenario, ScenarioId};
+use pdk_trace::reader::{Entry, TraceReader, read_steps};
+use pdk_trace::step::{Digest, Step};
+use pdk_trace::writer::Trace;
 use serde_json::Value;
 
 /// No record of a test takes longer to come to what is waited for.
@@ -33,6 +37,64 @@ pub fn edit(record: &Path, change: impl FnOnce(&mut Vec<Line>)) {
     fs::remove_file(record.join(SCENARIOS)).unwrap();
     let mut ledger = Ledger::open(&directory).unwrap();
     lines.iter().for_each(|line| ledger.add(line).unwrap());
+}
+
+/// Changes the scenario of a line as if it had been submitted so: the line has its id, and the trace is of it.
+///
+/// # Panics
+/// Where line or trace cannot be read or written.
+pub fn change_scenario(record: &Path, number: usize, change: impl FnOnce(&mut Scenario)) {
+    let (mut before, mut after) = (None, None);
+    edit(record, |lines| {
+        let line = &mut lines[number];
+        before = Some(line.id);
+        change(&mut line.scenario);
+        line.id = line.scenario.id();
+        after = Some(line.id);
+    });
+    let trace = |id: Option<ScenarioId>| record.join(format!("traces/{}.mcap", id.unwrap()));
+    // That of before stays: the line may be put back.
+    write_trace_again(&trace(before), &trace(after), |_| ());
+}
+
+/// Changes the steps of a trace and leaves out its images, and makes the digest in the line of its scenario right again.
+///
+/// # Panics
+/// Where line or trace cannot be read or written.
+pub fn change_steps(trace: &Path, change: impl FnOnce(&mut Vec<Step>)) {
+    let digest = write_trace_again(trace, trace, change);
+    let record = trace.ancestors().nth(2).unwrap();
+    let id = trace.file_stem().unwrap().to_string_lossy().into_owned();
+    edit(record, |lines| {
+        let line = lines.iter_mut().find(|line| line.id.to_string() == id).unwrap();
+        line.outcome.digest = digest;
+    });
+}
+
+/// Writes the steps and events of a trace to another one, which is of the scenario that it is named after. Returns its digest.
+fn write_trace_again(from: &Path, to: &Path, change: impl FnOnce(&mut Vec<Step>)) -> String {
+    let mut steps = read_steps(from).unwrap();
+    let events: Vec<_> = TraceReader::open(from)
+        .unwrap()
+        .filter_map(|entry| match entry.unwrap() {
+            Entry::Event(event) => Some(event),
+            _ => None,
+        })
+        .collect();
+    assert!(!steps.is_empty() && !events.is_empty());
+    change(&mut steps);
+    let scenario = to.file_stem().unwrap().to_string_lossy().parse().unwrap();
+    let mut trace = Trace::create(to, &scenario).unwrap();
+    let mut digest = Digest::default();
+    for step in &steps {
+        trace.step(step).unwrap();
+        digest.add(step.frame_hash, &step.control);
+    }
+    for event in &events {
+        trace.event(event.time(), event.failure, &event.text).unwrap();
+    }
+    trace.finish().unwrap();
+    digest.text()
 }
 
 /// All files of a record by their path in it, but the one with times.

@@ -33,14 +33,19 @@ impl Emulator {
     /// None, with a word, where there is no qemu-user or no C compiler.
     fn find(folder: &Path) -> Option<Self> {
         let path = std::env::var_os("PATH")?;
-        let Some(qemu) = std::env::split_paths(&path).map(|at| at.join("qemu-x86_64")).find(|file| file.is_file())
+        let Some(qemu) =
+            std::env::split_paths(&path).map(|at| at.join("qemu-x86_64")).find(|file| file.is_file())
         else {
             eprintln!("skipped: other processors, because qemu-user is not installed");
             return None;
         };
         let shim = folder.join("emulate.so");
         let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/processors/emulate.c");
-        let compiled = Command::new("cc").args(["-O1", "-shared", "-fPIC", "-o"]).arg(&shim).args([source, "-ldl"]).status();
+        let compiled = Command::new("cc")
+            .args(["-O1", "-shared", "-fPIC", "-o"])
+            .arg(&shim)
+            .args([source, "-ldl"])
+            .status();
         if !compiled.is_ok_and(|status| status.success()) {
             eprintln!("skipped: other processors, because `cc` cannot compile {source}");
             return None;

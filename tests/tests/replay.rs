@@ -10,9 +10,8 @@ use pdk_model::outcome::Cause;
 use pdk_sdk::prelude::FrameBuf;
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::{Pdk, datasets, pictures, records, temp};
-use pdk_trace::reader::{Entry, TraceReader, read_steps};
+use pdk_trace::reader::read_steps;
 use pdk_trace::step::Step;
-use pdk_trace::writer::Trace;
 use pdk_video::{Reader, Yuv420};
 use serde_json::json;
 
@@ -62,26 +61,6 @@ fn trace(record: &Path, number: usize) -> PathBuf {
     records::trace(record, &json_lines(&record.join("scenarios.jsonl"))[number])
 }
 
-/// Writes a trace without images anew, with other steps.
-fn rewrite(path: &Path, change: impl FnOnce(&mut Vec<Step>)) {
-    let mut steps = read_steps(path).unwrap();
-    let events = TraceReader::open(path).unwrap().filter_map(|entry| match entry.unwrap() {
-        Entry::Event(event) => Some(event),
-        _ => None,
-    });
-    let events: Vec<_> = events.collect();
-    assert!(!steps.is_empty() && !events.is_empty());
-    change(&mut steps);
-    let mut trace = Trace::create(path).unwrap();
-    for step in &steps {
-        trace.step(step).unwrap();
-    }
-    for event in &events {
-        trace.event(event.time(), event.failure, &event.text).unwrap();
-    }
-    trace.finish().unwrap();
-}
-
 #[test]
 fn what_was_recorded_comes_out_again_on_any_number_of_workers() {
     let folder = temp();
@@ -124,7 +103,12 @@ fn the_first_difference_is_named_with_both_values() {
     let folder = temp();
     let out = record(folder.path());
     let path = trace(&out, 1);
-    let whole = fs::read(&path).unwrap();
+    let lines = out.join("scenarios.jsonl");
+    let (whole, text) = (fs::read(&path).unwrap(), fs::read_to_string(&lines).unwrap());
+    let restore = || {
+        fs::write(&path, &whole).unwrap();
+        fs::write(&lines, &text).unwrap();
+    };
     let steps = read_steps(&path).unwrap();
     let Step { state, control, frame_hash, .. } = steps[7];
 
@@ -149,9 +133,9 @@ fn the_first_difference_is_named_with_both_values() {
         ),
     ];
     for (change, sentence) in changes {
-        fs::write(&path, &whole).unwrap();
+        restore();
         // Later differences are not the first one.
-        rewrite(&path, |steps| {
+        records::change_steps(&path, |steps| {
             change(&mut steps[7], one_bit);
             steps[9].control.steering = 0.5;
         });
@@ -171,26 +155,27 @@ fn the_first_difference_is_named_with_both_values() {
     assert_eq!(difference["replayed"], json!(format!("{frame_hash:016x}")));
 
     // Scenarios that end elsewhere.
-    fs::write(&path, &whole).unwrap();
-    rewrite(&path, |steps| steps.truncate(9));
+    restore();
+    records::change_steps(&path, |steps| steps.truncate(9));
     let parts = ["frame 9 at ", "the end of the scenario was before it and is after it"];
     replay(&out).fail(1, &parts);
-    fs::write(&path, &whole).unwrap();
-    rewrite(&path, |steps| steps.push(*steps.last().unwrap()));
+    restore();
+    records::change_steps(&path, |steps| steps.push(*steps.last().unwrap()));
     let parts = ["the end of the scenario was after it and is before it"];
     replay(&out).fail(1, &parts);
-    fs::write(&path, &whole).unwrap();
+    restore();
 
     // The outcome alone.
-    let lines = out.join("scenarios.jsonl");
-    let text = fs::read_to_string(&lines).unwrap();
     records::edit(&out, |lines| lines[0].outcome.cause = Cause::Collision);
     replay(&out)
         .fail(1, &["scenario 0 (nominal): the outcome: `cause` was \"collision\" and is \"time_out\""]);
     let digest = json_lines(&lines)[4]["digest"].clone();
     fs::write(&lines, &text).unwrap();
+    // Steps of another outcome are not compared.
     records::edit(&out, |lines| lines[4].outcome.digest = "0".to_owned());
-    replay(&out).fail(1, &["1 of 5 ", "scenario 4 ", &format!("`digest` was \"0\" and is {digest}")]);
+    let digest = digest.as_str().unwrap();
+    replay(&out)
+        .fail(1, &["1 of 5 ", "could not be compared", &format!("digest {digest} and the outcome has 0")]);
     // Edited by hand, a line does not count.
     fs::write(&lines, text.replacen("\"cause\":\"time_out\"", "\"cause\":\"collision\"", 1)).unwrap();
     replay(&out).fail(1, &["scenarios.jsonl:1 is damaged or was edited"]);
@@ -204,15 +189,15 @@ fn another_seed_or_perturbation_shows_in_the_frames() {
     let out = record(folder.path());
     let lines = out.join("scenarios.jsonl");
     let text = fs::read_to_string(&lines).unwrap();
-    records::edit(&out, |lines| lines[1].scenario.seed += 1);
+    records::change_scenario(&out, 1, |scenario| scenario.seed += 1);
     let parts = ["1 of 5 scenarios differ", "scenario 1 ", "frame 0 at 0.000 s: the hash of the frame was "];
     replay(&out).fail(1, &parts);
     fs::write(&lines, &text).unwrap();
-    records::edit(&out, |lines| lines[1].scenario.perturbations[1].level = Level::Constant(1.5));
+    records::change_scenario(&out, 1, |scenario| scenario.perturbations[1].level = Level::Constant(1.5));
     replay(&out).fail(1, &["1 of 5 scenarios differ", "scenario 1 ", "frame 0 at 0.000 s: the hash of "]);
     // What stands beside the road is drawn from the seed as well, so it shows without noise.
     fs::write(&lines, &text).unwrap();
-    records::edit(&out, |lines| lines[0].scenario.seed += 1);
+    records::change_scenario(&out, 0, |scenario| scenario.seed += 1);
     replay(&out)
         .fail(1, &["1 of 5 scenarios differ", "scenario 0 (nominal): frame 0 at 0.000 s: the hash of "]);
     // The seed of the run is in its scenarios already.
@@ -239,7 +224,7 @@ fn traces_that_cannot_be_read_are_named_and_the_others_compared() {
         .fail(1, &[".mcap is missing; delete its line from scenarios.jsonl"]);
     replay(&out).args(["--scenario", "1", "--clip", "x.mp4"]).folder(folder.path()).fail(1, &["is missing"]);
     assert!(!folder.path().join("x.mp4").exists());
-    rewrite(&trace(&out, 2), |steps| steps[3].control.throttle = 0.5);
+    records::change_steps(&trace(&out, 2), |steps| steps[3].control.throttle = 0.5);
     replay(&out)
         .fail(1, &["1 of 5 scenarios differ from the record and 1 could not be compared", "frame 3 at"]);
 }
@@ -295,14 +280,17 @@ fn changed_parts_are_told_and_missing_ones_are_errors() {
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     assert_eq!(replay(&out).succeed().stderr, "");
     script("9, 9, 8");
-    let ran = replay(&out).run();
+    let parts = ["tint.lua, whose content is not the recorded one, for the perturbation `tint`", "--trust"];
+    replay(&out).fail(1, &parts);
+    let ran = replay(&out).arg("--trust").run();
     assert_eq!(ran.code, Some(1));
     let warnings: Vec<_> = ran.stderr.lines().filter(|line| line.contains("warning")).collect();
-    assert_eq!(warnings.len(), 1, "{}", ran.stderr);
+    assert_eq!(warnings.len(), 2, "{}", ran.stderr);
+    assert!(warnings[0].contains(parts[0]), "{}", warnings[0]);
     assert!(
-        warnings[0].contains("since the run was recorded, the file of the perturbation `tint`"),
+        warnings[1].contains("since the run was recorded, the file of the perturbation `tint`"),
         "{}",
-        warnings[0]
+        warnings[1]
     );
     assert!(ran.stdout.contains("scenario 0 (nominal): 21 frames, equal"), "{}", ran.stdout);
     assert!(ran.stdout.contains("frame 0 at 0.000 s: the hash of the frame"), "{}", ran.stdout);

@@ -51,6 +51,8 @@ pub enum Function {
     Drive,
     /// What a driver says of itself.
     Info,
+    /// The files that a component reads.
+    InputFiles,
     /// The number of frames in a dataset.
     Len,
     /// The name of a frame in a dataset.
@@ -80,7 +82,7 @@ pub enum Function {
 }
 
 impl Function {
-    const ALL: [Self; 23] = [
+    const ALL: [Self; 24] = [
         Self::Load,
         Self::New,
         Self::Camera,
@@ -91,6 +93,7 @@ impl Function {
         Self::Apply,
         Self::Drive,
         Self::Info,
+        Self::InputFiles,
         Self::Len,
         Self::Name,
         Self::Read,
@@ -119,6 +122,7 @@ impl Function {
             Self::Apply => "apply",
             Self::Drive => "drive",
             Self::Info => "info",
+            Self::InputFiles => "input_files",
             Self::Len => "len",
             Self::Name => "name",
             Self::Read => "read",

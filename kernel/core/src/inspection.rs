@@ -87,6 +87,11 @@ pub fn inspect(libraries: &[PathBuf]) -> Result<Vec<Option<Error>>> {
     Ok(reasons)
 }
 
+/// Whether a library has been opened on this machine before by this user, and has not changed since.
+pub fn is_known(library: &Path) -> bool {
+    mark(library).is_some_and(|mark| Notes::read().good.contains(&mark))
+}
+
 /// Opens libraries in a process: what that says of those that it comes to, and how it ended where it did not come to the end.
 fn in_a_process(libraries: &[&Path]) -> Result<(Vec<Said>, Option<Error>)> {
     const CANNOT: &str = "cannot start a process to inspect plugins";

@@ -80,8 +80,20 @@ fn checked(line: &str) -> Option<(ScenarioId, &str)> {
     Some((id.parse().ok()?, body))
 }
 
-fn parse(body: &str) -> Result<Line> {
-    Ok(serde_json::from_str(&format!("{body}}}"))?)
+/// The line with this number, from 1, of a ledger.
+fn parse(path: &Path, number: usize, line: &str) -> Result<Line> {
+    let shown = path.display();
+    let (_, body) = checked(line).ok_or_else(|| damaged(path, number))?;
+    let line: Line = serde_json::from_str(&format!("{body}}}")).place(format_args!("{shown}:{number}"))?;
+    let own = line.scenario.id();
+    match line.id == own {
+        true => Ok(line),
+        false => Err(Error::new(format!(
+            "{shown}:{number} is not a line as pdk writes it: its id is {} and that of its scenario is {own}; delete the line, and run the \
+             pipeline again with --out and this folder",
+            line.id
+        ))),
+    }
 }
 
 /// What is wrong with a line that is complete and has a wrong checksum.
@@ -107,7 +119,7 @@ impl Ledger {
     /// Opens the ledger of a run directory, which may have none yet. A last line that was cut off is removed.
     ///
     /// # Errors
-    /// Where it cannot be read or written, or a line is damaged.
+    /// If it cannot be read or written, a line is damaged, or an id is not that of its scenario.
     pub fn open(directory: &RunDirectory) -> Result<Self> {
         let path = directory.path().join(SCENARIOS);
         let (lines, text) = Lines::open(&path)?;
@@ -117,7 +129,7 @@ impl Ledger {
         let mut start = 0;
         // Not `lines`, which would forgive an editor that changes how lines end.
         for (number, line) in text.split_terminator('\n').enumerate() {
-            let (id, _) = checked(line).ok_or_else(|| damaged(&path, number + 1))?;
+            let Line { id, .. } = parse(&path, number + 1, line)?;
             superseded |= places.insert(id, (start, line.len())).is_some();
             start += line.len() as u64 + 1;
         }
@@ -139,15 +151,14 @@ impl Ledger {
         self.places.contains_key(id)
     }
 
-    /// The line of a scenario; none where it has not been driven.
+    /// The line of a scenario; none if it has not been driven.
     ///
     /// # Errors
-    /// Where it cannot be read any more.
+    /// If it cannot be read any more.
     pub fn get(&self, id: &ScenarioId) -> Result<Option<Line>> {
         let Some((start, length)) = self.places.get(id) else { return Ok(None) };
         let text = read_at(&self.path, *start, *length).place(self.path.display())?;
-        let body = checked(&text).map(|(_, body)| body).ok_or_else(|| damaged(&self.path, 0))?;
-        parse(body).place(self.path.display()).map(Some)
+        parse(&self.path, 0, &text).map(Some)
     }
 
     /// Adds a line, which is on the disk when this returns.
@@ -228,7 +239,7 @@ fn read_at(path: &Path, start: u64, length: usize) -> io::Result<String> {
 /// All lines of a record, in the order in which they stand, and whether a last line that was cut off is left out.
 ///
 /// # Errors
-/// Where the run drove no scenarios, or a line is damaged.
+/// If the run drove no scenarios, a line is damaged, or an id is not that of its scenario.
 pub fn read(directory: &RunDirectory) -> Result<(Vec<Line>, bool)> {
     let path = directory.path().join(SCENARIOS);
     let Some((mut file, _)) = file::open_if_there(&path).place(path.display())? else {
@@ -242,10 +253,7 @@ pub fn read(directory: &RunDirectory) -> Result<(Vec<Line>, bool)> {
         .map_err(|error| Error::new(format!("cannot read {} ({error})", path.display())))?;
     let complete = complete(&text);
     let whole = std::str::from_utf8(&text[..complete]).map_err(|_| damaged(&path, 1))?;
-    let line = |(number, line): (usize, &str)| {
-        let (_, body) = checked(line).ok_or_else(|| damaged(&path, number + 1))?;
-        parse(body).place(format_args!("{}:{}", path.display(), number + 1))
-    };
+    let line = |(number, line): (usize, &str)| parse(&path, number + 1, line);
     let mut lines: Vec<Line> = whole.split_terminator('\n').enumerate().map(line).collect::<Result<_>>()?;
     // Of several lines of a scenario, which only a run that has not ended has, the last one counts.
     let mut seen = HashSet::new();
@@ -312,6 +320,20 @@ mod tests {
         ledger.finish(&[0, 1].map(|seed| line(seed).id)).unwrap();
         assert_eq!(fs::read_to_string(directory.path().join(SCENARIOS)).unwrap().lines().count(), 2);
         assert_eq!(read(&directory).unwrap().0, [0, 1].map(line));
+        fs::remove_dir_all(directory.path()).unwrap();
+    }
+
+    #[test]
+    fn an_id_is_that_of_its_scenario() {
+        let directory = directory("forged");
+        let forged = Line { id: line(1).id, ..line(0) };
+        let mut ledger = Ledger::open(&directory).unwrap();
+        ledger.add_all(&[line(2), forged]).unwrap();
+        let sentence = format!("its id is {} and that of its scenario is {}", line(1).id, line(0).id);
+        for error in [ledger.get(&line(1).id).err(), Ledger::open(&directory).err(), read(&directory).err()] {
+            let error = error.unwrap().to_string();
+            assert!(error.contains("scenarios.jsonl:") && error.contains(&sentence), "{error}");
+        }
         fs::remove_dir_all(directory.path()).unwrap();
     }
 

@@ -20,7 +20,7 @@
 //! | [`supervisor`] | runs what calls components in a process of its own, and says how that ended |
 //! | [`directory`] | the folder of a run |
 //! | [`ledger`] | one line an outcome, append-only, on [`lines`] |
-//! | [`manifest`] | what was run |
+//! | [`manifest`] | what was run; `inputs` makes one hash of the files of a dataset and the like |
 //! | [`settle`] | what a scenario leaves to the machine, put into it |
 //! | [`merge`] | runs in parts, and their records put together |
 //! | [`output`] | lines and progress bars for people |
@@ -38,6 +38,7 @@ mod edges;
 pub mod elf;
 pub mod float;
 mod hash;
+mod inputs;
 pub mod inspection;
 pub mod installation;
 pub mod ledger;

@@ -7,6 +7,7 @@ use pdk_sdk::abi::PluginDescription;
 use pdk_sdk::abi::host::{Instance, Module};
 use pdk_sdk::abi::pdk_abi::{self, Header};
 use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::input_files::InputFiles;
 use serde_json::{Map, Value};
 
 use crate::calls::{self, Function};
@@ -56,6 +57,14 @@ impl Plugin {
     /// Where the component refuses the parameters or panics.
     pub fn create(&self, index: usize, parameters: &Map<String, Value>) -> Result<Instance> {
         self.module.create(self.places[index], &serde_json::to_string(parameters)?)
+    }
+
+    /// The files that such an instance reads besides those that its parameters name.
+    ///
+    /// # Errors
+    /// If they cannot be listed.
+    pub fn input_files(&self, index: usize, parameters: &Map<String, Value>) -> Result<Vec<InputFiles>> {
+        self.module.input_files(self.places[index], &serde_json::to_string(parameters)?)
     }
 }
 

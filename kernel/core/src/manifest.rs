@@ -4,16 +4,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
+use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::region::Region;
 use pdk_model::scenario::Scenario;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::Result;
+use pdk_sdk::input_files::InputFiles;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::catalog::{Catalog, Entry, PluginRecord};
 use crate::hash;
+use crate::inputs::{self, Tick};
 use crate::merge::Shard;
 
 /// The manifest of a run.
@@ -86,13 +89,23 @@ pub struct ComponentRecord {
     pub info: Vec<(String, String)>,
 }
 
-/// A file and its content.
+/// A file and its content, or a group of files in a folder.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct FileRecord {
-    /// The file.
+    /// The file, or the folder of a group.
     pub path: PathBuf,
-    /// BLAKE3 of its content, in hexadecimal.
+    /// What the files of a group are; empty for a single file.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub group: String,
+    /// How many files a group has.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub count: usize,
+    /// BLAKE3 of its content, in hexadecimal; that of a group is of the names, sizes and hashes of its files.
     pub blake3: String,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// The machine of a run.
@@ -201,10 +214,19 @@ impl Manifest {
                 .map_or_else(|| "another".to_owned(), |origin| format!("not that of {origin}"));
             changed.push(format!("the file of {names}, {path}, is {other}"));
         }
-        for file in &self.files {
-            let known = recorded.files.iter().find(|known| known.path == file.path);
-            if known.is_some_and(|known| known.blake3 != file.blake3) {
-                changed.push(format!("the file {} is another", file.path.display()));
+        let (groups, files): (Vec<_>, Vec<_>) = self.files.iter().partition(|file| !file.group.is_empty());
+        let mut named: Vec<&Path> = Vec::new();
+        for file in files.into_iter().chain(groups) {
+            // A group adds nothing if one of its files has been named.
+            if !file.group.is_empty() && named.iter().any(|path| path.starts_with(&file.path)) {
+                continue;
+            }
+            let same = |known: &&FileRecord| known.path == file.path && known.group == file.group;
+            if let Some(difference) =
+                recorded.files.iter().find(same).and_then(|known| file.difference(known))
+            {
+                named.push(&file.path);
+                changed.push(difference);
             }
         }
         changed.dedup();
@@ -266,8 +288,49 @@ impl FileRecord {
     /// # Errors
     /// Where it cannot be read.
     pub fn of(path: &Path) -> Result<Self> {
-        Ok(Self { path: path.to_owned(), blake3: hash::of(path)? })
+        Ok(Self::new(path.to_owned(), hash::of(path)?))
     }
+
+    /// A single file.
+    pub fn new(path: PathBuf, blake3: String) -> Self {
+        Self { path, group: String::new(), count: 0, blake3 }
+    }
+
+    /// How it differs from a recorded one of the same path and group, as a clause; none if it does not.
+    fn difference(&self, recorded: &Self) -> Option<String> {
+        let (path, group) = (self.path.display(), &self.group);
+        if self.blake3 == recorded.blake3 {
+            return None;
+        }
+        Some(match (group.is_empty(), recorded.count, self.count) {
+            (true, ..) => format!("the file {path} is another"),
+            (_, was, is) if was == is => format!("the {group} in {path} ({is} in all) are not the same"),
+            (_, was, is) => format!("the {group} in {path} were {was} and are {is}"),
+        })
+    }
+}
+
+/// All components that a scenario uses, with their parameters.
+pub fn components_of(scenario: &Scenario) -> Vec<(Kind, ComponentSpec)> {
+    let Scenario { simulator, driver, perturbations, .. } = scenario;
+    let mut components = vec![(Kind::Simulator, simulator.clone()), (Kind::Driver, driver.clone())];
+    components.extend(components_of_all(perturbations));
+    components
+}
+
+/// All components that perturbations use, with their parameters: masks and saliency methods besides themselves.
+pub fn components_of_all(applied: &[AppliedPerturbation]) -> Vec<(Kind, ComponentSpec)> {
+    let mut components = Vec::new();
+    for AppliedPerturbation { name, parameters, selection, attention, .. } in applied {
+        components
+            .push((Kind::Perturbation, ComponentSpec { name: name.clone(), parameters: parameters.clone() }));
+        if let Some(selection) = selection {
+            components.extend(selection.mask.iter().map(|mask| (Kind::Mask, mask.clone())));
+            components.extend(selection.by.iter().map(|by| (Kind::Saliency, by.clone())));
+        }
+        components.extend(attention.iter().map(|attention| (Kind::Saliency, attention.by.clone())));
+    }
+    components
 }
 
 /// What may be a path in the value of a parameter: a text, or each of a list, such as a program and its arguments.
@@ -370,10 +433,24 @@ impl InUse {
         Ok(())
     }
 
+    /// Notes files that a component reads and its parameters do not name.
+    ///
+    /// # Errors
+    /// What `tick` returns, which is told how many files of a group have been read.
+    pub fn add_input_files(&mut self, groups: &[InputFiles], tick: &mut Tick<'_>) -> Result<()> {
+        for group in groups {
+            let known = |file: &FileRecord| file.path == group.folder && file.group == group.what;
+            if !self.files.iter().any(known) {
+                self.files.extend(inputs::records(group, tick)?);
+            }
+        }
+        Ok(())
+    }
+
     /// The record of what has a component's code. A library, which many components share, is read once.
     fn hashed(&self, code: &Entry) -> Result<FileRecord> {
         if let Some(blake3) = &code.blake3 {
-            return Ok(FileRecord { path: code.file.clone(), blake3: blake3.clone() });
+            return Ok(FileRecord::new(code.file.clone(), blake3.clone()));
         }
         let known = self.components.iter().map(|component| &component.file);
         known

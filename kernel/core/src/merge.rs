@@ -127,13 +127,16 @@ impl Part {
     }
 }
 
+/// Says what is wrong with a trace that belongs to a line.
+pub type CheckTrace<'a> = dyn Fn(&Path, &Line) -> Result<()> + 'a;
+
 /// Puts the records of all parts of a run together: their manifests, their lines in the order of the whole, and their traces. Running the
 /// pipeline on the new folder completes it: what is there is not computed again.
 ///
 /// # Errors
 /// Where a part is missing, is there twice, has not come to its end, or is of another run or of a run that went another way; where the
-/// folder is not empty, or something cannot be read or written.
-pub fn merge(parts: &[PathBuf], out: &Path) -> Result<Merged> {
+/// folder is not empty, or something cannot be read or written. Also what `check_trace` says of a trace.
+pub fn merge(parts: &[PathBuf], out: &Path, check_trace: &CheckTrace<'_>) -> Result<Merged> {
     let mut parts = parts.iter().map(|path| Part::open(path)).collect::<Result<Vec<Part>>>()?;
     parts.sort_by_key(|part| part.list.shard.index);
     check(&parts)?;
@@ -154,13 +157,18 @@ pub fn merge(parts: &[PathBuf], out: &Path) -> Result<Merged> {
     }
     directory.write_json(MANIFEST, &manifest)?;
     Ok(Merged {
-        scenarios: merge_scenarios(&parts, &first.list.scenarios, &directory)?,
+        scenarios: merge_scenarios(&parts, &first.list.scenarios, &directory, check_trace)?,
         frames: merge_frames(&parts, &first.list.evaluations, &directory)?,
     })
 }
 
 /// Puts the ledgers of all parts together, and their traces. Returns how many scenarios there are.
-fn merge_scenarios(parts: &[Part], scenarios: &[ScenarioId], directory: &RunDirectory) -> Result<usize> {
+fn merge_scenarios(
+    parts: &[Part],
+    scenarios: &[ScenarioId],
+    directory: &RunDirectory,
+    check_trace: &CheckTrace<'_>,
+) -> Result<usize> {
     if scenarios.is_empty() {
         return Ok(0);
     }
@@ -180,6 +188,7 @@ fn merge_scenarios(parts: &[Part], scenarios: &[ScenarioId], directory: &RunDire
             )));
         };
         let (from, to) = (parts[place].directory.trace_path(id), directory.trace(id)?);
+        check_trace(&from, &line)?;
         link(&from, &to).place(format_args!("cannot take over the trace {}", from.display()))?;
         ordered.push(line);
     }

@@ -8,6 +8,7 @@ use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::input_files::InputFiles;
 use pdk_sdk::prelude::{Dataset, Driver, Mask, Perturbation, Saliency, Search, Simulator};
 use serde_json::{Map, Value};
 
@@ -199,10 +200,8 @@ impl Registry {
                 calls::call(&label, Function::New, || self.scripts.create(script, &config))
             }
             Some(Source::DropIn { parameter }) => {
-                let mut parameters = config.values().clone();
-                parameters.insert(parameter.clone(), entry.file.to_string_lossy().into());
                 let base = entry.base.as_deref().unwrap_or_default();
-                self.create(kind, base, &parameters).map(|(instance, _)| instance)
+                self.create(kind, base, &shown(entry, &config, parameter)).map(|(instance, _)| instance)
             }
             None => Err(Error::new("it is in the catalog but has no source, which is a defect in pdk")),
         };
@@ -214,6 +213,34 @@ impl Registry {
             )));
         }
         Ok((instance, config))
+    }
+
+    /// The files that an instance reads besides those that its parameters name, as far as its plugin says so.
+    ///
+    /// # Errors
+    /// If there is no such component, it refuses the parameters, or its files cannot be listed.
+    pub fn input_files(
+        &self,
+        kind: Kind,
+        name: &str,
+        parameters: &Map<String, Value>,
+    ) -> Result<Vec<InputFiles>> {
+        let entry = self.catalog.get(kind, name)?;
+        let config = Config::check(&entry.description, parameters)?;
+        let label = format!("{kind} `{name}`");
+        match self.source(kind, name) {
+            Some(Source::Plugin { plugin, index }) => calls::call(&label, Function::InputFiles, || {
+                self.plugins[*plugin].input_files(*index, config.values())
+            })
+            .map_err(|error| error.at(&label)),
+            Some(Source::DropIn { parameter }) => self.input_files(
+                kind,
+                entry.base.as_deref().unwrap_or_default(),
+                &shown(entry, &config, parameter),
+            ),
+            // A script reads no files.
+            Some(Source::Script | Source::BuiltInScript(_)) | None => Ok(Vec::new()),
+        }
     }
 
     fn source(&self, kind: Kind, name: &str) -> Option<&Source> {
@@ -404,6 +431,13 @@ impl Registry {
             None => self.sources.push((key, source)),
         }
     }
+}
+
+/// What a component that stands for a file of the user's is made from: its own values, and the file as this parameter.
+fn shown(entry: &Entry, config: &Config, parameter: &str) -> Map<String, Value> {
+    let mut parameters = config.values().clone();
+    parameters.insert(parameter.to_owned(), entry.file.to_string_lossy().into());
+    parameters
 }
 
 /// What is wrong with a place that is to be looked into, and the beginning of the remedy; nothing where it is a folder, or a file

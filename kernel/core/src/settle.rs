@@ -9,10 +9,13 @@ use std::collections::BTreeMap;
 use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
-use pdk_sdk::describe::Kind;
+use pdk_sdk::config::Config;
+use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::error::{Error, ErrorKind, Result};
 use serde_json::{Map, Value};
 
 use crate::catalog::Catalog;
+use crate::manifest::components_of;
 
 /// Puts what options stand for into scenarios and evaluations, and notes what it was.
 pub struct Settler<'a> {
@@ -54,7 +57,8 @@ impl Settler<'_> {
     // What there is not, or has no such option, is refused when the component is made.
     fn parameters(&mut self, kind: Kind, name: &str, parameters: &mut Map<String, Value>) {
         let Ok(entry) = self.catalog.get(kind, name) else { return };
-        let settled = entry.description.parameters.iter().filter(|parameter| !parameter.stands_for.is_empty());
+        let settled =
+            entry.description.parameters.iter().filter(|parameter| !parameter.stands_for.is_empty());
         for parameter in settled {
             let given = parameters.shift_remove(&parameter.name);
             let wanted = || self.wanted.get(&parameter.name).map(|option| Value::from(option.as_str()));
@@ -73,16 +77,48 @@ impl Settler<'_> {
     }
 }
 
+/// Makes sure that this machine has what a recorded scenario was settled to.
+///
+/// # Errors
+/// If it has something else, or the scenario was never settled.
+pub fn check(catalog: &Catalog, scenario: &Scenario) -> Result<()> {
+    for (kind, component) in components_of(scenario) {
+        // A component that there is not is for others to report.
+        let Ok(entry) = catalog.get(kind, &component.name) else { continue };
+        for parameter in
+            entry.description.parameters.iter().filter(|parameter| !parameter.stands_for.is_empty())
+        {
+            let value = component.parameters.get(&parameter.name).and_then(Value::as_str).unwrap_or_default();
+            if value.is_empty() || parameter.stands_for.contains_key(value) {
+                return Err(Error::of(
+                    ErrorKind::Configuration,
+                    format!(
+                        "the scenario does not say which `{}` the {kind} `{}` had, so it cannot be driven again as it was; run its pipeline \
+                         instead",
+                        parameter.name, component.name
+                    ),
+                ));
+            }
+            let value = Map::from_iter([(parameter.name.clone(), Value::from(value))]);
+            let only = Description { parameters: vec![parameter.clone()], ..entry.description.clone() };
+            Config::check(&only, &value)?;
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::catalog::Entry;
-    use pdk_sdk::describe::{Description, Parameter};
+    use pdk_sdk::describe::Parameter;
     use serde_json::json;
 
     fn catalog() -> Catalog {
-        let engine = Parameter::choice("engine", &["slow", "fast"], "who computes")
-            .stands_for([("slow".to_owned(), "slow 1/any".to_owned()), ("fast".to_owned(), "fast 2/v3".to_owned())]);
+        let engine = Parameter::choice("engine", &["slow", "fast"], "who computes").stands_for([
+            ("slow".to_owned(), "slow 1/any".to_owned()),
+            ("fast".to_owned(), "fast 2/v3".to_owned()),
+        ]);
         let mut catalog = Catalog::default();
         for description in [
             Description::driver("net", "A network").parameter(engine.clone()),
@@ -124,7 +160,17 @@ mod tests {
         let mut foreign = scenario(Some("fast 2/v4"));
         settle(&mut foreign, &[]);
         assert_eq!(foreign.driver.parameters["engine"], "fast 2/v4");
-        assert!(catalog().check(Kind::Driver, "net", &foreign.driver.parameters).is_err());
+        let refused = check(&catalog(), &foreign).unwrap_err();
+        assert!(
+            refused.message().contains("`engine` is \"fast 2/v4\", which this machine does not have"),
+            "{refused}"
+        );
+        assert!(check(&catalog(), &by_default).is_ok());
+        let never = check(&catalog(), &scenario(Some("fast"))).unwrap_err();
+        assert!(
+            never.message().starts_with("the scenario does not say which `engine` the driver `net` had"),
+            "{never}"
+        );
     }
 
     #[test]

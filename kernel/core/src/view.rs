@@ -55,7 +55,10 @@ impl View {
 /// Where there is no such method or driver, or the driver has no network.
 pub fn of_driver(catalog: &Catalog, driver: &ComponentSpec, method: &ComponentSpec) -> Result<ComponentSpec> {
     let description = &catalog.get(Kind::Saliency, &method.name)?.description;
-    let takes = |name: &str| description.parameters.iter().any(|parameter| parameter.name == name);
+    // A driver of a record from elsewhere is not to say what a method starts.
+    let takes = |name: &str| {
+        description.parameters.iter().any(|parameter| parameter.name == name && !parameter.starts_program)
+    };
     let entry = catalog.get(Kind::Driver, &driver.name)?;
     let mut parameters: Map<String, Value> = driver.parameters.clone();
     if takes("model") && !parameters.contains_key("model") {

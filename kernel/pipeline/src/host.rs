@@ -73,6 +73,8 @@ pub struct Host {
     in_use: InUse,
     /// What components said when they were made, by kind and what they were made from.
     made: BTreeMap<(Kind, String), Made>,
+    /// The components whose files have been noted, as there.
+    read: BTreeSet<(Kind, String)>,
     /// Those that panicked then, took their process along or did not come back, and how.
     fatal: BTreeMap<(Kind, String), Error>,
     /// What was submitted under each ticket.
@@ -167,6 +169,7 @@ impl Host {
             manifest: None,
             in_use: InUse::default(),
             made: BTreeMap::new(),
+            read: BTreeSet::new(),
             fatal: BTreeMap::new(),
             submitted: BTreeMap::new(),
             numbers: BTreeMap::new(),

@@ -365,7 +365,7 @@ mod tests {
 
     /// Steps at four frames a second, and what the two cameras saw of each.
     fn write_trace(path: &Path, sequences: &[u64]) {
-        let mut trace = Trace::create(path).unwrap();
+        let mut trace = Trace::create(path, &recorded().line.id).unwrap();
         trace.event(0.0, false, "fast").unwrap();
         for &sequence in sequences {
             let state = State { time: sequence as f64 / 4.0, ..State::default() };
@@ -447,7 +447,7 @@ mod tests {
             format!("there is nothing to see of scenario 3 for {}: driver `x`: it aborts", video.display());
         assert_eq!(error, expected);
         // A step without its frames is no shorter video.
-        let mut incomplete = Trace::create(&trace).unwrap();
+        let mut incomplete = Trace::create(&trace, &recorded.line.id).unwrap();
         for sequence in [0, 1] {
             let (state, control) = (State::default(), Control::default());
             incomplete.step(&Step { sequence, state, control, frame_hash: 0 }).unwrap();

@@ -1,75 +1,123 @@
 //! What a record was made with: where it is looked for, and what is different of it since then.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use pdk_core::catalog::{Catalog, drop_in_name};
-use pdk_core::manifest::{ComponentRecord, FileRecord, InUse, Machine, Manifest};
-use pdk_core::search_path::SearchPath;
+use pdk_core::inspection;
+use pdk_core::manifest::{ComponentRecord, FileRecord, InUse, Machine, Manifest, components_of};
+use pdk_core::search_path::{SearchPath, is_script};
+use pdk_core::settle;
 use pdk_model::component::ComponentSpec;
-use pdk_model::scenario::Scenario;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
+use pdk_sdk::input_files::InputFiles;
 
 use crate::recorded::Recorded;
 
 /// Says of a driver what it is like once it is made.
 pub type Info<'a> = dyn FnMut(&ComponentSpec) -> Result<Vec<(String, String)>> + 'a;
 
+/// Lists the files that a component reads.
+pub type Inputs<'a> = dyn FnMut(Kind, &ComponentSpec) -> Result<Vec<InputFiles>> + 'a;
+
 /// The components that scenarios need.
-fn components(scenarios: &[Recorded]) -> BTreeSet<(Kind, &str)> {
-    let mut needed = BTreeSet::new();
-    for Recorded { line, .. } in scenarios {
-        let Scenario { simulator, driver, perturbations, .. } = &line.scenario;
-        needed.insert((Kind::Simulator, simulator.name.as_str()));
-        needed.insert((Kind::Driver, driver.name.as_str()));
-        needed.extend(perturbations.iter().map(|p| (Kind::Perturbation, p.name.as_str())));
-    }
-    needed
+fn components(scenarios: &[Recorded]) -> BTreeSet<(Kind, String)> {
+    let all = scenarios.iter().flat_map(|recorded| components_of(&recorded.line.scenario));
+    all.map(|(kind, component)| (kind, component.name)).collect()
 }
 
-/// Where a record has those of its components from that are not in the catalog: to be looked through after the places that the
-/// catalog was made from. None where nothing is missing, or nothing else can be found.
-pub fn further_places(manifest: &Manifest, scenarios: &[Recorded], catalog: &Catalog) -> Option<SearchPath> {
-    let needed = components(scenarios);
-    let missing: Vec<_> =
-        needed.into_iter().filter(|(kind, name)| catalog.get(*kind, name).is_err()).collect();
-    if missing.is_empty() {
-        return None;
+/// Where a record has those of its components from that are not in the catalog: to be searched after the places that the catalog was
+/// made from.
+///
+/// A record may come from anyone, and what it says of itself too. So libraries are among these places only if pdk has opened them on
+/// this machine before and they have the recorded content, and scripts, which run in a sandbox, only if they have that content.
+/// All others are listed in `asks`. Files that components show, such as pictures and networks, are data.
+#[derive(Debug, Default, PartialEq)]
+pub struct Further {
+    /// What can be loaded; with `trusted`, all that there is.
+    pub places: SearchPath,
+    /// What would be loaded besides, a clause each.
+    pub asks: Vec<String>,
+}
+
+impl Further {
+    /// What the components of these scenarios need that are not in the catalog. `trusted` says that the user agrees to all of it.
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn new(
+        manifest: &Manifest,
+        scenarios: &[Recorded],
+        catalog: &Catalog,
+        trusted: bool,
+    ) -> Result<Self> {
+        let mut further = Self::default();
+        let needed = components(scenarios);
+        for (kind, name) in needed.iter().filter(|(kind, name)| catalog.get(*kind, name).is_err()) {
+            let recorded = manifest.components.iter().find(|c| c.kind == *kind && c.name == *name);
+            if let Some(file) = recorded.map(|component| &component.file).filter(|file| file.path.is_file()) {
+                let asks = asks(file)?.map(|asks| format!("{asks}, for the {kind} `{name}`"));
+                if asks.is_none() || trusted {
+                    further.places.plugins.push(file.path.clone());
+                }
+                further.asks.extend(asks);
+            }
+            // A file of the user's that a component shows has the component's name.
+            let shown = manifest.files.iter().map(|file| file.path.as_path());
+            for path in shown.filter(|path| path.is_file() && drop_in_name(path) == *name) {
+                let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+                let drop_ins = catalog.of_kind(*kind).filter_map(|entry| entry.description.drop_in.as_ref());
+                let fitting = drop_ins.filter(|drop_in| drop_in.endings.contains(&ending));
+                let parent = path.parent().map(Path::to_owned);
+                further
+                    .places
+                    .drop_ins
+                    .extend(fitting.filter_map(|drop_in| Some((drop_in.folder.clone(), parent.clone()?))));
+            }
+        }
+        further.places.plugins.sort();
+        further.places.plugins.dedup();
+        further.places.drop_ins.sort();
+        further.places.drop_ins.dedup();
+        Ok(further)
     }
-    let given = |folders: &[PathBuf]| folders.iter().filter(|folder| folder.exists()).cloned().collect();
-    let overlays: Vec<PathBuf> = given(&manifest.overlays);
-    let mut places = SearchPath {
-        plugins: given(&manifest.plugins),
-        drop_ins: overlays.into_iter().map(|folder| ("overlays".to_owned(), folder)).collect(),
-        beside: Vec::new(),
-    };
-    for (kind, name) in missing {
-        let recorded = manifest.components.iter().filter(|c| c.kind == kind && c.name == name);
-        let files = recorded.map(|component| &component.file.path).filter(|path| path.is_file());
-        let elsewhere = files.filter(|path| !manifest.plugins.iter().any(|folder| path.starts_with(folder)));
-        places.plugins.extend(elsewhere.cloned());
-        // A file of the user's that a component shows has the component's name.
-        let shown = manifest.files.iter().map(|file| file.path.as_path());
-        for path in shown.filter(|path| path.is_file() && drop_in_name(path) == name) {
-            let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-            let drop_ins = catalog.of_kind(kind).filter_map(|entry| entry.description.drop_in.as_ref());
-            let fitting = drop_ins.filter(|drop_in| drop_in.endings.contains(&ending));
-            let parent = path.parent().map(Path::to_owned);
-            places
-                .drop_ins
-                .extend(fitting.filter_map(|drop_in| Some((drop_in.folder.clone(), parent.clone()?))));
+}
+
+/// Why a recorded library or script is not loaded without the user's word, as a clause that names it; none if it is.
+fn asks(file: &FileRecord) -> Result<Option<String>> {
+    let what = if is_script(&file.path) { "script" } else { "library" };
+    let path = std::path::absolute(&file.path).unwrap_or_else(|_| file.path.clone());
+    let is_recorded = FileRecord::of(&path)?.blake3 == file.blake3;
+    Ok(match (is_recorded, is_script(&path) || inspection::is_known(&path)) {
+        (true, true) => None,
+        (false, _) => Some(format!("the {what} {}, whose content is not the recorded one", path.display())),
+        (true, false) => Some(format!("the {what} {}", path.display())),
+    })
+}
+
+/// The programs that the components of these scenarios start, a clause each.
+pub fn programs(scenarios: &[Recorded], catalog: &Catalog) -> Vec<String> {
+    let mut programs = BTreeSet::new();
+    for Recorded { line, .. } in scenarios {
+        for (kind, ComponentSpec { name, parameters }) in components_of(&line.scenario) {
+            let Ok(entry) = catalog.get(kind, &name) else { continue };
+            let words = entry.description.parameters.iter().filter_map(|parameter| {
+                let words =
+                    parameter.program(parameters.get(&parameter.name).unwrap_or(&parameter.default))?;
+                // As JSON, in which it is clear where an argument ends.
+                Some((&parameter.name, serde_json::to_string(&words).ok()?))
+            });
+            programs.extend(words.map(|(parameter, words)| {
+                format!("the program {words}, `{parameter}` of the {kind} `{name}`")
+            }));
         }
     }
-    places.plugins.sort();
-    places.plugins.dedup();
-    places.drop_ins.sort();
-    places.drop_ins.dedup();
-    (!places.plugins.is_empty() || !places.drop_ins.is_empty()).then_some(places)
+    programs.into_iter().collect()
 }
 
 /// What is different of pdk, the components and their files since a record was made, one clause each. `info` is asked about
-/// every driver once.
+/// every driver once, `inputs` about every component.
 ///
 /// # Errors
 /// Where a component that the scenarios need is missing, or one of its files cannot be read.
@@ -78,12 +126,18 @@ pub fn changes(
     scenarios: &[Recorded],
     catalog: &Catalog,
     info: &mut Info<'_>,
+    inputs: &mut Inputs<'_>,
 ) -> Result<Vec<String>> {
     for (kind, name) in components(scenarios) {
-        catalog.get(kind, name).map_err(|error| missing(manifest, kind, name, &error))?;
+        catalog.get(kind, &name).map_err(|error| missing(manifest, kind, &name, &error))?;
+    }
+    for Recorded { line, .. } in scenarios {
+        settle::check(catalog, &line.scenario)
+            .map_err(|error| error.at(format!("scenario `{}`", line.name)))?;
     }
     let mut changes = Vec::new();
     let mut in_use = InUse::default();
+    let mut asked: BTreeSet<(Kind, String)> = BTreeSet::new();
     let mut drivers: Vec<(&ComponentSpec, Vec<(String, String)>)> = Vec::new();
     for Recorded { line, .. } in scenarios {
         let driver = &line.scenario.driver;
@@ -98,6 +152,18 @@ pub fn changes(
             drivers.len() - 1
         });
         in_use.add_scenario(catalog, &line.scenario, drivers[place].1.clone())?;
+        for (kind, component) in components_of(&line.scenario) {
+            if !asked.insert((kind, component.to_string())) {
+                continue;
+            }
+            match inputs(kind, &component) {
+                Ok(groups) => in_use.add_input_files(&groups, &mut |_, _| Ok(()))?,
+                Err(error) => changes.push(format!(
+                    "the files of the {kind} `{}` cannot be listed here ({error})",
+                    component.name
+                )),
+            }
+        }
     }
     let here = Manifest {
         pdk: env!("CARGO_PKG_VERSION").to_owned(),

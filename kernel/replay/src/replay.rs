@@ -1,5 +1,6 @@
 //! Opens a record and drives its scenarios again.
 
+use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,6 @@ use pdk_core::catalog::Catalog;
 use pdk_core::directory::{RESULTS, RunDirectory, SCENARIOS};
 use pdk_core::ledger::{self, Line};
 use pdk_core::manifest::Manifest;
-use pdk_core::search_path::SearchPath;
 use pdk_core::view;
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::describe::Kind;
@@ -16,11 +16,12 @@ use pdk_sdk::error::{Error, Place, Result};
 use pdk_session::interrupt::{self, Wish};
 use pdk_session::protocol::{Drive, Driven};
 use pdk_session::session::{Reply, Session, Ticket};
-use pdk_trace::reader::read_steps;
+use pdk_trace::reader::{Owner, read_recorded, read_steps};
+use pdk_trace::step::Step;
 
 use crate::clip::film;
 use crate::compare::{Compared, Finding, compare};
-use crate::parts;
+use crate::parts::{self, Further};
 use crate::recorded::{Recorded, select};
 use crate::shrink::{self, Shrunk};
 
@@ -85,9 +86,17 @@ impl Replay {
         self.cut_off
     }
 
-    /// Where the record has components from that are not in the catalog; see [`parts::further_places`].
-    pub fn further_places(&self, catalog: &Catalog) -> Option<SearchPath> {
-        parts::further_places(&self.manifest, &self.scenarios, catalog)
+    /// Where the record has components from that are not in the catalog; see [`Further`].
+    ///
+    /// # Errors
+    /// If a file cannot be read.
+    pub fn further(&self, catalog: &Catalog, trusted: bool) -> Result<Further> {
+        Further::new(&self.manifest, &self.scenarios, catalog, trusted)
+    }
+
+    /// The programs that the components of the scenarios start, a clause each.
+    pub fn programs(&self, catalog: &Catalog) -> Vec<String> {
+        parts::programs(&self.scenarios, catalog)
     }
 
     /// What is different of pdk, the components and their files since the record was made, one clause each.
@@ -96,8 +105,10 @@ impl Replay {
     /// Where a component that the scenarios need is missing, or one of its files cannot be read.
     pub fn changes(&self, session: &mut Session) -> Result<Vec<String>> {
         let catalog = session.catalog().clone();
-        let mut info = |driver: &_| session.make(Kind::Driver, driver).map(|made| made.info);
-        parts::changes(&self.manifest, &self.scenarios, &catalog, &mut info)
+        let session = RefCell::new(session);
+        let mut info = |driver: &_| session.borrow_mut().make(Kind::Driver, driver).map(|made| made.info);
+        let mut inputs = |kind, component: &_| session.borrow_mut().input_files(kind, component);
+        parts::changes(&self.manifest, &self.scenarios, &catalog, &mut info, &mut inputs)
     }
 
     /// A sentence about each simulator that does not wait for the driver.
@@ -226,7 +237,7 @@ impl Driving<'_> {
         let mut tickets: HashMap<Ticket, &Recorded> = HashMap::with_capacity(scenarios.len());
         for recorded in scenarios {
             // Read again when there is something to compare with: all traces together may be large.
-            match read_steps(&self.recorded_trace(recorded)) {
+            match self.recorded_steps(recorded) {
                 Ok(steps) => {
                     let method = self.film.and_then(|film| film.saliency.as_ref());
                     let driver = &recorded.line.scenario.driver;
@@ -266,9 +277,10 @@ impl Driving<'_> {
         })
     }
 
-    fn recorded_trace(&self, recorded: &Recorded) -> PathBuf {
-        let Line { id, .. } = &recorded.line;
-        self.replay.directory.trace_path(id)
+    /// The steps of a scenario's trace in the record.
+    fn recorded_steps(&self, Recorded { line, .. }: &Recorded) -> Result<Vec<Step>> {
+        let trace = self.replay.directory.trace_path(&line.id);
+        read_recorded(&trace, Owner::of(line)).map(|(steps, _)| steps)
     }
 
     fn new_trace(&self, recorded: &Recorded) -> PathBuf {
@@ -276,7 +288,7 @@ impl Driving<'_> {
     }
 
     fn compare(&self, recorded: &Recorded, driven: &Driven) -> Result<Compared> {
-        let steps = match read_steps(&self.recorded_trace(recorded)) {
+        let steps = match self.recorded_steps(recorded) {
             Ok(steps) => steps,
             Err(error) => return Ok(Compared::new(recorded, 0, Finding::Unreadable(error))),
         };

@@ -7,7 +7,7 @@ use pdk_core::directory::RunDirectory;
 use pdk_core::ledger::{self, Line};
 use pdk_model::outcome::Cause;
 use pdk_sdk::error::{Place, Result};
-use pdk_trace::reader::read_steps_and_road;
+use pdk_trace::reader::{Owner, read_recorded};
 use pdk_trace::step::Step;
 use pdk_trace::telemetry::samples;
 use serde::Serialize;
@@ -82,7 +82,7 @@ impl PublishedOutcome {
 pub fn outcomes(directory: &RunDirectory) -> Result<(Vec<PublishedOutcome>, bool)> {
     let (lines, cut_off) = ledger::read(directory)?;
     let read = |line: &Line| {
-        let (steps, waypoints) = read_steps_and_road(&directory.trace_path(&line.id))?;
+        let (steps, waypoints) = read_recorded(&directory.trace_path(&line.id), Owner::of(line))?;
         Ok(PublishedOutcome::new(line, &steps, waypoints))
     };
     let outcomes = parallel::map(&lines, read).into_iter().collect::<Result<_>>()?;
@@ -126,7 +126,7 @@ mod tests {
         Ledger::open(&directory).unwrap().add(&line).unwrap();
         let error = outcomes(&directory).unwrap_err().to_string();
         assert!(error.contains("is missing"), "{error}");
-        let mut trace = Trace::create(&directory.trace(&line.id).unwrap()).unwrap();
+        let mut trace = Trace::create(&directory.trace(&line.id).unwrap(), &line.id).unwrap();
         for sequence in 0..6 {
             let time = sequence as f64 / 10.0;
             let state = State {
@@ -140,6 +140,7 @@ mod tests {
             trace.step(&Step { sequence, state, control, frame_hash: 0 }).unwrap();
         }
         trace.road("0,0,0@1,5,20").unwrap();
+        trace.event(0.5, true, "time out").unwrap();
         trace.finish().unwrap();
         let expected = json!([{
             "frames": [0, 3, 5], "pos": [[1.0, 0.0, 2.0], [1.0, 0.3, 2.0], [1.0, 0.5, 2.0]],

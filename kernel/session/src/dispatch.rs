@@ -14,8 +14,9 @@ use pdk_core::eprintln;
 use pdk_core::ledger::Ledger;
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::ScenarioId;
+use pdk_sdk::describe::Parameter;
 use pdk_sdk::error::{Error, Result};
-use serde_json::Value;
+use pdk_trace::reader::Owner;
 
 use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
@@ -25,8 +26,6 @@ use crate::submission::{Options, Performance, Reply, Submission, Ticket};
 
 /// How often the session looks up where nothing happens.
 const TICK: Duration = Duration::from_millis(50);
-/// The parameter by which pdk starts a simulator for each worker; without it the user has started one, or some.
-const LAUNCH: &str = "launch";
 
 /// What the handle sees of the thread's work.
 #[derive(Default)]
@@ -97,8 +96,9 @@ pub struct Dispatch {
     opened: u64,
     /// How many workers in a row were killed before they were ready.
     stillborn: u32,
-    /// The simulators that are programs of their own, and whether pdk can start one for each worker.
-    external: HashMap<String, bool>,
+    /// The simulators that are programs of their own, with the parameters by which pdk starts one for each worker. Without them the
+    /// user has started one, or some.
+    external: HashMap<String, Vec<Parameter>>,
     tasks: HashMap<u64, Task>,
     /// The scenarios among them.
     scenarios: HashMap<ScenarioId, u64>,
@@ -239,10 +239,9 @@ impl Dispatch {
             Work::Drive(drive) => Some(&drive.scenario.simulator),
             _ => None,
         };
-        let external =
-            simulator.and_then(|simulator| Some((simulator, *self.external.get(&simulator.name)?)));
+        let external = simulator.and_then(|simulator| Some((simulator, self.external.get(&simulator.name)?)));
         let first_only = self.options.pool == Pool::Usual
-            && external.is_some_and(|(simulator, can)| can && !is_launched(simulator));
+            && external.is_some_and(|(simulator, by)| !by.is_empty() && !is_launched(simulator, by));
         let task = Task {
             external: external.is_some(),
             first_only,
@@ -279,7 +278,7 @@ impl Dispatch {
         // Nor is a scenario done whose trace is not there or not whole.
         let known = known.filter(|line| {
             !before
-                || match pdk_trace::reader::check(&trace) {
+                || match pdk_trace::reader::check(&trace, Owner::of(line)) {
                     Err(error) => {
                         eprintln!(
                             "pdk: warning: scenario `{}` is driven again: {}",
@@ -351,14 +350,11 @@ impl Dispatch {
     }
 }
 
-/// Whether pdk starts the simulator itself, so that every worker has its own.
-fn is_launched(simulator: &ComponentSpec) -> bool {
-    match simulator.parameters.get(LAUNCH) {
-        None | Some(Value::Null) => false,
-        Some(Value::String(program)) => !program.is_empty(),
-        Some(Value::Array(words)) => !words.is_empty(),
-        Some(_) => true,
-    }
+/// Whether pdk starts the simulator itself, by one of these parameters, so that every worker has its own.
+fn is_launched(simulator: &ComponentSpec, by: &[Parameter]) -> bool {
+    by.iter().any(|parameter| {
+        simulator.parameters.get(&parameter.name).is_some_and(|value| parameter.program(value).is_some())
+    })
 }
 
 /// The reason of an error about a trace, without what the user could do, which is being done.

@@ -12,7 +12,7 @@ use pdk_model::scenario::{Mode, Scenario};
 use pdk_sdk::describe::Clock;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Camera, Control, DriveContext, Driver, Frame, FrameMut, Simulator, State};
-use pdk_trace::step::{ImageTopic, Step};
+use pdk_trace::step::{Digest, ImageTopic, Step};
 use twox_hash::XxHash3_64;
 
 use crate::held::Held;
@@ -86,7 +86,7 @@ pub struct Run<'a> {
     number: u64,
     slot: u32,
     judge: Judge,
-    digest: blake3::Hasher,
+    digest: Digest,
     frames: u64,
     /// The number of the next frame: above `frames` by those that were skipped.
     sequence: u64,
@@ -116,7 +116,7 @@ impl<'a> Run<'a> {
             number,
             slot,
             judge: Judge::new(drive.scenario.failure, drive.scenario.duration),
-            digest: blake3::Hasher::new(),
+            digest: Digest::default(),
             frames: 0,
             sequence: 0,
             began: Instant::now(),
@@ -253,9 +253,7 @@ impl<'a> Run<'a> {
         bus.publish_control(stamp, control)?;
 
         let frame_hash = XxHash3_64::oneshot(&perturbed);
-        for part in [frame_hash, control.steering.to_bits(), control.throttle.to_bits()] {
-            self.digest.update(&part.to_le_bytes());
-        }
+        self.digest.add(frame_hash, &control);
         if let Some(recorder) = witnesses.recorder {
             recorder.step(Step { sequence, state, control, frame_hash });
             let every = self.drive.images_every;
@@ -395,7 +393,7 @@ impl<'a> Run<'a> {
             mean_cross_track_error,
             max_cross_track_error,
             measures: self.judge.measures().map(Box::new),
-            digest: self.digest.finalize().to_hex()[..32].to_owned(),
+            digest: self.digest.text(),
         }
     }
 

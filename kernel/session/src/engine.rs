@@ -97,6 +97,10 @@ impl<'a> Engine<'a> {
             Work::Make(make) => {
                 self.make(make).map_or_else(|error| Answer::Failed(error.into()), Answer::Made)
             }
+            Work::InputFiles(Make { kind, component: ComponentSpec { name, parameters } }) => {
+                let listed = self.registry.input_files(*kind, name, parameters);
+                listed.map_or_else(|error| Answer::Failed(error.into()), Answer::InputFiles)
+            }
             Work::Search(step) => {
                 let proposed = self.search(step);
                 if proposed.as_ref().is_err_and(|error| error.kind() == ErrorKind::Panic) {
@@ -184,7 +188,7 @@ impl<'a> Engine<'a> {
                     Some(recorder) => recorder,
                     None => Recorder::new()?,
                 };
-                recorder.start(path);
+                recorder.start(path, &drive.scenario.id());
                 self.recorder = Some(recorder);
             }
             let mut run = Run::new(drive, job.number, job.slot);
@@ -307,7 +311,7 @@ fn check(work: &Work) -> Result<()> {
             &drive.scenario.perturbations
         }
         Work::Evaluate(frame) => &frame.evaluation.perturbations,
-        Work::Make(_) | Work::Search(_) => return Ok(()),
+        Work::Make(_) | Work::InputFiles(_) | Work::Search(_) => return Ok(()),
     };
     perturbations.iter().try_for_each(|applied| applied.level.check(&applied.name))
 }

@@ -15,6 +15,7 @@ use pdk_model::scenario::Scenario;
 use pdk_model::search::{Candidate, Evaluated as EvaluatedCandidate, Problem};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::Error;
+use pdk_sdk::input_files::InputFiles;
 use pdk_sdk::prelude::{Camera, Control};
 use serde::{Deserialize, Serialize};
 
@@ -69,6 +70,8 @@ pub enum Work {
     Evaluate(EvaluateFrame),
     /// Make a component and say what it is like.
     Make(Make),
+    /// List the files that a component would read besides those that its parameters name. Only a worker of this machine gets it.
+    InputFiles(Make),
     /// Take a step of a search. Only a worker of this machine gets it, which does nothing else.
     Search(Box<SearchStep>),
 }
@@ -219,6 +222,8 @@ pub enum Answer {
     Evaluated(Evaluated),
     /// A component was made.
     Made(Made),
+    /// The files that a component would read were listed.
+    InputFiles(Vec<InputFiles>),
     /// A step of a search was taken; these are the candidates that were asked for.
     Proposed(Vec<Candidate>),
     /// A component failed, so that there is no result.
@@ -232,7 +237,7 @@ impl Answer {
     pub fn is_good(&self) -> bool {
         match self {
             Self::Driven(driven) => driven.outcome.cause != Cause::Error,
-            Self::Evaluated(_) | Self::Made(_) | Self::Proposed(_) => true,
+            Self::Evaluated(_) | Self::Made(_) | Self::InputFiles(_) | Self::Proposed(_) => true,
             Self::Failed(_) | Self::Broken(_) => false,
         }
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
+use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Frame, FrameBuf};
 
@@ -66,8 +67,8 @@ impl Recorder {
 
     /// Starts the trace of a scenario. Its file is opened here, before components are called: one that closes files that are not
     /// its own, such as standard output, must not come between.
-    pub fn start(&self, path: &Path) {
-        self.send(Message::Start(Box::new(Trace::create(path))));
+    pub fn start(&self, path: &Path, scenario: &ScenarioId) {
+        self.send(Message::Start(Box::new(Trace::create(path, scenario))));
     }
 
     /// Adds what one step of the loop did.
@@ -191,7 +192,7 @@ fn write_traces(
 /// Writes a trace in the place of one that was not completed, so that equal failures leave equal records.
 pub fn write_trace(drive: &Drive, message: &str) -> Result<()> {
     let Some(path) = &drive.trace else { return Ok(()) };
-    let mut trace = Trace::create(path)?;
+    let mut trace = Trace::create(path, &drive.scenario.id())?;
     trace.event(0.0, false, &drive.name)?;
     trace.event(0.0, true, message)?;
     trace.finish()
@@ -209,7 +210,7 @@ mod tests {
         let recorder = Recorder::new().unwrap();
         let frame = FrameBuf::new(64, 48);
         let scenario = |file: &str| {
-            recorder.start(&folder.join(file));
+            recorder.start(&folder.join(file), &"00".repeat(16).parse().unwrap());
             for sequence in 0..4 * IMAGES as u64 {
                 recorder.image(ImageTopic::Raw, sequence, sequence as f64, frame.as_ref());
             }

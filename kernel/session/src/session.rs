@@ -14,7 +14,9 @@ use pdk_model::component::ComponentSpec;
 use pdk_model::search::Candidate;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
+use pdk_sdk::input_files::InputFiles;
 
+use crate::connection::Pool;
 use crate::dispatch::{Dispatch, Event, Request, Shared};
 use crate::protocol::{Drive, EvaluateFrame, Made, Make, Ready, SearchStep, StartSearch, Work};
 pub use crate::submission::{Options, Performance, Reply, Submission, Ticket};
@@ -34,6 +36,9 @@ pub struct Session {
     slots: usize,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
+    options: Options,
+    /// The session that reads files on this machine, where the workers of this one may be on others.
+    here: Option<Box<Session>>,
 }
 
 impl Session {
@@ -47,7 +52,7 @@ impl Session {
         let (answer, answers) = mpsc::channel();
         let (introduce, introduced) = mpsc::channel();
         let shared = Arc::new(Shared::default());
-        let dispatch = Dispatch::new(options, requests.clone(), answer, Arc::clone(&shared));
+        let dispatch = Dispatch::new(options.clone(), requests.clone(), answer, Arc::clone(&shared));
         let thread = std::thread::Builder::new()
             .name("session".into())
             .spawn(move || dispatch.serve(&events, &introduce))
@@ -64,6 +69,8 @@ impl Session {
             slots: 0,
             shared,
             thread: Some(thread),
+            options,
+            here: None,
         };
         let ready: Ready = introduced.recv().map_err(|_| gone())??;
         session.slots = connections * ready.slots as usize;
@@ -135,6 +142,33 @@ impl Session {
             Reply::Made(made) => Ok(made),
             Reply::Failed(failure) => Err(failure.into()),
             _ => Err(Error::new(format!("making {kind} `{}` gave something else", component.name))),
+        }
+    }
+
+    /// The files that a component would read on this machine, besides those that its parameters name.
+    ///
+    /// # Errors
+    /// If there is no such component, it refuses its parameters, or its files cannot be listed.
+    pub fn input_files(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Vec<InputFiles>> {
+        if matches!(self.options.pool, Pool::Command(_)) {
+            let here = match &mut self.here {
+                Some(here) => here,
+                None => {
+                    let run = format!("{}-files", self.options.run);
+                    let options = Options { run, pool: Pool::Here(1), ..self.options.clone() };
+                    self.here.insert(Box::new(Self::start(options)?))
+                }
+            };
+            return here.input_files(kind, component);
+        }
+        let make = Make { kind, component: component.clone() };
+        let ticket = self.request(Request::Work(Box::new(Work::InputFiles(make))));
+        match self.wait(ticket, &mut |_| {})? {
+            Reply::InputFiles(files) => Ok(files),
+            Reply::Failed(failure) => Err(failure.into()),
+            _ => Err(Error::new(
+                "listing the files of a component gave something else, which is a defect in pdk",
+            )),
         }
     }
 

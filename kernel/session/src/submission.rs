@@ -7,6 +7,7 @@ use pdk_core::search_path::SearchPath;
 use pdk_core::supervisor::Limits;
 use pdk_model::scenario::Scenario;
 use pdk_model::search::Candidate;
+use pdk_sdk::input_files::InputFiles;
 
 use crate::connection::Pool;
 use crate::protocol::{Driven, Evaluated, Failure, Made};
@@ -51,6 +52,8 @@ pub enum Reply {
     Evaluated(Box<Evaluated>),
     /// A component.
     Made(Made),
+    /// The files that a component would read.
+    InputFiles(Vec<InputFiles>),
     /// Candidates of a search.
     Proposed(Vec<Candidate>),
     /// A scenario that somebody else drives.

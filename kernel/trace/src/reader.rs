@@ -9,6 +9,8 @@ use std::path::{Path, PathBuf};
 
 use mcap::McapError;
 use mcap::sans_io::LinearReaderOptions;
+use pdk_core::ledger::Line;
+use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use pdk_sdk::prelude::{Control, FrameBuf, State};
@@ -16,8 +18,8 @@ use pdk_sdk::prelude::{Control, FrameBuf, State};
 use crate::chunks;
 use crate::message::Field;
 use crate::protobuf::{Wire, fields};
-use crate::step::{ImageTopic, Step};
-use crate::writer::{WAYPOINTS, state_fields};
+use crate::step::{Digest, ImageTopic, Step};
+use crate::writer::{SCENARIO, WAYPOINTS, state_fields};
 
 /// A frame as it lies in a trace. It is for people: what the driver saw had not been through JPEG.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -87,6 +89,22 @@ fn seconds(nanoseconds: u64) -> f64 {
     nanoseconds as f64 / 1e9
 }
 
+/// The line of the ledger that a trace belongs to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Owner {
+    /// The scenario.
+    pub scenario: ScenarioId,
+    /// The digest of its outcome; empty if the drive was lost, so that nobody has computed one.
+    pub digest: String,
+}
+
+impl Owner {
+    /// The owner of the trace that a line speaks of.
+    pub fn of(line: &Line) -> Self {
+        Self { scenario: line.id, digest: line.outcome.digest.clone() }
+    }
+}
+
 /// The entries of a trace, read as they are asked for: only a part of the file is in memory. After an error there are no
 /// more. Where the iterator ends without an error, the trace was complete.
 pub struct TraceReader {
@@ -98,24 +116,34 @@ pub struct TraceReader {
     state: Option<(u64, State, u64)>,
     /// Steps so far, for the sentence about a trace that ends early.
     steps: u64,
+    /// The line that the trace has to belong to.
+    owner: Option<Owner>,
+    /// The id in the trace.
+    scenario: Option<String>,
+    digest: Digest,
     done: bool,
 }
 
 /// All steps of a trace, in order.
 ///
 /// # Errors
-/// As for [`TraceReader`].
+/// As for [`TraceReader::open`].
 pub fn read_steps(path: &Path) -> Result<Vec<Step>> {
-    read_steps_and_road(path).map(|(steps, _)| steps)
+    steps_and_road(TraceReader::open(path)?).map(|(steps, _)| steps)
 }
 
-/// All steps of a trace, in order, and the centre line of the driven lane, which is empty where the simulator did not tell.
+/// All steps of the trace that belongs to a line of the ledger, in order, and the centre line of the driven lane, which is empty
+/// if the simulator did not report it.
 ///
 /// # Errors
-/// As for [`TraceReader`].
-pub fn read_steps_and_road(path: &Path) -> Result<(Vec<Step>, String)> {
+/// As for [`TraceReader::of`].
+pub fn read_recorded(path: &Path, owner: Owner) -> Result<(Vec<Step>, String)> {
+    steps_and_road(TraceReader::of(path, owner)?)
+}
+
+fn steps_and_road(reader: TraceReader) -> Result<(Vec<Step>, String)> {
     let (mut steps, mut road) = (Vec::new(), String::new());
-    for entry in TraceReader::open(path)? {
+    for entry in reader {
         match entry? {
             Entry::Step(step) => steps.push(step),
             Entry::Road(waypoints) => road = waypoints,
@@ -125,12 +153,12 @@ pub fn read_steps_and_road(path: &Path) -> Result<(Vec<Step>, String)> {
     Ok((steps, road))
 }
 
-/// Reads a trace to its end, with all checksums, to see whether it is whole.
+/// Reads a trace to its end, with all checksums, to see whether it is whole and belongs to a line of the ledger.
 ///
 /// # Errors
-/// As for [`TraceReader`].
-pub fn check(path: &Path) -> Result<()> {
-    TraceReader::open(path)?.try_for_each(|entry| entry.map(drop))
+/// As for [`TraceReader::of`].
+pub fn check(path: &Path, owner: Owner) -> Result<()> {
+    TraceReader::of(path, owner)?.try_for_each(|entry| entry.map(drop))
 }
 
 impl TraceReader {
@@ -161,8 +189,38 @@ impl TraceReader {
             layouts: BTreeMap::new(),
             state: None,
             steps: 0,
+            owner: None,
+            scenario: None,
+            digest: Digest::default(),
             done: false,
         })
+    }
+
+    /// Opens the trace that belongs to a line of the ledger. If it is of another scenario, or its steps are not those of the outcome,
+    /// the last of its entries is an error.
+    ///
+    /// # Errors
+    /// As for [`TraceReader::open`].
+    pub fn of(path: &Path, owner: Owner) -> Result<Self> {
+        Ok(Self { owner: Some(owner), ..Self::open(path)? })
+    }
+
+    /// Makes sure that the trace, which has been read to its end, belongs to its line.
+    fn check_owner(&mut self) -> Result<()> {
+        let Some(Owner { scenario, digest }) = self.owner.take() else { return Ok(()) };
+        let found = self.scenario.as_deref().unwrap_or("no scenario");
+        let difference = if found != scenario.to_string() {
+            format!("it is the trace of {found} and not of {scenario}")
+        } else if !digest.is_empty() && self.digest.text() != digest {
+            format!("its steps have the digest {} and the outcome has {digest}", self.digest.text())
+        } else {
+            return Ok(());
+        };
+        Err(Error::new(format!(
+            "the trace {} does not belong to its line in scenarios.jsonl ({difference}); restore it, or delete the line and run the \
+             pipeline again with --out and its folder",
+            self.path.display()
+        )))
     }
 
     /// The next entry, or none at the end of a complete trace.
@@ -176,6 +234,9 @@ impl TraceReader {
                 let Some(topic) = Topic::named(&channel.topic) else { continue };
                 let schema = channel.schema.as_ref().map_or(&[][..], |schema| &schema.data);
                 let layout = layout(schema, &topic.fields()).ok_or_else(|| self.damaged("its schema"))?;
+                if let (Topic::Event, Some(scenario)) = (topic, channel.metadata.get(SCENARIO)) {
+                    self.scenario = Some(scenario.clone());
+                }
                 self.layouts.insert(channel.id, (topic, layout));
             }
             let Some((topic, layout)) = self.layouts.get(&channel.id) else { continue };
@@ -194,6 +255,7 @@ impl TraceReader {
                     match self.state.take() {
                         Some((number, state, frame_hash)) if number == sequence => {
                             self.steps += 1;
+                            self.digest.add(frame_hash, &control);
                             Entry::Step(Step { sequence, state, control, frame_hash })
                         }
                         _ => return Err(self.damaged("a control without a state")),
@@ -218,7 +280,7 @@ impl TraceReader {
         }
         match self.state {
             Some(_) => Err(self.damaged("a state without a control")),
-            None => Ok(None),
+            None => self.check_owner().map(|()| None),
         }
     }
 
@@ -428,9 +490,13 @@ mod tests {
         (0..4).map(step).collect()
     }
 
+    fn scenario() -> ScenarioId {
+        "00112233445566778899aabbccddeeff".parse().unwrap()
+    }
+
     fn written(name: &str) -> PathBuf {
         let path = std::env::temp_dir().join(format!("pdk-trace-{name}-{}.mcap", std::process::id()));
-        let mut trace = Trace::create(&path).unwrap();
+        let mut trace = Trace::create(&path, &scenario()).unwrap();
         let mut frame = FrameBuf::new(16, 8);
         frame.as_mut().rows_mut().for_each(|row| row.fill(90));
         trace.event(0.0, false, "fog@2").unwrap();
@@ -482,6 +548,31 @@ mod tests {
         let frame = image.decode().unwrap();
         assert_eq!((frame.width(), frame.height()), (16, 8));
         assert!(frame.data().iter().all(|value| value.abs_diff(90) < 3));
+        std::fs::remove_file(path).unwrap();
+    }
+
+    #[test]
+    fn a_trace_belongs_to_one_line() {
+        let path = written("owner");
+        let mut digest = Digest::default();
+        steps().iter().for_each(|step| digest.add(step.frame_hash, &step.control));
+        let own = Owner { scenario: scenario(), digest: digest.text() };
+        assert_eq!(read_recorded(&path, own.clone()).unwrap().0, steps());
+        // That of a drive that was lost.
+        check(&path, Owner { digest: String::new(), ..own.clone() }).unwrap();
+        let error = |owner| check(&path, owner).unwrap_err().to_string();
+        let other = Owner { scenario: "ff".repeat(16).parse().unwrap(), ..own.clone() };
+        let text = error(other);
+        assert!(
+            text.contains("it is the trace of 00112233445566778899aabbccddeeff and not of ffff"),
+            "{text}"
+        );
+        assert!(text.contains("delete the line and run the pipeline again with --out"), "{text}");
+        let text = error(Owner { digest: "00".to_owned(), ..own.clone() });
+        assert!(
+            text.contains(&format!("its steps have the digest {} and the outcome has 00", own.digest)),
+            "{text}"
+        );
         std::fs::remove_file(path).unwrap();
     }
 

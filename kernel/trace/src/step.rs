@@ -15,6 +15,27 @@ pub struct Step {
     pub frame_hash: u64,
 }
 
+/// What tells a drive from others: a hash over what the driver saw and decided in each frame. It is part of the outcome.
+#[derive(Debug, Clone, Default)]
+pub struct Digest(blake3::Hasher);
+
+/// Hexadecimal digits of a digest.
+const DIGITS: usize = 32;
+
+impl Digest {
+    /// Adds a step: the hash of the frame that the driver saw, and what it decided.
+    pub fn add(&mut self, frame_hash: u64, control: &Control) {
+        for part in [frame_hash, control.steering.to_bits(), control.throttle.to_bits()] {
+            self.0.update(&part.to_le_bytes());
+        }
+    }
+
+    /// The digest of all steps so far, in hexadecimal.
+    pub fn text(&self) -> String {
+        self.0.finalize().to_hex()[..DIGITS].to_owned()
+    }
+}
+
 /// Which of the image topics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImageTopic {

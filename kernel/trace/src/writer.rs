@@ -9,6 +9,7 @@ use foxglove::Encode;
 use foxglove::messages::{CompressedImage, Log, Timestamp, log::Level};
 use mcap::records::MessageHeader;
 use pdk_core::lines::{sync_folder, write_error};
+use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Control, Frame, State};
 
@@ -50,15 +51,17 @@ pub(crate) fn state_fields() -> Vec<Field> {
 pub(crate) const FRAME_HASH: &str = "frame_hash";
 /// The name of the field with the road's centre line as `x,height,z@x,height,z@...` in metres.
 pub(crate) const WAYPOINTS: &str = "waypoints";
+/// The metadata of the channel of events: the id of the scenario. Every trace has events.
+pub(crate) const SCENARIO: &str = "scenario";
 /// The package of pdk's own messages.
 const PACKAGE: &str = "pdk";
 
 impl Trace {
-    /// Starts a trace. Until it is complete it has the number of this process and `.part` behind its name.
+    /// Starts the trace of a scenario. Until it is complete it has the number of this process and `.part` behind its name.
     ///
     /// # Errors
     /// Where the file cannot be written.
-    pub fn create(path: &Path) -> Result<Self> {
+    pub fn create(path: &Path, scenario: &ScenarioId) -> Result<Self> {
         let part = part_of(path, std::process::id());
         let file = File::create(&part).map_err(|error| write_error(path, &error))?;
         let options =
@@ -70,7 +73,12 @@ impl Trace {
             control: add_own(&mut writer, "/control", "Control", &Control::NUMBERS.map(Field::Double), path)?,
             state: add_own(&mut writer, "/state", "State", &state_fields(), path)?,
             road: add_own(&mut writer, "/road", "Road", &[Field::Text(WAYPOINTS)], path)?,
-            event: add_channel::<Log>(&mut writer, "/event", path)?,
+            event: add_described::<Log>(
+                &mut writer,
+                "/event",
+                &BTreeMap::from([(SCENARIO.to_owned(), scenario.to_string())]),
+                path,
+            )?,
             attention: None,
         };
         Ok(Self { path: path.to_owned(), writer, channels, sequence: 0, message: Vec::new() })
@@ -232,12 +240,22 @@ fn add_channel<T: Encode>(
     topic: &str,
     path: &Path,
 ) -> Result<u16> {
+    add_described::<T>(writer, topic, &BTreeMap::new(), path)
+}
+
+/// Adds a topic whose channel says something besides.
+fn add_described<T: Encode>(
+    writer: &mut mcap::Writer<BufWriter<File>>,
+    topic: &str,
+    metadata: &BTreeMap<String, String>,
+    path: &Path,
+) -> Result<u16> {
     let schema = match T::get_schema() {
         Some(schema) => writer.add_schema(&schema.name, &schema.encoding, &schema.data),
         None => Ok(0),
     };
     schema
-        .and_then(|id| writer.add_channel(id, topic, &T::get_message_encoding(), &BTreeMap::new()))
+        .and_then(|id| writer.add_channel(id, topic, &T::get_message_encoding(), metadata))
         .map_err(|error| trace_error(path, &error))
 }
 

@@ -4,7 +4,7 @@
 //! and `user/throttle`, N being a whole number. DonkeyCar tubs of version 1 have the same form.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
@@ -61,6 +61,15 @@ impl Component for Folder {
         });
         let clock = Clock::new(config, first.as_ref());
         Ok(Self { folder, rows, clock })
+    }
+
+    fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
+        let Self { folder, rows, .. } = Self::new(config)?;
+        let names = rows.into_iter().flat_map(|Row { name, files }| match files {
+            Files::Pair { record } => vec![PathBuf::from(name), PathBuf::from(record)],
+            Files::ImageAlone | Files::RecordAlone | Files::Unclear { .. } => vec![PathBuf::from(name)],
+        });
+        Ok(vec![folder.input_files(names)])
     }
 }
 
@@ -254,6 +263,10 @@ mod tests {
         assert!(error(7).starts_with("`7_a.png`: several images or several records have the number 7"));
         assert!(error(8).starts_with("the image `+6_a.png` has no record, because"));
         assert!(error(9).starts_with("the image `preview.png` has no record, because"));
+        let files = Folder::input_files(&config::<Folder>(json!({"path": dir.path()}))).unwrap().remove(0);
+        let names: Vec<String> = files.names.iter().map(|name| name.display().to_string()).collect();
+        assert_eq!(names.len(), 13, "{names:?}");
+        assert!(names.contains(&"record_0.json".to_owned()) && !names.contains(&"record_2.json".to_owned()));
     }
 
     #[test]

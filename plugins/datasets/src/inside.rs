@@ -1,10 +1,10 @@
 //! The files of a dataset, which lie in its folder. Whoever wrote the records of a dataset does not choose what is read of the rest
 //! of the machine.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use pdk_sdk::file;
-use pdk_sdk::prelude::*;
+use pdk_sdk::prelude::{Error, InputFiles, Result};
 
 /// Bytes of a catalog or a manifest: some millions of records.
 const LARGEST_CATALOG: u64 = 2 << 30;
@@ -47,6 +47,20 @@ impl Inside {
             Ok(_) => Ok(path),
             Err(_) => Err(Error::new(format!("`{}` does not exist", path.display()))),
         }
+    }
+
+    /// Whether a name stays within the folder, so that its file is read if there is one.
+    pub fn may_read(&self, name: &Path) -> bool {
+        match self.shown.join(name).canonicalize() {
+            Ok(real) => real.starts_with(&self.root),
+            Err(_) => name.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)),
+        }
+    }
+
+    /// These of its files, as far as they stay within the folder, for the record of a run.
+    pub fn input_files(&self, names: impl IntoIterator<Item = PathBuf>) -> InputFiles {
+        let names = names.into_iter().filter(|name| self.may_read(name)).collect();
+        InputFiles::new("files of the dataset", &self.shown, names)
     }
 
     /// The text of a manifest or a catalog.
@@ -105,6 +119,9 @@ mod tests {
             assert!(
                 inside.record(Path::new("none")).unwrap_err().message().ends_with("none` does not exist")
             );
+            let names = ["../secret", "images/link", "images/own", "images/near", "none", "../none"];
+            let files = inside.input_files(names.map(PathBuf::from));
+            assert_eq!(files.names, ["images/own", "images/near", "none"].map(PathBuf::from));
             assert!(inside.record(Path::new("images")).unwrap_err().message().contains("it is a folder"));
         }
     }

@@ -6,7 +6,7 @@
 //! frames there are.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
@@ -16,10 +16,16 @@ use crate::clock::Clock;
 use crate::inside::Inside;
 use crate::record::Record;
 
+/// The file that lists the catalogs.
+const MANIFEST: &str = "manifest.json";
+/// The folder of the images.
+const IMAGES: &str = "images";
+
 /// Reads a DonkeyCar tub, version 2.
 pub struct Tub {
     folder: Inside,
     rows: Vec<Row>,
+    catalogs: Vec<String>,
     clock: Clock,
 }
 
@@ -56,7 +62,14 @@ impl Component for Tub {
             return Err(Error::new(format!("{place} has no records that are not deleted")));
         }
         let clock = Clock::new(config, rows.iter().find_map(|row| row.record.as_ref().ok()));
-        Ok(Self { folder, rows, clock })
+        Ok(Self { folder, rows, catalogs: manifest.catalogs, clock })
+    }
+
+    fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
+        let Self { folder, rows, catalogs, .. } = Self::new(config)?;
+        let catalogs = catalogs.into_iter().map(PathBuf::from);
+        let images = rows.iter().map(|row| Path::new(IMAGES).join(&row.name));
+        Ok(vec![folder.input_files([PathBuf::from(MANIFEST)].into_iter().chain(catalogs).chain(images))])
     }
 }
 
@@ -75,7 +88,7 @@ impl Dataset for Tub {
         })?;
         let record = row.record.clone()?;
         Ok(Entry {
-            frame: pdk_image::read(&self.folder.path(&Path::new("images").join(&row.name))?)?,
+            frame: pdk_image::read(&self.folder.path(&Path::new(IMAGES).join(&row.name))?)?,
             steering: record.steering,
             throttle: record.throttle,
             time: self.clock.time(index, &record).map_err(|e| e.at(&row.name))?,
@@ -91,7 +104,7 @@ struct Manifest {
 
 impl Manifest {
     fn read(folder: &Inside) -> Result<Self> {
-        let text = folder.catalog(Path::new("manifest.json"))?;
+        let text = folder.catalog(Path::new(MANIFEST))?;
         let listing = text
             .lines()
             .filter_map(|line| serde_json::from_str::<Map<String, Value>>(line).ok())
@@ -182,6 +195,10 @@ mod tests {
         let mut tub = open(&dir).unwrap();
         assert_eq!(tub.len(), 3);
         assert_eq!((0..3).map(|i| tub.name(i)).collect::<Vec<_>>(), ["0.jpg", "2.jpg", "3.jpg"]);
+        let files = Tub::input_files(&config::<Tub>(json!({"path": dir.path()}))).unwrap().remove(0);
+        let names = ["manifest.json", "catalog_0.catalog", "images/0.jpg", "images/2.jpg", "images/3.jpg"]
+            .map(PathBuf::from);
+        assert_eq!((files.folder.as_path(), files.names.as_slice()), (dir.path(), names.as_slice()));
         let entry = tub.read(1).unwrap();
         assert_eq!((entry.frame.width(), entry.frame.height()), (32, 8));
         assert_eq!((entry.steering, entry.throttle, entry.time), (0.2, 0.5, 0.1));

@@ -4,7 +4,7 @@ use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 
 use crate::engine;
-use crate::model_file::{Inputs, ModelFile, Source};
+use crate::model_file::{self, Inputs, ModelFile, Source};
 use crate::pixels::Pixels;
 use crate::selection::{Selection, Slot};
 use crate::session::Session;
@@ -45,6 +45,10 @@ impl Component for Onnx {
     fn new(config: &Config) -> Result<Self> {
         let model = config.text("model");
         Self::open(Source::File(model.into()), model, config)
+    }
+
+    fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
+        Ok(model_file::weights(config.text("model")))
     }
 }
 

@@ -40,8 +40,7 @@ fn steering_and_throttle_are_what_the_model_computes() {
         for (dims, batch) in [(["batch", "3", "4", "6"], "nchw"), (["1", "4", "6", "3"], "nhwc")] {
             let pilot = Pilot::new(&dims);
             let file = pilot.file();
-            let mut driver =
-                open(json!({"model": file.path(), "engine": engine, "layout": batch})).unwrap();
+            let mut driver = open(json!({"model": file.path(), "engine": engine, "layout": batch})).unwrap();
             let values: Vec<f32> = match batch {
                 "nhwc" => frame.data().iter().map(|&v| f32::from(v)).collect(),
                 _ => (0..3)

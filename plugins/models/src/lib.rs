@@ -7,8 +7,8 @@
 //! drivers that are part of the plugin. [`saliency`] shows what a network looks at. [`repaint`] and [`segmentation`] run networks
 //! that make of an image another [`picture`], and [`painters`] holds those that are part of the plugin.
 
-mod engine;
 mod driver;
+mod engine;
 mod locate;
 mod mathematics;
 mod model_file;

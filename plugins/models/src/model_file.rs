@@ -280,11 +280,10 @@ impl Inputs {
 
 /// Looks at the files of weights that a graph names: they lie in the folder of the model, and are files.
 fn check_external(graph: &pb::GraphProto, folder: &Path) -> Result<()> {
-    let attributes = || graph.node.iter().flat_map(|node| &node.attribute);
-    let tensors = attributes().flat_map(|attribute| attribute.t.iter().chain(&attribute.tensors));
-    let entries = graph.initializer.iter().chain(tensors).flat_map(|tensor| &tensor.external_data);
-    for location in entries.filter(|entry| entry.key == "location").map(|entry| Path::new(&entry.value)) {
-        if location.components().any(|part| !matches!(part, Component::Normal(_) | Component::CurDir)) {
+    let mut external = Vec::new();
+    locations(graph, &mut external);
+    for location in external {
+        if !is_beside(location) {
             return Err(Error::new(format!(
                 "its weights lie in `{}`, outside of its folder, where nothing is read; put them beside the model",
                 location.display()
@@ -293,8 +292,45 @@ fn check_external(graph: &pb::GraphProto, folder: &Path) -> Result<()> {
         file::open(&folder.join(location))
             .map_err(|error| error.at(format_args!("its weights `{}`", location.display())))?;
     }
+    Ok(())
+}
+
+/// The files that a graph names for its weights, and for those of the graphs within it.
+fn locations<'a>(graph: &'a pb::GraphProto, into: &mut Vec<&'a Path>) {
+    let attributes = || graph.node.iter().flat_map(|node| &node.attribute);
+    let tensors = attributes().flat_map(|attribute| attribute.t.iter().chain(&attribute.tensors));
+    let entries = graph.initializer.iter().chain(tensors).flat_map(|tensor| &tensor.external_data);
+    for entry in entries.filter(|entry| entry.key == "location") {
+        let location = Path::new(&entry.value);
+        if !into.contains(&location) {
+            into.push(location);
+        }
+    }
     let graphs = attributes().flat_map(|attribute| attribute.g.iter().chain(&attribute.graphs));
-    graphs.into_iter().try_for_each(|graph| check_external(graph, folder))
+    graphs.for_each(|graph| locations(graph, into));
+}
+
+/// Whether weights lie in the model's own folder, or in one within it.
+fn is_beside(location: &Path) -> bool {
+    location.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+}
+
+/// The files beside a model that hold weights of it, for the record of a run. What is wrong with the model is for
+/// [`ModelFile::read`] to say.
+pub fn weights(model: &str) -> Vec<InputFiles> {
+    let path = Path::new(model);
+    let content = file::read(path, LARGEST).ok();
+    let proto = content.and_then(|content| tract_onnx::onnx().proto_model_for_read(&mut &*content).ok());
+    let graph = proto.as_ref().and_then(|proto| proto.graph.as_ref());
+    let mut names = Vec::new();
+    graph.into_iter().for_each(|graph| locations(graph, &mut names));
+    let names: Vec<PathBuf> = names.into_iter().filter(|name| is_beside(name)).map(Path::to_owned).collect();
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    match names.is_empty() {
+        true => Vec::new(),
+        false => vec![InputFiles::new(&format!("weights of {name}"), folder, names)],
+    }
 }
 
 /// The type and shape of an input of 32-bit floats.

@@ -36,7 +36,11 @@ fn name_of(version: &str) -> String {
 pub fn engine(path: &Path) -> Result<String> {
     let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let name = real.file_name().unwrap_or_default().to_string_lossy();
-    match name.split_once(".so.").map(|(_, version)| version).filter(|version| version.split('.').count() == 3) {
+    match name
+        .split_once(".so.")
+        .map(|(_, version)| version)
+        .filter(|version| version.split('.').count() == 3)
+    {
         Some(version) => Ok(name_of(version)),
         None => Ok(name_of(&load(path)?.version)),
     }

@@ -173,10 +173,12 @@ mod tests {
             let all: Vec<_> = engines().into_iter().map(of).collect();
             assert!(all.iter().all(|picture| picture.data() == all[0].data()), "{style}");
         }
-        let nights = engines().into_iter().map(|engine| painted::<Night>(json!({"engine": engine}), 4.0, &frame));
+        let nights =
+            engines().into_iter().map(|engine| painted::<Night>(json!({"engine": engine}), 4.0, &frame));
         let nights: Vec<_> = nights.collect();
         assert!(nights.iter().all(|picture| picture.data() == nights[0].data()));
-        let rains = engines().into_iter().map(|engine| painted::<Rainy>(json!({"engine": engine}), 4.0, &frame));
+        let rains =
+            engines().into_iter().map(|engine| painted::<Rainy>(json!({"engine": engine}), 4.0, &frame));
         let rains: Vec<_> = rains.collect();
         assert!(rains.iter().all(|picture| picture.data() == rains[0].data()));
     }

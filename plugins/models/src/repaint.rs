@@ -6,6 +6,7 @@
 use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 
+use crate::model_file;
 use crate::picture::{PictureNetwork, parameters};
 
 /// Repaints frames with a network.
@@ -84,6 +85,10 @@ impl Component for Repaint {
 
     fn new(config: &Config) -> Result<Self> {
         Self::of(PictureNetwork::open(config)?, config)
+    }
+
+    fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
+        Ok(model_file::weights(config.text("model")))
     }
 }
 

@@ -3,6 +3,7 @@
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Value, json};
 
+use crate::model_file;
 use crate::picture::{PictureNetwork, parameters};
 
 /// The pixels of some classes.
@@ -48,6 +49,10 @@ impl Component for Segmentation {
             )
             .at(&network.place)),
         }
+    }
+
+    fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
+        Ok(model_file::weights(config.text("model")))
     }
 }
 

@@ -44,6 +44,10 @@ impl Component for Process {
         let who = who("driver", &options.exchange, &options.command);
         Ok(Self { options, who, open: None, scenario: 0 })
     }
+
+    fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
+        Options::input_files(config)
+    }
 }
 
 impl Driver for Process {
@@ -53,7 +57,7 @@ impl Driver for Process {
     }
 
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
-        let Options { command, exchange: name, start, answer } = &self.options;
+        let Options { command, exchange: name, start, answer, .. } = &self.options;
         if self.open.as_ref().is_some_and(|open| !open.exchange.fits(&frame)) {
             self.open = None;
         }

@@ -6,6 +6,8 @@ use pdk_adapter::settings;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Value, json};
 
+use crate::modules;
+
 /// Which program it is, and how long it may take.
 pub struct Options {
     /// The program and its arguments; empty for one that runs already.
@@ -16,6 +18,8 @@ pub struct Options {
     pub start: Duration,
     /// How long it may take for any other answer.
     pub answer: Duration,
+    /// Further files and folders that it reads.
+    pub files: Vec<String>,
 }
 
 impl Options {
@@ -29,7 +33,8 @@ impl Options {
                 "command",
                 Value::Null,
                 "the program and its arguments, as a list of texts; null for one that runs already",
-            ))
+            )
+            .starts_program())
             .parameter(Parameter {
                 default: what.into(),
                 ..Parameter::text("exchange", "the name by which one that runs already finds pdk")
@@ -48,13 +53,19 @@ impl Options {
                     .range(0.001, 3600.0)
                     .unit("s"),
             )
+            .parameter(Parameter::json(
+                "files",
+                Value::Null,
+                "further files and folders that the program reads, as a list of texts, such as its weights: the record holds their hashes, as \
+                 it does for the files in the command and the modules beside them",
+            ))
             .parameter(settings::gpus())
     }
 
     /// Reads the parameters.
     ///
     /// # Errors
-    /// Where `exchange` is no name, or `command` no list of texts.
+    /// If `exchange` is not a name, or `command` or `files` is not a list of texts.
     pub fn read(config: &Config) -> Result<Self> {
         let exchange = config.text("exchange").to_owned();
         let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
@@ -72,6 +83,16 @@ impl Options {
             exchange,
             start: seconds("start_seconds"),
             answer: seconds("answer_seconds"),
+            files: settings::texts("files", config.value("files"))?,
         })
+    }
+
+    /// The files that the program reads besides those that the parameters name.
+    ///
+    /// # Errors
+    /// As for [`Self::read`], and if a folder cannot be listed.
+    pub fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
+        let Self { command, files, .. } = Self::read(config)?;
+        modules::input_files(&command, &files)
     }
 }

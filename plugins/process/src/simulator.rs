@@ -63,6 +63,10 @@ impl Component for Process {
         let camera = Camera { width: pixels("width"), height: pixels("height"), rate: config.number("rate") };
         Ok(Self { options: Options::read(config)?, camera, program: None, drive: Drive::default() })
     }
+
+    fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
+        Options::input_files(config)
+    }
 }
 
 impl Simulator for Process {
@@ -116,7 +120,7 @@ fn not_started() -> Error {
 impl Program {
     /// Starts it, and waits until it is ready for this camera.
     fn start(options: &Options, camera: Camera) -> Result<Self> {
-        let Options { command, exchange, start, answer } = options;
+        let Options { command, exchange, start, answer, .. } = options;
         let requests = Requests::new(&room_name("simulator", exchange, command))?;
         let process = requests.room().launch("simulator", command)?;
         let who = who("simulator", exchange, command);

@@ -28,6 +28,14 @@ sized! {
             into: *mut Instance,
             error: *const Sink,
         ) -> Status>,
+        /// The files that an instance of the component with this place, made from these parameters, reads besides those that the
+        /// parameters name: a JSON list. Null in the first plugins.
+        pub input_files: Option<unsafe extern "C" fn(
+            index: usize,
+            parameters: Text,
+            files: *const Sink,
+            error: *const Sink,
+        ) -> Status>,
     }
 
     /// An instance of a component.

@@ -55,7 +55,8 @@ impl Settings {
                 Value::Null,
                 "program that starts the simulator, and its arguments, as a list of texts in which {port} and {slot} are filled in; \
                  null where the simulator is running already",
-            ))
+            )
+            .starts_program())
             .parameter(
                 Parameter::number(
                     "start_seconds",
@@ -137,18 +138,30 @@ pub fn gpus() -> Parameter {
 /// # Errors
 /// Where it is something else.
 pub fn words(parameter: &str, value: &Value) -> Result<Vec<String>> {
-    let words: Option<Vec<String>> = match value {
-        Value::Null => Some(Vec::new()),
-        Value::String(program) if program.is_empty() => Some(Vec::new()),
-        Value::String(program) => Some(vec![program.clone()]),
-        Value::Array(words) => words.iter().map(|word| Some(word.as_str()?.to_owned())).collect(),
-        _ => None,
-    };
-    words.ok_or_else(|| {
+    list(value).ok_or_else(|| {
         mistake(format!(
             "`{parameter}` is {value}, but has to be a program with its arguments, as in [\"./program\", \"--option\", \"value\"]"
         ))
     })
+}
+
+/// Texts from the value of a parameter: a list of them, one alone, or null for none.
+///
+/// # Errors
+/// If it is something else.
+pub fn texts(parameter: &str, value: &Value) -> Result<Vec<String>> {
+    list(value).ok_or_else(|| mistake(format!("`{parameter}` is {value}, but has to be a list of texts")))
+}
+
+/// A list of texts, one alone, or null or nothing for none.
+fn list(value: &Value) -> Option<Vec<String>> {
+    match value {
+        Value::Null => Some(Vec::new()),
+        Value::String(text) if text.is_empty() => Some(Vec::new()),
+        Value::String(text) => Some(vec![text.clone()]),
+        Value::Array(texts) => texts.iter().map(|text| Some(text.as_str()?.to_owned())).collect(),
+        _ => None,
+    }
 }
 
 /// Something that only the user can correct.

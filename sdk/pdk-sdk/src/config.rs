@@ -185,7 +185,8 @@ fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
 
 /// What is said of a value that another machine has and this one does not.
 fn not_here(parameter: &Parameter, value: &str) -> Error {
-    let here: Vec<_> = parameter.stands_for.iter().map(|(option, meaning)| format!("{meaning} ({option})")).collect();
+    let here: Vec<_> =
+        parameter.stands_for.iter().map(|(option, meaning)| format!("{meaning} ({option})")).collect();
     mistake(format!(
         "parameter `{name}` is \"{value}\", which this machine does not have; it has {}; use a machine that has it, or choose another \
          `{name}`, which makes it another scenario",
@@ -297,9 +298,11 @@ mod tests {
     fn what_an_option_stands_for_is_allowed_and_that_of_another_machine_is_not() {
         let meanings = [("auto", "fast 1/v3"), ("fast", "fast 1/v3")];
         let meanings = meanings.map(|(option, meaning)| (option.to_owned(), meaning.to_owned()));
-        let engine = Parameter::choice("engine", &["auto", "fast", "slow"], "who computes").stands_for(meanings);
+        let engine =
+            Parameter::choice("engine", &["auto", "fast", "slow"], "who computes").stands_for(meanings);
         let description = Description::driver("net", "A network").parameter(engine);
-        let check = |engine: &str| Config::check(&description, json!({"engine": engine}).as_object().unwrap());
+        let check =
+            |engine: &str| Config::check(&description, json!({"engine": engine}).as_object().unwrap());
         for allowed in ["auto", "fast", "slow", "fast 1/v3"] {
             assert_eq!(check(allowed).unwrap().text("engine"), allowed);
         }

@@ -394,6 +394,10 @@ pub struct Parameter {
     /// is replaced by what it stands for before a scenario gets its id, so that the record says what decided the outcome.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub stands_for: BTreeMap<String, String>,
+    /// Whether its value is a program that the component starts, with or without arguments. Unless it is empty, a record that comes
+    /// from elsewhere is replayed only if the user agrees.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub starts_program: bool,
 }
 
 /// A choice that has to be made for something to have an effect, such as `variant=corrected`.
@@ -414,7 +418,18 @@ impl std::fmt::Display for Condition {
 impl Parameter {
     fn of(name: &str, doc: &str, kind: ParameterType, default: Value) -> Self {
         let (name, doc, unit) = (name.to_owned(), doc.to_owned(), String::new());
-        Self { name, doc, unit, kind, default, levels: None, only_for: None, stands_for: BTreeMap::new() }
+        let stands_for = BTreeMap::new();
+        Self {
+            name,
+            doc,
+            unit,
+            kind,
+            default,
+            levels: None,
+            only_for: None,
+            stands_for,
+            starts_program: false,
+        }
     }
 
     /// A real number that follows the intensity, with its value at each of the five levels.
@@ -501,6 +516,27 @@ impl Parameter {
             self.default = Value::String(String::new());
         }
         self
+    }
+
+    /// Says that its value is a program that the component starts: a text or a list of texts.
+    pub fn starts_program(mut self) -> Self {
+        self.starts_program = true;
+        self
+    }
+
+    /// The program in a value of this parameter, with its arguments; none if the value starts none.
+    pub fn program(&self, value: &Value) -> Option<Vec<String>> {
+        let words: Vec<String> = match value {
+            _ if !self.starts_program => return None,
+            Value::Null => return None,
+            Value::String(program) => vec![program.clone()],
+            Value::Array(words) => words
+                .iter()
+                .map(|word| word.as_str().map_or_else(|| word.to_string(), str::to_owned))
+                .collect(),
+            other => vec![other.to_string()],
+        };
+        words.first().is_some_and(|program| !program.is_empty()).then_some(words)
     }
 
     /// The value at an intensity, for a parameter that follows the intensity: linear between the levels, and the

@@ -43,6 +43,16 @@ macro_rules! export {
                 unsafe { $crate::abi::plugin::create(TABLE, index, parameters, into, error) }
             }
 
+            unsafe extern "C" fn input_files(
+                index: usize,
+                parameters: Text,
+                files: *const Sink,
+                error: *const Sink,
+            ) -> Status {
+                // SAFETY: the host lends all of it for this call.
+                unsafe { $crate::abi::plugin::input_files(TABLE, index, parameters, files, error) }
+            }
+
             // SAFETY: the name is part of the interface and no other crate in a plugin uses it.
             #[unsafe(no_mangle)]
             #[allow(non_upper_case_globals)]
@@ -52,6 +62,7 @@ macro_rules! export {
                     size: ::core::mem::size_of::<Plugin>(),
                     describe: Some(describe),
                     create: Some(create),
+                    input_files: Some(input_files),
                 },
             };
         };

@@ -46,6 +46,7 @@ pub mod describe;
 pub mod driver;
 mod export;
 pub mod file;
+pub mod input_files;
 pub mod mask;
 pub mod perturbation;
 pub mod saliency;
@@ -70,6 +71,7 @@ pub mod prelude {
     pub use crate::describe::{Description, Kind, Parameter, Temporal};
     pub use crate::driver::{Control, DriveContext, Driver};
     pub use crate::error::{Error, ErrorKind, Result};
+    pub use crate::input_files::InputFiles;
     pub use crate::mask::Mask;
     pub use crate::perturbation::{Context, EarlierMaps, Perturbation};
     pub use crate::saliency::{HeatmapMut, MapContext, Saliency};

@@ -40,8 +40,8 @@ class Record:
         self.path = Path(path)
         if not (self.path / "manifest.json").is_file():
             raise error("configuration", f"{self.path} holds no record; name the folder that `pdk run` printed")
-        # The ids and names of scenarios, and when the ledger was as long as it was then.
-        self._names: tuple[tuple[int, int], list[tuple[str, str]]] | None = None
+        # The ids, names and digests of scenarios, and when the ledger was as long as it was then.
+        self._known: tuple[tuple[int, int] | None, list[tuple[str, str, str]]] | None = None
 
     def __repr__(self):
         return f"Record({str(self.path)!r})"
@@ -68,7 +68,7 @@ class Record:
         return self._json("performance.json")
 
     def lines(self) -> list[dict[str, Any]]:
-        """The lines of the ledger, a dictionary each: scenario and outcome. Checksums are checked."""
+        """The lines of the ledger, a dictionary each: scenario and outcome. Checksums and ids are checked."""
         return [json.loads(line) for line in _pdk.ledger(self.path)]
 
     def scenarios(self) -> pandas.DataFrame:
@@ -118,27 +118,32 @@ class Record:
 
     def trace(self, scenario: int | str) -> Path:
         """The file with the trace of a scenario, an MCAP: by its number in the record, its id, or its name where that is unique."""
-        names = self._scenarios()
+        return self._trace(scenario)[0]
+
+    def _trace(self, scenario):
+        """The file with the trace of a scenario, and the id and the digest that it has to have."""
+        scenarios = self._scenarios()
         if isinstance(scenario, str):
-            known = [id for id, name in names if scenario in (id, name)]
+            known = [found for found in scenarios if scenario in found[:2]]
         else:
-            known = [names[scenario][0]] if -len(names) <= scenario < len(names) else []
+            known = [scenarios[scenario]] if -len(scenarios) <= scenario < len(scenarios) else []
         if len(known) != 1:
             several = "several scenarios" if known else "no scenario"
             raise error("configuration", f"{self.path} has {several} {scenario!r}; name one by its number or its id")
-        return self.path / "traces" / f"{known[0]}.mcap"
+        ((id, _, digest),) = known
+        return self.path / "traces" / f"{id}.mcap", id, digest
 
     def _scenarios(self):
-        """The id and the name of each scenario. The ledger is read again where it has grown."""
+        """The id, the name and the digest of each scenario. The ledger is read again if it has changed."""
         try:
             status = (self.path / "scenarios.jsonl").stat()
+            state = (status.st_mtime_ns, status.st_size)
         except OSError:
-            # It says what is the matter.
-            return [(line["id"], line["name"]) for line in self.lines()]
-        state = (status.st_mtime_ns, status.st_size)
-        if self._names is None or self._names[0] != state:
-            self._names = (state, [(line["id"], line["name"]) for line in self.lines()])
-        return self._names[1]
+            # `lines` says what is the matter.
+            state = None
+        if self._known is None or self._known[0] != state:
+            self._known = (state, [(line["id"], line["name"], line["digest"]) for line in self.lines()])
+        return self._known[1]
 
     def telemetry(self, scenario: int | str) -> pandas.DataFrame:
         """A row for each frame of a scenario: state, control, and a hash of what the driver saw. Needs pandas."""
@@ -147,11 +152,11 @@ class Record:
 
     def steps(self, scenario: int | str) -> dict[str, NDArray[Any]]:
         """As `telemetry`, as a dictionary of arrays."""
-        return _pdk.trace_steps(self.trace(scenario))
+        return _pdk.trace_steps(*self._trace(scenario))
 
     def events(self, scenario: int | str) -> list[tuple[float, str]]:
         """What happened in a scenario: pairs of a time in seconds and a text."""
-        return _pdk.trace_events(self.trace(scenario))
+        return _pdk.trace_events(*self._trace(scenario))
 
     def frames(self, scenario: int | str, topic: str = "perturbed") -> tuple[NDArray[numpy.uint64], NDArray[numpy.uint8]]:
         """The recorded frames of a scenario: their numbers, and an array of frames x height x width x 3, dtype uint8.
@@ -159,7 +164,7 @@ class Record:
         `topic` is raw, as the camera saw it, or perturbed, as the driver saw it. Traces hold JPEG, and only some frames; see
         `images_every`.
         """
-        return _pdk.trace_frames(self.trace(scenario), topic)
+        return _pdk.trace_frames(*self._trace(scenario), topic)
 
 
 def _text(perturbation):

@@ -8,7 +8,7 @@ use pdk_core::ledger;
 use pdk_model::outcome::Cause;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Control, State};
-use pdk_trace::reader::{Entry, TraceReader, read_steps};
+use pdk_trace::reader::{Entry, Owner, TraceReader, read_recorded};
 use pdk_trace::step::{ImageTopic, Step};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -35,10 +35,21 @@ pub fn verdict(py: Python<'_>, cause: &str) -> PyResult<String> {
     Ok(name.as_str().unwrap_or_default().to_owned())
 }
 
-/// The steps of a trace: an array for each number of states and controls, by name.
+/// The line of the ledger that a trace belongs to, from the id and the digest in it.
+fn owner(scenario: &str, digest: String) -> Result<Owner> {
+    Ok(Owner { scenario: scenario.parse()?, digest })
+}
+
+/// The steps of a trace: an array for each number of states and controls, by name. Like all that reads a trace, it raises if the trace
+/// does not belong to the line with this id and digest.
 #[pyfunction]
-pub fn trace_steps(py: Python<'_>, trace: PathBuf) -> PyResult<Bound<'_, PyDict>> {
-    let steps = detached(py, || read_steps(&trace))?;
+pub fn trace_steps<'py>(
+    py: Python<'py>,
+    trace: PathBuf,
+    scenario: &str,
+    digest: String,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (steps, _) = detached(py, || read_recorded(&trace, owner(scenario, digest)?))?;
     let columns = PyDict::new(py);
     let numbers = |of: &dyn Fn(&Step) -> f64| -> Bound<'_, PyArray1<f64>> {
         steps.iter().map(of).collect::<Vec<f64>>().into_pyarray(py)
@@ -62,10 +73,15 @@ pub fn trace_steps(py: Python<'_>, trace: PathBuf) -> PyResult<Bound<'_, PyDict>
 
 /// What happened in a trace: times in seconds and texts.
 #[pyfunction]
-pub fn trace_events(py: Python<'_>, trace: PathBuf) -> PyResult<Vec<(f64, String)>> {
+pub fn trace_events(
+    py: Python<'_>,
+    trace: PathBuf,
+    scenario: &str,
+    digest: String,
+) -> PyResult<Vec<(f64, String)>> {
     detached(py, || {
         let mut events = Vec::new();
-        for entry in TraceReader::open(&trace)? {
+        for entry in TraceReader::of(&trace, owner(scenario, digest)?)? {
             if let Entry::Event(event) = entry? {
                 events.push((event.time(), event.text));
             }
@@ -79,13 +95,20 @@ type Frames<'py> = (Bound<'py, PyArray1<u64>>, Bound<'py, PyArray<u8, numpy::Ix4
 
 /// The recorded frames of a topic of a trace: their numbers, and an array of frames x height x width x 3.
 #[pyfunction]
-pub fn trace_frames<'py>(py: Python<'py>, trace: PathBuf, topic: &str) -> PyResult<Frames<'py>> {
+pub fn trace_frames<'py>(
+    py: Python<'py>,
+    trace: PathBuf,
+    scenario: &str,
+    digest: String,
+    topic: &str,
+) -> PyResult<Frames<'py>> {
     let topic = match topic {
         "raw" => ImageTopic::Raw,
         "perturbed" => ImageTopic::Perturbed,
         other => return Err(mistake(py, format!("`topic` is `{other}`, but has to be raw or perturbed"))),
     };
-    let (numbers, pixels, [height, width]) = detached(py, || decoded(&trace, topic))?;
+    let (numbers, pixels, [height, width]) =
+        detached(py, || decoded(&trace, owner(scenario, digest)?, topic))?;
     let array = made(py, [numbers.len(), height, width, 3]);
     // SAFETY: the array was made just now, and nobody else has it.
     unsafe { bytes(&array) }.copy_from_slice(&pixels);
@@ -93,9 +116,9 @@ pub fn trace_frames<'py>(py: Python<'py>, trace: PathBuf, topic: &str) -> PyResu
 }
 
 /// Numbers, all pixels, and the size of a frame.
-fn decoded(trace: &Path, topic: ImageTopic) -> Result<(Vec<u64>, Vec<u8>, [usize; 2])> {
+fn decoded(trace: &Path, owner: Owner, topic: ImageTopic) -> Result<(Vec<u64>, Vec<u8>, [usize; 2])> {
     let (mut numbers, mut pixels, mut size) = (Vec::new(), Vec::new(), None);
-    for entry in TraceReader::open(trace)? {
+    for entry in TraceReader::of(trace, owner)? {
         let Entry::Image(image) = entry? else { continue };
         if image.topic != topic {
             continue;

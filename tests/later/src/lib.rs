@@ -154,7 +154,12 @@ unsafe extern "C" fn info(_object: *mut c_void, info: *const Sink, _error: *cons
 }
 
 static PLUGIN: LaterPlugin = LaterPlugin {
-    known: Plugin { size: size_of::<LaterPlugin>(), describe: Some(describe), create: Some(create) },
+    known: Plugin {
+        size: size_of::<LaterPlugin>(),
+        describe: Some(describe),
+        create: Some(create),
+        input_files: None,
+    },
     forget: unknown,
 };
 

@@ -1,10 +1,12 @@
 //! `pdk merge`: the records of the parts of a run as one.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use pdk_core::ledger::Line;
 use pdk_core::merge::{self, Merged};
 use pdk_core::println;
 use pdk_sdk::error::Result;
+use pdk_trace::reader::{self, Owner};
 use serde_json::json;
 
 use super::{Global, print_json};
@@ -22,7 +24,8 @@ pub struct Arguments {
 
 /// Puts the records together.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let Merged { scenarios, frames } = merge::merge(&arguments.parts, &arguments.out)?;
+    let check_trace = |trace: &Path, line: &Line| reader::check(trace, Owner::of(line));
+    let Merged { scenarios, frames } = merge::merge(&arguments.parts, &arguments.out, &check_trace)?;
     if global.json {
         return print_json(&json!({ "record": arguments.out, "scenarios": scenarios, "frames": frames }));
     }

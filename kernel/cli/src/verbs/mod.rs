@@ -26,6 +26,7 @@ mod new;
 mod perturb;
 mod plugin;
 mod preview;
+mod recorded;
 mod reference;
 mod replay;
 mod report;

@@ -12,9 +12,9 @@ use pdk_replay::compare::{Compared, Finding};
 use pdk_replay::replay::{Film, Replay, Replayed};
 use pdk_sdk::error::{Error, Result};
 use pdk_session::connection::Pool;
-use pdk_session::session::Session;
 use serde_json::{Value, json};
 
+use super::recorded::{self, Driving};
 use super::{Global, print_json};
 
 /// Arguments of `pdk replay`
@@ -46,6 +46,10 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", requires = "clip", num_args = 0..=1, require_equals = true,
           default_missing_value = DEFAULT_METHOD)]
     saliency: Option<String>,
+    /// Load the libraries and scripts and start the programs that the record names, although they are not installed. Without it
+    /// they are listed, and nothing of the record is run
+    #[arg(long)]
+    trust: bool,
 }
 
 /// Replays and says for each scenario whether it is equal, or where it first differs.
@@ -60,7 +64,10 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     if replay.cut_off() {
         eprintln!("pdk: warning: the last line of scenarios.jsonl is cut off, so its scenario is left out");
     }
-    let mut session = session(global, arguments, &replay)?;
+    let Arguments { record, trust, .. } = arguments;
+    let driving =
+        Driving { verb: "replay", record, pool: pool(arguments), limits: limits(arguments)?, trust: *trust };
+    let mut session = recorded::session(global, &replay, driving)?;
     let changes = replay.changes(&mut session)?;
     for change in &changes {
         eprintln!("pdk: warning: since the run was recorded, {change}, so the replay may come out otherwise");
@@ -97,21 +104,12 @@ fn limits(arguments: &Arguments) -> Result<Limits> {
     Ok(Limits { patience, memory: arguments.memory })
 }
 
-/// A session with all components, also those that are only where the record has them from.
-fn session(global: &Global, arguments: &Arguments, replay: &Replay) -> Result<Session> {
-    let limits = limits(arguments)?;
-    let pool = match &arguments.pool {
+/// Where workers come from.
+fn pool(arguments: &Arguments) -> Pool {
+    match &arguments.pool {
         Some(command) => Pool::Command(command.clone()),
         None => arguments.workers.map_or(Pool::Usual, |workers| Pool::Here(workers.get())),
-    };
-    let start = |search| global.session("replay", pool.clone(), limits, search);
-    let mut search = global.search_path();
-    let session = start(search.clone())?;
-    let Some(further) = replay.further_places(session.catalog()) else { return Ok(session) };
-    drop(session);
-    search.plugins.extend(further.plugins);
-    search.drop_ins.extend(further.drop_ins);
-    start(search)
+    }
 }
 
 fn print(arguments: &Arguments, replayed: &Replayed) {

@@ -12,6 +12,7 @@ use pdk_sdk::error::{Error, Place, Result};
 use pdk_session::connection::Pool;
 use serde_json::json;
 
+use super::recorded::{self, Driving};
 use super::{Global, print_json};
 
 /// Arguments of `pdk shrink`
@@ -42,6 +43,10 @@ pub struct Arguments {
     /// How long one call of a component may take, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_PATIENCE.as_secs_f64())]
     patience: f64,
+    /// Load the libraries and scripts and start the programs that the record names, although they are not installed. Without it
+    /// they are listed, and nothing of the record is run
+    #[arg(long)]
+    trust: bool,
 }
 
 /// Shrinks, and writes what is left as a pipeline.
@@ -68,15 +73,8 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let replay = Replay::open(record, std::slice::from_ref(scenario))?;
     let pool = arguments.workers.map_or(Pool::Usual, |workers| Pool::Here(workers.get()));
     let limits = ProcessLimits { patience, memory: DEFAULT_MEMORY };
-    let start = |search| global.session("shrink", pool.clone(), limits, search);
-    let mut search = global.search_path();
-    let mut session = start(search.clone())?;
-    if let Some(further) = replay.further_places(session.catalog()) {
-        drop(session);
-        search.plugins.extend(further.plugins);
-        search.drop_ins.extend(further.drop_ins);
-        session = start(search)?;
-    }
+    let driving = Driving { verb: "shrink", record, pool, limits, trust: arguments.trust };
+    let mut session = recorded::session(global, &replay, driving)?;
     for change in replay.changes(&mut session)? {
         eprintln!("pdk: warning: since the run was recorded, {change}, so it may not fail any more");
     }

@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 
 use pdk_core::ledger::Line;
+use pdk_core::manifest::components_of;
+use pdk_core::output;
 use pdk_core::settle::Settler;
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Verdict;
@@ -17,6 +19,7 @@ use pdk_session::session::{Reply, Submission, Ticket};
 use serde_json::{Value, json};
 
 use super::{Host, Submitted, progress};
+use crate::follow::Audience;
 
 impl Host {
     /// Submits scenarios, after making sure that their components can be made.
@@ -170,7 +173,31 @@ impl Host {
         for component in components(&scenario.perturbations) {
             self.try_to_make(Kind::Perturbation, &component)?;
         }
+        for (kind, component) in components_of(scenario) {
+            self.note_files(kind, &component)?;
+        }
         self.in_use.add_scenario(self.session.catalog(), scenario, info)
+    }
+
+    /// Notes the files that a component reads, once.
+    pub(super) fn note_files(&mut self, kind: Kind, component: &ComponentSpec) -> Result<()> {
+        let key = (kind, serde_json::to_string(component)?);
+        // One that cannot be made does not come to read anything.
+        if self.fatal.contains_key(&key) || !self.read.insert(key) {
+            return Ok(());
+        }
+        let groups = self.session.input_files(kind, component)?;
+        let bar = output::progress(self.audience != Audience::Person, "{pos}/{len} files read, {eta} left");
+        let read = self.in_use.add_input_files(&groups, &mut |done, all| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+            match interrupt::wish() {
+                Wish::None => Ok(()),
+                Wish::Finish | Wish::Drop => Err(interrupt::error()),
+            }
+        });
+        bar.finish_and_clear();
+        read
     }
 }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use pdk_core::directory::{RESULTS, RunDirectory};
+use pdk_core::manifest::components_of_all;
 use pdk_core::merge::EvaluatedFrames;
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::describe::Kind;
@@ -27,6 +28,11 @@ impl Host {
         let info = self.make(Kind::Driver, &driver)?.info;
         for component in components(&cells) {
             self.make(Kind::Perturbation, &component)?;
+        }
+        self.note_files(Kind::Dataset, &reader)?;
+        self.note_files(Kind::Driver, &driver)?;
+        for (kind, component) in components_of_all(&cells) {
+            self.note_files(kind, &component)?;
         }
         let catalog = self.session.catalog();
         self.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;

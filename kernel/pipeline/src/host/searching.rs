@@ -31,6 +31,8 @@ impl Host {
         if let Some(strategy) = strategy {
             let catalog = self.session.catalog();
             catalog.check(Kind::Search, &strategy.name, &strategy.parameters)?;
+            self.note_files(Kind::Search, strategy)?;
+            let catalog = self.session.catalog();
             self.in_use.add(catalog, Kind::Search, &strategy.name, &strategy.parameters, Vec::new())?;
         }
         self.begin()?;

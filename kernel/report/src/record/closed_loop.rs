@@ -19,7 +19,8 @@ pub fn drives(lines: &[Line], folder: &Path, clips: &ClipFolder) -> Vec<Drive> {
     let mut drives: Vec<Drive> = Vec::new();
     // Who ran a network tells drives apart only if several did.
     let engine = |line: &Line| line.scenario.driver.parameters.get(ENGINE).cloned();
-    let one_engine = lines.iter().filter_map(engine).map(|engine| engine.to_string()).collect::<BTreeSet<_>>().len() < 2;
+    let one_engine =
+        lines.iter().filter_map(engine).map(|engine| engine.to_string()).collect::<BTreeSet<_>>().len() < 2;
     for (number, line) in (0..).zip(lines) {
         let mut driver = line.scenario.driver.clone();
         if one_engine {

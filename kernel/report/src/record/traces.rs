@@ -8,7 +8,7 @@ use pdk_core::directory::RunDirectory;
 use pdk_core::ledger::Line;
 use pdk_sdk::error::Result;
 use pdk_session::recent::{BEFORE, before_the_last};
-use pdk_trace::reader::{Entry, TraceImage, TraceReader};
+use pdk_trace::reader::{Entry, Owner, TraceImage, TraceReader};
 use pdk_trace::step::{ImageTopic, Step};
 use pdk_trace::telemetry::samples;
 
@@ -36,8 +36,8 @@ pub fn add(directory: &RunDirectory, lines: &[Line], drives: &mut [Drive], most:
         shown.iter().map(|(drive, scenario)| drives[*drive].scenarios[*scenario].index).collect();
     let numbers: Vec<u64> = (0..lines.len() as u64).collect();
     let mut traces = parallel::map(&numbers, |number| {
-        let trace = directory.trace_path(&lines[*number as usize].id);
-        Some(read(&trace, with_shots.contains(number)))
+        let line = &lines[*number as usize];
+        Some(read(&directory.trace_path(&line.id), Owner::of(line), with_shots.contains(number)))
     });
     let (mut warnings, mut unreadable) = (Vec::new(), 0_usize);
     for drive in drives.iter_mut() {
@@ -113,9 +113,9 @@ struct Trace {
     shots: Vec<Shot>,
 }
 
-fn read(path: &Path, with_shots: bool) -> Result<Trace> {
+fn read(path: &Path, owner: Owner, with_shots: bool) -> Result<Trace> {
     let (mut steps, mut road, mut recent): (Vec<Step>, _, _) = (Vec::new(), String::new(), VecDeque::new());
-    for entry in TraceReader::open(path)? {
+    for entry in TraceReader::of(path, owner)? {
         match entry? {
             Entry::Step(step) => steps.push(step),
             Entry::Road(waypoints) => road = waypoints,
@@ -171,9 +171,14 @@ mod tests {
         serde_json::from_value(value).unwrap()
     }
 
+    fn create(directory: &RunDirectory, line: &Line) -> writer::Trace {
+        writer::Trace::create(&directory.trace(&line.id).unwrap(), &line.id).unwrap()
+    }
+
     /// A trace with a step and an image every tenth of a second, up to this time.
-    fn write(path: &Path, seconds: u64, road: &str) {
-        let mut trace = writer::Trace::create(path).unwrap();
+    fn write(directory: &RunDirectory, line: &Line, seconds: u64, road: &str) {
+        let mut trace = create(directory, line);
+        trace.event(0.0, false, "x").unwrap();
         let frame = FrameBuf::new(16, 8);
         for sequence in 0..=seconds * 10 {
             let time = sequence as f64 / 10.0;
@@ -206,7 +211,7 @@ mod tests {
         let directory = directory("shots");
         let lines: Vec<Line> = (0..4).map(line).collect();
         for (line, seconds) in lines.iter().zip([5, 1, 0, 5]) {
-            write(&directory.trace(&line.id).unwrap(), seconds, "");
+            write(&directory, line, seconds, "");
         }
         let mut drives = drives(4);
         assert!(add(&directory, &lines, &mut drives, 3).is_empty());
@@ -228,7 +233,7 @@ mod tests {
         let lines: Vec<Line> = (0..5).map(line).collect();
         for (line, road) in lines.iter().zip(["0,0,0@1,5,20", "", "0,0,0@1,5,20", "0,0,inf", "0,1,0@1,3,20"])
         {
-            write(&directory.trace(&line.id).unwrap(), 1, road);
+            write(&directory, line, 1, road);
         }
         let mut drives = drives(5);
         let warnings = add(&directory, &lines, &mut drives, 1);
@@ -249,14 +254,14 @@ mod tests {
     fn what_cannot_be_read_is_left_out_and_said() {
         let directory = directory("damaged");
         let lines: Vec<Line> = (0..7).map(line).collect();
-        write(&directory.trace(&lines[0].id).unwrap(), 1, "0,0,0@1,5,20");
+        write(&directory, &lines[0], 1, "0,0,0@1,5,20");
         // A component took its process along: the trace says so and nothing else.
-        let mut lost = writer::Trace::create(&directory.trace(&lines[1].id).unwrap()).unwrap();
+        let mut lost = create(&directory, &lines[1]);
         lost.event(0.0, false, "x").unwrap();
         lost.event(0.0, true, "driver `d`: it aborts").unwrap();
         lost.finish().unwrap();
         let cut = directory.trace(&lines[2].id).unwrap();
-        write(&cut, 1, "");
+        write(&directory, &lines[2], 1, "");
         let whole = std::fs::read(&cut).unwrap();
         std::fs::write(&cut, &whole[..whole.len() / 2]).unwrap();
         let mut drives = drives(7);

@@ -14,7 +14,7 @@ use pdk_model::outcome::Outcome;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 
-use super::{Dispatch, LAUNCH};
+use super::Dispatch;
 use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
 use crate::lines::Found;
@@ -47,8 +47,9 @@ impl Dispatch {
                 self.stillborn = 0;
                 let simulators = ready.catalog.of_kind(Kind::Simulator);
                 for description in simulators.map(|entry| &entry.description).filter(|found| found.external) {
-                    let can = description.parameters.iter().any(|parameter| parameter.name == LAUNCH);
-                    self.external.insert(description.name.clone(), can);
+                    let starting =
+                        description.parameters.iter().filter(|parameter| parameter.starts_program).cloned();
+                    self.external.insert(description.name.clone(), starting.collect());
                 }
                 if let Some(introduce) = introduce.take() {
                     let _ = introduce.send(Ok(ready));
@@ -122,6 +123,7 @@ impl Dispatch {
                 self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
             }
             Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
+            Answer::InputFiles(files) => self.finish(number, Ok(Reply::InputFiles(files))),
             Answer::Proposed(candidates) => self.finish(number, Ok(Reply::Proposed(candidates))),
             Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
             Answer::Broken(failure) => self.finish(number, Err(failure.into())),
@@ -214,7 +216,7 @@ impl Dispatch {
         };
         let limit = |work: &Work| {
             let calls = match work {
-                Work::Drive(_) | Work::Make(_) | Work::Search(_) => 4,
+                Work::Drive(_) | Work::Make(_) | Work::InputFiles(_) | Work::Search(_) => 4,
                 Work::Evaluate(frame) => 4 + 2 * frame.evaluation.perturbations.len() as u32,
             };
             patience.saturating_mul(calls).saturating_add(GRACE)

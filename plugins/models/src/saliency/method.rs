@@ -6,6 +6,7 @@ use pdk_sdk::prelude::*;
 use super::grid::{Grid, Sign};
 use super::kept::Kept;
 use super::viewer::Viewer;
+use crate::model_file;
 
 /// How a frame becomes a grid.
 pub trait Method: Send + Sized {
@@ -55,6 +56,10 @@ impl<M: Method> Component for Map<M> {
             Ok(Self { method, viewer, sign: M::sign(config), by_cell: config.text("size") == "layer", kept })
         };
         open().map_err(|error: Error| error.at(format!("model `{}`", config.text("model"))))
+    }
+
+    fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
+        Ok(model_file::weights(config.text("model")))
     }
 }
 

@@ -4,8 +4,8 @@ use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
-use crate::engine;
 use crate::driver::with_pixels;
+use crate::engine;
 use crate::model_file::{Inputs, Layout, ModelFile, Source};
 use crate::pixels::Pixels;
 use crate::session::Session;

@@ -11,6 +11,7 @@ use crate::dataset::{Dataset, Entry};
 use crate::describe::Kind;
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, ErrorKind, Result};
+use crate::input_files::InputFiles;
 use crate::mask::Mask;
 use crate::perturbation::{Context, Perturbation};
 use crate::saliency::{HeatmapMut, MapContext, Saliency};
@@ -22,6 +23,7 @@ use crate::simulator::{Annotations, Camera, Scenario, Simulator, State, no_depth
 pub struct Module {
     describe: unsafe extern "C" fn(*const Sink, *const Sink) -> Status,
     create: unsafe extern "C" fn(usize, Text, *mut pdk_abi::Instance, *const Sink) -> Status,
+    input_files: Option<unsafe extern "C" fn(usize, Text, *const Sink, *const Sink) -> Status>,
 }
 
 impl Module {
@@ -38,7 +40,11 @@ impl Module {
         }
         // SAFETY: the caller's promise.
         let plugin = unsafe { load(header.plugin, empty()) };
-        Ok(Self { describe: needed(plugin.describe, "describe")?, create: needed(plugin.create, "create")? })
+        Ok(Self {
+            describe: needed(plugin.describe, "describe")?,
+            create: needed(plugin.create, "create")?,
+            input_files: plugin.input_files,
+        })
     }
 
     /// What the plugin says of itself, as JSON: see [`PluginDescription`](super::PluginDescription).
@@ -60,6 +66,21 @@ impl Module {
         call(|error| unsafe { (self.create)(index, Text::new(parameters.as_bytes()), &mut raw, error) })?;
         // SAFETY: the plugin has made it just now, and nothing else has it.
         unsafe { instance(raw) }
+    }
+}
+
+impl Module {
+    /// The files that an instance of the component with this place reads besides those that the parameters name, a JSON object; none
+    /// from a plugin that cannot say.
+    ///
+    /// # Errors
+    /// If they cannot be listed.
+    pub fn input_files(&self, index: usize, parameters: &str) -> Result<Vec<InputFiles>> {
+        let Some(function) = self.input_files else { return Ok(Vec::new()) };
+        let parameters = Text::new(parameters.as_bytes());
+        // SAFETY: everything lives through the call.
+        let listed = collect(|files, error| unsafe { function(index, parameters, files, error) })?;
+        Ok(serde_json::from_str(&listed)?)
     }
 }
 

@@ -13,6 +13,7 @@ use crate::SDK_VERSION;
 use crate::config::Config;
 use crate::describe::Description;
 use crate::error::{Error, Result};
+use crate::input_files::InputFiles;
 
 /// One line of a plugin's table of components.
 pub struct Registration {
@@ -20,6 +21,8 @@ pub struct Registration {
     pub describe: fn() -> Description,
     /// Makes an instance; the names are those of the parameters, in the order of the description.
     pub create: fn(&Config, Vec<String>) -> Result<pdk_abi::Instance>,
+    /// The files that an instance reads besides those that its parameters name.
+    pub input_files: fn(&Config) -> Result<Vec<InputFiles>>,
 }
 
 /// What a package says of itself, for [`describe`].
@@ -73,13 +76,8 @@ pub unsafe fn create(
     error: *const Sink,
 ) -> Status {
     let created = guard::guard(|| {
-        let registration = table
-            .get(index)
-            .ok_or_else(|| Error::new(format!("the plugin has no component number {index}")))?;
         // SAFETY: the caller's promise.
-        let given: Map<String, Value> = serde_json::from_str(unsafe { convert::text(parameters) }?)?;
-        let description = (registration.describe)();
-        let config = Config::check(&description, &given)?;
+        let (registration, description, config) = unsafe { configured(table, index, parameters) }?;
         let names = description.parameters.into_iter().map(|p| p.name).collect();
         let instance = (registration.create)(&config, names)?;
         // SAFETY: the caller's promise.
@@ -88,6 +86,47 @@ pub unsafe fn create(
     });
     // SAFETY: the caller's promise.
     unsafe { finish(created, error) }
+}
+
+/// Lists the files that an instance of a component would read.
+///
+/// # Safety
+/// Everything is that of a call in progress.
+pub unsafe fn input_files(
+    table: &[Registration],
+    index: usize,
+    parameters: Text,
+    files: *const Sink,
+    error: *const Sink,
+) -> Status {
+    let listed = guard::guard(|| {
+        // SAFETY: the caller's promise.
+        let (registration, _, config) = unsafe { configured(table, index, parameters) }?;
+        let listed = serde_json::to_string(&(registration.input_files)(&config)?)?;
+        // SAFETY: the caller's promise.
+        unsafe { put(files, &listed) };
+        Ok(())
+    });
+    // SAFETY: the caller's promise.
+    unsafe { finish(listed, error) }
+}
+
+/// The line of a component in the table, its description, and its checked parameters.
+///
+/// # Safety
+/// The parameters are those of a call in progress.
+unsafe fn configured(
+    table: &[Registration],
+    index: usize,
+    parameters: Text,
+) -> Result<(&Registration, Description, Config)> {
+    let registration =
+        table.get(index).ok_or_else(|| Error::new(format!("the plugin has no component number {index}")))?;
+    // SAFETY: the caller's promise.
+    let given: Map<String, Value> = serde_json::from_str(unsafe { convert::text(parameters) }?)?;
+    let description = (registration.describe)();
+    let config = Config::check(&description, &given)?;
+    Ok((registration, description, config))
 }
 
 /// Passes a text on.

@@ -44,7 +44,7 @@ macro_rules! registrations {
                     let functions = std::ptr::from_ref(functions).cast();
                     Ok(Instance { kind: kind::$kind, object, functions, ..empty() })
                 }
-                Registration { describe: T::description, create: create::<T> }
+                Registration { describe: T::description, create: create::<T>, input_files: T::input_files }
             }
         )*
     };
