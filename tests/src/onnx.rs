@@ -85,6 +85,23 @@ fn write_pilot(path: &Path, [channels, height, width]: [u64; 3], weights: &[u8])
     std::fs::write(path, model).unwrap();
 }
 
+/// Writes a network in which two nodes compute what is called `control`.
+///
+/// # Panics
+/// Where it cannot be written.
+pub fn ambiguous(path: &Path, height: u64, width: u64) {
+    let graph = [
+        bytes(1, &node("GlobalAveragePool", ["image", ""], "control")),
+        bytes(1, &node("GlobalMaxPool", ["image", ""], "control")),
+        bytes(2, b"ambiguous"),
+        bytes(11, &value("image", &[1, 3, height, width])),
+        bytes(12, &value("control", &[1, 3, 1, 1])),
+    ]
+    .concat();
+    let model = [number(1, 8), bytes(7, &graph), bytes(8, &number(2, 17))].concat();
+    std::fs::write(path, model).unwrap();
+}
+
 /// Writes a network that gives the picture that it gets: three planes of `height` x `width` pixels.
 ///
 /// # Panics

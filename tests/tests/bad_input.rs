@@ -48,6 +48,87 @@ fn images_that_cannot_be_read_are_named() {
 }
 
 #[test]
+fn what_a_frame_cannot_show_is_refused() {
+    let folder = temp();
+    let path = |name: &str| folder.path().join(name);
+    let pixel = |alpha: u8| image::RgbaImage::from_pixel(32, 16, image::Rgba([10, 200, 30, alpha]));
+    pixel(254).save(path("clear.png")).unwrap();
+    pixel(254).save(path("clear.webp")).unwrap();
+    pixel(255).save(path("opaque.png")).unwrap();
+    for name in ["clear.png", "clear.webp"] {
+        perturb(folder.path(), name, "contrast@1", "out.png")
+            .fail(1, &[name, "512 of its pixels are not opaque", "lay it over a background"]);
+    }
+    // An overlay is there to be seen through.
+    perturb(folder.path(), "opaque.png", "overlay@1,clip=clear.png", "out.png").succeed();
+    perturb(folder.path(), "opaque.png", "contrast@1", "out.png").succeed();
+}
+
+#[test]
+fn what_is_given_twice_is_refused() {
+    let folder = temp();
+    let script = pipeline(
+        folder.path(),
+        "local s = pdk.settings({ n = 1, driver = 'lane_keeper' })
+         pdk.drive({ simulator = 'lane', driver = s.driver, duration = 0.2, scenarios = { {} } })",
+    );
+    let run = |values: &[&str]| {
+        let values = values.iter().flat_map(|value| ["--set", value]);
+        Pdk::new(["run"]).args(values).arg(&script).folder(folder.path())
+    };
+    run(&["n=1", "n=2"]).fail(1, &["--set n is given more than once"]);
+    run(&["seed=1", "seed=1"]).fail(1, &["--set seed is given more than once"]);
+    run(&[r#"driver={"name":"lane_keeper","name":"dave2"}"#])
+        .fail(1, &["--set driver", "the key `name` is there twice"]);
+    run(&[r#"driver.target_speed={"a":1,"a":2}"#])
+        .fail(1, &["--set driver.target_speed", "the key `a` is there twice"]);
+    assert!(!folder.path().join("runs").exists());
+    pictures::write(&folder.path().join("in.png"), 16, 12);
+    perturb(
+        folder.path(),
+        "in.png",
+        r#"contrast,level={"ramp":{"from":0,"to":1,"to":4,"end":1}}"#,
+        "out.png",
+    )
+    .fail(1, &["the key `to` is there twice"]);
+    Pdk::new(["doctor", "--simulator", "lane", "--set", "width=64", "--set", "width=128"])
+        .fail(1, &["--set width is given more than once"]);
+}
+
+#[test]
+fn seeds_are_those_that_every_language_keeps() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 16, 12);
+    let drive = |seed: &str| {
+        let scenario = format!(
+            "pdk.drive({{ simulator = {{ name = 'lane', width = 64, height = 48 }}, driver = 'lane_keeper', duration = 0.2, \
+             scenarios = {{ {{ seed = {seed} }} }} }})"
+        );
+        Pdk::new(["run"]).arg(pipeline(folder.path(), &scenario)).folder(folder.path())
+    };
+    drive("9007199254740991").succeed();
+    // Lua has made 2^53 of it when pdk sees it.
+    for seed in ["9007199254740993", "9007199254740992", "1e18"] {
+        drive(seed).fail(1, &["`seed` is ", "from 0 to 9007199254740991"]);
+    }
+    let script = pipeline(folder.path(), "pdk.settings({})");
+    let large = "9007199254740992";
+    Pdk::new(["run", "--set", "seed=9007199254740992"])
+        .arg(&script)
+        .fail(1, &["--set seed", "is not a seed"]);
+    for arguments in [
+        &["run", "x.lua"][..],
+        &["perturb", "in.png", "--with", "contrast@1", "-o", "out.png"],
+        &["road"],
+        &["preview", "in.png", "-o", "shown"],
+    ] {
+        let finished = Pdk::new(arguments).args(["--seed", large]).folder(folder.path()).run();
+        assert_eq!(finished.code, Some(2), "{arguments:?}: {}", finished.stderr);
+        assert!(finished.stderr.contains("is not a seed"), "{}", finished.stderr);
+    }
+}
+
+#[test]
 fn numbers_may_be_written_without_their_zero() {
     let folder = temp();
     pictures::write(&folder.path().join("in.png"), 16, 12);

@@ -257,6 +257,7 @@ fn small_files_that_ask_for_much_are_refused() {
         ("jpeg_claims_16000.jpg", "it is 16000 x 16000, and pictures may have 64 megapixels"),
         ("jpeg_half_scan.jpg", "it is damaged"),
         ("jpeg_no_scan.jpg", "it is damaged"),
+        ("idxbad.png", "it is damaged: a pixel has color"),
         ("samples_2e32.mp4", "it is damaged: its index claims 4294967295 frames"),
         ("gif_65535.gif", "it is 65535 x 65535, and pictures may have"),
     ] {

@@ -236,6 +236,9 @@ fn models_that_cannot_drive_are_refused_by_name() {
     onnx::pilot(&path("cut.onnx"), 3, 30, 40);
     pictures::cut(&path("cut.onnx"));
     fs::write(path("empty.onnx"), "").unwrap();
+    onnx::ambiguous(&path("ambiguous.onnx"), 30, 40);
+    offline(&path("record-ambiguous"), &path("data"), &path("ambiguous.onnx"))
+        .fail(1, &["driver `onnx`", "two values are called `control`"]);
     for name in ["seven_channels.onnx", "text.onnx", "cut.onnx", "empty.onnx", "missing.onnx"] {
         offline(&path(&format!("record-{name}")), &path("data"), &path(name))
             .fail(1, &["driver `onnx`", name]);

@@ -89,6 +89,15 @@ fn a_pool_that_does_not_speak_as_it_should_is_a_sentence() {
     fail(6, "echo '{\"ready\": 7}'; cat > /dev/null", &["says what is not a message"]);
     // One that takes its worker for whatever is there.
     fail(7, &format!("'{}' 2 /bin/true", env!("CARGO_BIN_EXE_pool")), &["ended before it was ready"]);
+    for slots in ["65537", "4294967295"] {
+        let many = changed("\"slots\":1", &format!("\"slots\":{slots}"));
+        fail(8, &many, &[&format!("it has {slots} slots"), "at most 65536"]);
+    }
+    // It lives on, and nobody hears it.
+    let deaf = "exec python3 -c 'import os, time; os.close(1); time.sleep(600)'";
+    for (number, command) in [deaf, deaf.strip_prefix("exec ").unwrap()].into_iter().enumerate() {
+        fail(9 + number, command, &["closed its output before it was ready"]);
+    }
     let said = run(&script, &folder.path().join("both")).args(["--pool", ""]).env(name, value).run();
     assert_eq!(said.code, Some(0), "an empty command means no pool: {}", said.stderr);
     assert!(comes_true(Duration::from_secs(2), || bus.processes().is_empty()), "{:?}", bus.processes());

@@ -5,7 +5,7 @@
 use std::fs;
 use std::path::Path;
 
-use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::process::{json_file, json_lines, pipeline};
 use pdk_tests::records::{assert_equal, files, trace, wait_for_scenarios};
 use pdk_tests::{Pdk, datasets, temp};
 
@@ -232,6 +232,34 @@ fn two_processes_do_not_write_to_one_record() {
     run(&script, &out).fail(1, &["another process is writing to", "--out"]);
     child.kill().unwrap();
     child.wait().unwrap();
+}
+
+#[test]
+fn the_lock_of_a_record_is_more_than_a_file() {
+    let folder = temp();
+    let script = pipeline(folder.path(), &SOURCE.replace("seed = 1, 8", "seed = 1, 2000"));
+    let out = folder.path().join("record");
+    let mut child = run(&script, &out).spawn();
+    wait_for_scenarios(&mut child, &out, 1);
+    fs::remove_file(out.join(".lock")).unwrap();
+    run(&script, &out).fail(1, &["another process is writing to", "--out"]);
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+#[test]
+fn a_pipeline_that_was_moved_goes_on() {
+    let folder = temp();
+    let out = folder.path().join("record");
+    run(&pipeline(folder.path(), SOURCE), &out).succeed();
+    let scenarios = fs::read(out.join("scenarios.jsonl")).unwrap();
+    let moved = folder.path().join("moved");
+    fs::create_dir(&moved).unwrap();
+    let script = pipeline(&moved, SOURCE);
+    let ran = run(&script, &out).succeed();
+    assert!(ran.stdout.contains("16 of 16 scenarios were in the record already"), "{}", ran.stdout);
+    assert_eq!(fs::read(out.join("scenarios.jsonl")).unwrap(), scenarios);
+    assert_eq!(json_file(&out.join("manifest.json"))["pipeline"]["path"], script.to_str().unwrap());
 }
 
 #[test]

@@ -246,6 +246,33 @@ fn candidates_that_cannot_be_evaluated_are_recorded() {
     }
 }
 
+/// A spreadsheet computes what begins so, and shows what stands behind an apostrophe.
+#[test]
+fn a_table_holds_no_formulas() {
+    let folder = temp();
+    let out = folder.path().join("out");
+    let source = r#"pdk.search({ strategy = "random",
+        space = { ["=x"] = { choice = { '=cmd|"/c calc"!A1', "+1+1", "@SUM(1)", "-2+3", "\t=1", "\r=1", "-2", "plain" } }, y = { real = { -3, -2 } } },
+        objectives = { f = "minimise" }, stop = { evaluations = 60 },
+        evaluate = function(values) return { objectives = { f = values.y } } end,
+    })"#;
+    run(&script(folder.path(), source), &out).succeed();
+    let table = table(&out);
+    for cell in [
+        "number,'=x,y,f",
+        ",\"'=cmd|\"\"/c calc\"\"!A1\",-2.",
+        ",'+1+1,-2.",
+        ",'@SUM(1),-2.",
+        ",'-2+3,-2.",
+        ",'\t=1,-2.",
+        ",\"'\r=1\",-2.",
+        ",-2,-2.",
+        ",plain,-2.",
+    ] {
+        assert!(table.contains(cell), "{cell}: {table}");
+    }
+}
+
 #[test]
 fn a_scenario_that_crashes_its_worker_is_a_test_like_any_other() {
     let folder = temp();

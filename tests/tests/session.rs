@@ -88,7 +88,7 @@ fn calls_are_answered_in_order_and_a_mistake_costs_nothing_but_its_call() {
         json!({"defaults": shared}),
         json!({"submit": [{"lenght": 1}]}),
         json!({"what": 1}),
-        json!({"submit": [{"name": "a"}, {"name": "b", "seed": u64::MAX}]}),
+        json!({"submit": [{"name": "a"}, {"name": "b", "seed": (1_u64 << 53) - 1}]}),
         json!({"next": {}}),
         json!({"next": {}}),
         json!({"next": {}}),
@@ -122,7 +122,59 @@ fn calls_are_answered_in_order_and_a_mistake_costs_nothing_but_its_call() {
     failed(10, "wait takes a ticket that was given for a scenario, not 3");
     assert_eq!(answers[13], json!({"returned": 20.0}));
     assert!(answers[14]["returned"].as_array().unwrap().len() > 50);
-    assert_eq!(json_lines(&out.join("scenarios.jsonl"))[1]["scenario"]["seed"], u64::MAX);
+    assert_eq!(json_lines(&out.join("scenarios.jsonl"))[1]["scenario"]["seed"], (1_u64 << 53) - 1);
+}
+
+#[test]
+fn a_key_that_is_there_twice_and_a_seed_that_is_too_large_are_refused() {
+    let folder = temp();
+    let input = format!(
+        "{}\n{}\n{}\n{}\n",
+        r#"{"submit":[{"simulator":"lane","driver":"lane_keeper","duration":1,"duration":2}]}"#,
+        r#"{"submit":[{"simulator":{"name":"lane","width":64,"width":128},"driver":"lane_keeper"}]}"#,
+        r#"{"submit":[{"simulator":"lane","driver":"lane_keeper","seed":9007199254740992}]}"#,
+        r#"{"end":{}}"#
+    );
+    let finished = Pdk::new(["session"]).input(&input).folder(folder.path()).succeed();
+    let said: Vec<String> = told(&finished)
+        .iter()
+        .filter_map(|message| message["failed"]["message"].as_str().map(str::to_owned))
+        .collect();
+    assert_eq!(said.len(), 3, "{said:?}");
+    assert!(said[0].contains("the key `duration` is there twice"), "{said:?}");
+    assert!(said[1].contains("the key `width` is there twice"), "{said:?}");
+    assert!(said[2].contains("scenario 0: `seed` is 9007199254740992, but has to be"), "{said:?}");
+    assert!(!folder.path().join("runs").exists());
+}
+
+/// Equal scenarios are driven once, and their outcomes are handed out one by one.
+#[test]
+fn very_many_equal_scenarios_are_ended_by_a_signal() {
+    const COUNT: usize = 300_000;
+    let folder = temp();
+    let out = folder.path().join("out");
+    let mut command = std::process::Command::new(built("pdk"));
+    command.args(["session", "--workers", "1", "--out"]).arg(&out);
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+    let mut child = command.spawn().unwrap();
+    let mut input = child.stdin.take().unwrap();
+    let shared = r#"{"defaults":{"simulator":{"name":"lane","width":64,"height":48},"driver":"lane_keeper","duration":0.3}}"#;
+    writeln!(input, "{shared}\n{{\"submit\":[{}{{}}]}}\n{{\"end\":{{}}}}", "{},".repeat(COUNT - 1)).unwrap();
+    let mut output = BufReader::new(child.stdout.take().unwrap());
+    let mut line = String::new();
+    while !line.starts_with(r#"{"returned":[1,2,3,"#) {
+        line.clear();
+        assert!(output.read_line(&mut line).unwrap() > 0, "the scenarios were not submitted");
+    }
+    kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
+    // What it says from here on is of no interest, but has to be read.
+    let rest = std::thread::spawn(move || std::io::copy(&mut output, &mut std::io::sink()));
+    let ended = ended_within(&mut child, Duration::from_secs(30));
+    if ended.is_none() {
+        child.kill().unwrap();
+    }
+    rest.join().unwrap().unwrap();
+    assert_eq!(ended.expect("it has not ended").code(), Some(143));
 }
 
 #[test]

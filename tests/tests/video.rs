@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use pdk_sdk::prelude::FrameBuf;
+use pdk_tests::records::partial;
 use pdk_tests::{Pdk, pictures, real_data, temp};
 use pdk_video::{Reader, Writer, Yuv420};
 
@@ -184,7 +185,7 @@ fn videos_that_cannot_be_read_are_named_and_leave_nothing() {
         ("missing.mp4", "does not exist"),
     ] {
         perturb(folder.path(), name, "contrast@1", "out.mp4").fail(1, &[name, reason]);
-        assert!(!path("out.mp4").exists() && !path("out.mp4.part").exists(), "{name}");
+        assert!(!path("out.mp4").exists() && partial(folder.path()).is_empty(), "{name}");
     }
 }
 
@@ -213,7 +214,7 @@ fn a_component_that_fails_in_the_middle_leaves_what_was_there() {
         .args(["--plugins", "scripts"])
         .fail(1, &["breaks", "enough"]);
     assert_eq!(fs::read(folder.path().join("out.mp4")).unwrap(), b"of before");
-    assert!(!folder.path().join("out.mp4.part").exists());
+    assert_eq!(partial(folder.path()), Vec::<std::path::PathBuf>::new());
 }
 
 #[test]

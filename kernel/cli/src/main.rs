@@ -1,5 +1,6 @@
 //! The command-line tool `pdk`.
 
+mod memory;
 mod supervised;
 mod verbs;
 

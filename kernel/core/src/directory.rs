@@ -8,7 +8,7 @@
 //! | `summary.json` | the table at the end |
 //! | `traces/ID.mcap` | frames, control, state and events of the scenario with this id |
 //! | `shard.json` | in the record of a part of a run: the scenarios and evaluations of the whole |
-//! | `.lock` | nothing: the process that writes the record holds it |
+//! | `.lock` | nothing: the process that writes the record holds a lock on it, and one on the folder |
 //! | `performance.json` | when and how fast it ran; the one file that differs between two equal runs |
 
 use std::fs::{self, File, TryLockError};
@@ -18,6 +18,7 @@ use std::sync::Arc;
 
 use pdk_model::scenario::ScenarioId;
 use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
 use serde::Serialize;
 
 use crate::lines::{sync_folder, write_error};
@@ -40,17 +41,32 @@ pub const REPORT: &str = "report.html";
 /// The folder of the clips that the page shows.
 pub const CLIPS: &str = "clips";
 
-/// Held by the process that writes the record; the system gives it back however that process ends.
+/// Held by the process that writes the record, like the folder itself; the system gives both back however that process ends.
 const LOCK: &str = ".lock";
 /// The folder of the traces.
 const TRACES: &str = "traces";
+
+/// Whether a name is that of one of the record's own files, which nothing else may be written to. File systems may not tell small
+/// letters from capitals.
+pub fn is_own(name: &str) -> bool {
+    let own = [MANIFEST, SCENARIOS, RESULTS, SUMMARY, PERFORMANCE, SHARD, REPORT, CLIPS, LOCK, TRACES];
+    own.iter().any(|own| own.eq_ignore_ascii_case(name))
+}
 
 /// The folder of one run.
 #[derive(Debug, Clone)]
 pub struct RunDirectory {
     path: PathBuf,
     /// Keeps other processes from writing here; none where the record is only read.
-    _lock: Option<Arc<File>>,
+    _lock: Option<Arc<Lock>>,
+}
+
+/// Two locks, because neither holds everywhere: that of the folder survives the removal of any file in it, and over a network file
+/// system only that of a file is known to other machines.
+#[derive(Debug)]
+struct Lock {
+    _folder: Option<File>,
+    _file: File,
 }
 
 impl RunDirectory {
@@ -74,17 +90,32 @@ impl RunDirectory {
         let lock = File::options().create(true).append(true).open(path.join(LOCK)).map_err(|error| {
             Error::new(format!("cannot write to the output folder {} ({error}); {remedy}", path.display()))
         })?;
-        match lock.try_lock() {
-            Ok(()) => Ok(Self { path: path.to_owned(), _lock: Some(Arc::new(lock)) }),
-            Err(TryLockError::WouldBlock) => Err(Error::new(format!(
+        let taken = || {
+            Error::new(format!(
                 "another process is writing to the output folder {}; wait for its end, or {remedy}",
                 path.display()
-            ))),
-            Err(TryLockError::Error(error)) => Err(Error::new(format!(
-                "cannot lock the output folder {} ({error}); {remedy}",
-                path.display()
-            ))),
+            ))
+        };
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => return Err(taken()),
+            Err(TryLockError::Error(error)) => {
+                return Err(Error::new(format!(
+                    "cannot lock the output folder {} ({error}); {remedy}",
+                    path.display()
+                )));
+            }
         }
+        let folder = match File::open(path).map(|folder| (folder.try_lock(), folder)) {
+            Ok((Ok(()), folder)) => Some(folder),
+            Ok((Err(TryLockError::WouldBlock), _)) => return Err(taken()),
+            // There are file systems that cannot lock folders; the file is locked there.
+            Ok((Err(TryLockError::Error(_)), _)) | Err(_) => None,
+        };
+        let directory =
+            Self { path: path.to_owned(), _lock: Some(Arc::new(Lock { _folder: folder, _file: lock })) };
+        directory.remove_parts(path, |name| file::whole_of(name).is_some_and(is_saved));
+        Ok(directory)
     }
 
     /// The manifest that an earlier process wrote here; none where it did not come to that.
@@ -148,9 +179,17 @@ impl RunDirectory {
     /// # Errors
     /// Where it cannot be written.
     pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<()> {
-        let mut text = serde_json::to_string_pretty(value)?;
-        text.push('\n');
-        self.write_text(name, &text)
+        let mut failed = None;
+        let written = self.write(name, |file| match serde_json::to_writer_pretty(&mut *file, value) {
+            Ok(()) => file.write_all(b"\n"),
+            // What cannot be JSON is a mistake in the value, and not in the writing.
+            Err(error) if !error.is_io() => {
+                failed = Some(Error::from(error));
+                Err(std::io::ErrorKind::InvalidData.into())
+            }
+            Err(error) => Err(error.into()),
+        });
+        failed.map_or(written, Err)
     }
 
     /// Writes a text file as a whole: it is there complete, or not at all.
@@ -158,11 +197,16 @@ impl RunDirectory {
     /// # Errors
     /// Where it cannot be written.
     pub fn write_text(&self, name: &str, text: &str) -> Result<()> {
-        let (path, part) = (self.path.join(name), self.path.join(format!("{name}.part")));
-        let written = File::create(&part)
-            .and_then(|mut file| file.write_all(text.as_bytes()).and_then(|()| file.sync_all()))
-            .and_then(|()| fs::rename(&part, &path));
-        written.map_err(|error| write_error(&path, &error))?;
+        self.write(name, |file| file.write_all(text.as_bytes()))
+    }
+
+    fn write(
+        &self,
+        name: &str,
+        fill: impl FnOnce(&mut std::io::BufWriter<File>) -> std::io::Result<()>,
+    ) -> Result<()> {
+        let path = self.path.join(name);
+        file::write_with(&path, fill).map_err(|error| write_error(&path, &error))?;
         sync_folder(&path);
         Ok(())
     }
@@ -184,14 +228,23 @@ impl RunDirectory {
 
     /// Removes what processes that ended early left in the folder of the traces.
     pub fn remove_partial_traces(&self) {
-        let entries = fs::read_dir(self.path.join(TRACES)).into_iter().flatten().flatten();
-        let partial =
-            entries.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "part"));
-        for path in partial {
-            // What cannot be removed is in nobody's way: it is written anew.
-            let _ = fs::remove_file(path);
+        self.remove_parts(&self.path.join(TRACES), |name| name.ends_with(".part"));
+    }
+
+    /// Removes what processes that ended early left half-written.
+    fn remove_parts(&self, folder: &Path, is_part: impl Fn(&str) -> bool) {
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            if is_part(&entry.file_name().to_string_lossy()) {
+                // What cannot be removed is in nobody's way: it is written anew.
+                let _ = fs::remove_file(entry.path());
+            }
         }
     }
+}
+
+/// Whether a name may be that of a file that a pipeline or a search saved, or of one of the kernel's that is written whole.
+fn is_saved(name: &str) -> bool {
+    name.ends_with(".json") || name.ends_with(".csv")
 }
 
 /// Whether a folder holds nothing but a record or the beginning of one.
@@ -202,11 +255,11 @@ fn is_ours(path: &Path) -> Result<bool> {
         let name = entry.map_err(place)?.file_name();
         let name = name.to_string_lossy();
         // A pipeline may save files of its own beside those of the kernel, and searches save tables.
-        let whole = name.strip_suffix(".part").unwrap_or(&name);
-        let saved = whole.ends_with(".json") || whole.ends_with(".csv");
+        let whole = file::whole_of(&name);
+        let saved = is_saved(whole.unwrap_or(&name));
         let lines = [SCENARIOS, "scenarios.part", RESULTS, "results.part"].contains(&&*name);
-        let made_of_it = [TRACES, REPORT, CLIPS].contains(&&*name);
-        let known = name == LOCK || name == "manifest.json.part" || begun && (saved || lines || made_of_it);
+        let made_of_it = [TRACES, REPORT, CLIPS].contains(&whole.unwrap_or(&name));
+        let known = name == LOCK || whole == Some(MANIFEST) || begun && (saved || lines || made_of_it);
         if !known {
             return Ok(false);
         }
@@ -231,10 +284,16 @@ mod tests {
         fs::remove_file(folder.join(SCENARIOS)).unwrap();
         assert!(RunDirectory::create(&folder).unwrap().manifest().unwrap().is_none());
         // What a run had saved when it ended does not keep it from going on.
-        for name in [MANIFEST, "search.csv", "search.json.part"] {
+        for name in [MANIFEST, "search.csv", "search.json.123.part", "report.html.9.part"] {
             fs::write(folder.join(name), "").unwrap();
         }
-        assert!(RunDirectory::create(&folder).is_ok());
+        let directory = RunDirectory::create(&folder).unwrap();
+        assert!(folder.join("search.csv").exists() && !folder.join("search.json.123.part").exists());
+        // The lock is not only that of a file, which anybody may tidy away.
+        fs::remove_file(folder.join(LOCK)).unwrap();
+        let error = RunDirectory::create(&folder).unwrap_err().to_string();
+        assert!(error.starts_with("another process is writing to"), "{error}");
+        drop(directory);
         fs::remove_dir_all(folder).unwrap();
     }
 }

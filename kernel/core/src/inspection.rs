@@ -209,12 +209,7 @@ impl Notes {
         while self.good.len() > MOST_NOTES {
             self.good.pop_first();
         }
-        let part = path.with_extension(format!("{}.part", std::process::id()));
-        let written = path.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| {
-            std::fs::write(&part, serde_json::to_vec(&self)?).and_then(|()| std::fs::rename(&part, &path))
-        });
-        if written.is_err() {
-            let _ = std::fs::remove_file(part);
-        }
+        let made = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+        let _ = made.and_then(|()| pdk_sdk::file::write(&path, &serde_json::to_vec(&self)?));
     }
 }

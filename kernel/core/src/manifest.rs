@@ -146,9 +146,6 @@ impl Manifest {
                 return Err(format!("the text of the module {} is another", module.name));
             }
         }
-        if was.path != is.path {
-            return differs("the path of the pipeline", &was.path.display(), &is.path.display());
-        }
         // As it comes out of the file.
         let settings = serde_json::to_string(&self.settings).and_then(|text| serde_json::from_str(&text));
         let settings: Value = settings.map_err(|error| error.to_string())?;

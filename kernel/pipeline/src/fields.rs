@@ -1,6 +1,7 @@
 //! The fields of a table that a pipeline wrote, taken one by one, so that an error names the table and the field and says
 //! what belongs there.
 
+use pdk_model::scenario::LARGEST_SEED;
 use pdk_sdk::error::{Error, Result};
 use serde_json::{Map, Value};
 
@@ -116,6 +117,24 @@ impl Fields {
                 let wrong = || self.wrong(field, &other, "a whole number of at least 0");
                 other.as_u64().map(Some).ok_or_else(wrong)
             }
+        }
+    }
+
+    /// A field with a seed; none if it is not set.
+    ///
+    /// # Errors
+    /// If it is not one.
+    pub fn seed(&mut self, field: &str) -> Result<Option<u64>> {
+        match self.any(field) {
+            Value::Null => Ok(None),
+            other => match other.as_u64().filter(|seed| *seed <= LARGEST_SEED) {
+                Some(seed) => Ok(Some(seed)),
+                None => Err(self.wrong(
+                    field,
+                    &other,
+                    &format!("a whole number from 0 to {LARGEST_SEED}, which every language keeps exactly"),
+                )),
+            },
         }
     }
 

@@ -2,17 +2,16 @@
 
 use std::borrow::Cow;
 use std::cell::Cell;
-use std::io;
+use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use pdk_core::{output, println};
 use pdk_sdk::error::{Error, ErrorKind};
-use pdk_session::lines;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::host::Finished;
+use crate::host::{Finished, Summary};
 
 /// How often a program is told how far a run is.
 const OFTEN: Duration = Duration::from_millis(200);
@@ -59,7 +58,7 @@ pub enum Told<'a> {
         /// The folder of the record; none where nothing was driven or evaluated.
         record: Option<&'a std::path::Path>,
         /// The table at the end.
-        summary: &'a Value,
+        summary: &'a Summary,
         /// How fast it went, a line each.
         speed: &'a [String],
         /// Why the run counts as failed.
@@ -95,7 +94,10 @@ impl<'a> From<&'a Finished> for Told<'a> {
 
 /// Tells the program at the other end of standard output. Where it is gone, the end of its input shows it.
 pub fn tell(message: &Told<'_>) {
-    let _ = lines::write(&mut io::stdout().lock(), message);
+    // The message at the end may be long, so it goes out as it is made.
+    let mut output = io::BufWriter::with_capacity(1 << 16, io::stdout().lock());
+    let _ = serde_json::to_writer(&mut output, message)
+        .map(|()| output.write_all(b"\n").and_then(|()| output.flush()));
 }
 
 /// How far a part of a run is.

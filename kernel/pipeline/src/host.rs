@@ -1,12 +1,14 @@
 //! What stands behind the global `pdk` of one pipeline: its settings, the session, and the record.
 
-mod driving;
+pub(crate) mod driving;
 mod evaluating;
 mod finishing;
 mod searching;
+mod summary;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::SystemTime;
 
 use pdk_core::directory::{MANIFEST, RunDirectory};
@@ -28,6 +30,8 @@ use crate::requests::Defaults;
 use crate::settings::{self, COMMON, Common, Override};
 use crate::{road, table, tables};
 
+pub use summary::Summary;
+
 /// The folder for records where the user names none.
 const RUNS: &str = "runs";
 
@@ -37,7 +41,7 @@ pub struct Finished {
     /// The folder of the record; none where the pipeline neither drove nor evaluated.
     pub record: Option<PathBuf>,
     /// The table at the end; in a part of a run, what belongs to the part.
-    pub summary: Value,
+    pub summary: Summary,
     /// How fast it went, a line each, for people.
     pub speed: Vec<String>,
     /// What did not go well without ending the run, one sentence each.
@@ -82,7 +86,7 @@ pub struct Host {
     /// The numbers of the scenarios, in the order in which they were submitted first, which is that of the ledger in the end.
     numbers: BTreeMap<ScenarioId, usize>,
     /// What came of it, as far as anybody has taken it; nothing where another part of the run drives it.
-    outcomes: BTreeMap<Ticket, Result<Option<Line>>>,
+    outcomes: BTreeMap<Ticket, Result<Option<Arc<Line>>>>,
     /// What scenarios and evaluations left to the machine, such as the engine of networks, and what it was.
     settled: Vec<(String, String)>,
     evaluations: Vec<Value>,
@@ -102,6 +106,7 @@ pub struct Host {
 }
 
 /// A scenario that was submitted.
+#[derive(Debug, Clone)]
 struct Submitted {
     /// Its number in the run, which is its place in the ledger in the end.
     number: usize,

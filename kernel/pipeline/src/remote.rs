@@ -10,6 +10,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
 use pdk_model::component::ComponentSpec;
+use pdk_model::text::Unique;
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use pdk_session::interrupt::{self, Wish};
 use pdk_session::lines::{self, Found};
@@ -17,6 +18,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::follow::{Failed, Told, tell};
+use crate::host::driving::stop_if_dropped;
 use crate::host::{Finished, Host};
 use crate::requests::Defaults;
 use crate::run::{Options, Script, start};
@@ -34,23 +36,23 @@ const LOOK: Duration = Duration::from_millis(100);
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 enum Call {
     /// `pdk.settings`.
-    Settings(Value),
+    Settings(Unique),
     /// What scenarios have from here on where they do not say it, as `pdk.session` takes it.
-    Defaults(Value),
+    Defaults(Unique),
     /// Submits scenarios; returns a ticket for each.
-    Submit(Vec<Value>),
+    Submit(Vec<Unique>),
     /// Waits for the outcome of a ticket.
     Wait(Value),
     /// Waits for the next outcome.
     Next {},
     /// `pdk.evaluate`.
-    Evaluate(Value),
+    Evaluate(Unique),
     /// `pdk.save`.
-    Save { name: String, value: Value },
+    Save { name: String, value: Unique },
     /// `pdk.road`.
-    Road(Value),
+    Road(Unique),
     /// Frames a second of a simulator.
-    Rate(Value),
+    Rate(Unique),
     /// The components there are.
     Catalog {},
     /// The pipeline is at its end: what is under way is finished.
@@ -115,7 +117,7 @@ impl Server {
     fn serve(&mut self, calls: &mpsc::Receiver<Found<Call>>) -> Result<()> {
         loop {
             let returned = match calls.recv_timeout(LOOK) {
-                Ok(Found::Message(Call::End {})) => return Ok(()),
+                Ok(Found::Message(Call::End {})) => return stop_if_dropped(),
                 Ok(Found::End) | Err(RecvTimeoutError::Disconnected) => return Err(interrupt::error()),
                 Err(RecvTimeoutError::Timeout) => match interrupt::wish() {
                     Wish::Drop => return Err(interrupt::error()),
@@ -137,13 +139,14 @@ impl Server {
     fn call(&mut self, call: Call) -> Result<Value> {
         let Self { host, defaults, tickets } = self;
         match call {
-            Call::Settings(given) => host.settings(from_program(given)),
-            Call::Defaults(given) => {
+            Call::Settings(Unique(given)) => host.settings(from_program(given)),
+            Call::Defaults(Unique(given)) => {
                 *defaults = host.defaults().read("defaults", from_program(given))?;
                 Ok(Value::Null)
             }
             Call::Submit(scenarios) => {
-                let one = |(number, scenario)| {
+                let one = |(number, Unique(scenario))| {
+                    stop_if_dropped()?;
                     defaults.submission(&format!("scenario {number}"), from_program(scenario))
                 };
                 let submissions = scenarios.into_iter().enumerate().map(one).collect::<Result<Vec<_>>>()?;
@@ -151,10 +154,12 @@ impl Server {
             }
             Call::Wait(ticket) => tickets.wait(host, &ticket),
             Call::Next {} => tickets.next(host),
-            Call::Evaluate(request) => host.evaluate(from_program(request)),
-            Call::Save { name, value } => host.save(&name.into(), &value).map(|()| Value::Null),
-            Call::Road(request) => host.road(from_program(request)),
-            Call::Rate(simulator) => {
+            Call::Evaluate(Unique(request)) => host.evaluate(from_program(request)),
+            Call::Save { name, value: Unique(value) } => {
+                host.save(&name.into(), &value).map(|()| Value::Null)
+            }
+            Call::Road(Unique(request)) => host.road(from_program(request)),
+            Call::Rate(Unique(simulator)) => {
                 Ok(host.rate(&ComponentSpec::from_json("simulator", &from_program(simulator))?)?.into())
             }
             Call::Catalog {} => host.catalog(),
@@ -175,9 +180,14 @@ mod tests {
         assert!(
             read(r#"{"submit":[{"seed":18446744073709551615}]}"#).unwrap().contains("18446744073709551615")
         );
-        for wrong in
-            [r#"{"nxt":{}}"#, r#"{"submit":{}}"#, r#"{"save":{"name":"a.json"}}"#, r#"{"next":{"a":1}}"#, "3"]
-        {
+        for wrong in [
+            r#"{"submit":[{"a":{"b":1,"b":2}}]}"#,
+            r#"{"nxt":{}}"#,
+            r#"{"submit":{}}"#,
+            r#"{"save":{"name":"a.json"}}"#,
+            r#"{"next":{"a":1}}"#,
+            "3",
+        ] {
             assert!(read(wrong).is_err(), "{wrong}");
         }
     }

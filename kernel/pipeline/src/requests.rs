@@ -118,7 +118,7 @@ impl Defaults {
             .map(|perturbation| AppliedPerturbation::from_json(perturbation).map_err(|error| error.at(place)))
             .collect::<Result<Vec<_>>>()?;
         let (name, road) = (fields.text("name")?, fields.any("road"));
-        let (seed, repeat) = (fields.whole("seed")?, fields.whole("repeat")?.unwrap_or_default());
+        let (seed, repeat) = (fields.seed("seed")?, fields.whole("repeat")?.unwrap_or_default());
         let Self { simulator, driver, duration, failure, images_every, mode, .. } =
             self.clone().take(&mut fields)?;
         let needed = |what: &str, component: Option<ComponentSpec>| {
@@ -288,7 +288,7 @@ mod tests {
         );
         assert_ne!(nominal, seed(json!({"road": {"angles": [0, 2]}})));
         assert_ne!(nominal, seed(json!({"road": {"angles": [0, 1]}, "repeat": 1})));
-        assert_eq!(seed(json!({"seed": 9_007_199_254_740_993_u64})), 9_007_199_254_740_993);
+        assert_eq!(seed(json!({"seed": 9_007_199_254_740_991_u64})), 9_007_199_254_740_991);
         assert_ne!(with(json!({"repeat": 1, "seed": 1})).id(), with(json!({"repeat": 2, "seed": 1})).id());
         assert_eq!(with(json!({"name": "a"})).id(), with(json!({"name": "b"})).id());
     }
@@ -319,6 +319,11 @@ mod tests {
             with("seed", json!(1.5))
                 .starts_with("pdk.drive: scenarios[2]: `seed` is 1.5, but has to be a whole")
         );
+        // What Lua makes of 2^53 + 1, and what other languages do not round.
+        for large in [json!(1_u64 << 53), json!((1_u64 << 53) + 1), json!(u64::MAX), json!(1e18)] {
+            let error = with("seed", large);
+            assert!(error.contains("`seed` is ") && error.contains("from 0 to 9007199254740991"), "{error}");
+        }
         assert!(with("perturbations", json!(["fog@9"])).contains("scenarios[2]: the level in `fog@9`"));
         assert!(with("lenght", json!(1)).contains("scenarios[2]: there is no field `lenght`"));
         assert!(with("mode", json!("fast")).contains("has to be lockstep or realtime"));

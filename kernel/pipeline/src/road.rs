@@ -36,7 +36,7 @@ pub fn build(request: Value, seed: u64) -> Result<(Road, Vec<f64>)> {
     let mut fields = Fields::new("pdk.road", request, &known)?;
     let angles = fields.list("angles")?.map(|list| numbers("angles", &list)).transpose()?;
     let segment = fields.any("segment");
-    let seed_given = fields.whole("seed")?;
+    let seed_given = fields.seed("seed")?;
     let limit = fields.whole("limit")?;
     let turns = fields.whole("turns")?;
     let target = fields.number("mean_curvature")?;

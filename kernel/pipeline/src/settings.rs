@@ -7,6 +7,7 @@ use std::time::Duration;
 use pdk_core::merge::Shard;
 use pdk_core::suggest;
 use pdk_core::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
+use pdk_model::scenario::parse_seed;
 use pdk_model::text::{parse_json, parse_value};
 use pdk_sdk::error::{Error, Result};
 use pdk_session::connection::Pool;
@@ -66,12 +67,15 @@ impl Common {
     /// # Errors
     /// Where a value is not one that the setting can have.
     pub fn read(overrides: Vec<Override>) -> Result<(Self, Vec<Override>)> {
+        refuse_repeated(&overrides)?;
         let mut common = Self::default();
         let mut others = Vec::new();
         for Override { key, value } in overrides {
             let wrong = |expected: &str| Error::new(format!("--set {key}: `{value}` is not {expected}"));
             match key.as_str() {
-                "seed" => common.seed = value.parse().map_err(|_| wrong("a whole number of at least 0"))?,
+                "seed" => {
+                    common.seed = parse_seed(&value).map_err(|error| error.at("--set seed"))?;
+                }
                 "workers" => {
                     let workers = value.parse().ok().filter(|n| (1..=MOST_WORKERS).contains(n));
                     let workers =
@@ -135,6 +139,20 @@ impl std::str::FromStr for Override {
     }
 }
 
+/// Refuses what sets the same twice: one of the values would be dropped without a word.
+///
+/// # Errors
+/// Names the first that is there twice.
+pub fn refuse_repeated(overrides: &[Override]) -> Result<()> {
+    let mut seen = BTreeSet::new();
+    match overrides.iter().find(|given| !seen.insert(given.key.as_str())) {
+        Some(Override { key, .. }) => {
+            Err(Error::new(format!("--set {key} is given more than once; give it once")))
+        }
+        None => Ok(()),
+    }
+}
+
 /// Puts the overrides in the place of the defaults.
 ///
 /// # Errors
@@ -159,7 +177,8 @@ pub fn apply(defaults: Value, overrides: &[Override]) -> Result<Value> {
             }
             // Set to a list meanwhile, it has no fields.
             if let Some(table) = settings[name].as_object_mut() {
-                table.insert(field.to_owned(), parse_value(value));
+                let value = parse_value(value).map_err(|error| error.at(format_args!("--set {key}")))?;
+                table.insert(field.to_owned(), value);
                 continue;
             }
         }
@@ -174,9 +193,10 @@ fn set(table: &mut Map<String, Value>, key: &str, rest: &str, text: &str) -> Res
         None => (rest, None),
     };
     let known: Vec<String> = table.keys().cloned().collect();
+    let value = |text| parse_value(text).map_err(|error| error.at(format_args!("--set {key}")));
     // A table with a name is a component; it knows itself which parameters it has.
     if key != rest && deeper.is_none() && table.contains_key("name") && !table.contains_key(name) {
-        table.insert(name.to_owned(), parse_value(text));
+        table.insert(name.to_owned(), value(text)?);
         return Ok(());
     }
     let Some(current) = table.get_mut(name) else {
@@ -190,8 +210,8 @@ fn set(table: &mut Map<String, Value>, key: &str, rest: &str, text: &str) -> Res
         (Some(deeper), Value::Object(table)) => set(table, key, deeper, text),
         // A component that is given by name gets its first parameter.
         (Some(deeper), Value::String(component)) if !deeper.contains('.') => {
+            let parameter = (deeper.to_owned(), value(text)?);
             let component = Value::String(std::mem::take(component));
-            let parameter = (deeper.to_owned(), parse_value(text));
             *current = Value::Object(Map::from_iter([("name".to_owned(), component), parameter]));
             Ok(())
         }
@@ -208,7 +228,7 @@ fn set(table: &mut Map<String, Value>, key: &str, rest: &str, text: &str) -> Res
 /// Reads a value of the type that the default has.
 fn parse(default: &Value, text: &str) -> Result<Value> {
     let wrong = |expected: &str| Err(Error::new(format!("`{text}` is not {expected}")));
-    let json = parse_json(text);
+    let json = parse_json(text)?;
     match (default, json) {
         (Value::Number(_), Some(Value::Number(number))) => Ok(Value::Number(number)),
         (Value::Number(_), _) => wrong("a number"),
@@ -282,21 +302,42 @@ mod tests {
     fn settings_of_every_pipeline_are_taken_out() {
         let read = |texts: &[&str]| Common::read(texts.iter().map(|text| text.parse().unwrap()).collect());
         let (common, others) =
-            read(&["seed=18446744073709551615", "a=1", "workers=3", "memory=100", "pool="]).unwrap();
+            read(&["seed=9007199254740991", "a=1", "workers=3", "memory=100", "pool="]).unwrap();
         assert_eq!(
             (common.seed, common.workers, common.limits.memory, &common.pool),
-            (u64::MAX, Some(3), 100, &None)
+            ((1 << 53) - 1, Some(3), 100, &None)
         );
         assert_eq!(others, ["a=1".parse().unwrap()]);
         for (text, said) in [
             ("workers=10000", "--set workers: `10000` is not a whole number from 1 to 1024"),
             ("workers=0", "is not a whole number from 1"),
-            ("seed=-1", "--set seed: `-1` is not a whole number of at least 0"),
+            ("seed=-1", "--set seed: `-1` is not a seed: seeds are whole numbers from 0 to 9007199254740991"),
+            ("seed=9007199254740992", "--set seed: `9007199254740992` is not a seed"),
             ("patience=nan", "is not a positive number of seconds"),
             ("memory=0", "is not a positive number of MiB"),
         ] {
             let error = read(&[text]).unwrap_err().to_string();
             assert!(error.contains(said), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_is_set_twice_is_refused() {
+        let twice = ["frames=7", "model=x", "frames=8"].map(|text| text.parse().unwrap());
+        let error = Common::read(twice.to_vec()).unwrap_err().to_string();
+        assert_eq!(error, "--set frames is given more than once; give it once");
+        let seeds = ["seed=1", "seed=1"].map(|text| text.parse().unwrap());
+        assert!(Common::read(seeds.to_vec()).is_err());
+        let both = ["simulator=donkey", "simulator.port=9091"].map(|text| text.parse().unwrap());
+        assert!(Common::read(both.to_vec()).is_ok());
+        for text in
+            [r#"simulator={"name":"x","name":"y"}"#, r#"model={"a":1,"a":2}"#, r#"simulator.x={"a":1,"a":2}"#]
+        {
+            let error = with(text).unwrap_err().to_string();
+            assert!(
+                error.starts_with("--set ") && error.contains("` is there twice; write it once"),
+                "{error}"
+            );
         }
     }
 

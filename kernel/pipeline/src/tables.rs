@@ -5,7 +5,7 @@ use pdk_sdk::error::{Error, Result};
 use serde_json::Value;
 
 use crate::table::table;
-use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, SCENARIOS, SUMMARY};
+use pdk_core::directory;
 
 /// Checks the name of a file that a pipeline adds to its record.
 ///
@@ -23,8 +23,7 @@ pub fn checked_name(name: &Value) -> Result<&str> {
             "pdk.save: {name} is not a name for a file in the record; write letters, digits, `_` and `-`, as in \"ranking.json\""
         )));
     };
-    let lower = name.to_ascii_lowercase();
-    match [MANIFEST, PERFORMANCE, RESULTS, SCENARIOS, SUMMARY].contains(&lower.as_str()) {
+    match directory::is_own(name) {
         true => {
             Err(Error::new(format!("pdk.save: {name} is a file of the record itself; choose another name")))
         }
@@ -79,7 +78,7 @@ mod tests {
         for name in ["../a.json", "a/b.json", ".json", ".a.json", "a.txt", "", "ä.json"] {
             assert!(checked_name(&json!(name)).unwrap_err().to_string().contains("is not a name"), "{name}");
         }
-        for name in ["manifest.json", "Summary.json", "performance.json"] {
+        for name in ["manifest.json", "Summary.json", "performance.json", "shard.json"] {
             assert!(checked_name(&json!(name)).unwrap_err().to_string().contains("of the record itself"));
         }
         assert!(checked_name(&json!(3)).is_err());

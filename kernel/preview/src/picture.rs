@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use image::{Rgb, RgbImage, imageops};
-use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::file;
 use pdk_sdk::prelude::FrameBuf;
 
 use crate::text::{self, LINE_HEIGHT};
@@ -99,16 +100,18 @@ pub fn sheet(heading: &str, blocks: &[Block], columns: u32) -> Result<RgbImage> 
 /// Where it cannot be encoded or written.
 pub fn write_clip(path: &Path, frames: Vec<RgbImage>, frames_per_second: u32) -> Result<()> {
     use image::codecs::gif::{GifEncoder, Repeat};
-    let place = format!("cannot write {}", path.display());
-    let file = std::fs::File::create(path).place(&place)?;
-    let mut encoder = GifEncoder::new_with_speed(std::io::BufWriter::new(file), 10);
-    encoder.set_repeat(Repeat::Infinite).place(&place)?;
-    for frame in frames {
-        let delay = image::Delay::from_numer_denom_ms(1000, frames_per_second.max(1));
-        let rgba = image::DynamicImage::from(frame).into_rgba8();
-        encoder.encode_frame(image::Frame::from_parts(rgba, 0, 0, delay)).place(&place)?;
-    }
-    Ok(())
+    let text = |error: image::ImageError| Error::new(error.to_string());
+    let written = file::write_with(path, |file| {
+        let mut encoder = GifEncoder::new_with_speed(file, 10);
+        encoder.set_repeat(Repeat::Infinite).map_err(text)?;
+        for frame in frames {
+            let delay = image::Delay::from_numer_denom_ms(1000, frames_per_second.max(1));
+            let rgba = image::DynamicImage::from(frame).into_rgba8();
+            encoder.encode_frame(image::Frame::from_parts(rgba, 0, 0, delay)).map_err(text)?;
+        }
+        Ok(())
+    });
+    written.map_err(|error: Error| error.at(format_args!("cannot write {}", path.display())))
 }
 
 #[cfg(test)]

@@ -95,7 +95,7 @@ pub fn outcomes(directory: &RunDirectory) -> Result<(Vec<PublishedOutcome>, bool
 /// Where it cannot be written.
 pub fn write(path: &Path, outcomes: &[PublishedOutcome]) -> Result<()> {
     let text = serde_json::to_vec_pretty(outcomes)?;
-    std::fs::write(path, text).place(format_args!("cannot write {}", path.display()))
+    pdk_sdk::file::write(path, &text).place(format_args!("cannot write {}", path.display()))
 }
 
 #[cfg(test)]

@@ -44,7 +44,7 @@ impl Pool {
             }
             Self::Command(line) => {
                 let mut command = Command::new("sh");
-                command.args(["-c", &written_out(line)]);
+                command.args(["-c", &listened_to(&written_out(line))]);
                 Ok(command)
             }
         }
@@ -68,6 +68,16 @@ fn written_out(line: &str) -> String {
         Some(rest) if rest.is_empty() || rest.starts_with(char::is_whitespace) => format!("{}{rest}", RAY.1),
         _ => line.to_owned(),
     }
+}
+
+/// More slots than this are a mistake.
+const MOST_SLOTS: u32 = 1 << 16;
+
+/// What the shell runs for a command, so that the output ends when the command closes it: the shell itself keeps no copy, which it would
+/// do if it waited for the command in the usual way.
+fn listened_to(line: &str) -> String {
+    // The shell gives what it does not wait for another input, unless told.
+    format!("exec 3<&0\n(\n{line}\n) <&3 3<&- &\nexec >&- <&- 3<&-\nwait $!")
 }
 
 /// A process at the other end, with the slots it has.
@@ -147,6 +157,13 @@ impl Connection {
             return Err(Error::new(format!(
                 "{} says that it has no slots; it needs at least one",
                 pool.name()
+            )));
+        }
+        if ready.slots > MOST_SLOTS {
+            return Err(Error::new(format!(
+                "{} says that it has {} slots; it may have at most {MOST_SLOTS}",
+                pool.name(),
+                ready.slots
             )));
         }
         self.slots = Some(vec![None; ready.slots as usize]);

@@ -292,7 +292,7 @@ impl Dispatch {
         });
         self.order.push(id);
         if let Some(line) = known {
-            self.answer(ticket, Ok(Reply::Recorded(Box::new(line), before)));
+            self.answer(ticket, Ok(Reply::Recorded(Arc::new(line), before)));
             return Ok(None);
         }
         let Submission { scenario, name, images_every } = submission.clone();

@@ -230,7 +230,12 @@ impl Session {
         tick: &mut dyn FnMut(u64),
     ) -> Result<Option<(Ticket, Result<Reply>)>> {
         loop {
-            let come = self.early.keys().find(|ticket| among.contains(ticket)).copied();
+            // Either may be large.
+            let come = match self.early.len() < among.len() {
+                true => self.early.keys().find(|ticket| among.contains(ticket)),
+                false => among.iter().find(|ticket| self.early.contains_key(ticket)),
+            };
+            let come = come.copied();
             if let Some(answer) = come.and_then(|ticket| Some((ticket, self.early.remove(&ticket)?))) {
                 self.open.remove(&answer.0);
                 return Ok(Some(answer));

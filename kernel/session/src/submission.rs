@@ -1,6 +1,7 @@
 //! What goes into a session, and what comes out of it.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use pdk_core::ledger::Line;
 use pdk_core::search_path::SearchPath;
@@ -45,7 +46,7 @@ pub struct Ticket(pub(crate) u64);
 #[derive(Debug, Clone)]
 pub enum Reply {
     /// A scenario that was recorded: its line, and whether that was in the ledger before the session.
-    Recorded(Box<Line>, bool),
+    Recorded(Arc<Line>, bool),
     /// A scenario that was driven without being recorded.
     Driven(Box<Driven>),
     /// A frame of a dataset.

@@ -196,6 +196,11 @@ impl ModelFile {
             .as_ref()
             .filter(|graph| !graph.node.is_empty())
             .ok_or_else(|| Error::new("the file is not an ONNX model: it contains no graph"))?;
+        pdk_onnx::model::check_names(
+            graph.initializer.iter().map(|tensor| tensor.name.as_str()),
+            graph.input.iter().map(|input| input.name.as_str()),
+            graph.node.iter().flat_map(|node| &node.output).map(String::as_str),
+        )?;
         if let Source::File(path) = &source {
             check_external(graph, path.parent().unwrap_or(Path::new("")))?;
         }

@@ -37,6 +37,7 @@ mod error;
 mod layout;
 mod link;
 mod message;
+mod remedy;
 mod removal;
 mod root;
 mod service;

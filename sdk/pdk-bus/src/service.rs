@@ -21,6 +21,7 @@ use crate::{
     base::BASE_VARIABLE,
     error::{Error, Result},
     message::{ControlMessage, FrameHeader, StateMessage, Topic},
+    remedy::remedy,
 };
 
 /// Ports of this variant may move between threads; they speak with those of `ipc::Service` as well.
@@ -106,10 +107,11 @@ fn cannot_open(name: &ServiceName, error: &dyn std::error::Error) -> Error {
         if reason.contains("Incompatible") || reason.contains("DoesNotSupport") || reason.contains("Version")
         {
             "the process at the other end was built against another pdk-bus or iceoryx2, use the same version"
+                .to_owned()
         } else if reason.contains("ExceedsMaxNumberOfNodes") {
-            "too many processes use it, end some of the taps"
+            "too many processes use it, end some of the taps".to_owned()
         } else {
-            "check that /dev/shm is writable and not full"
+            remedy()
         };
     Error::new(format!("topic `{name}` cannot be opened ({reason}): {remedy}"))
 }
@@ -143,8 +145,9 @@ pub(crate) fn config(file: &std::path::Path) -> Result<Config> {
 pub(crate) fn create_node(name: &str, config: &Config) -> Result<Node<Ipc>> {
     let failed = |error: &dyn std::error::Error| {
         Error::new(format!(
-            "the bus cannot register this process in {} ({error}): check that it can be written and has space",
-            config.global.root_path()
+            "the bus cannot register this process in {} ({error}): check that it can be written and has space; else {}",
+            config.global.root_path(),
+            remedy()
         ))
     };
     NodeBuilder::new()

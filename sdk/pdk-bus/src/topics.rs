@@ -20,6 +20,7 @@ use iceoryx2::{
 use crate::{
     error::{Error, Result},
     message::{ControlMessage, FrameHeader, StateMessage, Topic},
+    remedy::remedy,
     removal::shared_memory,
     root::options,
     service::{
@@ -227,9 +228,7 @@ impl Deref for FrameSample {
 }
 
 fn cannot_publish(topic: Topic, error: &dyn std::error::Error) -> Error {
-    Error::new(format!(
-        "topic `{topic}` cannot be made ({error}): check that /dev/shm is writable and not full"
-    ))
+    Error::new(format!("topic `{topic}` cannot be made ({error}): {}", remedy()))
 }
 
 /// iceoryx2 lets every user write to the file in which it counts the nodes. Who has it open can shorten it, on

@@ -10,6 +10,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use image::codecs::jpeg::JpegEncoder;
+use image::codecs::webp::WebPDecoder;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits, RgbImage};
 use pdk_sdk::error::Place;
@@ -22,14 +23,36 @@ pub use size::{LARGEST_FILE, LONGEST, check_size, most_pixels};
 /// The quality of a JPEG that is written, of 100: high, so that what a perturbation does is not mixed with what JPEG does.
 const JPEG_QUALITY: u8 = 95;
 
-/// Reads a JPEG, PNG, BMP or WebP file as RGB; what it contains decides, not its name. An alpha channel is dropped. A
-/// picture that its camera held otherwise (the orientation of the file's EXIF data) is turned upright.
+/// Reads a JPEG, PNG, BMP or WebP file as RGB; what it contains decides, not its name. A picture that its camera held otherwise
+/// (the orientation of the file's EXIF data) is turned upright.
 ///
 /// # Errors
-/// Where the file cannot be read, is no such image, has more than [`most_pixels`], or is damaged or cut off: there is no
-/// partial image.
+/// Where the file cannot be read, is no such image, has more than [`most_pixels`], is an animation, has pixels that are not
+/// opaque, or is damaged or cut off: there is no partial image.
 pub fn read(path: &Path) -> Result<FrameBuf> {
-    read_as(path, |image| frame(image.into_rgb8()))
+    read_as(path, |image| {
+        check_opaque(&image)?;
+        frame(image.into_rgb8())
+    })
+}
+
+/// Refuses a picture through which something else is to be seen: what a frame would show there is nowhere written.
+fn check_opaque(image: &DynamicImage) -> Result<()> {
+    let transparent = match image {
+        DynamicImage::ImageLumaA8(pixels) => pixels.pixels().filter(|pixel| pixel.0[1] < u8::MAX).count(),
+        DynamicImage::ImageRgba8(pixels) => pixels.pixels().filter(|pixel| pixel.0[3] < u8::MAX).count(),
+        DynamicImage::ImageLumaA16(pixels) => pixels.pixels().filter(|pixel| pixel.0[1] < u16::MAX).count(),
+        DynamicImage::ImageRgba16(pixels) => pixels.pixels().filter(|pixel| pixel.0[3] < u16::MAX).count(),
+        DynamicImage::ImageRgba32F(pixels) => pixels.pixels().filter(|pixel| pixel.0[3] < 1.0).count(),
+        _ => 0,
+    };
+    match transparent {
+        0 => Ok(()),
+        count => Err(Error::new(format!(
+            "{count} of its pixels are not opaque, and frames have no transparency; lay it over a background and save it without an \
+             alpha channel"
+        ))),
+    }
 }
 
 /// Reads an image as [`read`] does, and its alpha channel with it: a byte a pixel row by row, 255 where it is opaque.
@@ -63,7 +86,7 @@ pub fn decode(bytes: &[u8]) -> Result<DynamicImage> {
     Ok(image)
 }
 
-/// Decodes an image file as [`decode`] does, and drops an alpha channel as [`read`] does, into a frame of its size. Returns the width and
+/// Decodes an image file as [`decode`] does, and drops an alpha channel, as that of a simulator's camera, into a frame of its size. Returns the width and
 /// height of the picture in pixels; where the frame has another size, it holds nothing of use.
 ///
 /// # Errors
@@ -104,6 +127,11 @@ fn frame(image: RgbImage) -> Result<FrameBuf> {
 /// Decodes BMP and WebP.
 fn other(bytes: &[u8], format: ImageFormat) -> Result<(DynamicImage, Orientation)> {
     const DAMAGED: &str = "it is damaged";
+    if format == ImageFormat::WebP && WebPDecoder::new(Cursor::new(bytes)).place(DAMAGED)?.has_animation() {
+        return Err(Error::new(
+            "it is an animation where one picture is expected; save the one that is meant as a file of its own",
+        ));
+    }
     let mut decoder = ImageReader::with_format(Cursor::new(bytes), format).into_decoder().place(DAMAGED)?;
     let (width, height) = decoder.dimensions();
     check_size(width, height)?;
@@ -143,7 +171,7 @@ pub fn write(path: &Path, frame: Frame<'_>) -> Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).place(&place)?;
     }
-    std::fs::write(path, encoded.into_inner()).place(&place)
+    file::write(path, &encoded.into_inner()).place(&place)
 }
 
 #[cfg(test)]
@@ -497,10 +525,18 @@ mod tests {
         image::RgbaImage::from_fn(3, 1, |x, _| image::Rgba([10, 20, 30, (x * 100) as u8]))
             .save(&path)
             .unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(
+            error.contains("3 of its pixels are not opaque") && error.contains("a background"),
+            "{error}"
+        );
         let (frame, alpha) = read_with_alpha(&path).unwrap();
         assert_eq!((frame.data()[..3].to_vec(), alpha), (vec![10, 20, 30], vec![0, 100, 200]));
         write(&path, frame.as_ref()).unwrap();
         assert_eq!(read_with_alpha(&path).unwrap().1, [255; 3]);
+        // An alpha channel that hides nothing is none.
+        image::RgbaImage::from_pixel(3, 1, image::Rgba([10, 20, 30, 255])).save(&path).unwrap();
+        assert_eq!(read(&path).unwrap().data()[..3], [10, 20, 30]);
         std::fs::remove_file(path).unwrap();
     }
 

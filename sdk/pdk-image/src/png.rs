@@ -7,7 +7,7 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageBuffer};
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
-use png::{BitDepth, ColorType, DecodeOptions, Decoder, Limits, Reader, Transformations};
+use png::{BitDepth, ColorType, DecodeOptions, Decoder, Info, Limits, OutputInfo, Reader, Transformations};
 
 use crate::size::check_size;
 
@@ -21,6 +21,10 @@ type PngReader<'a> = Reader<Cursor<&'a [u8]>>;
 
 /// A file of which the head was read, and how many bytes its pixels have.
 fn read(bytes: &[u8]) -> Result<(PngReader<'_>, usize)> {
+    read_with(bytes, Transformations::EXPAND)
+}
+
+fn read_with(bytes: &[u8], transformations: Transformations) -> Result<(PngReader<'_>, usize)> {
     let mut options = DecodeOptions::default();
     options.set_ignore_checksums(false);
     // Of no use here, and they may be compressed a thousand times.
@@ -31,7 +35,7 @@ fn read(bytes: &[u8]) -> Result<(PngReader<'_>, usize)> {
     check_size(info.width, info.height)?;
     let bytes = info.raw_bytes().saturating_mul(4).max(1 << 24);
     decoder.set_limits(Limits { bytes });
-    decoder.set_transformations(Transformations::EXPAND);
+    decoder.set_transformations(transformations);
     let reader = decoder.read_info().place(DAMAGED)?;
     let length = reader.output_buffer_size().ok_or_else(|| Error::new("it is damaged: it has no size"))?;
     Ok((reader, length))
@@ -48,21 +52,70 @@ fn orientation(reader: &PngReader<'_>) -> Orientation {
 /// # Errors
 /// Where it is damaged or too large.
 pub fn check_animation(bytes: &[u8]) -> Result<()> {
-    let (mut reader, length) = read(bytes)?;
+    let (mut reader, length) = read_with(bytes, Transformations::IDENTITY)?;
     let mut pixels = vec![0; length];
-    let info = reader.info();
-    let pictures = info.animation_control.map_or(1, |animation| animation.num_frames);
-    // The picture for those that know nothing of animations may be one of its own.
-    let apart = info.animation_control.is_some() && info.frame_control.is_none();
-    for _ in 0..u64::from(pictures) + u64::from(apart) {
-        reader.next_frame(&mut pixels).place(DAMAGED)?;
+    for _ in 0..pictures(reader.info()) {
+        let frame = reader.next_frame(&mut pixels).place(DAMAGED)?;
+        check_indexes(&reader, &frame, &pixels)?;
     }
     reader.finish().place(DAMAGED)
 }
 
-/// Decodes a file, or the first picture of an animation; how it is to be turned is said beside it.
+/// How many pictures there are.
+fn pictures(info: &Info<'_>) -> u64 {
+    let animated = info.animation_control.map_or(1, |animation| animation.num_frames);
+    // The picture for those that know nothing of animations may be one of its own.
+    let apart = info.animation_control.is_some() && info.frame_control.is_none();
+    u64::from(animated) + u64::from(apart)
+}
+
+/// Refuses what is more than one picture.
+fn check_still(reader: &PngReader<'_>) -> Result<()> {
+    match pictures(reader.info()) {
+        0 | 1 => Ok(()),
+        count => Err(Error::new(format!(
+            "it is an animation of {count} pictures where one is expected; save the one that is meant as a PNG of its own"
+        ))),
+    }
+}
+
+/// Refuses a picture that names colors which its palette does not have. Its decoder takes black for them.
+fn check_indexes(reader: &PngReader<'_>, frame: &OutputInfo, pixels: &[u8]) -> Result<()> {
+    if frame.color_type != ColorType::Indexed {
+        return Ok(());
+    }
+    let colors = reader.info().palette.as_ref().map_or(0, |palette| palette.len() / 3);
+    let bits = frame.bit_depth as usize;
+    for row in pixels[..frame.buffer_size()].chunks_exact(frame.line_size) {
+        for x in 0..frame.width as usize {
+            let shift = 8 - bits - x * bits % 8;
+            let index = usize::from(row[x * bits / 8] >> shift) & ((1 << bits) - 1);
+            if index >= colors {
+                return Err(Error::new(format!(
+                    "it is damaged: a pixel has color {index} of a palette of {colors}"
+                )));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// As [`check_indexes`], for the first picture of a file.
+fn check_palette(bytes: &[u8], reader: &PngReader<'_>) -> Result<()> {
+    if reader.info().color_type != ColorType::Indexed {
+        return Ok(());
+    }
+    let (mut reader, length) = read_with(bytes, Transformations::IDENTITY)?;
+    let mut pixels = vec![0; length];
+    let frame = reader.next_frame(&mut pixels).place(DAMAGED)?;
+    check_indexes(&reader, &frame, &pixels)
+}
+
+/// Decodes a file; how the picture is to be turned is said beside it.
 pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
     let (mut reader, length) = read(bytes)?;
+    check_still(&reader)?;
+    check_palette(bytes, &reader)?;
     let mut pixels = vec![0; length];
     let (color, depth) = reader.output_color_type();
     let frame = reader.next_frame(&mut pixels).place(DAMAGED)?;
@@ -107,6 +160,9 @@ pub fn decode_into(bytes: &[u8], into: &mut FrameMut<'_>) -> Result<bool> {
     let (size, kind) = (reader.info().size(), reader.output_color_type());
     if (size.0 as usize, size.1 as usize) != (into.width(), into.height())
         || kind != (ColorType::Rgb, BitDepth::Eight)
+        // These take a closer look.
+        || reader.info().color_type == ColorType::Indexed
+        || pictures(reader.info()) > 1
     {
         return Ok(false);
     }
@@ -170,6 +226,43 @@ mod tests {
         let at = |name: &[u8]| bytes.windows(4).position(|four| four == name).unwrap() - 4;
         let places = [at(b"IDAT"), at(b"fdAT")];
         (bytes, places)
+    }
+
+    /// A picture of 8 x 2 with so many bits a pixel, of which each has this color of a palette of three.
+    fn with_palette(depth: BitDepth, index: u8) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 8, 2);
+        encoder.set_color(ColorType::Indexed);
+        encoder.set_depth(depth);
+        encoder.set_palette(vec![10, 20, 30, 40, 50, 60, 70, 80, 90]);
+        let mut writer = encoder.write_header().unwrap();
+        let bits = depth as usize;
+        let byte = (0..8 / bits).fold(0, |byte: u8, place| byte | index << (place * bits));
+        writer.write_image_data(&vec![byte; 2 * bits]).unwrap();
+        writer.finish().unwrap();
+        bytes
+    }
+
+    #[test]
+    fn a_color_that_the_palette_does_not_have_is_refused() {
+        for (depth, last) in [(BitDepth::Two, 3), (BitDepth::Four, 15), (BitDepth::Eight, 255)] {
+            let (picture, _) = decode(&with_palette(depth, 2)).unwrap();
+            assert_eq!(picture.to_rgb8().get_pixel(7, 1).0, [70, 80, 90]);
+            for index in [3, last] {
+                let bytes = with_palette(depth, index);
+                for error in [decode(&bytes).map(drop).unwrap_err(), check_animation(&bytes).unwrap_err()] {
+                    let expected = format!("it is damaged: a pixel has color {index} of a palette of 3");
+                    assert_eq!(error.to_string(), expected);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_animation_is_not_one_picture() {
+        let (whole, _) = animation();
+        let error = decode(&whole).map(drop).unwrap_err().to_string();
+        assert!(error.starts_with("it is an animation of 2 pictures where one is expected"), "{error}");
     }
 
     #[test]

@@ -37,11 +37,16 @@ impl ComponentSpec {
         if name.is_empty() {
             return Err(Error::new(format!("`{text}` names no {what}; write NAME or NAME,PARAMETER=VALUE")));
         }
-        let parameters = parts.map(|part| match part.split_once('=') {
-            Some((key, value)) if !key.is_empty() => Ok((key.to_owned(), parse_value(value))),
-            _ => Err(Error::new(format!("`{part}` of {what} `{name}` has no value; write PARAMETER=VALUE"))),
-        });
-        let parameters = parameters.collect::<Result<Map<_, _>>>()?;
+        let mut parameters = Map::new();
+        for part in parts {
+            let Some((key, value)) = part.split_once('=').filter(|(key, _)| !key.is_empty()) else {
+                let sentence = format!("`{part}` of {what} `{name}` has no value; write PARAMETER=VALUE");
+                return Err(Error::new(sentence));
+            };
+            if parameters.insert(key.to_owned(), parse_value(value)?).is_some() {
+                return Err(Error::new(format!("`{text}` sets `{key}` twice; leave one out")));
+            }
+        }
         check_values(name, &parameters)?;
         Ok(Self { name: name.to_owned(), parameters })
     }

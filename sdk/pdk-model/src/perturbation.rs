@@ -216,14 +216,14 @@ fn read_text(text: &str) -> Result<Map<String, Value>> {
     }
     let mut table = Map::from_iter([("name".to_owned(), Value::from(name))]);
     if let Some(level) = level {
-        let level = Level::from_json(head, &parse_value(level))?;
+        let level = Level::from_json(head, &parse_value(level)?)?;
         table.insert("level".to_owned(), serde_json::to_value(level)?);
     }
     for part in parts {
         let (key, value) = part.split_once('=').ok_or_else(|| {
             Error::new(format!("`{part}` in `{text}` sets nothing; write parameters as name=value"))
         })?;
-        if table.insert(key.to_owned(), parse_value(value)).is_some() {
+        if table.insert(key.to_owned(), parse_value(value)?).is_some() {
             return Err(Error::new(format!("`{text}` sets `{key}` twice; leave one out")));
         }
     }

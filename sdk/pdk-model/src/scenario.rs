@@ -155,6 +155,34 @@ pub fn seed_of(run_seed: u64, road: &Value, repeat: u64) -> u64 {
     u64::from_le_bytes(first) >> (64 - 53)
 }
 
+/// The largest seed. From the next number on, Lua and many readers of JSON round.
+pub const LARGEST_SEED: u64 = (1 << 53) - 1;
+
+/// A seed that somebody gives.
+///
+/// # Errors
+/// If it is too large.
+pub fn checked_seed(seed: u64) -> Result<u64> {
+    match seed <= LARGEST_SEED {
+        true => Ok(seed),
+        false => Err(not_a_seed(&seed)),
+    }
+}
+
+/// A seed as it is written on the command line.
+///
+/// # Errors
+/// If it is not a whole number, or too large.
+pub fn parse_seed(text: &str) -> Result<u64> {
+    text.parse().map_err(|_| not_a_seed(&text)).and_then(checked_seed)
+}
+
+fn not_a_seed(given: &dyn fmt::Display) -> Error {
+    Error::new(format!(
+        "`{given}` is not a seed: seeds are whole numbers from 0 to {LARGEST_SEED}, which every language keeps exactly"
+    ))
+}
+
 /// What tells a scenario from every other: 32 hexadecimal digits.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ScenarioId([u8; 16]);

@@ -1,5 +1,6 @@
 //! ONNX files, read with everything that belongs to them.
 
+use std::collections::HashSet;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Component, Path};
 
@@ -36,8 +37,40 @@ pub fn decode(bytes: &[u8]) -> Result<ModelProto> {
     let model =
         ModelProto::decode(bytes).map_err(|_| Error::new("the file is not an ONNX model, or is damaged"))?;
     match &model.graph {
-        Some(graph) if !graph.node.is_empty() => Ok(model),
+        Some(graph) if !graph.node.is_empty() => {
+            check_names(
+                graph.initializer.iter().map(|tensor| tensor.name.as_str()),
+                graph.input.iter().map(|input| input.name.as_str()),
+                graph.node.iter().flat_map(|node| &node.output).map(String::as_str),
+            )?;
+            Ok(model)
+        }
         _ => Err(Error::new("the file is not an ONNX model: it contains no graph")),
+    }
+}
+
+/// Refuses a graph in which a name stands for two values: every reader picks one of them without a word. `weights`, `inputs` and
+/// `computed` are the names of its initializers and inputs, and of all outputs of its nodes.
+///
+/// # Errors
+/// Names the first that is there twice.
+pub fn check_names<'a>(
+    weights: impl IntoIterator<Item = &'a str>,
+    inputs: impl IntoIterator<Item = &'a str>,
+    computed: impl IntoIterator<Item = &'a str>,
+) -> Result<()> {
+    let (mut given, mut inputs_seen) = (HashSet::new(), HashSet::new());
+    let twice = weights.into_iter().find(|name| !given.insert(*name));
+    let twice = twice.or_else(|| inputs.into_iter().find(|name| !inputs_seen.insert(*name)));
+    // Old files list their weights among the inputs.
+    given.extend(inputs_seen);
+    // An output that nobody wants has no name.
+    let twice = twice.or_else(|| computed.into_iter().find(|name| !name.is_empty() && !given.insert(*name)));
+    match twice {
+        None => Ok(()),
+        Some(name) => Err(Error::new(format!(
+            "two values are called `{name}`, so it is not known which of them is meant; export the model again"
+        ))),
     }
 }
 
@@ -83,6 +116,23 @@ mod tests {
     use crate::proto::StringStringEntryProto;
     use crate::tensor::Tensor;
     use crate::testing::Sketch;
+
+    #[test]
+    fn a_name_stands_for_one_value() {
+        let model = |first: &str, second: &str| {
+            let mut sketch = Sketch::new(17);
+            sketch.input("x", &[1, 2]);
+            sketch.weights("w", Tensor::floats(&[2], vec![3.0, 4.0]));
+            sketch.node("Add", &["x", "w"], first, &[]);
+            sketch.node("Mul", &["x", "w"], second, &[]);
+            decode(&encode(&sketch.model(&["y"])))
+        };
+        assert!(model("y", "z").is_ok());
+        for (first, second, name) in [("y", "y", "y"), ("y", "x", "x"), ("w", "y", "w")] {
+            let error = model(first, second).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("two values are called `{name}`")), "{error}");
+        }
+    }
 
     fn external(location: &str, offset: &str) -> ModelProto {
         let mut sketch = Sketch::new(17);

@@ -1,10 +1,10 @@
-//! Opens files that users name. What is no regular file may never end, or never begin; and what is read whole has to fit into
-//! memory, whatever its size is said to be.
+//! Opens files that users name, and writes files whole. What is no regular file may never end, or never begin; and what is read
+//! whole has to fit into memory, whatever its size is said to be.
 
 use std::fs::{File, FileType, Metadata, OpenOptions};
-use std::io::{ErrorKind, Read};
+use std::io::{self, BufWriter, ErrorKind, Read, Write};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rustix::fs::OFlags;
 
@@ -67,6 +67,62 @@ pub fn read_text(path: &Path, largest: u64) -> Result<String> {
     })
 }
 
+/// Writes a file as a whole: when this fails, or the process ends on the way, the file is what it was before.
+///
+/// # Errors
+/// Where it cannot be written.
+pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    write_with(path, |file| file.write_all(bytes))
+}
+
+/// As [`write`], for content that is written piece by piece.
+///
+/// # Errors
+/// What `fill` returns, and where the file cannot be written.
+pub fn write_with<E: From<io::Error>>(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,
+) -> Result<(), E> {
+    // A link stays, and the file that it names is replaced.
+    let path = &std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let before = std::fs::metadata(path).ok();
+    if before.as_ref().is_some_and(|before| !before.is_file() && !before.is_dir()) {
+        // A pipe or a device, such as /dev/stdout, cannot be replaced.
+        let mut file = BufWriter::new(OpenOptions::new().write(true).open(path)?);
+        fill(&mut file)?;
+        return Ok(file.flush()?);
+    }
+    let part = part_of(path);
+    let written = File::create(&part).map_err(E::from).and_then(|file| {
+        let mut file = BufWriter::new(file);
+        fill(&mut file)?;
+        let file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
+        if let Some(before) = before {
+            file.set_permissions(before.permissions())?;
+        }
+        file.sync_all()?;
+        Ok(std::fs::rename(&part, path)?)
+    });
+    if written.is_err() {
+        // If it cannot be removed either, a file stays that nobody takes for the whole one.
+        let _ = std::fs::remove_file(&part);
+    }
+    written
+}
+
+/// Where a file is until it is whole: beside its place, with the number of this process and `.part` behind its name.
+pub fn part_of(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(format!(".{}.part", std::process::id()));
+    name.into()
+}
+
+/// The name of the file that a part is of; none for other names.
+pub fn whole_of(name: &str) -> Option<&str> {
+    let (whole, process) = name.strip_suffix(".part")?.rsplit_once('.')?;
+    (!process.is_empty() && process.bytes().all(|byte| byte.is_ascii_digit())).then_some(whole)
+}
+
 fn check(metadata: &Metadata) -> Result<()> {
     let kind = metadata.file_type();
     match kind.is_file() {
@@ -118,6 +174,34 @@ mod tests {
         fn drop(&mut self) {
             std::fs::remove_dir_all(&self.0).unwrap();
         }
+    }
+
+    #[test]
+    fn a_file_is_written_whole_or_stays_what_it_was() {
+        let folder = Folder::new();
+        let path = folder.0.join("out.bin");
+        let link = folder.0.join("link");
+        std::os::unix::fs::symlink("out.bin", &link).unwrap();
+        write(&path, b"first").unwrap();
+        std::fs::set_permissions(&path, std::os::unix::fs::PermissionsExt::from_mode(0o640)).unwrap();
+        let failed = write_with(&path, |file| {
+            file.write_all(b"half")?;
+            file.flush()?;
+            assert_eq!(std::fs::read(part_of(&path)).unwrap(), b"half");
+            Err(io::Error::from(ErrorKind::StorageFull))
+        });
+        assert_eq!(failed.unwrap_err().kind(), ErrorKind::StorageFull);
+        assert_eq!(std::fs::read(&path).unwrap(), b"first");
+        write(&link, b"second").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"second");
+        assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+        let mode = std::os::unix::fs::PermissionsExt::mode(&std::fs::metadata(&path).unwrap().permissions());
+        assert_eq!(mode & 0o777, 0o640);
+        assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 2, "a part is left");
+        write(Path::new("/dev/null"), b"anything").unwrap();
+        let part = part_of(Path::new("a.b.json"));
+        assert_eq!(whole_of(part.to_str().unwrap()), Some("a.b.json"));
+        assert_eq!((whole_of("a.json.part"), whole_of("a.json")), (None, None));
     }
 
     #[test]

@@ -12,6 +12,7 @@ use openh264::encoder::{
 };
 use openh264::formats::YUVSlices;
 use pdk_sdk::error::Place;
+use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
 use crate::convert::Yuv420;
@@ -28,7 +29,7 @@ const LONGEST: (usize, usize) = (3840, 2160);
 
 /// Writes frames of equal size to an MP4 file that players and browsers show.
 ///
-/// Until [`finish`](Self::finish) the file has `.part` behind its name; without it nothing is left.
+/// Until [`finish`](Self::finish) the file has the number of this process and `.part` behind its name; without it nothing is left.
 pub struct Writer {
     path: PathBuf,
     part: PathBuf,
@@ -91,9 +92,7 @@ impl Writer {
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder)?;
         }
-        let mut part = path.as_os_str().to_owned();
-        part.push(".part");
-        let part = PathBuf::from(part);
+        let part = file::part_of(path);
         let brand = |name: &[u8; 4]| mp4::FourCC { value: *name };
         let header = Mp4Config {
             major_brand: brand(b"isom"),
@@ -212,7 +211,8 @@ impl Writer {
         }
         let Some(mut mp4) = self.mp4.take() else { return Ok(()) };
         let completed = mp4.write_end().map_err(text).and_then(|()| {
-            mp4.into_writer().into_inner().map_err(|error| Error::from(error.into_error()))?;
+            let file = mp4.into_writer().into_inner().map_err(|error| Error::from(error.into_error()))?;
+            file.sync_all()?;
             Ok(std::fs::rename(&self.part, &self.path)?)
         });
         if completed.is_err() {
@@ -314,7 +314,7 @@ mod tests {
         let path = folder.path().join("a.mp4");
         let mut writer = Writer::create(&path, 64, 48, 30.0).unwrap();
         writer.push(picture(64, 48, 0).as_ref()).unwrap();
-        assert_eq!(names(folder.path()), ["a.mp4.part"]);
+        assert_eq!(names(folder.path()), [format!("a.mp4.{}.part", std::process::id())]);
         let error = writer.push(picture(32, 48, 0).as_ref()).unwrap_err().to_string();
         assert!(error.ends_with("frame 1 is 32 x 48, but the video is 64 x 48"), "{error}");
         drop(writer);

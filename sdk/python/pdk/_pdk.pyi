@@ -105,7 +105,7 @@ def written(perturbation: Chain, **parameters: Any) -> list[str]:
     """Perturbations as they are written on the command line, one text for each."""
 
 def identity(image: NDArray[numpy.uint8]) -> int:
-    """A number from 0 to 2^64 - 1 that follows from an array's shape and values alone: a seed that is the image's own."""
+    """A number from 0 to 2^53 - 1 that follows from an array's shape and values alone: a seed that is the image's own."""
 
 def install(executable: str | PathLike[str]) -> None: ...
 def catalog() -> str: ...

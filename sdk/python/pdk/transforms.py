@@ -192,7 +192,7 @@ def _draws(chains, seed, epoch, sample):
     key = f"pdk transform, version 2: {json.dumps(chains)} {int(seed)} {int(epoch)} {int(sample)}".encode()
     drawn = hashlib.blake2b(key, digest_size=32).digest()
     numbers = [int.from_bytes(drawn[place : place + 8], "little") for place in range(0, 32, 8)]
-    return (*(number / 2**64 for number in numbers[:3]), numbers[3])
+    return (*(number / 2**64 for number in numbers[:3]), numbers[3] >> 11)
 
 
 def _as_array(image):

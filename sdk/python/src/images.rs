@@ -5,6 +5,7 @@ use numpy::{Ix3, PyArray4, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMet
 use pdk_core::chain::Chain;
 use pdk_core::moment::Moment;
 use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::scenario::{LARGEST_SEED, checked_seed};
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Frame, FrameMut};
 use pyo3::prelude::*;
@@ -50,6 +51,7 @@ pub fn perturb<'py>(
         return batch(py, images, &perturbations, seed.as_ref(), &moment, out, threads);
     }
     let seed = seed.map_or(Ok(0), |seed| seed.extract::<u64>())?;
+    check_seed(py, seed)?;
     let array = arrays::image(image)?;
     let src = arrays::frame(py, &array)?;
     let known = Known::new(py, labels, distances, [src.height(), src.width()])?;
@@ -178,13 +180,20 @@ impl Part<'_> {
     }
 }
 
+/// Refuses what is too large for a seed, as everywhere else.
+pub fn check_seed(py: Python<'_>, seed: u64) -> PyResult<()> {
+    checked_seed(seed).map(drop).map_err(|error| mistake(py, error.message()))
+}
+
 /// A seed for each image: those that are given, or one after the other from the one that is.
 fn seeds(py: Python<'_>, seed: Option<&Bound<'_, PyAny>>, count: usize) -> PyResult<Vec<u64>> {
     let Some(seed) = seed else { return Ok((0..count as u64).collect()) };
     if let Ok(first) = seed.extract::<u64>() {
-        return Ok((0..count as u64).map(|number| first.wrapping_add(number)).collect());
+        check_seed(py, first.saturating_add((count as u64).saturating_sub(1)))?;
+        return Ok((first..).take(count).collect());
     }
     let seeds: Vec<u64> = seed.extract()?;
+    seeds.iter().try_for_each(|seed| check_seed(py, *seed))?;
     if seeds.len() != count {
         return Err(mistake(
             py,
@@ -194,7 +203,7 @@ fn seeds(py: Python<'_>, seed: Option<&Bound<'_, PyAny>>, count: usize) -> PyRes
     Ok(seeds)
 }
 
-/// A number that follows from the values of an array alone: for draws that are those of an image, wherever it comes from.
+/// A number, fit for a seed, that follows from the values of an array alone: for draws that are those of an image, wherever it comes from.
 #[pyfunction]
 pub fn identity(py: Python<'_>, image: &Bound<'_, PyAny>) -> PyResult<u64> {
     let packed = arrays::packed(py, image)?;
@@ -207,6 +216,6 @@ pub fn identity(py: Python<'_>, image: &Bound<'_, PyAny>) -> PyResult<u64> {
         hasher.update(values);
         let mut number = [0; 8];
         hasher.finalize_xof().fill(&mut number);
-        Ok(u64::from_le_bytes(number))
+        Ok(u64::from_le_bytes(number) & LARGEST_SEED)
     })
 }

@@ -11,7 +11,7 @@ use pyo3::types::{PyDict, PyTuple};
 
 use crate::arrays::{self, Known};
 use crate::failure::mistake;
-use crate::images::{apply, check_time};
+use crate::images::{apply, check_seed, check_time};
 use crate::{components, values};
 
 /// Perturbations of the frames of a sequence. See `pdk.Perturbation`.
@@ -49,6 +49,7 @@ impl Perturbation {
                 format!("`fps` is {fps}, but has to be a number of frames a second above 0"),
             ));
         }
+        check_seed(py, seed)?;
         let perturbations = values::chain(perturbation, parameters)?;
         // What is wrong with them is said here, not at the first frame.
         let chain = Some(components::make(py, &perturbations, seed)?);
@@ -99,6 +100,7 @@ impl Perturbation {
     /// Begins another sequence: with its first frame, and with another seed where one is given.
     #[pyo3(signature = (seed=None))]
     fn reset(&self, py: Python<'_>, seed: Option<u64>) -> PyResult<()> {
+        seed.map_or(Ok(()), |seed| check_seed(py, seed))?;
         let mut state = self.idle(py)?;
         state.seed = seed.unwrap_or(state.seed);
         state.next = 0;

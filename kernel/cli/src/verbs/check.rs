@@ -12,7 +12,7 @@ use std::time::Duration;
 use pdk_core::loader::Plugin;
 use pdk_core::{println, suggest};
 use pdk_model::text::parse_value;
-use pdk_pipeline::settings::Override;
+use pdk_pipeline::settings::{Override, refuse_repeated};
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
@@ -242,7 +242,7 @@ fn work(arguments: &Arguments, skipped: usize) -> Result<()> {
     }
     let mut number = 0;
     for (index, description) in components.iter().enumerate() {
-        for (parameters, name) in parameters(description, &arguments.values) {
+        for (parameters, name) in parameters(description, &arguments.values)? {
             number += 1;
             if number <= skipped {
                 continue;
@@ -260,7 +260,9 @@ fn work(arguments: &Arguments, skipped: usize) -> Result<()> {
 
 /// Checks that all parameters that the command line sets are of one of the components.
 fn known(components: &[Description], arguments: &Arguments) -> Result<()> {
-    for Override { key, .. } in &arguments.values {
+    refuse_repeated(&arguments.values)?;
+    for Override { key, value } in &arguments.values {
+        parse_value(value).map_err(|error| error.at(format_args!("--set {key}")))?;
         let names = components.iter().map(|component| component.name.as_str());
         let component = key.split_once('.').map(|(component, _)| component);
         if component.is_none_or(|component| !names.clone().any(|name| name == component)) {
@@ -275,7 +277,7 @@ fn known(components: &[Description], arguments: &Arguments) -> Result<()> {
 
 /// The parameters that a component is checked with, and what each check is called: its examples, or its defaults where
 /// it has none, and what the command line sets.
-fn parameters(description: &Description, values: &[Override]) -> Vec<(Map<String, Value>, String)> {
+fn parameters(description: &Description, values: &[Override]) -> Result<Vec<(Map<String, Value>, String)>> {
     let name = format!("{} `{}`", description.kind, description.name);
     let defaults = [Map::new()];
     let (examples, named): (&[_], _) = match description.examples.as_slice() {
@@ -288,10 +290,11 @@ fn parameters(description: &Description, values: &[Override]) -> Vec<(Map<String
             if let Some((component, parameter)) = key.split_once('.')
                 && component == description.name
             {
-                parameters.insert(parameter.to_owned(), parse_value(value));
+                let value = parse_value(value).map_err(|error| error.at(format_args!("--set {key}")))?;
+                parameters.insert(parameter.to_owned(), value);
             }
         }
-        (parameters, if named { format!("{name} with {}", json!(example)) } else { name.clone() })
+        Ok((parameters, if named { format!("{name} with {}", json!(example)) } else { name.clone() }))
     };
     examples.iter().map(prepare).collect()
 }

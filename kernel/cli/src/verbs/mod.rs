@@ -14,7 +14,7 @@ use pdk_session::connection::Pool;
 use pdk_session::interrupt;
 use pdk_session::session::{Options, Session};
 
-use crate::supervised;
+use crate::{memory, supervised};
 
 mod check;
 mod doctor;
@@ -180,6 +180,9 @@ impl Verb {
 pub fn main() -> ExitCode {
     inspection::enable();
     let cli = Cli::parse();
+    if let Err(error) = memory::watch(calls::supervised()) {
+        return failed(&error);
+    }
     if cli.verb.calls_components() && !calls::supervised() {
         return supervised::run().unwrap_or_else(|error| failed(&error));
     }

@@ -165,10 +165,13 @@ fn write(file: &Path, template: &str, arguments: &Arguments) -> Result<()> {
     if let Some(folder) = file.parent() {
         fs::create_dir_all(folder).place(format_args!("cannot make the folder {}", folder.display()))?;
     }
-    let mut target = fs::File::create_new(file)
-        .place(format_args!("cannot write {}; choose another name or --out", file.display()))?;
-    std::io::Write::write_all(&mut target, text.as_bytes())
-        .place(format_args!("cannot write {}", file.display()))
+    if file.symlink_metadata().is_ok() {
+        return Err(Error::new(format!(
+            "cannot write {}: it exists already; choose another name or --out",
+            file.display()
+        )));
+    }
+    pdk_sdk::file::write(file, text.as_bytes()).place(format_args!("cannot write {}", file.display()))
 }
 
 /// The folder of the crate pdk-sdk: its source comes with pdk, unless the user names another.

@@ -9,6 +9,7 @@ use pdk_core::chain::Chain;
 use pdk_core::moment::Moment;
 use pdk_core::{modifiers, output, println};
 use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::scenario::parse_seed;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use pdk_sdk::prelude::FrameBuf;
@@ -31,7 +32,7 @@ pub struct Arguments {
     #[arg(short, long = "out", alias = "output", value_name = "FILE")]
     output: PathBuf,
     /// The seed that all random numbers come from
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, value_parser = parse_seed, default_value_t = 0)]
     seed: u64,
     /// The number of the frame that the image stands for, or the first frame of the video
     #[arg(long, default_value_t = 0)]

@@ -150,17 +150,10 @@ fn refuse_taken(registry: &Registry, new: &Installable, file: &Path, target: &Pa
 
 /// Copies a file: it is there as a whole or not at all, and a process that has the old one loaded keeps that.
 fn copy(from: &Path, to: &Path) -> Result<()> {
-    let part = to.with_extension(format!("part-{}", std::process::id()));
-    let copied = to
-        .parent()
-        .map_or(Ok(()), fs::create_dir_all)
-        .and_then(|()| fs::copy(from, &part))
-        .and_then(|_| fs::File::open(&part)?.sync_all())
-        .and_then(|()| fs::rename(&part, to));
-    if copied.is_err() {
-        // What cannot be removed was not written.
-        let _ = fs::remove_file(&part);
-    }
+    let copied = to.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| {
+        let mut from = fs::File::open(from)?;
+        pdk_sdk::file::write_with(to, |file| std::io::copy(&mut from, file).map(drop))
+    });
     copied.place(format_args!("cannot write {}", to.display()))
 }
 

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use pdk_core::view::{self, DEFAULT_METHOD};
 use pdk_core::{eprintln, output, println};
 use pdk_model::component::ComponentSpec;
+use pdk_model::scenario::parse_seed;
 use pdk_preview::picture;
 use pdk_preview::preview::{self, Options};
 use pdk_sdk::describe::{Kind, Temporal};
@@ -44,7 +45,7 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", default_value = DEFAULT_METHOD, requires = "model")]
     method: String,
     /// The seed that all random numbers come from
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, value_parser = parse_seed, default_value_t = 0)]
     seed: u64,
 }
 

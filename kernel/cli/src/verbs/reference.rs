@@ -70,5 +70,5 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).place(&place)?;
     }
-    std::fs::write(path, bytes).place(&place)
+    pdk_sdk::file::write(path, bytes).place(&place)
 }

@@ -52,7 +52,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         eprintln!("pdk: warning: {warning}");
     }
     let text = pdk_report::render(&run)?;
-    std::fs::write(&page, &text).map_err(|error| {
+    pdk_sdk::file::write(&page, text.as_bytes()).map_err(|error| {
         Error::new(format!("cannot write {} ({error}); name another place with --out", page.display()))
     })?;
     if global.json {

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use pdk_core::println;
+use pdk_model::scenario::parse_seed;
 use pdk_pipeline::records::ROAD_REQUEST;
 use pdk_pipeline::road;
 use pdk_sdk::error::{Error, Place, Result};
@@ -22,7 +23,7 @@ pub struct Arguments {
     #[arg(long, value_name = "METRES")]
     segment: Option<f64>,
     /// The seed of the draws
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, value_parser = parse_seed, default_value_t = 0)]
     seed: u64,
     #[arg(long, value_name = "DEGREES", help = doc("limit"))]
     limit: Option<u64>,
@@ -72,7 +73,8 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let (road, lengths) = road::build(Value::Object(request), *seed)?;
     if let Some(path) = output {
         let picture = pdk_road::svg(&[&road], width.unwrap_or(WIDTH));
-        std::fs::write(path, picture).place(format_args!("cannot write {}", path.display()))?;
+        pdk_sdk::file::write(path, picture.as_bytes())
+            .place(format_args!("cannot write {}", path.display()))?;
     }
     if global.json {
         return print_json(&road::described(&road, &lengths));

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use pdk_core::merge::Shard;
 use pdk_core::{eprintln, println};
 use pdk_lua::shipped::PIPELINES;
+use pdk_model::scenario::parse_seed;
 use pdk_pipeline::follow::Audience;
 use pdk_pipeline::run::{self, Options};
 use pdk_pipeline::settings::{Common, Override};
@@ -29,7 +30,7 @@ pub struct Settings {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<Override>,
     /// The seed that all random numbers come from [default: 0]
-    #[arg(long)]
+    #[arg(long, value_parser = parse_seed)]
     seed: Option<u64>,
     /// The folder of the record [default: runs/NAME-N]
     #[arg(short, long, alias = "output", value_name = "DIR")]

@@ -27,12 +27,14 @@ impl Host {
         let mut settler = self.settler();
         submissions.iter_mut().for_each(|submission| settler.scenario(&mut submission.scenario));
         for Submission { scenario, .. } in &submissions {
+            stop_if_dropped()?;
             self.check(scenario)?;
         }
         self.begin()?;
         self.open_ledger()?;
         let mut tickets = Vec::with_capacity(submissions.len());
         for submission in submissions {
+            stop_if_dropped()?;
             // A simulator that cannot be made has no rate, and its scenarios no frames.
             let simulator = submission.scenario.simulator.clone();
             let rate =
@@ -105,7 +107,7 @@ impl Host {
                 self.kept.extend(submitted.filter(|_| known).map(|submitted| submitted.number));
                 let expected = submitted.map_or(0, |submitted| submitted.expected);
                 self.spared += expected.saturating_sub(driven);
-                Ok(Some(*line))
+                Ok(Some(line))
             }
             Reply::Elsewhere => Ok(None),
             _ => Err(Error::new("a scenario came to something else, which is a defect in pdk")),
@@ -201,6 +203,14 @@ impl Host {
     }
 }
 
+/// The error of a run that the user wants to end at once. Whatever goes through many scenarios asks at each.
+pub fn stop_if_dropped() -> Result<()> {
+    match interrupt::wish() {
+        Wish::Drop => Err(interrupt::error()),
+        Wish::Finish | Wish::None => Ok(()),
+    }
+}
+
 /// What perturbations are made from.
 pub(super) fn components(applied: &[AppliedPerturbation]) -> Vec<ComponentSpec> {
     let component = |applied: &AppliedPerturbation| ComponentSpec {
@@ -211,7 +221,7 @@ pub(super) fn components(applied: &[AppliedPerturbation]) -> Vec<ComponentSpec> 
 }
 
 /// What a pipeline and the summary see of an outcome.
-fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
+pub(super) fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
     let outcome = &line.outcome;
     json!({
         "number": submitted.number,

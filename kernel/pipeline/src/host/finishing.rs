@@ -1,9 +1,11 @@
 //! The end of a run: what is left is taken, and the record is completed.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 use std::time::SystemTime;
 
 use pdk_core::directory::{PERFORMANCE, SHARD, SUMMARY};
+use pdk_core::ledger::Line;
 use pdk_core::merge::ShardList;
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Cause;
@@ -13,10 +15,10 @@ use pdk_sdk::error::{Error, Result};
 use pdk_session::interrupt::{self, Wish};
 use pdk_session::session::Ticket;
 use pdk_session::stages::LoopTimes;
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::driving::components;
-use super::{Finished, Host, Submitted};
+use super::driving::{components, stop_if_dropped};
+use super::{Finished, Host, Submitted, Summary};
 
 impl Host {
     /// Completes the record after the pipeline has come to its end, or to an error. Of several failures the first in this
@@ -28,11 +30,14 @@ impl Host {
             false => Ok(()),
         };
         self.progress.finish();
-        let own = self.outcomes.iter().filter(|(_, outcome)| matches!(outcome, Ok(Some(_))));
-        let rows: Vec<Value> = own.filter_map(|(ticket, _)| self.row(*ticket).ok()).collect();
+        let own = |(ticket, outcome): (&Ticket, &Result<Option<Arc<Line>>>)| match outcome {
+            Ok(Some(line)) => Some((self.submitted.get(ticket)?.clone(), Arc::clone(line))),
+            _ => None,
+        };
+        let outcomes = self.outcomes.iter().filter_map(own).collect();
         // A scenario that was asked for several times is one.
         let (all, failed) = (self.numbers.len(), self.failed());
-        let summary = json!({ "outcomes": rows, "evaluations": self.evaluations });
+        let summary = Summary { outcomes, evaluations: std::mem::take(&mut self.evaluations) };
         let whole = script.is_ok() && rest.is_ok();
         let written =
             self.complete(&summary).and_then(|()| if whole { self.complete_part() } else { Ok(()) });
@@ -93,6 +98,9 @@ impl Host {
     /// How components went wrong when they were made although a scenario went well with them, as one does that crashes only when it
     /// is dropped.
     fn unnoticed(&self) -> Vec<String> {
+        if self.fatal.is_empty() {
+            return Vec::new();
+        }
         let spec = |component: &ComponentSpec| serde_json::to_string(component).unwrap_or_default();
         let mut good = BTreeSet::new();
         let lines = self.outcomes.values().flatten().flatten();
@@ -109,11 +117,15 @@ impl Host {
     /// Takes the outcomes that nobody has waited for: all where the script came to its end, and what was in flight where the user
     /// interrupted it. After an error of the script there is nobody who wants them.
     fn take_rest(&mut self) -> Result<()> {
-        let rest: BTreeSet<Ticket> =
+        let mut rest: BTreeSet<Ticket> =
             self.submitted.keys().filter(|ticket| !self.outcomes.contains_key(ticket)).copied().collect();
         let mut result = Ok(());
         while let Some(ticket) = self.take_next(&rest)? {
-            result = result.and(self.row(ticket).map(drop));
+            stop_if_dropped()?;
+            rest.remove(&ticket);
+            if let Some(Err(error)) = self.outcomes.get(&ticket) {
+                result = result.and(Err(error.clone()));
+            }
         }
         result
     }
@@ -138,7 +150,7 @@ impl Host {
         directory.write_json(SHARD, &ShardList { shard, scenarios, evaluations })
     }
 
-    fn complete(&mut self, summary: &Value) -> Result<()> {
+    fn complete(&mut self, summary: &Summary) -> Result<()> {
         let Some(directory) = &self.directory else { return Ok(()) };
         self.session.finish()?;
         directory.write_json(SUMMARY, summary)?;

@@ -129,7 +129,7 @@ impl Request {
                 evaluate,
                 outcome,
                 stop,
-                seed: fields.whole("seed")?,
+                seed: fields.seed("seed")?,
                 defaults: defaults.take(&mut fields)?,
                 written,
             })

@@ -131,10 +131,14 @@ pub fn table(summary: &Summary<'_>) -> String {
         .chain(["violation", "critical", "same_as", "failure", "cause", "verdict", "scenario"])
         .collect();
     let mut text = String::new();
-    line(&mut text, columns.iter().map(|column| (*column).to_owned()));
+    line(&mut text, columns.iter().map(|column| harmless(column)));
     for number in 0..trials.told() {
         let test = test(summary, number);
-        let field = |value: &Value| if value.is_null() { String::new() } else { label(value) };
+        let field = |value: &Value| match value {
+            Value::Null => String::new(),
+            Value::String(text) => harmless(text),
+            value => label(value),
+        };
         let variable = |name: &String| field(&test["values"][name]);
         let cells = [field(&test["number"])]
             .into_iter()
@@ -147,6 +151,14 @@ pub fn table(summary: &Summary<'_>) -> String {
         line(&mut text, cells);
     }
     text
+}
+
+/// A text that spreadsheets would take for a formula, with an apostrophe before it, which they take for a text. Numbers stay numbers.
+fn harmless(text: &str) -> String {
+    match text.starts_with(['=', '+', '-', '@', '\t', '\r']) && text.parse::<f64>().is_err() {
+        true => format!("'{text}"),
+        false => text.to_owned(),
+    }
 }
 
 fn line(text: &mut String, cells: impl Iterator<Item = String>) {

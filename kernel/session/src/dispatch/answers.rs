@@ -2,9 +2,9 @@
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
-use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::Sender;
+use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use pdk_core::eprintln;
@@ -88,10 +88,14 @@ impl Dispatch {
                 let killed = end.and_then(|status| status.signal()).is_some_and(is_from_outside);
                 self.stillborn += 1;
                 if !killed || self.stillborn == TRIES {
-                    let sentence = format!(
-                        "{name} ended before it was ready ({}); what it wrote above says why",
-                        said(end)
-                    );
+                    let sentence = match end {
+                        Some(end) => {
+                            format!("{name} ended before it was ready ({end}); what it wrote above says why")
+                        }
+                        None => format!(
+                            "{name} closed its output before it was ready, and did not end; it has to answer there"
+                        ),
+                    };
                     return Err(Error::of(ErrorKind::Lost, sentence));
                 }
                 // Later ones are started where there is work for them.
@@ -116,7 +120,7 @@ impl Dispatch {
                     None => Ok(()),
                 });
                 self.driven.insert(line.id);
-                self.finish(number, written.map(|()| Reply::Recorded(Box::new(line), false)));
+                self.finish(number, written.map(|()| Reply::Recorded(Arc::new(line), false)));
             }
             Answer::Evaluated(evaluated) => {
                 self.shared.frames.fetch_add(1, Ordering::Relaxed);
@@ -242,7 +246,7 @@ impl Dispatch {
 
 /// How a worker ended, in words.
 fn said(end: Option<ExitStatus>) -> String {
-    end.map_or_else(|| "it did not end by itself".to_owned(), |status| status.to_string())
+    end.map_or_else(|| "it closed its output and did not end".to_owned(), |status| status.to_string())
 }
 
 /// Writes the trace of a scenario that a pool has given up: whoever was to write it was lost.

@@ -40,7 +40,9 @@ pub fn work(arguments: &Arguments, skipped: usize) {
         report(&Report::Note(note));
     }
     let mut number = 0;
-    for (parameters, name) in parameters(&description, &arguments.values) {
+    // `known` has refused what cannot be read.
+    let Ok(all) = parameters(&description, &arguments.values) else { return };
+    for (parameters, name) in all {
         type Check = fn(&Script<'_>) -> Result<()>;
         let checks: [(&str, Check); 3] = [
             ("at odd sizes, twice", |script| script.sizes()),

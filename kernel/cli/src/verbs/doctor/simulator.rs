@@ -7,7 +7,7 @@ use pdk_core::registry::Registry;
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::{Mode, Scenario};
 use pdk_model::text::parse_value;
-use pdk_pipeline::settings::Override;
+use pdk_pipeline::settings::{Override, refuse_repeated};
 use pdk_sdk::describe::{Clock, Kind};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Camera, Control, FrameBuf, Simulator, State};
@@ -33,8 +33,9 @@ struct Times {
 /// # Errors
 /// Where there is no such simulator, or it does not do as it should.
 pub fn examine(registry: &Registry, name: &str, values: &[Override]) -> Result<Vec<Finding>> {
-    let parameters: Map<String, Value> =
-        values.iter().map(|Override { key, value }| (key.clone(), parse_value(value))).collect();
+    refuse_repeated(values)?;
+    let parameters = values.iter().map(|Override { key, value }| Ok((key.clone(), parse_value(value)?)));
+    let parameters: Map<String, Value> = parameters.collect::<Result<_>>()?;
     let clock = registry.catalog().get(Kind::Simulator, name)?.description.clock;
     let label = format!("simulator `{name}`");
     let placed = |error: Error| error.at(&label);

@@ -28,7 +28,7 @@ pub fn write_npy(path: &Path, values: &[f32], width: usize) -> Result<()> {
     bytes.extend((length as u16).to_le_bytes());
     bytes.extend(header.as_bytes());
     bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-    std::fs::write(path, bytes).place(format_args!("cannot write {}", path.display()))
+    pdk_sdk::file::write(path, &bytes).place(format_args!("cannot write {}", path.display()))
 }
 
 /// Writes the frame with the map laid over.

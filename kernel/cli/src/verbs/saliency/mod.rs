@@ -12,6 +12,7 @@ use pdk_core::registry::Registry;
 use pdk_core::view::{self, DEFAULT_METHOD};
 use pdk_core::{eprintln, maps, output, println};
 use pdk_model::component::ComponentSpec;
+use pdk_model::scenario::parse_seed;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::{Frame, HeatmapMut, MapContext, Saliency};
@@ -52,7 +53,7 @@ pub struct Arguments {
     #[arg(long)]
     curves: bool,
     /// The seed that all random numbers come from
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, value_parser = parse_seed, default_value_t = 0)]
     seed: u64,
 }
 
