@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used)]
 
 use std::fs;
+use std::io::Read;
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use pdk_sdk::prelude::FrameBuf;
 use pdk_tests::records::partial;
@@ -145,6 +147,98 @@ fn an_overlay_moves_over_a_video_in_its_own_time() {
     // Two frames of the clip for one of the video.
     let moved = centre(&after[15]) - centre(&after[5]);
     assert!((moved - 20.0).abs() < 3.0, "{moved} pixels in ten frames");
+}
+
+/// When each frame of a video begins and the last one ends, in seconds.
+fn times(path: &Path) -> Vec<f64> {
+    let reader = Reader::open_file(path).unwrap();
+    (0..=reader.count()).map(|frame| reader.time(frame)).collect()
+}
+
+#[test]
+fn frames_keep_times_of_their_own() {
+    let folder = temp();
+    let ends = [0.1, 0.5, 0.54, 0.6, 1.6, 1.7];
+    let mut writer = Writer::create(folder.path().join("drive.mp4"), 96, 64, 6.0 / 1.7).unwrap();
+    for (number, end) in ends.into_iter().enumerate() {
+        let road = pictures::road(96, 64, number as u32).into_raw();
+        writer.push_until(FrameBuf::from_vec(road, 96, 64).unwrap().as_ref(), end).unwrap();
+    }
+    writer.finish().unwrap();
+    // The fog is at level 0 until 0.55 s, then at level 4, so only frames that begin later change.
+    let fog = r#"fog_filter,level={"points":[[0.55,0],[0.56,4]]}"#;
+    perturb(folder.path(), "drive.mp4", fog, "out.mp4").succeed();
+    perturb(folder.path(), "drive.mp4", "fog_filter@0", "clear.mp4").succeed();
+    let out = folder.path().join("out.mp4");
+    assert_eq!(times(&out), [0.0, 0.1, 0.5, 0.54, 0.6, 1.6, 1.7]);
+    let ((foggy, _), (clear, _)) = (frames(&out), frames(&folder.path().join("clear.mp4")));
+    let differ: Vec<bool> = foggy.iter().zip(&clear).map(|(a, b)| difference(a, b) > 5.0).collect();
+    assert_eq!(differ, [false, false, false, false, true, true]);
+}
+
+#[test]
+fn recordings_are_read_as_ffmpeg_reads_them_and_sound_is_missed() {
+    let attacks = ["rot.mp4", "vfr.mp4", "av.mp4"].map(|name| real_data(&format!("attacks/{name}")));
+    let recorded = ["overlays/birds.mp4", "road/solidWhiteRight.mp4"].map(real_data);
+    let videos: Vec<_> = attacks.into_iter().chain(recorded).flatten().collect();
+    for video in videos {
+        let name = video.file_name().unwrap().to_str().unwrap();
+        let folder = temp();
+        let said = perturb(folder.path(), video.to_str().unwrap(), "contrast@0", "out.mp4").succeed();
+        let silent = said.stderr.is_empty();
+        let warning =
+            format!("pdk: warning: video `{}` has sound, which the result does not have", video.display());
+        assert!(silent || said.stderr.trim() == warning, "{name}: {}", said.stderr);
+        assert_eq!(silent, !Reader::open_file(&video).unwrap().has_sound(), "{name}");
+        assert!(name != "av.mp4" || !silent);
+        let read = times(&video);
+        let rounded = |times: &[f64]| times.iter().map(|time| (time * 90_000.0).round()).collect::<Vec<_>>();
+        assert_eq!(rounded(&times(&folder.path().join("out.mp4"))), rounded(&read), "{name}");
+
+        let ffmpeg = |format: &str| {
+            let mut command = Command::new("ffmpeg");
+            command.args(["-v", "error", "-nostdin", "-i"]).arg(&video).args(["-map", "0:v:0"]);
+            command.args(["-vsync", "passthrough", "-pix_fmt", "yuv420p", "-enc_time_base", "-1"]);
+            command.args(["-f", format, "-"]).stdout(Stdio::piped()).spawn()
+        };
+        let Ok(mut theirs) = ffmpeg("rawvideo") else {
+            eprintln!("skipped: ffmpeg is not installed, so its frames are not compared");
+            return;
+        };
+        let mut reader = Reader::open_file(&video).unwrap();
+        let (mut planes, mut frame) = (Yuv420::default(), Vec::new());
+        let mut stream = theirs.stdout.take().unwrap();
+        for number in 0..reader.count() {
+            assert!(reader.next(&mut planes).unwrap());
+            frame.resize(planes.data.len(), 0);
+            stream.read_exact(&mut frame).unwrap();
+            let unequal = planes.data.iter().zip(&frame).filter(|(ours, theirs)| ours != theirs);
+            let apart: Vec<u8> = unequal.map(|(ours, theirs)| ours.abs_diff(*theirs)).collect();
+            // OpenH264 smooths some edges in frames that lean on later ones a little less than the standard says.
+            let close = apart.len() * 1000 < frame.len() && apart.iter().all(|&apart| apart <= 4);
+            assert!(
+                close,
+                "{name}, frame {number}: {} values, by up to {:?}",
+                apart.len(),
+                apart.iter().max()
+            );
+        }
+        assert_eq!((reader.next(&mut planes).unwrap(), stream.read(&mut [0]).unwrap()), (false, 0), "{name}");
+        assert!(theirs.wait().unwrap().success(), "{name}");
+        // Lines of stream, times and so on; a comment says what a tick is.
+        let listed =
+            String::from_utf8(ffmpeg("framehash").unwrap().wait_with_output().unwrap().stdout).unwrap();
+        let tick = listed.lines().find_map(|line| line.strip_prefix("#tb 0: ")).unwrap();
+        let (numerator, denominator) = tick.split_once('/').unwrap();
+        let tick = numerator.parse::<f64>().unwrap() / denominator.parse::<f64>().unwrap();
+        let begins = listed.lines().filter(|line| !line.starts_with('#'));
+        let begins = begins.map(|line| line.split(',').nth(2).unwrap().trim().parse::<f64>().unwrap() * tick);
+        let begins: Vec<f64> = begins.collect();
+        assert_eq!(begins.len() + 1, read.len(), "{name}");
+        for (frame, (ours, theirs)) in read.iter().zip(&begins).enumerate() {
+            assert!((ours - (theirs - begins[0])).abs() < 1e-4, "{name}, frame {frame}: {ours} and {theirs}");
+        }
+    }
 }
 
 #[test]

@@ -89,6 +89,8 @@ pub struct Host {
     outcomes: BTreeMap<Ticket, Result<Option<Arc<Line>>>>,
     /// What scenarios and evaluations left to the machine, such as the engine of networks, and what it was.
     settled: Vec<(String, String)>,
+    /// The numbers of the scenarios whose outcomes a program was handed, which knows from them what failed.
+    handed_over: BTreeSet<usize>,
     evaluations: Vec<Value>,
     /// What each of them went through.
     evaluated: Vec<EvaluatedFrames>,
@@ -180,6 +182,7 @@ impl Host {
             numbers: BTreeMap::new(),
             outcomes: BTreeMap::new(),
             settled: Vec::new(),
+            handed_over: BTreeSet::new(),
             evaluations: Vec::new(),
             evaluated: Vec::new(),
             evaluation_times: Vec::new(),

@@ -152,8 +152,16 @@ impl Server {
                 let submissions = scenarios.into_iter().enumerate().map(one).collect::<Result<Vec<_>>>()?;
                 Ok(json!(tickets.add(host.submit(submissions)?)))
             }
-            Call::Wait(ticket) => tickets.wait(host, &ticket),
-            Call::Next {} => tickets.next(host),
+            Call::Wait(ticket) => {
+                let outcome = tickets.wait(host, &ticket)?;
+                tickets.ticket(&ticket).into_iter().for_each(|ticket| host.hand_over(ticket));
+                Ok(outcome)
+            }
+            Call::Next {} => {
+                let outcome = tickets.next(host)?;
+                tickets.ticket(&outcome["ticket"]).into_iter().for_each(|ticket| host.hand_over(ticket));
+                Ok(outcome)
+            }
             Call::Evaluate(Unique(request)) => host.evaluate(from_program(request)),
             Call::Save { name, value: Unique(value) } => {
                 host.save(&name.into(), &value).map(|()| Value::Null)

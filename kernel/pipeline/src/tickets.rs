@@ -37,18 +37,22 @@ impl Tickets {
         tickets.into_iter().map(number).collect()
     }
 
+    /// The ticket with a number.
+    pub fn ticket(&self, number: &Value) -> Option<Ticket> {
+        number.as_u64().and_then(|number| self.tickets.get(&number)).copied()
+    }
+
     /// Waits for the outcome of a ticket.
     ///
     /// # Errors
     /// Where there is no such ticket, or the scenario came to nothing.
     pub fn wait(&mut self, host: &mut Host, number: &Value) -> Result<Value> {
-        let ticket =
-            number.as_u64().and_then(|number| self.tickets.get(&number)).copied().ok_or_else(|| {
-                Error::new(format!(
-                    "{} takes a ticket that was given for a scenario, not {number}",
-                    self.function
-                ))
-            })?;
+        let ticket = self.ticket(number).ok_or_else(|| {
+            Error::new(format!(
+                "{} takes a ticket that was given for a scenario, not {number}",
+                self.function
+            ))
+        })?;
         let outcome = host.wait(ticket);
         self.open.remove(&ticket);
         outcome

@@ -16,6 +16,8 @@ use crate::pictures::{Animation, Folder};
 struct Video {
     reader: Box<Reader>,
     frame: Yuv420,
+    /// Frames that were read.
+    count: u32,
 }
 
 impl Frames for Video {
@@ -23,14 +25,15 @@ impl Frames for Video {
         if !self.reader.next(&mut self.frame)? {
             return Ok(false);
         }
+        self.count += 1;
         // The planes are laid out as the picture has them, so the memory is exchanged.
         (into.width, into.height, into.layout) = (self.frame.width, self.frame.height, Layout::Yuv420);
         std::mem::swap(&mut into.data, &mut self.frame.data);
         Ok(true)
     }
 
-    fn rate(&self) -> f64 {
-        self.reader.rate()
+    fn end(&self) -> f64 {
+        self.reader.time(self.count)
     }
 }
 
@@ -100,7 +103,7 @@ impl Clip {
         };
         match content(&head) {
             Content::Video(Container::Mp4) => match Reader::open(input, size, few)? {
-                Opened::Frames(reader) => Ok(Box::new(Video { reader, frame: Yuv420::default() })),
+                Opened::Frames(reader) => Ok(Box::new(Video { reader, frame: Yuv420::default(), count: 0 })),
                 Opened::OtherCodec(codec) => self.through_ffmpeg(&codec),
             },
             Content::Picture(format) => Ok(Box::new(Animation::open(input, format)?)),

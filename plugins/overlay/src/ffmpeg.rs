@@ -25,7 +25,10 @@ pub struct Ffmpeg {
     output: BufReader<ChildStdout>,
     width: usize,
     height: usize,
+    /// Frames a second: ffmpeg repeats and leaves out frames of a clip without a fixed rate, so that they come in their time.
     rate: f64,
+    /// Frames that were read.
+    count: u64,
 }
 
 impl Ffmpeg {
@@ -52,7 +55,7 @@ impl Ffmpeg {
                 "it is {codec}, and the program ffmpeg, which that needs, does not start: {error}"
             )),
         })?;
-        let mut decoder = Self { process, output, width: 0, height: 0, rate: 0.0 };
+        let mut decoder = Self { process, output, width: 0, height: 0, rate: 0.0, count: 0 };
         let header = decoder.line()?;
         if header.is_empty() {
             return Err(decoder.failure());
@@ -118,6 +121,7 @@ impl Frames for Ffmpeg {
                 "ffmpeg cannot decode it whole: what it writes is not a sequence of frames",
             ));
         }
+        self.count += 1;
         into.reset(self.width, self.height, Layout::Yuv420);
         match self.output.read_exact(&mut into.data) {
             Ok(()) => Ok(true),
@@ -125,8 +129,8 @@ impl Frames for Ffmpeg {
         }
     }
 
-    fn rate(&self) -> f64 {
-        self.rate
+    fn end(&self) -> f64 {
+        self.count as f64 / self.rate
     }
 }
 
@@ -151,11 +155,12 @@ mod tests {
         let script =
             r"printf 'YUV4MPEG2 W3 H2 F30000:1001 Ip A1:1 C420jpeg\nFRAME\nabcdefUUVVFRAME\nghijklXXYY'";
         let mut frames = start(script).unwrap();
-        assert!((frames.rate() - 29.97).abs() < 0.001);
+        assert!((frames.rate - 29.97).abs() < 0.001);
         let mut picture = Picture::default();
         assert!(frames.next(&mut picture).unwrap());
         assert_eq!((picture.width, picture.height, picture.layout), (3, 2, Layout::Yuv420));
         assert_eq!(picture.data, b"abcdefUUVV");
+        assert_eq!(frames.end(), 1001.0 / 30000.0);
         assert!(frames.next(&mut picture).unwrap());
         assert_eq!(picture.planes_mut()[2], b"YY");
         assert!(!frames.next(&mut picture).unwrap());
@@ -286,7 +291,7 @@ mod tests {
             while frames.next(&mut picture).unwrap() {
                 count += 1;
             }
-            assert_eq!((picture.width, picture.height, frames.rate(), count), (64, 48, 25.0, 10), "{name}");
+            assert_eq!((picture.width, picture.height, frames.end(), count), (64, 48, 0.4, 10), "{name}");
         }
         let clip = folder.path().join("wide.mkv");
         make(&ffmpeg, "40000x40", "ffv1", &clip);

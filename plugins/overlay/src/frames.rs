@@ -12,6 +12,6 @@ pub trait Frames {
     /// Where the clip is damaged or cut off.
     fn next(&mut self, into: &mut Picture) -> Result<bool>;
 
-    /// Frames per second, as far as the frames read so far tell.
-    fn rate(&self) -> f64;
+    /// When the frame that was read last ends, in seconds after the first one began.
+    fn end(&self) -> f64;
 }

@@ -25,13 +25,13 @@ impl Component for Overlay {
     fn description() -> Description {
         let description =
             Description::perturbation("overlay", "Lays a green-screen clip of the user's over the frame")
-                .version(3)
+                .version(4)
                 .not_default()
                 .source("Chroma keying by screen subtraction: Jack, Video Demystified");
         with_motion(with_common(description), ["cross-fade", "ping-pong", "repeat"])
             .parameter(Parameter::path(
                 "clip",
-                "video, animated or still picture, or folder of pictures; before a screen of one colour, or with an alpha \
+                "video (its sound is not used), animated or still picture, or folder of pictures; before a screen of one colour, or with an alpha \
                  channel; or the name of a clip of pdk's own, such as built-in:birds",
             ))
             .parameter(Parameter::text(

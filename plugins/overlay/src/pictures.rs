@@ -22,7 +22,6 @@ const RATE: f64 = 30.0;
 /// An animation, or a still picture as an animation of one frame.
 pub struct Animation {
     frames: image::Frames<'static>,
-    count: u64,
     /// Seconds that the frames read so far are shown.
     seconds: f64,
 }
@@ -54,7 +53,7 @@ impl Animation {
             }
             _ => once(pdk_image::decode(&whole(input)?)?),
         };
-        Ok(Self { frames, count: 0, seconds: 0.0 })
+        Ok(Self { frames, seconds: 0.0 })
     }
 }
 
@@ -116,19 +115,20 @@ impl Frames for Animation {
         let milliseconds = f64::from(numerator) / f64::from(denominator.max(1));
         // Browsers too take very short durations for "not given".
         self.seconds += if milliseconds < 1.0 { 1.0 / RATE } else { milliseconds / 1000.0 };
-        self.count += 1;
         take(frame.into_buffer(), into);
         Ok(true)
     }
 
-    fn rate(&self) -> f64 {
-        if self.count == 0 { RATE } else { self.count as f64 / self.seconds }
+    fn end(&self) -> f64 {
+        self.seconds
     }
 }
 
 /// The pictures of a folder, by name.
 pub struct Folder {
     files: VecDeque<PathBuf>,
+    /// Pictures that were read.
+    count: u64,
 }
 
 impl Folder {
@@ -137,7 +137,7 @@ impl Folder {
     /// # Errors
     /// Where it cannot be read, or has no pictures.
     pub fn open(folder: &Path) -> Result<Self> {
-        Ok(Self { files: Self::files(folder)?.into() })
+        Ok(Self { files: Self::files(folder)?.into(), count: 0 })
     }
 
     /// The picture files of a folder, in the order of their names.
@@ -186,11 +186,12 @@ impl Frames for Folder {
         };
         let image = decode().place(format!("its picture `{name}`"))?;
         take(image.into_rgba8(), into);
+        self.count += 1;
         Ok(true)
     }
 
-    fn rate(&self) -> f64 {
-        RATE
+    fn end(&self) -> f64 {
+        self.count as f64 / RATE
     }
 }
 

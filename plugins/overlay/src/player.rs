@@ -201,6 +201,21 @@ pub fn frame_at(
         Loop::PingPong => (2 * frames).saturating_sub(2).max(1),
     };
     let start = random.below(period as u32) as i64;
+    // The frame of the store that stands at a place of the period.
+    let frame = |place: usize| match end {
+        Loop::Repeat => place,
+        Loop::CrossFade if place < faded => frames + place,
+        Loop::CrossFade => place,
+        Loop::PingPong => place.min(period - place),
+    };
+    if !index.durations.is_empty() {
+        let speed = rate.map_or(1.0, |rate| rate / index.rate);
+        // The clip's own frame that stands at a place, or the later of two that are faded into each other.
+        let own = |place: usize| if end == Loop::PingPong { place.min(period - place) } else { place };
+        let durations: Vec<u64> = (0..period).map(|place| index.durations[own(place)]).collect();
+        let (place, weight) = place_at(&durations, start as usize, seconds * speed);
+        return Shown { first: frame(place), second: frame((place + 1) % period), weight };
+    }
     // In 256ths of a frame. Times are multiples of a frame's duration that are not exact, so the nearest one counts.
     let rate = rate.unwrap_or(index.rate);
     let passed = (seconds * rate * 256.0).round() as i64;
@@ -208,16 +223,28 @@ pub fn frame_at(
         true => (passed.saturating_add(127).div_euclid(256), 0),
         false => (passed.div_euclid(256), passed.rem_euclid(256) as u16),
     };
-    let frame = |number: i64| {
-        let place = number.saturating_add(start).rem_euclid(period as i64) as usize;
-        match end {
-            Loop::Repeat => place,
-            Loop::CrossFade if place < faded => frames + place,
-            Loop::CrossFade => place,
-            Loop::PingPong => place.min(period - place),
-        }
-    };
-    Shown { first: frame(whole), second: frame(whole.saturating_add(1)), weight }
+    let place = |number: i64| number.saturating_add(start).rem_euclid(period as i64) as usize;
+    Shown { first: frame(place(whole)), second: frame(place(whole.saturating_add(1))), weight }
+}
+
+/// Where a clip is at a time, in seconds, whose frames have times of their own: after which frame, of those that it goes through one
+/// after the other, and how many 256ths of the way to the next. `durations` are in nanoseconds; at time 0 frame `start` begins.
+fn place_at(durations: &[u64], start: usize, seconds: f64) -> (usize, u16) {
+    let total = durations.iter().sum::<u64>().max(1);
+    let begin: u64 = durations[..start].iter().sum();
+    let passed = i128::from((seconds * 1e9).round() as i64) + i128::from(begin);
+    let mut left = passed.rem_euclid(i128::from(total)) as u64;
+    let place = durations.iter().position(|&duration| {
+        let here = left < duration;
+        left -= if here { 0 } else { duration };
+        here
+    });
+    let Some(place) = place else { return (0, 0) };
+    let weight = (u128::from(left) * 256 / u128::from(durations[place])) as u16;
+    match durations[place] as f64 * FAST <= 1e9 {
+        true => ((place + usize::from(weight >= 128)) % durations.len(), 0),
+        false => (place, weight),
+    }
 }
 
 /// One of the frames that cover at least a third as much as the fullest.
@@ -236,7 +263,15 @@ mod tests {
     fn index(frames: usize, faded: usize, coverage: &[f64]) -> Index {
         let mut coverage = coverage.to_vec();
         coverage.resize(frames + faded, 0.0);
-        Index { width: 1, height: 1, rate: 30.0, frames, places: vec![(0, 0); frames + faded], coverage }
+        Index {
+            width: 1,
+            height: 1,
+            rate: 30.0,
+            durations: Vec::new(),
+            frames,
+            places: vec![(0, 0); frames + faded],
+            coverage,
+        }
     }
 
     /// The frames at 30 a second, beginning with the start that a key draws.
@@ -320,6 +355,41 @@ mod tests {
         // In slow motion both are shown again.
         assert_eq!(at(0.05, Some(10.0)).weight, 128);
         assert!(at(1e300, None).first < 1000);
+    }
+
+    #[test]
+    fn frames_with_times_of_their_own_are_shown_at_these() {
+        // 100, 400, 40 and 60 ms.
+        let durations = vec![100_000_000, 400_000_000, 40_000_000, 60_000_000];
+        let index = Index { rate: 4.0 / 0.6, durations, ..index(4, 0, &[]) };
+        let random = (0..).map(|key| Key([key; 32]).sequence()).find(|random| random.clone().below(4) == 0);
+        let random = random.unwrap();
+        let at = |time: f64, end: Loop, rate: Option<f64>| {
+            let Shown { first, second, weight } =
+                frame_at(&index, Motion::Runs { end, rate }, (time, None), &mut random.clone());
+            (first, second, weight)
+        };
+        for (time, shown) in [
+            (0.0, (0, 1, 0)),
+            (0.05, (0, 1, 128)),
+            (0.1, (1, 2, 0)),
+            (0.4, (1, 2, 192)),
+            (0.51, (2, 3, 64)),
+            (0.54, (3, 0, 0)),
+            (0.6, (0, 1, 0)),
+            (-0.06, (3, 0, 0)),
+        ] {
+            assert_eq!(at(time, Loop::Repeat, None), shown, "{time}");
+            // Twice as many frames a second.
+            assert_eq!(at(time / 2.0, Loop::Repeat, Some(8.0 / 0.6)), shown, "{time}");
+        }
+        // There and back: 0 1 2 3 2 1.
+        assert_eq!(at(0.62, Loop::PingPong, None), (2, 1, 128));
+        assert_eq!(at(0.64, Loop::PingPong, None), (1, 0, 0));
+        assert_eq!(at(1.04, Loop::PingPong, None), (0, 1, 0));
+        for time in [f64::NAN, 1e300, -1e300] {
+            assert!(at(time, Loop::Repeat, None).0 < 4);
+        }
     }
 
     #[test]

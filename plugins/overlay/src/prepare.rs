@@ -15,11 +15,14 @@ use crate::scale::{Fit, Scaler};
 use crate::store::{Layer, Store, Writer};
 
 /// Raised by every change of what a store holds.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Pictures in which the screen is searched for.
 const PICTURES: usize = 5;
 /// Seconds over which the end of a clip is faded into its beginning, at most a quarter of the clip.
 const FADE: f64 = 0.5;
+
+/// Frames that are never further than this many seconds from where a fixed rate has them come at that rate: files round their times.
+const ROUNDING: f64 = 0.001;
 
 /// How a clip is prepared.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,8 +84,8 @@ pub fn open(
     };
     let make = |file: File| {
         let mut writer = Writer::new(file, size.0, size.1)?;
-        let (rate, frames) = write(clip, settings, size, &mut writer)?;
-        writer.finish(rate, frames)
+        let ends = write(clip, settings, size, &mut writer)?;
+        writer.finish(rate(&ends), durations(&ends), ends.len())
     };
     cache::find_or_create(&path, find, make).place(clip)
 }
@@ -103,19 +106,29 @@ fn identity(hash: &blake3::Hash, settings: &Settings, (width, height): (usize, u
     hasher.finalize()
 }
 
-/// Writes all frames, and those that lead from the end to the beginning. Returns the rate and the number of the clip's own.
-fn write(
-    clip: &Clip,
-    settings: &Settings,
-    size: (usize, usize),
-    writer: &mut Writer,
-) -> Result<(f64, usize)> {
+/// Frames a second of a clip, on average, by the times at which its frames end.
+fn rate(ends: &[f64]) -> f64 {
+    ends.len() as f64 / ends.last().copied().unwrap_or_default()
+}
+
+/// How long each frame is shown, in nanoseconds; nothing if that is the same for all but for rounding.
+fn durations(ends: &[f64]) -> Vec<u64> {
+    let rate = rate(ends);
+    if ends.iter().zip(1..).all(|(end, number)| (end - f64::from(number) / rate).abs() <= ROUNDING) {
+        return Vec::new();
+    }
+    let ends = ends.iter().map(|end| (end * 1e9).round() as u64);
+    ends.scan(0, |begin, end| Some(end.saturating_sub(std::mem::replace(begin, end)))).collect()
+}
+
+/// Writes all frames, and those that lead from the end to the beginning. Returns when each of the clip's own ends, in seconds.
+fn write(clip: &Clip, settings: &Settings, size: (usize, usize), writer: &mut Writer) -> Result<Vec<f64>> {
     let keyer = match matte(clip, settings)? {
         Matte::Alpha => None,
         Matte::Screen(screen) => Some(Keyer::new(screen)),
     };
     let mut frames = clip.open(false)?;
-    let mut picture = Picture::default();
+    let (mut picture, mut ends) = (Picture::default(), Vec::new());
     let (mut samples, mut scaler) = (Samples::default(), Scaler::default());
     let (mut rgba, mut colours, mut alphas) = (Vec::new(), Vec::new(), Vec::new());
     while frames.next(&mut picture)? {
@@ -136,19 +149,19 @@ fn write(
         };
         scaler.scale(&rgba, from, size, settings.fit, &mut colours, &mut alphas);
         writer.push(&colours, &alphas)?;
-        if writer.len() as f64 >= frames.rate() * settings.seconds {
+        ends.push(frames.end());
+        if frames.end() >= settings.seconds {
             break;
         }
     }
-    let (rate, count) = (frames.rate(), writer.len());
-    if count == 0 {
+    if ends.is_empty() {
         return Err(Error::new("it has no frames"));
     }
-    if !(rate.is_finite() && rate > 0.0) {
-        return Err(Error::new("its frame rate is not given"));
+    if !(rate(&ends).is_finite() && rate(&ends) > 0.0) {
+        return Err(Error::new("its frames are shown for no time at all"));
     }
-    fade(writer, count, fade_length(count, rate))?;
-    Ok((rate, count))
+    fade(writer, ends.len(), fade_length(ends.len(), rate(&ends)))?;
+    Ok(ends)
 }
 
 /// The number of frames over which a clip's end is faded into its beginning.

@@ -23,8 +23,10 @@ const TAIL: usize = 32 + 8 + MARK.len();
 pub struct Index {
     pub width: usize,
     pub height: usize,
-    /// Frames per second.
+    /// Frames per second, on average.
     pub rate: f64,
+    /// How long each of the clip's own frames is shown, in nanoseconds; empty if they come at a fixed rate.
+    pub durations: Vec<u64>,
     /// The clip's own frames; the frames that lead from its end to its beginning follow them.
     pub frames: usize,
     /// Where each frame lies: offset, length.
@@ -76,7 +78,15 @@ impl Writer {
         file.write_all(MARK)?;
         let mut compressor = Compressor::new(LEVEL)?;
         compressor.include_checksum(true)?;
-        let index = Index { width, height, rate: 0.0, frames: 0, places: Vec::new(), coverage: Vec::new() };
+        let index = Index {
+            width,
+            height,
+            rate: 0.0,
+            durations: Vec::new(),
+            frames: 0,
+            places: Vec::new(),
+            coverage: Vec::new(),
+        };
         let position = MARK.len() as u64;
         Ok(Self { file, index, position, compressor, data: Vec::new(), compressed: Vec::new() })
     }
@@ -117,12 +127,12 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes the index. Of all frames added, the first `frames` are the clip's own.
+    /// Writes the index. Of all frames added, the first `frames` are the clip's own; `durations` as in the [`Index`].
     ///
     /// # Errors
     /// Where it cannot be written.
-    pub fn finish(mut self, rate: f64, frames: usize) -> Result<()> {
-        (self.index.rate, self.index.frames) = (rate, frames);
+    pub fn finish(mut self, rate: f64, durations: Vec<u64>, frames: usize) -> Result<()> {
+        (self.index.rate, self.index.durations, self.index.frames) = (rate, durations, frames);
         let index = serde_json::to_vec(&to_json(&self.index))?;
         self.file.write_all(&index)?;
         self.file.write_all(blake3::hash(&index).as_bytes())?;
@@ -213,6 +223,7 @@ fn to_json(index: &Index) -> Value {
         "width": index.width,
         "height": index.height,
         "rate": index.rate,
+        "durations": index.durations,
         "frames": index.frames,
         "places": index.places,
         "coverage": index.coverage,
@@ -226,12 +237,15 @@ fn from_json(value: &Value) -> Option<Index> {
         width: size("width")?,
         height: size("height")?,
         rate: value["rate"].as_f64()?,
+        durations: value["durations"].as_array()?.iter().map(Value::as_u64).collect::<Option<_>>()?,
         frames: size("frames")?,
         places: value["places"].as_array()?.iter().map(place).collect::<Option<_>>()?,
         coverage: value["coverage"].as_array()?.iter().map(Value::as_f64).collect::<Option<_>>()?,
     };
-    let whole =
-        index.frames > 0 && index.frames <= index.places.len() && index.coverage.len() == index.places.len();
+    let whole = index.frames > 0
+        && index.frames <= index.places.len()
+        && index.coverage.len() == index.places.len()
+        && (index.durations.is_empty() || index.durations.len() == index.frames);
     whole.then_some(index)
 }
 
@@ -249,7 +263,7 @@ mod tests {
             writer.read(i, &mut layer).unwrap();
             assert_eq!(&layer.data, frame);
         }
-        writer.finish(25.0, 2).unwrap();
+        writer.finish(25.0, vec![30_000_000, 50_000_000], 2).unwrap();
         frames
     }
 
@@ -261,7 +275,7 @@ mod tests {
         let mut store = Store::open(&path).unwrap();
         let index = store.index().clone();
         assert_eq!((index.width, index.height, index.rate, index.frames), (8, 4, 25.0, 2));
-        assert_eq!(index.coverage[0], 0.0);
+        assert_eq!((index.coverage[0], &index.durations[..]), (0.0, &[30_000_000, 50_000_000][..]));
         let mut layer = Layer::default();
         for i in [2, 0, 1, 1] {
             store.read(i, &mut layer).unwrap();

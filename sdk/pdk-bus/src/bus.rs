@@ -152,8 +152,9 @@ fn check_space(run: &str, slot: u32, needed: u64) -> Result<()> {
     let free = memory.f_bavail * memory.f_frsize;
     if free < needed {
         return Err(Error::new(format!(
-            "slot {slot} of run `{run}` needs {} MiB of shared memory and /dev/shm has {} MiB left: use fewer \
-             loops or smaller frames, or enlarge it (docker run --shm-size=2g; mount -o remount,size=2g /dev/shm)",
+            "slot {slot} of run `{run}` needs {} MiB of shared memory, as each slot with frames of this size does, and /dev/shm \
+             has {} MiB left: use fewer workers or smaller frames, or enlarge it (docker run --shm-size=2g; mount -o \
+             remount,size=2g /dev/shm; in Kubernetes an emptyDir with medium Memory and a sizeLimit, mounted there)",
             needed.div_ceil(1 << 20),
             free >> 20
         )));

@@ -51,7 +51,8 @@ impl ComponentSpec {
         Ok(Self { name: name.to_owned(), parameters })
     }
 
-    /// Reads a text, or a table with `name` and parameters.
+    /// Reads a text, or a table with `name` and parameters, which stand beside the name or, as in records, in a table
+    /// `parameters`.
     ///
     /// # Errors
     /// Where it is neither, or a parameter has no value; `what` is what the error calls it.
@@ -62,6 +63,7 @@ impl ComponentSpec {
                 let mut parameters = table.clone();
                 match parameters.shift_remove("name") {
                     Some(Value::String(name)) => {
+                        unfold(&name, &mut parameters)?;
                         check_values(&name, &parameters)?;
                         Ok(Self { name, parameters })
                     }
@@ -91,6 +93,20 @@ impl fmt::Display for ComponentSpec {
             .collect();
         if settings.is_empty() { Ok(()) } else { write!(f, " ({})", settings.join(", ")) }
     }
+}
+
+/// Moves what stands in a table `parameters`, as records have it, to where users write it.
+pub(crate) fn unfold(name: &str, table: &mut Map<String, Value>) -> Result<()> {
+    let Some(Value::Object(parameters)) = table.get("parameters").cloned() else { return Ok(()) };
+    table.shift_remove("parameters");
+    for (key, value) in parameters {
+        if table.insert(key.clone(), value).is_some() {
+            return Err(Error::new(format!(
+                "`{key}` of `{name}` is set twice, beside the name and in `parameters`; leave one out"
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Refuses parameters that have no value: a number that is not finite arrives as null, and would pass for one that is not set.
@@ -141,6 +157,14 @@ mod tests {
         assert_eq!(
             read(json!(3)).unwrap_err().message(),
             "`driver` is 3, but has to be a name or a table { name = \"...\", ... }"
+        );
+        // As records have it, and both.
+        let recorded = serde_json::to_value(&spec).unwrap();
+        assert_eq!(recorded, json!({"name": "lane", "parameters": {"light": "dusk", "rate": 30}}));
+        assert_eq!(read(recorded).unwrap(), spec);
+        assert_eq!(
+            read(json!({"name": "lane", "rate": 30, "parameters": {"rate": 20}})).unwrap_err().message(),
+            "`rate` of `lane` is set twice, beside the name and in `parameters`; leave one out"
         );
         let error = read(json!({"name": "lane", "rate": f64::NAN})).unwrap_err();
         assert!(error.message().starts_with("`rate` of `lane` is null"), "{error}");

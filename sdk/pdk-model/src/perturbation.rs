@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use crate::attention::Attention;
-use crate::component::{check_values, without_value};
+use crate::component::{check_values, unfold, without_value};
 use crate::error::{Error, Result};
 use crate::level::{DEFAULT_LEVEL, Level};
 use crate::region::Region;
@@ -81,7 +81,8 @@ impl AppliedPerturbation {
     }
 
     /// Reads a perturbation from a script: a text as for [`AppliedPerturbation::parse`], or a table with `name`, `level`,
-    /// `probability`, `region`, `where`, `attention`, `draws` and parameters.
+    /// `probability`, `region`, `where`, `attention`, `draws` and parameters, which may stand in a table `parameters` as they
+    /// do in records.
     ///
     /// # Errors
     /// Where it is neither, or one of them is out of range or null.
@@ -152,6 +153,7 @@ impl AppliedPerturbation {
                 })
             })
             .transpose()?;
+        unfold(&name, &mut parameters)?;
         check_values(&name, &parameters)?;
         Ok(Self { name, level, probability, region, selection, attention, draws, parameters })
     }
@@ -310,6 +312,25 @@ mod tests {
                 "{error}"
             );
         }
+    }
+
+    #[test]
+    fn what_a_record_holds_is_read_back() {
+        for text in [
+            "fog@2.5,size=3",
+            r#"fog,level={"ramp":{"from":0,"to":4,"start":0,"end":2}},size=3,mode="soft""#,
+            r#"fog@1,probability=0.5,region={"box":[0,0.5,1,1]},draws="per_frame""#,
+            r#"fog@1,where={"mask":{"name":"road_mask","size":3}}"#,
+            r#"fog@1,where={"top":20,"by":{"name":"hirescam","model":"a.onnx"},"every":5},size=3"#,
+            r#"fog@1,attention={"by":{"name":"hirescam","model":"a.onnx"}}"#,
+        ] {
+            let applied = parse(text);
+            let recorded = serde_json::to_value(&applied).unwrap();
+            assert_eq!(AppliedPerturbation::from_json(&recorded).unwrap(), applied, "{recorded}");
+        }
+        let both = json!({"name": "fog", "size": 3, "parameters": {"size": 4}});
+        let error = AppliedPerturbation::from_json(&both).unwrap_err().to_string();
+        assert_eq!(error, "`size` of `fog` is set twice, beside the name and in `parameters`; leave one out");
     }
 
     #[test]

@@ -169,9 +169,6 @@ impl Selection {
 pub(crate) fn component(kind: &str, key: &str, value: &Value) -> Result<ComponentSpec> {
     match value {
         Value::String(text) => ComponentSpec::parse(kind, text),
-        table if table.get("name").is_some() && table.get("parameters").is_some_and(Value::is_object) => {
-            Ok(serde_json::from_value(table.clone())?)
-        }
         table => ComponentSpec::from_json(key, table),
     }
 }

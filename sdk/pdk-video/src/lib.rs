@@ -8,6 +8,8 @@ mod bounded;
 mod convert;
 mod index;
 mod reader;
+mod timing;
+mod turn;
 mod writer;
 
 pub use assembly::has_assembly;

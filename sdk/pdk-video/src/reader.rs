@@ -14,6 +14,8 @@ use pdk_sdk::prelude::*;
 use crate::bounded::Bounded;
 use crate::convert::Yuv420;
 use crate::index::{CUT_OFF, check_boxes, check_samples};
+use crate::timing::Timing;
+use crate::turn::{quarter_turns, turn};
 
 /// Profiles that the decoder knows: Baseline, Main, Extended and High. The others have more bits or more chroma.
 const PROFILES: [u8; 4] = [66, 77, 88, 100];
@@ -32,15 +34,22 @@ pub enum Opened {
     OtherCodec(String),
 }
 
-/// The frames of an MP4 file in the order in which they are shown.
+/// The frames of an MP4 file in the order in which they are shown, held up as the file says, each with its time.
 pub struct Reader {
     mp4: Mp4Reader<Bounded>,
     decoder: Decoder,
     track: u32,
     /// Samples still to be decoded, by number from 1.
     samples: Box<dyn Iterator<Item = u32>>,
+    /// How many samples the file has.
     count: u32,
-    rate: f64,
+    timing: Timing,
+    /// Frames that were decoded, shown or not.
+    decoded: u32,
+    /// How many quarters each is turned to the right, and memory for that.
+    quarters: u8,
+    turned: Yuv420,
+    has_sound: bool,
     /// Bytes before each unit that hold its length.
     length_size: usize,
     /// Parameter sets of the stream, with start codes.
@@ -121,12 +130,24 @@ impl Reader {
         let length_size = usize::from(sets.length_size_minus_one & 3) + 1;
 
         let (id, count) = (track.track_id(), track.sample_count());
-        let header = &track.trak.mdia.mdhd;
-        let seconds = header.duration as f64 / f64::from(header.timescale.max(1));
-        if count == 0 || seconds <= 0.0 {
+        if count == 0 {
             return Err(Error::new("it has no frames"));
         }
         check_samples(track, size)?;
+        let timing = Timing::of(track, reader.timescale())?;
+        if timing.time(timing.count()) <= 0.0 {
+            return Err(Error::new("its frames are shown for no time at all"));
+        }
+        let matrices = [&track.trak.tkhd.matrix, &reader.moov.mvhd.matrix];
+        let turns = matrices.map(|m| quarter_turns([m.a, m.b, m.u, m.c, m.d, m.v]));
+        let [Some(own), Some(all)] = turns else {
+            return Err(Error::new(
+                "its pictures are to be mirrored, scaled or turned by other than quarter turns, which the built-in reader cannot \
+                 do; convert it, such as with `ffmpeg -i VIDEO -c:v libx264 -pix_fmt yuv420p OUT.mp4`",
+            ));
+        };
+        let has_sound =
+            reader.tracks().values().any(|track| matches!(track.track_type(), Ok(TrackType::Audio)));
         let samples: Box<dyn Iterator<Item = u32>> = match (few, &tables.stss) {
             (true, Some(alone)) if !alone.entries.is_empty() => {
                 let last = alone.entries.len() - 1;
@@ -143,7 +164,11 @@ impl Reader {
             track: id,
             samples,
             count,
-            rate: f64::from(count) / seconds,
+            timing,
+            decoded: 0,
+            quarters: own + all,
+            turned: Yuv420::default(),
+            has_sound,
             length_size,
             headers,
             packet: Vec::new(),
@@ -189,6 +214,20 @@ impl Reader {
     /// # Errors
     /// Where the file is damaged or cut off.
     pub fn next(&mut self, into: &mut Yuv420) -> Result<bool> {
+        let Timing { skipped, .. } = self.timing;
+        let end = if self.alone { u32::MAX } else { skipped + self.timing.count() };
+        while self.decoded < end && self.decode(into)? {
+            self.decoded += 1;
+            if self.alone || self.decoded > skipped {
+                turn(into, self.quarters, &mut self.turned);
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Decodes the next frame; false at the end.
+    fn decode(&mut self, into: &mut Yuv420) -> Result<bool> {
         while let Some(sample) = self.samples.next() {
             self.read_packet(sample)?;
             if self.alone {
@@ -215,14 +254,24 @@ impl Reader {
         Ok(true)
     }
 
-    /// Frames a second: how many there are, by how long they last.
+    /// Frames a second, on average: how many there are, by how long they last.
     pub fn rate(&self) -> f64 {
-        self.rate
+        f64::from(self.count()) / self.time(self.count())
     }
 
-    /// Frames in the file, as its index says.
+    /// Frames that are shown, as the file's index says.
     pub fn count(&self) -> u32 {
-        self.count
+        self.timing.count()
+    }
+
+    /// When a frame begins, in seconds after the first one; that of [`count`](Self::count) is when the last one ends.
+    pub fn time(&self, frame: u32) -> f64 {
+        self.timing.time(frame)
+    }
+
+    /// Whether the file has sound, which is not read.
+    pub fn has_sound(&self) -> bool {
+        self.has_sound
     }
 }
 
@@ -350,6 +399,157 @@ mod tests {
             let reader = Reader::open_file(&clip(folder.path(), 12, rate)).unwrap();
             assert!((reader.rate() / rate - 1.0).abs() < 1e-4, "{rate}: {}", reader.rate());
         }
+    }
+
+    /// A copy of a clip with bytes behind the first of these names.
+    fn changed(path: &Path, name: &[u8; 4], skip: usize, bytes: &[u8]) -> std::path::PathBuf {
+        let mut whole = std::fs::read(path).unwrap();
+        let at = whole.windows(4).rposition(|window| window == name).unwrap() + 4 + skip;
+        whole[at..at + bytes.len()].copy_from_slice(bytes);
+        let changed = path.with_extension("changed.mp4");
+        std::fs::write(&changed, whole).unwrap();
+        changed
+    }
+
+    fn numbers(numbers: &[i32]) -> Vec<u8> {
+        numbers.iter().flat_map(|number| number.to_be_bytes()).collect()
+    }
+
+    /// All frames, and when each begins and the last one ends.
+    fn whole(mut reader: Box<Reader>) -> (Vec<Yuv420>, Vec<f64>) {
+        let (mut planes, mut frames) = (Yuv420::default(), Vec::new());
+        while reader.next(&mut planes).unwrap() {
+            frames.push(planes.clone());
+        }
+        assert_eq!(frames.len(), reader.count() as usize);
+        let times = (0..=reader.count()).map(|frame| reader.time(frame)).collect();
+        (frames, times)
+    }
+
+    /// Luma at a place.
+    fn luma(frame: &Yuv420, x: usize, y: usize) -> u8 {
+        frame.planes()[0][y * frame.width + x]
+    }
+
+    #[test]
+    fn pictures_are_held_up_as_the_file_says() {
+        const ONE: i32 = 1 << 16;
+        let folder = tempfile::tempdir().unwrap();
+        let path = clip(folder.path(), 3, 10.0);
+        let (plain, times) = whole(Reader::open_file(&path).unwrap());
+        // The matrices of the track and of the whole file, behind dates, numbers and a duration.
+        let places = [(b"tkhd", 40), (b"mvhd", 36)];
+        for (name, skip) in places {
+            let turned = |matrix: [i32; 6]| Reader::open_file(&changed(&path, name, skip, &numbers(&matrix)));
+            let right = whole(turned([0, ONE, 0, -ONE, 0, 0]).unwrap());
+            let half = whole(turned([-ONE, 0, 0, 0, -ONE, 0]).unwrap());
+            let left = whole(turned([0, -ONE, 0, ONE, 0, 0]).unwrap());
+            for (number, plain) in plain.iter().enumerate() {
+                let [right, half, left] = [&right, &half, &left].map(|video| &video.0[number]);
+                assert_eq!((right.width, right.height, left.width, half.width), (64, 96, 64, 96));
+                for (x, y) in [(0, 0), (95, 0), (4 * number + 8, 24), (17, 40)] {
+                    let value = luma(plain, x, y);
+                    let values = [luma(right, 63 - y, x), luma(half, 95 - x, 63 - y), luma(left, y, 95 - x)];
+                    assert_eq!(values, [value; 3], "{x} {y}");
+                }
+            }
+            assert_eq!(right.1, times);
+            let mirrored = turned([-ONE, 0, 0, 0, ONE, 0]).err().unwrap().to_string();
+            assert!(mirrored.contains("mirrored") && mirrored.contains("ffmpeg -i"), "{mirrored}");
+        }
+    }
+
+    #[test]
+    fn frames_have_the_times_that_they_were_written_with() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("clip.mp4");
+        let ends = [0.1, 0.5, 0.54, 0.6];
+        let mut writer = Writer::create(&path, 96, 64, 4.0 / 0.6).unwrap();
+        for (number, end) in ends.into_iter().enumerate() {
+            writer.push_until(picture(number).as_ref(), end).unwrap();
+        }
+        let error = writer.push_until(picture(4).as_ref(), 0.3).unwrap_err().to_string();
+        assert!(error.ends_with("frame 4 cannot be shown from second 0.6 to second 0.3"), "{error}");
+        writer.finish().unwrap();
+        let reader = Reader::open_file(&path).unwrap();
+        assert!((reader.rate() - 4.0 / 0.6).abs() < 1e-9 && !reader.has_sound());
+        assert_eq!(whole(reader).1, [0.0, 0.1, 0.5, 0.54, 0.6]);
+    }
+
+    #[test]
+    fn frames_that_are_stored_in_another_order_have_the_times_at_which_they_are_shown() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = clip(folder.path(), 4, 10.0);
+        let plain = whole(Reader::open_file(&path).unwrap()).1;
+        assert_eq!(plain, [0.0, 0.1, 0.2, 0.3, 0.4]);
+        // Every frame 200 ms late, and the second and third exchanged, as encoders do.
+        let offsets = numbers(&[0, 4, 1, 18_000, 1, 27_000, 1, 9_000, 1, 18_000]);
+        let late = with_box(&path, &[b"moov", b"trak", b"mdia", b"minf", b"stbl"], b"ctts", &offsets);
+        assert_eq!(whole(Reader::open_file(&late).unwrap()).1, plain);
+        let edits = |entries: &[i32]| {
+            let list =
+                [&numbers(&[entries.len() as i32 / 3 * 12 + 16]), &b"elst"[..], &numbers(&[0])].concat();
+            let list = [list, numbers(&[entries.len() as i32 / 3]), numbers(entries)].concat();
+            Reader::open_file(&with_box(&late, &[b"moov", b"trak"], b"edts", &list))
+        };
+        // Parts are a length, in ticks of the file, a beginning and a rate.
+        const RATE: i32 = 1 << 16;
+        assert_eq!(whole(edits(&[36_000, 18_000, RATE]).unwrap()).1, plain);
+        // A beginning without pictures does not count; a second and a half after the end the last one is still shown.
+        let longer = edits(&[9_000, -1, RATE, 171_000, 18_000, RATE]).unwrap();
+        assert_eq!(whole(longer).1, [0.0, 0.1, 0.2, 0.3, 1.9]);
+        // Cut on both sides.
+        let (cut, times) = whole(edits(&[18_000, 27_000, RATE]).unwrap());
+        assert_eq!(times, [0.0, 0.1, 0.2]);
+        let all = whole(Reader::open_file(&path).unwrap()).0;
+        assert_eq!(cut, all[1..3]);
+        for (entries, reason) in [
+            (&[36_000, 18_000, RATE / 2][..], "its edit list plays it at another speed"),
+            (
+                &[9_000, 18_000, RATE, 9_000, 36_000, RATE],
+                "its edit list puts it together from several parts",
+            ),
+            (&[9_000, 90_000, RATE], "its edit list leaves none of its frames"),
+        ] {
+            let said = edits(entries).err().unwrap().to_string();
+            assert!(said.starts_with(reason), "{said}");
+        }
+    }
+
+    #[test]
+    fn sound_is_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = clip(folder.path(), 3, 10.0);
+        let bytes = std::fs::read(&path).unwrap();
+        let at = bytes.windows(4).rposition(|window| window == b"trak").unwrap();
+        let length = u32::from_be_bytes(bytes[at - 4..at].try_into().unwrap()) as usize;
+        // The same track again, as one of sound.
+        let mut track = bytes[at + 4..at - 4 + length].to_vec();
+        let name = |track: &[u8], name: &[u8; 4]| track.windows(4).position(|window| window == name).unwrap();
+        let number = name(&track, b"tkhd") + 16;
+        track[number..number + 4].copy_from_slice(&2u32.to_be_bytes());
+        let handler = name(&track, b"vide");
+        track[handler..handler + 4].copy_from_slice(b"soun");
+        let heard = Reader::open_file(&with_box(&path, &[b"moov"], b"trak", &track)).unwrap();
+        assert!(heard.has_sound() && heard.count() == 3);
+        assert_eq!(whole(heard), whole(Reader::open_file(&path).unwrap()));
+    }
+
+    /// A copy of a file with another box at the end of the one to which this path leads; the index lies behind the frames.
+    fn with_box(path: &Path, within: &[&[u8; 4]], name: &[u8; 4], content: &[u8]) -> std::path::PathBuf {
+        let mut bytes = std::fs::read(path).unwrap();
+        let added = [&numbers(&[content.len() as i32 + 8])[..], name, content].concat();
+        let (mut from, mut end) = (0, 0);
+        for name in within {
+            let at = from + bytes[from..].windows(4).position(|window| window == *name).unwrap();
+            let length = u32::from_be_bytes(bytes[at - 4..at].try_into().unwrap());
+            bytes[at - 4..at].copy_from_slice(&(length + added.len() as u32).to_be_bytes());
+            (from, end) = (at, at - 4 + length as usize);
+        }
+        bytes.splice(end..end, added);
+        let changed = path.with_extension("more.mp4");
+        std::fs::write(&changed, bytes).unwrap();
+        changed
     }
 
     #[test]

@@ -40,6 +40,8 @@ pub struct Writer {
     height: usize,
     rate: f64,
     frames: u64,
+    /// When the last frame ends, in ticks.
+    end: u64,
     planes: Yuv420,
 }
 
@@ -110,19 +112,32 @@ impl Writer {
             height,
             rate,
             frames: 0,
+            end: 0,
             planes: Yuv420::default(),
         })
     }
 
-    /// Writes the next frame.
+    /// Writes the next frame, at the rate of the file.
     ///
     /// # Errors
     /// Where the frame has another size than the file, or cannot be encoded or written.
     pub fn push(&mut self, frame: Frame<'_>) -> Result<()> {
-        self.write(frame).place(place(&self.path))
+        // Rounded anew for each, so that no error adds up.
+        let end = ((self.frames + 1) as f64 * f64::from(TIMESCALE) / self.rate).round() as u64;
+        self.write(frame, end).place(place(&self.path))
     }
 
-    fn write(&mut self, frame: Frame<'_>) -> Result<()> {
+    /// Writes the next frame, which is shown until so many seconds after the beginning of the video: for frames that do not come
+    /// at a fixed rate.
+    ///
+    /// # Errors
+    /// As [`push`](Self::push), and if it would end before it begins or last longer than a file can say.
+    pub fn push_until(&mut self, frame: Frame<'_>, seconds: f64) -> Result<()> {
+        let end = (seconds * f64::from(TIMESCALE)).round() as u64;
+        self.write(frame, end).place(place(&self.path))
+    }
+
+    fn write(&mut self, frame: Frame<'_>, end: u64) -> Result<()> {
         let (width, height) = (self.width, self.height);
         if (frame.width(), frame.height()) != (width, height) {
             let (w, h) = (frame.width(), frame.height());
@@ -131,6 +146,11 @@ impl Writer {
                 self.frames
             )));
         }
+        let duration = end.checked_sub(self.end).and_then(|duration| u32::try_from(duration).ok());
+        let duration = duration.ok_or_else(|| {
+            let [start, end] = [self.end, end].map(|ticks| ticks as f64 / f64::from(TIMESCALE));
+            Error::new(format!("frame {} cannot be shown from second {start} to second {end}", self.frames))
+        })?;
         let Some(mp4) = &mut self.mp4 else { return Err(Error::new("it is complete already")) };
         self.planes.fill(frame);
         let [luma, blue, red] = self.planes.planes();
@@ -176,18 +196,15 @@ impl Writer {
         if bytes.is_empty() {
             return Err(Error::new(format!("the encoder left out frame {}", self.frames)));
         }
-        // When a frame begins, rounded: so no error adds up.
-        let ticks = |frame: u64| (frame as f64 * f64::from(TIMESCALE) / self.rate).round() as u64;
-        let start = ticks(self.frames);
         let sample = Mp4Sample {
-            start_time: start,
-            duration: (ticks(self.frames + 1) - start) as u32,
+            start_time: self.end,
+            duration,
             rendering_offset: 0,
             is_sync: alone,
             bytes: Bytes::from(bytes),
         };
         mp4.write_sample(1, &sample).map_err(text)?;
-        self.frames += 1;
+        (self.frames, self.end) = (self.frames + 1, end);
         Ok(())
     }
 

@@ -1101,8 +1101,8 @@ def overlay(
         repeat: it starts again (default "cross-fade").
     rate: frames of the clip per second of simulation time; 0: the clip's own, or what the vehicle's speed makes of
         it where the clip follows that (Hz; 0 to 1000; default 0.0).
-    clip: video, animated or still picture, or folder of pictures; before a screen of one colour, or with an alpha
-        channel; or the name of a clip of pdk's own, such as built-in:birds.
+    clip: video (its sound is not used), animated or still picture, or folder of pictures; before a screen of one
+        colour, or with an alpha channel; or the name of a clip of pdk's own, such as built-in:birds.
     key: colour of the screen, such as #05c142; `auto` or nothing: found in the clip.
     seconds: what the clip has beyond this length is not used (s; 0.01 to 3600; default 30.0).
     Source: Chroma keying by screen subtraction: Jack, Video Demystified.

@@ -20,6 +20,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections import deque
 from pathlib import Path
 
@@ -31,12 +32,17 @@ from pdk._ray_worker import Ended, Worker
 TRIES = 3
 #: After so many seconds an actor that does not start is taken to wait for what others hold, such as a GPU.
 ROOM = 5.0
+#: So many seconds lie between two questions to the head of the cluster.
+BEAT = 2.0
+#: The variable of Ray's that says how many seconds a program waits for a head that is gone, and what it is if it is not set. Then
+#: Ray ends the program without a word, so the pool gives up after three quarters of that.
+PATIENCE, USUAL_PATIENCE = "RAY_gcs_rpc_server_reconnect_timeout_s", 60.0
 
 
 def options(words):
     """What stands behind `ray` in `--pool`."""
     parser = argparse.ArgumentParser(prog="--pool ray", description="Workers on a cluster of Ray.")
-    parser.add_argument("--address", help="the cluster's address; else RAY_ADDRESS, else one on this machine, else a new one")
+    parser.add_argument("--address", help="the cluster's address, or local for a new one; else RAY_ADDRESS, else one on this machine, else a new one")
     parser.add_argument("--slots", type=int, help="workers at most; else as many as the cluster has processors for")
     parser.add_argument("--cpus", type=float, default=1.0, help="processors of a worker [default: 1]")
     parser.add_argument("--resources", type=json.loads, default={}, help="further resources of a worker, as JSON")
@@ -136,6 +142,88 @@ def given_up(work, message):
     numbers = dict.fromkeys(("time", "progress", "mean_cross_track_error", "max_cross_track_error"), 0.0)
     outcome = {"success": False, "cause": "error", "error": message, "error_kind": "lost", "frames": 0, **numbers, "digest": ""}
     return {"driven": {"outcome": outcome, "rate": 0.0, "times": {"steps": 0, "overruns": 0, "counts": [[], [], [], []]}}}
+
+
+class Head:
+    """The head of the cluster, without which Ray does nothing and reports nothing: calls only wait. Another thread asks it again and
+    again whether it is there, by `ask`; without that, whoever holds this waits for the first answer. If none comes for `patience`
+    seconds, the pool says so and ends."""
+
+    def __init__(self, ask, say, name, patience, leave=os._exit):
+        self._ask = ask
+        self._say = say
+        self._name = name
+        self._patience = patience
+        self._leave = leave
+        self._answered = time.monotonic()
+        self._over = threading.Event()
+
+    def __enter__(self):
+        for target in (self._watch, self._listen) if self._ask else (self._watch,):
+            threading.Thread(target=target, daemon=True).start()
+        return self
+
+    def __exit__(self, *_):
+        self._over.set()
+
+    def _listen(self):
+        while not self._over.is_set():
+            try:
+                self._ask()
+                self._answered = time.monotonic()
+            except Exception:
+                pass  # Only an answer counts.
+            self._over.wait(BEAT)
+
+    def _watch(self):
+        while not self._over.wait(BEAT / 4):
+            silent = time.monotonic() - self._answered
+            if silent < self._patience:
+                continue
+            self._over.set()
+            self._say(
+                json.dumps(
+                    {
+                        "failed": f"the pool of Ray cannot go on: {self._name} has not answered for {silent:.0f} s; start it again, and "
+                        "continue the run with --out and the folder of its record"
+                    }
+                )
+            )
+            # Whatever is asked of Ray now waits without end.
+            self._leave(1)
+
+
+def patience():
+    """After how many seconds without an answer the head of a cluster counts as gone."""
+    try:
+        return 0.75 * float(os.environ.get(PATIENCE, USUAL_PATIENCE))
+    except ValueError:
+        return 0.75 * USUAL_PATIENCE
+
+
+def connect(ray, chosen, say):
+    """Connects to the cluster that was named, else to one of this machine, else to a new one that only this machine can reach."""
+    environment = {} if chosen.working_dir is None else {"working_dir": chosen.working_dir}
+    common = {"runtime_env": environment, "log_to_driver": True, "logging_level": "warning"}
+    address = chosen.address or os.environ.get("RAY_ADDRESS")
+    if address is None:
+        try:
+            # What was not ended well is found too.
+            with Head(None, say, "the cluster of Ray that was found on this machine (`ray stop` forgets it)", patience()):
+                ray.init(address="auto", **common)
+            return
+        except ConnectionError:
+            address = "local"
+    if address != "local":
+        with Head(None, say, f"the head of the cluster at {address}", patience()):
+            ray.init(address=address, **common)
+        return
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    # Ray listens at the loopback interface alone if it takes the machine for one that cannot be part of a cluster. The variable, which it
+    # has for such machines, is for the processes that it starts; here it has been read.
+    os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
+    ray._private.ray_constants.ENABLE_RAY_CLUSTER = False
+    ray.init(address="local", include_dashboard=False, **common)
 
 
 class Actor:
@@ -386,8 +474,15 @@ async def serve(chosen, say):
     if "ready" not in answer:
         say(json.dumps(answer))
         return
-    environment = {} if chosen.working_dir is None else {"working_dir": chosen.working_dir}
-    ray.init(address=chosen.address, runtime_env=environment, log_to_driver=True, logging_level="warning")
+    connect(ray, chosen, say)
+    with Head(ray.nodes, say, f"the head of the cluster at {ray.get_runtime_context().gcs_address}", patience()):
+        await relay(hello, answer, chosen, say)
+
+
+async def relay(hello, answer, chosen, say):
+    """Relays between the session and the cluster, to which the connection is there."""
+    import ray
+
     slots = chosen.slots or max(1, int(ray.cluster_resources().get("CPU", 1) // max(chosen.cpus, 0.001)))
     pool = Pool(hello, answer["ready"], chosen, slots, say)
     answer["ready"]["slots"] = slots

@@ -39,8 +39,8 @@ Paths: TypeAlias = "str | PathLike[str] | Sequence[str | PathLike[str]]"
 Progress: TypeAlias = "bool | Callable[[int, int], object]"
 
 
-def _ended(end):
-    """The record of a run that is over; an exception where it failed."""
+def _ended(end: dict[str, Any]) -> Record | None:
+    """The record of a run that is over, `None` if it recorded nothing; an exception if it failed."""
     record = None if end["record"] is None else Path(end["record"])
     if end["failure"] is not None:
         raised = error(end["failure"]["kind"], end["failure"]["message"])
@@ -63,8 +63,9 @@ def run(
     plugins: Paths = (),
     overlays: Paths = (),
     progress: Progress = False,
-) -> Record | None:
-    """Runs a pipeline, a file or one that comes with pdk by its name, and returns its `Record`; `None` where it recorded nothing.
+) -> Record:
+    """Runs a pipeline, a file or one that comes with pdk by its name, and returns its `Record`. A pipeline that neither drives nor
+    evaluates has none, which is an error.
 
     `settings` are those of the pipeline, as `--set` sets them. The others are those that every run has: `out` is the folder of the
     record, `workers` how many scenarios are driven at the same time, `pool` a command that provides workers, `patience` how many seconds
@@ -87,9 +88,15 @@ def run(
     )
     program = Program([str(pipeline), *words], progress)
     try:
-        return _ended(program.finish(at_end=False))
+        record = _ended(program.finish(at_end=False))
     finally:
         program.close()
+    if record is None:
+        raise error(
+            "configuration",
+            f"{pipeline} drove no scenario and evaluated no dataset, so there is no record; start it with `pdk run` if that is what it is for",
+        )
+    return record
 
 
 def _caller():
@@ -149,6 +156,7 @@ class Session:
         self._defaults = {name: value for name, value in shared.items() if value is not None}
         self._lock = threading.RLock()
         self._pending = 0
+        self._record: Record | None = None
         self._rates: dict[str, float] = {}
         program = Program([*_caller(), *words], progress)
         self._program: Program | None = program
@@ -256,24 +264,35 @@ class Session:
 
         return {**scenario, "perturbations": [evaluated(perturbation) for perturbation in perturbations]}
 
-    def close(self) -> Record | None:
-        """Waits for what was submitted, completes the record, and returns it; `None` where nothing was driven."""
+    def close(self) -> None:
+        """Waits for what was submitted, and completes the record.
+
+        A scenario in which a component failed is an error here only if nobody took its outcome.
+        """
         with self._lock:
             program, self._program = self._program, None
             if program is None:
-                return self.record
+                return
             try:
-                self.record = _ended(program.finish(at_end=True))
+                self._record = _ended(program.finish(at_end=True))
             except BaseException as raised:
                 folder = getattr(raised, "record", None)
-                self.record = None if folder is None else Record(folder)
+                self._record = None if folder is None else Record(folder)
                 raise
             finally:
                 program.close()
-            return self.record
 
-    #: The record, once the session is over.
-    record: Record | None = None
+    @property
+    def record(self) -> Record:
+        """The record, once the session is over."""
+        if self._record is None:
+            why = (
+                "it drove no scenario and evaluated no dataset"
+                if self._program is None
+                else "it is not over; leave its block first, or call close()"
+            )
+            raise error("configuration", f"the session has no record: {why}")
+        return self._record
 
     def __enter__(self) -> Session:
         return self

@@ -131,7 +131,8 @@ def test_an_exception_in_a_block_ends_the_session_and_keeps_the_record(tmp_path)
 def test_a_run_is_shown_and_fails_with_one_exception(tmp_path, capsys):
     script = tmp_path / "p.lua"
     script.write_text("local s = pdk.settings({ level = 1, names = {} }) print(s.level, #s.names) pdk.table({ 'a' }, { { 'table' } })")
-    assert pdk.run(script, {"level": 2.5, "names": ["x", "y"]}) is None
+    with pytest.raises(pdk.Error, match="drove no scenario and evaluated no dataset, so there is no record"):
+        pdk.run(script, {"level": 2.5, "names": ["x", "y"]})
     shown = capsys.readouterr()
     assert "table" in shown.out and "2.5\t2" in shown.err
     with pytest.raises(pdk.Error, match="there is no `levle`|has no setting `levle`; did you mean `level`"):
@@ -395,12 +396,52 @@ def test_one_that_fails_is_the_error_of_its_scenario(classes, tmp_path, who, fau
         return {"simulator": simulator, "driver": pdk.driver(make["driver"], given["driver"]), "duration": 1}
 
     road = {"waypoints": [[0, 0, 0], [0, 0, 40]]}
+    with pdk.Session(out=tmp_path / "out", workers=1) as running:
+        outcomes = running.drive([{**session(**{who: True}), "road": road}, {**session(), "road": road}])
+        assert [outcome["cause"] for outcome in outcomes] == ["error", "time_out"], outcomes
+        assert says in outcomes[0]["error"]
+    assert len(running.record.lines()) == 2
+    # Nobody takes the outcome here, although it is there.
     with pytest.raises(pdk.Error, match="1 of 2 scenarios could not be driven because a component failed"):
         with pdk.Session(out=tmp_path / "out", workers=1) as running:
-            outcomes = running.drive([{**session(**{who: True}), "road": road}, {**session(), "road": road}])
-            assert [outcome["cause"] for outcome in outcomes] == ["error", "time_out"], outcomes
-            assert says in outcomes[0]["error"]
-    assert len(pdk.Record(tmp_path / "out").lines()) == 2
+            running.submit({**session(**{who: True}), "road": road})
+            assert running.drive([{**session(), "road": road}])[0]["cause"] == "time_out"
+    assert len(running.record.lines()) == 2
+
+
+def test_a_session_has_a_record_when_it_is_over(tmp_path):
+    with pdk.Session(**SHARED, out=tmp_path / "out") as session:
+        with pytest.raises(pdk.Error, match="has no record: it is not over; leave its block first"):
+            session.record  # noqa: B018
+        session.drive([{}])
+    assert session.record.path == tmp_path / "out"
+    with pdk.Session(**SHARED) as session:
+        pass
+    with pytest.raises(pdk.Error, match="has no record: it drove no scenario and evaluated no dataset"):
+        session.record  # noqa: B018
+
+
+def test_perturbations_of_a_record_are_taken_again(tmp_path, image):
+    applied = [
+        {"name": "contrast", "level": 1, "factor": 1.3, "region": {"box": [0, 0.5, 1, 1]}},
+        {"name": "gaussian_noise", "level": 2, "probability": 0.5, "draws": "per_sequence"},
+        {"name": "fog_filter", "level": {"ramp": {"from": 0, "to": 4, "end": 2}}},
+    ]
+    with pdk.Session(**SHARED, seed=7, out=tmp_path / "out") as session:
+        first = session.drive([{"perturbations": applied}])[0]
+    recorded = session.record.lines()[0]["scenario"]
+    assert recorded["perturbations"][0]["parameters"] == {"factor": 1.3}
+    assert pdk.written(recorded["perturbations"]) == pdk.written(applied)
+    assert (pdk.perturb(image, recorded["perturbations"], seed=7) == pdk.perturb(image, applied, seed=7)).all()
+    # Parameters beside it count more than those in it.
+    wanted = pdk.perturb(image, {**applied[0], "factor": 0.5})
+    assert (pdk.perturb(image, recorded["perturbations"][0], factor=0.5) == wanted).all()
+    # A whole scenario of a record is driven again, and is the same one.
+    with pdk.Session(seed=7, out=tmp_path / "again") as session:
+        again = session.drive([recorded])[0]
+    assert (again["id"], again["digest"]) == (first["id"], first["digest"])
+    with pytest.raises(pdk.Error, match="`factor` of `contrast` is set twice"):
+        pdk.perturb(image, {"name": "contrast", "factor": 1, "parameters": {"factor": 2}})
 
 
 def test_a_class_that_nobody_else_finds_is_refused():

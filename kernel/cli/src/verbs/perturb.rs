@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use indicatif::ProgressBar;
 use pdk_core::chain::Chain;
 use pdk_core::moment::Moment;
-use pdk_core::{modifiers, output, println};
+use pdk_core::{eprintln, modifiers, output, println};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::parse_seed;
 use pdk_sdk::error::{Error, Place, Result};
@@ -133,6 +133,9 @@ fn perturb_video(
     let place = format!("video `{}`", arguments.image.display());
     let mut reader = Reader::open_file(&arguments.image).place(&place)?;
     let rate = reader.rate();
+    if reader.has_sound() {
+        eprintln!("pdk: warning: {place} has sound, which the result does not have");
+    }
     let mut planes = Yuv420::default();
     if !reader.next(&mut planes).place(&place)? {
         return Err(Error::new(format!("{place}: it has no frames")));
@@ -156,14 +159,16 @@ fn perturb_video(
         planes.to_rgb(frame.as_mut());
         let number = writer.frames();
         let before = Instant::now();
-        let time = arguments.time + number as f64 / rate;
+        // Frames keep their own times, so that a video without a fixed rate does not run faster or slower.
+        let (begins, ends) = (reader.time(number as u32), reader.time(number as u32 + 1));
+        let time = arguments.time + begins;
         let moment = Moment::new(arguments.frame.saturating_add(number), time);
         chain.apply(frame.as_ref(), perturbed.as_mut(), &moment)?;
         // Perturbations prepare themselves at their first frame.
         if number > 0 {
             perturbing += before.elapsed();
         }
-        writer.push(perturbed.as_ref())?;
+        writer.push_until(perturbed.as_ref(), ends)?;
         progress.inc(1);
         if !reader.next(&mut planes).place(&place)? {
             break;

@@ -81,12 +81,14 @@ impl Host {
         }
     }
 
-    /// The scenarios in which a component failed, in the order of submission, each once.
+    /// The scenarios in which a component failed, in the order of submission, each once, without those whose outcomes were
+    /// handed to the program.
     fn failed(&self) -> Vec<String> {
         let mut failed = BTreeMap::new();
         for (ticket, line) in &self.outcomes {
             if let (Ok(Some(line)), Some(Submitted { number, name, .. })) = (line, self.submitted.get(ticket))
                 && line.outcome.cause == Cause::Error
+                && !self.handed_over.contains(number)
                 && let Some(error) = &line.outcome.error
             {
                 failed.entry(*number).or_insert_with(|| format!("scenario {number} `{name}`: {error}"));
