@@ -15,7 +15,7 @@ use pdk_model::perturbation::AppliedPerturbation;
 use pdk_sdk::prelude::FrameBuf;
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::{Pdk, datasets, onnx, pictures, records, temp};
-use pdk_trace::reader::{read_steps, read_steps_and_road};
+use pdk_trace::reader::{Owner, read_recorded, read_steps};
 
 /// All perturbations that need no parameter, with whether they draw random numbers.
 fn perturbations() -> Vec<String> {
@@ -173,7 +173,11 @@ fn a_closed_loop_is_the_same_on_any_number_of_workers() {
             .map(|outcome| {
                 let trace = records::trace(&record, outcome);
                 traces.push(trace.strip_prefix(&record).unwrap().to_string_lossy().into_owned());
-                read_steps_and_road(&trace).unwrap().1
+                let owner = Owner {
+                    scenario: outcome["id"].as_str().unwrap().parse().unwrap(),
+                    digest: outcome["digest"].as_str().unwrap().to_owned(),
+                };
+                read_recorded(&trace, owner).unwrap().1
             })
             .collect();
         assert_eq!((&outcomes[2]["cause"], roads[2].as_str()), (&"error".into(), ""));

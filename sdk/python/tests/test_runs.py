@@ -379,6 +379,21 @@ def test_a_driver_and_a_simulator_are_classes(classes, tmp_path):
     assert abs(steps["cross_track_error"][-1]) > 0 and steps["progress"][-1] == 1.0
 
 
+def test_a_trace_of_another_scenario_is_refused(tmp_path):
+    with pdk.Session(simulator={"name": "lane", "width": 64, "height": 48}, driver="lane_keeper", duration=0.5, out=tmp_path / "r") as session:
+        session.drive([{"seed": 1}, {"seed": 2}])
+    record = pdk.Record(tmp_path / "r")
+    one, two = record.trace(0), record.trace(1)
+    assert len(record.steps(0)["time"]) == len(record.steps(1)["time"])
+    between = tmp_path / "between"
+    one.rename(between)
+    two.rename(one)
+    between.rename(two)
+    for read in (record.steps, record.events, record.frames):
+        with pytest.raises(pdk.Error, match="does not belong to its line in scenarios.jsonl"):
+            read(0)
+
+
 @pytest.mark.parametrize(
     ("who", "fault", "says"),
     [
