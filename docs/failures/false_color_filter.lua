@@ -12,7 +12,7 @@ pdk.show(pdk.drive({
 		perturbations = {
 			{ name = "false_color_filter", level = 0 },
 		},
-		duration = 1.3,
+		duration = 10,
 		seed = 7191359084845048,
 	} },
 }))

@@ -12,7 +12,7 @@ pdk.show(pdk.drive({
 		perturbations = {
 			{ name = "fog_filter", level = 3.25 },
 		},
-		duration = 6.6,
+		duration = 10,
 		seed = 2073130918622966,
 	} },
 }))

@@ -1,5 +1,5 @@
--- grayscale_filter@3.6875: lane departure after 17.10 s.
--- Under new luck it fails in 20 of 20 drives: a probability of 0.84 to 1.00.
+-- grayscale_filter@4: lane departure after 4.60 s.
+-- Found at level 3.69 on a longer road, where one processor made the difference; at level 4 all drives fail, whatever the engine.
 --
 --   pdk run grayscale_filter.lua
 
@@ -8,11 +8,11 @@ pdk.show(pdk.drive({
 	scenarios = { {
 		simulator = "lane",
 		driver = "dave2",
-		road = { angles = { 0, 0, 0, 0, 0, 0, -25, 25 }, segment = 25 },
+		road = { angles = { 0, -25, 25 }, segment = 25 },
 		perturbations = {
-			{ name = "grayscale_filter", level = 3.6875 },
+			{ name = "grayscale_filter", level = 4 },
 		},
-		duration = 17.2,
+		duration = 10,
 		seed = 488447330695260,
 	} },
 }))
