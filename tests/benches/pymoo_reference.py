@@ -1,11 +1,13 @@
-"""NSGA-II of pymoo on the problems of `tests/benches/search.rs`: prints the median hypervolume of the last population.
+"""NSGA-II of pymoo on the problems of `tests/benches/search/fronts.rs`: the hypervolumes of its last populations, which go to
+`tests/benches/search/pymoo.json`.
 
     python -m venv /tmp/pymoo && /tmp/pymoo/bin/pip install pymoo==0.6.2
     /tmp/pymoo/bin/python tests/benches/pymoo_reference.py
 """
 
+import json
+import pathlib
 import statistics
-import time
 
 import numpy as np
 from pymoo.algorithms.moo.nsga2 import NSGA2
@@ -18,7 +20,7 @@ from pymoo.operators.sampling.rnd import IntegerRandomSampling
 from pymoo.optimize import minimize
 from pymoo.problems import get_problem
 
-POPULATION, GENERATIONS, SEEDS = 75, 200, 20
+POPULATION, GENERATIONS, SEEDS = 75, 200, 100
 
 
 class Between(Problem):
@@ -51,10 +53,11 @@ problems = {
     "dtlz2": (get_problem("dtlz2", n_var=12, n_obj=3), [1.1, 1.1, 1.1]),
     "integer": (Between(), [6.0, 6.0]),
 }
+written = {}
 for name, (problem, reference) in problems.items():
-    volumes, begun = [], time.time()
-    for seed in range(SEEDS):
-        result = minimize(problem, algorithm(name), ("n_gen", GENERATIONS), seed=seed)
-        volumes.append(HV(ref_point=np.array(reference))(result.F))
-    took = (time.time() - begun) * 1000 / SEEDS / GENERATIONS
-    print(f'("{name}", {statistics.median(volumes):.6f}), // {min(volumes):.6f} to {max(volumes):.6f}, {took:.2f} ms a generation')
+    hypervolume = HV(ref_point=np.array(reference))
+    runs = (minimize(problem, algorithm(name), ("n_gen", GENERATIONS), seed=seed) for seed in range(SEEDS))
+    written[name] = [round(float(hypervolume(run.F)), 6) for run in runs]
+    print(name, min(written[name]), statistics.median(written[name]), max(written[name]))
+lines = ",\n".join(f'  "{name}": {json.dumps(volumes)}' for name, volumes in written.items())
+pathlib.Path(__file__).with_name("search").joinpath("pymoo.json").write_text(f"{{\n{lines}\n}}\n")

@@ -1,12 +1,15 @@
 //! Search strategies: each proposes candidates by a rule, which [`strategy`] makes a component.
 
+mod cells;
 mod domain;
 mod forest;
 mod grid;
 mod latin_hypercube;
 mod map_elites;
+mod niches;
 mod nsga2;
 mod nsga2_dt;
+mod pool;
 mod published;
 mod random;
 mod sobol;

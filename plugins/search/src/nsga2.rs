@@ -36,6 +36,7 @@ impl Rule for Nsga2 {
             "nsga2",
             "NSGA-II: generations of offspring, of which the non-dominated and the most isolated survive",
         )
+        .version(2)
         .source("K. Deb, A. Pratap, S. Agarwal, T. Meyarivan (2002)")
         .parameter(population());
         Variation::parameters(description)
@@ -140,11 +141,12 @@ pub fn breed(
     random: &mut Random,
 ) -> Vec<Vec<f64>> {
     let mut offspring = Vec::with_capacity(n);
+    let mut tournament = Tournament::default();
     for _ in 0..n * TRIES {
         if offspring.len() >= n || population.is_empty() {
             break;
         }
-        let parents = [select(population, random), select(population, random)];
+        let parents = [tournament.winner(population, random), tournament.winner(population, random)];
         for child in variation.children(domain, region, parents, random) {
             if offspring.len() < n && seen.add(&child) {
                 offspring.push(child);
@@ -157,11 +159,28 @@ pub fn breed(
     offspring
 }
 
-/// The better of two that are drawn.
-fn select<'a>(population: &'a [Ranked], random: &mut Random) -> &'a [f64] {
-    let mut draw = || &population[random.below(population.len() as u32) as usize];
-    let (a, b) = (draw(), draw());
-    if b.order(a).is_lt() { &b.point.x } else { &a.point.x }
+/// Tournaments of two, in which each of a population takes part equally often, as in the authors' program.
+#[derive(Default)]
+struct Tournament {
+    /// Who has not taken part in this round.
+    waiting: Vec<usize>,
+}
+
+impl Tournament {
+    /// The better of the next two.
+    fn winner<'a>(&mut self, population: &'a [Ranked], random: &mut Random) -> &'a [f64] {
+        let (a, b) = (self.next(population.len(), random), self.next(population.len(), random));
+        let (a, b) = (&population[a], &population[b]);
+        if b.order(a).is_lt() { &b.point.x } else { &a.point.x }
+    }
+
+    fn next(&mut self, count: usize, random: &mut Random) -> usize {
+        if self.waiting.is_empty() {
+            self.waiting = (0..count).collect();
+            random.shuffle(&mut self.waiting);
+        }
+        self.waiting.pop().unwrap_or_default()
+    }
 }
 
 #[cfg(test)]
@@ -184,6 +203,48 @@ mod tests {
         let volume = hypervolume(&front, &[1.1, 1.1]);
         // The whole front dominates 1.21 - 1 / 3.
         assert!(volume > 0.98 * (1.21 - 1.0 / 3.0), "{volume}");
+    }
+
+    #[test]
+    fn no_part_of_a_front_in_several_parts_is_lost() {
+        // ZDT3 with 30 variables.
+        let zdt3 = |x: &[f64]| {
+            let g = 1.0 + 9.0 * x[1..].iter().sum::<f64>() / 29.0;
+            let share = x[0] / g;
+            let waves = share * libm::sin(10.0 * std::f64::consts::PI * x[0]);
+            (vec![x[0], g * (1.0 - libm::sqrt(share) - waves)], false)
+        };
+        let lost = |parameters: &[(&str, pdk_sdk::serde_json::Value)]| {
+            let part_is_lost = |seed: &u8| {
+                let mut strategy: Strategy<Nsga2> = make(parameters);
+                let all = search(&mut strategy, &problem(reals(30)), *seed, 15_000, zdt3);
+                // The whole front dominates 1.328.
+                let front: Vec<Vec<f64>> = all.into_iter().map(|(_, f, _)| f).collect();
+                hypervolume(&front, &[1.1, 1.1]) < 1.3
+            };
+            [0, 1, 2, 27, 39].into_iter().filter(part_is_lost).collect::<Vec<u8>>()
+        };
+        assert_eq!(lost(&[]), []);
+        // Smaller steps do not always lead from one part to another.
+        assert_eq!(lost(&[("eta_mutation", 20.into())]), [27, 39]);
+    }
+
+    #[test]
+    fn each_of_a_population_takes_part_in_equally_many_tournaments() {
+        let mut random = key(4).sequence();
+        let ranked = |number: usize| Ranked {
+            point: Point { x: vec![number as f64], f: vec![], violation: 0.0, critical: false },
+            front: number,
+            room: 0.0,
+        };
+        let population: Vec<Ranked> = (0..6).map(ranked).collect();
+        let mut tournament = Tournament::default();
+        for _ in 0..50 {
+            let winners: Vec<f64> = (0..3).map(|_| tournament.winner(&population, &mut random)[0]).collect();
+            // The best wins, the worst does not, and none wins twice.
+            assert!(winners.contains(&0.0) && !winners.contains(&5.0), "{winners:?}");
+            assert!((0..3).all(|i| !winners[i + 1..].contains(&winners[i])), "{winners:?}");
+        }
     }
 
     #[test]

@@ -17,6 +17,7 @@ use pdk_sdk::ops::Random;
 use pdk_sdk::prelude::*;
 
 use crate::domain::{Domain, Region, Seen, contains};
+use crate::niches::{NEARBY, objectives, promising};
 use crate::nsga2::{breed, draw_new, initial, population, size};
 use crate::published::Published;
 use crate::strategy::{Next, Rule};
@@ -28,16 +29,6 @@ const DRAWS: usize = 12;
 const MARGIN: f64 = 0.05;
 /// Half the width of the region around a critical candidate that lies in none, in shares of each variable's range.
 const AROUND: f64 = 0.08;
-/// Places elsewhere that are followed at the same time.
-const PLACES: usize = 4;
-/// How far these are from each other: see [`Space::distance`].
-const APART: f64 = 0.15;
-/// Nothing better is among so many points next to such a place.
-const NEIGHBORS: usize = 8;
-/// So many points are looked at, the best ones.
-const LOOKED_AT: usize = 400;
-/// Half the width of the region around such a place, in shares of each variable's range.
-const NEARBY: f64 = 0.15;
 /// The most regions of one round.
 const MOST_REGIONS: usize = 12;
 
@@ -58,7 +49,7 @@ impl Rule for Nsga2Dt {
             "nsga2_dt",
             "NSGA-II-DT: NSGA-II, guided by a decision tree into the regions in which candidates are critical",
         )
-        .version(2)
+        .version(3)
         .source("R. Ben Abdessalem, S. Nejati, L. Briand, T. Stifter (2018)")
         .divergence(
             "`variant=published` searches from the front of each region alone, leaves the regions' bounds out, passes over \
@@ -169,7 +160,7 @@ impl Meant {
             let bred = self.size - aside;
             offspring.extend(self.bred(domain, &everywhere, told.iter(), bred, random));
         }
-        let places = promising(domain, told, self.size);
+        let places = promising(domain, told, &objectives(told), self.size);
         for place in &places {
             let share = aside * 2 / 3 / places.len();
             let region = around(domain, &told[*place].x, NEARBY);
@@ -255,54 +246,6 @@ fn critical_regions(domain: &Domain, told: &[Point]) -> Vec<Region> {
     }
     regions.truncate(MOST_REGIONS);
     regions
-}
-
-/// Points that are not critical, and better than all that lie next to them, so that the way down from there leads somewhere else than
-/// to the regions that are known; far from each other, and not yet searched enough. They are the best such points in the first
-/// objective, in the second, and so on in turn, because what is critical may show in one of them alone.
-///
-/// A. Törn, S. Viitanen, "Topographical global optimization" (1992).
-fn promising(domain: &Domain, told: &[Point], enough: usize) -> Vec<usize> {
-    let space = domain.space();
-    let evaluated: Vec<usize> =
-        (0..told.len()).filter(|&place| !told[place].f.is_empty() && told[place].violation <= 0.0).collect();
-    let objectives = evaluated.first().map_or(0, |&place| told[place].f.len());
-    let value = |place: usize, m: usize| told[place].f.get(m).copied().unwrap_or(f64::INFINITY);
-    let mut orders: Vec<_> = (0..objectives)
-        .map(|m| {
-            let mut order: Vec<usize> =
-                evaluated.iter().copied().filter(|&place| !told[place].critical).collect();
-            order.sort_by(|&a, &b| value(a, m).total_cmp(&value(b, m)));
-            order.truncate(LOOKED_AT);
-            (m, order.into_iter())
-        })
-        .collect();
-    let mut distances: Vec<(f64, usize)> = Vec::with_capacity(evaluated.len());
-    let mut leads_elsewhere = |place: usize, m: usize| {
-        distances.clear();
-        let others = evaluated.iter().filter(|&&other| other != place);
-        distances.extend(others.map(|&other| (space.distance(&told[place].x, &told[other].x), other)));
-        if distances.iter().filter(|(distance, _)| *distance < NEARBY).count() >= enough {
-            return false;
-        }
-        let next = NEIGHBORS.min(distances.len());
-        if next == 0 {
-            return true;
-        }
-        distances.select_nth_unstable_by(next - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        distances[..next]
-            .iter()
-            .all(|&(_, other)| !told[other].critical && value(other, m) >= value(place, m))
-    };
-    let mut places: Vec<usize> = Vec::new();
-    for turn in 0..PLACES {
-        let Some((m, order)) = orders.get_mut(turn % objectives.max(1)) else { break };
-        let far =
-            |place: usize| places.iter().all(|&other| space.distance(&told[place].x, &told[other].x) > APART);
-        let found = order.find(|&place| far(place) && leads_elsewhere(place, *m));
-        places.extend(found);
-    }
-    places
 }
 
 /// The region around a position, so wide to each side, in shares of each variable's range.

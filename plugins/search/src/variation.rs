@@ -32,6 +32,7 @@ pub struct Variation {
 impl Variation {
     /// The parameters of strategies that vary.
     pub fn parameters(description: Description) -> Description {
+        // Smaller mutations than these do not lead from one part of a front to another.
         description
             .parameter(
                 Parameter::number("crossover", 0.9, "the probability that two parents are crossed")
@@ -54,7 +55,7 @@ impl Variation {
                 .range(0.0, 1.0),
             )
             .parameter(
-                Parameter::number("eta_mutation", 20.0, "how near a mutant is: the larger, the nearer")
+                Parameter::number("eta_mutation", 10.0, "how near a mutant is: the larger, the nearer")
                     .range(0.0, 1000.0),
             )
     }
