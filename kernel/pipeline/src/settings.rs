@@ -21,6 +21,7 @@ pub const COMMON: &[(&str, &str)] = &[
     ("memory", "how much memory a worker may take, in MiB"),
     ("pool", "a command that provides workers, in the place of this machine's"),
     ("shard", "which part of the scenarios and frames is computed, such as 1/8"),
+    ("keep_errors", "whether a run that is continued keeps the scenarios in which a component failed"),
 ];
 
 /// More workers than this are a mistake.
@@ -41,6 +42,8 @@ pub struct Common {
     pub pool: Option<String>,
     /// Which part of the scenarios is driven; none for all.
     pub shard: Option<Shard>,
+    /// Whether a run that is continued keeps the scenarios in which a component failed, rather than driving them again.
+    pub keep_errors: bool,
 }
 
 impl Default for Common {
@@ -52,6 +55,7 @@ impl Default for Common {
             limits: Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY },
             pool: None,
             shard: None,
+            keep_errors: false,
         }
     }
 }
@@ -90,6 +94,9 @@ impl Common {
                         true => None,
                         false => Some(value.parse().map_err(|error: Error| error.at("--set shard"))?),
                     }
+                }
+                "keep_errors" => {
+                    common.keep_errors = value.parse().map_err(|_| wrong("true or false"))?;
                 }
                 "pool" => common.pool = Some(value).filter(|command| !command.is_empty()),
                 _ => others.push(Override { key, value }),
@@ -289,6 +296,7 @@ mod tests {
             ("seed=-1", "--set seed: `-1` is not a whole number of at least 0"),
             ("patience=nan", "is not a positive number of seconds"),
             ("memory=0", "is not a positive number of MiB"),
+            ("keep_errors=1", "--set keep_errors: `1` is not true or false"),
         ] {
             let error = read(&[text]).unwrap_err().to_string();
             assert!(error.contains(said), "{error}");
