@@ -107,7 +107,8 @@ fn another_version_is_said() {
         1,
         &["speaks version v1.23 of its protocol, but v1.27 was asked for", "set `protocol` to v1.23"],
     );
-    assert_eq!(tried.kind(), "configuration");
+    // It says nothing about a scenario.
+    assert!(tried.lines.is_empty(), "{:?}", tried.lines);
 }
 
 #[test]

@@ -338,19 +338,20 @@ fn a_line_that_was_cut_off_does_not_hide_the_others() {
 }
 
 #[test]
-fn a_drive_that_fails_keeps_its_numbers() {
+fn a_disk_that_is_full_ends_the_run_whatever_a_script_makes_of_it() {
     let folder = temp();
-    // The first drive's traces outgrow what a file may hold. Of its error a script can make what it wants.
+    // The second drive's traces outgrow what a file may hold.
     for count in [1, 2] {
         let out = folder.path().join(format!("record-{count}"));
         let source = format!(
             r#"
             local scenarios = {{ {{}}, {{ seed = 1 }} }}
-            local ok, error = pcall(pdk.drive, {{ simulator = {{ name = "misbehave", how = "stand_still" }},
-                driver = "misbehave", images_every = 1, scenarios = {{ table.unpack(scenarios, 1, {count}) }} }})
+            pdk.drive({{ simulator = "misbehave", driver = "misbehave", scenarios = scenarios }})
+            local ok, error = pcall(pdk.drive, {{ simulator = {{ name = "lane", width = 32, height = 24 }}, duration = 10,
+                driver = "lane_keeper", images_every = 1, scenarios = {{ table.unpack(scenarios, 1, {count}) }} }})
             assert(not ok and string.find(tostring(error), "cannot write"), tostring(error))
-            local outcomes = pdk.drive({{ simulator = "misbehave", driver = "misbehave", scenarios = scenarios }})
-            assert(outcomes[1].number == {count} and outcomes[2].number == {count} + 1)
+            ok, error = pcall(pdk.drive, {{ simulator = "misbehave", driver = "misbehave", scenarios = {{ {{ seed = 2 }} }} }})
+            assert(not ok and string.find(tostring(error), "cannot write"), tostring(error))
             "#
         );
         let ran = Pdk::program("sh")
@@ -361,7 +362,12 @@ fn a_drive_that_fails_keeps_its_numbers() {
             .arg(pipeline(folder.path(), &source))
             .misbehave()
             .run();
-        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+        assert!(
+            ran.stderr.contains("cannot write") && ran.stderr.contains("free some space"),
+            "{}",
+            ran.stderr
+        );
         let lines = json_lines(&out.join("scenarios.jsonl"));
         let seeds: Vec<_> = lines.iter().map(|line| &line["scenario"]["seed"]).collect();
         assert_eq!((seeds.len(), seeds[1]), (2, &json!(1)));

@@ -275,6 +275,41 @@ fn two_runs_do_not_share_a_simulator() {
     assert_eq!(lines_of(&folder.path().join("first")).len(), 2);
 }
 
+/// Numbers that no vehicle has, and a time that has passed, are not believed.
+#[test]
+fn a_state_that_cannot_be_is_the_outcome_of_its_scenario() {
+    for (fault, says) in [
+        ("huge", "its speed is 1e160 m/s, but has to be from -1000 to 1000 m/s"),
+        ("back", "its time falls from "),
+    ] {
+        let port = free_ports(1);
+        let _stand_in = StandIn::start("donkey", port, &["--build", "road_generating", "--fault", fault]);
+        let run = run(&simulator(port), &[]);
+        run.says(1, &["1 of 2 scenarios", "simulator `donkey`", says]);
+        assert_eq!(run.causes(), ["error", "time_out"], "{fault}");
+        assert_eq!(run.lines[0]["error_kind"], "nonsense");
+    }
+}
+
+/// The right to a port is noted there. That it cannot be says nothing about a scenario.
+#[test]
+fn a_cache_that_cannot_be_written_ends_the_run() {
+    let port = free_ports(1);
+    let _stand_in = StandIn::start("donkey", port, &["--build", "road_generating"]);
+    let folder = temp();
+    let (script, out, cache) =
+        (pipeline(folder.path(), SOURCE), folder.path().join("out"), folder.path().join("cache"));
+    std::fs::write(&cache, "no folder").unwrap();
+    let run = || {
+        let command = Pdk::new(["run", "--workers", "1", "--out"]).arg(&out).arg(&script);
+        command.set("simulator", simulator(port).to_string())
+    };
+    run().env("PDK_CACHE", &cache).fail(1, &["simulator `donkey`", "cannot write", "ports"]);
+    assert_eq!(std::fs::read_to_string(out.join("scenarios.jsonl")).unwrap(), "");
+    run().succeed();
+    assert_eq!(lines_of(&out).len(), 2);
+}
+
 /// Who has started one simulator has one: without `--workers`, no worker looks for another one.
 #[test]
 fn one_simulator_is_enough_for_whoever_says_nothing_of_workers() {
@@ -293,15 +328,18 @@ fn one_simulator_is_enough_for_whoever_says_nothing_of_workers() {
     assert_eq!(lines_of(&out).len(), 4);
     let replayed = Pdk::new(["replay"]).arg(&out).run();
     assert!(!replayed.stderr.contains("is not at"), "{}", replayed.stderr);
-    // Whoever wants two has to have two.
-    run("two", &simulator).set("workers", 2).fail(
-        1,
-        &[
-            &format!("is not at 127.0.0.1:{}", port + 1),
-            "worker 1 needs a simulator of its own there",
-            "--workers 1",
-        ],
-    );
+    // Of two workers the one that finds none leaves its work to the other one, and the only one ends the run.
+    let driven = run("two", &simulator).set("workers", 2).succeed();
+    let said = [
+        "pdk: warning: worker 1 gets nothing more to do, and others do its work: simulator `donkey`",
+        &format!("is not at 127.0.0.1:{}", port + 1),
+        "worker 1 needs a simulator of its own there",
+        "--workers 1",
+    ];
+    assert!(said.iter().all(|part| driven.stderr.contains(part)), "{}", driven.stderr);
+    let causes: Vec<Value> =
+        lines_of(&folder.path().join("two")).into_iter().map(|mut line| line["cause"].take()).collect();
+    assert_eq!(causes, ["time_out"; 4]);
     // With those that pdk starts, every worker has one.
     simulator["launch"] = json!([program(), "donkey", "{port}", "--build", "road_generating"]);
     simulator["port"] = json!(free_ports(4));

@@ -175,7 +175,7 @@ fn numbers_that_are_none_are_errors() {
     let run = three_scenarios("driver", "no_number", &[]);
     says(&run, 1, &["driver `misbehave`", "it steers NaN"]);
     let run = three_scenarios("simulator", "no_number", &[]);
-    says(&run, 1, &["simulator `misbehave`", "frame 0", "not finite"]);
+    says(&run, 1, &["simulator `misbehave`: its z is NaN m", "in the state of frame 0"]);
     assert_eq!(causes(&run), ["error"; 3]);
 
     let run = three_scenarios("driver", "wild", &[]);
@@ -187,7 +187,7 @@ fn numbers_that_are_none_are_errors() {
 #[test]
 fn a_simulator_whose_time_stands_still_does_not_run_for_ever() {
     let run = three_scenarios("simulator", "stand_still", &[]);
-    says(&run, 1, &["simulator `misbehave`", "its time does not go on"]);
+    says(&run, 1, &["simulator `misbehave`: its time goes on from 0.0 to 0.0 s with a control"]);
     assert_eq!(causes(&run), ["error"; 3]);
 }
 

@@ -6,7 +6,7 @@ use pdk_model::level::Level;
 use pdk_model::perturbation::{AppliedPerturbation, Draws};
 use pdk_sdk::config::{self, Config};
 use pdk_sdk::describe::{Description, Kind};
-use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Annotations, Context, Frame, FrameBuf, FrameMut, Key, Perturbation};
 use pdk_sdk::seed;
 
@@ -63,8 +63,7 @@ impl Chain {
             let (instance, config) = registry.perturbation(&applied.name, &applied.parameters)?;
             let description = registry.catalog().get(Kind::Perturbation, &applied.name)?.description.clone();
             if applied.attention.is_some() && description.follows_attention.is_empty() {
-                return Err(Error::of(
-                    ErrorKind::Configuration,
+                return Err(Error::new(
                     "it does not follow saliency maps, so leave `attention` out; `where` limits any perturbation to what a map marks",
                 )
                 .at(format_args!("perturbation `{}`", applied.name)));

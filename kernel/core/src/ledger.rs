@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 
 use pdk_model::outcome::Outcome;
 use pdk_model::scenario::{Scenario, ScenarioId};
-use pdk_sdk::error::{Error, ErrorKind, Place, Result};
+use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use serde::{Deserialize, Serialize};
 
@@ -46,11 +46,6 @@ const ID: &str = "{\"id\":\"";
 const DIGITS: usize = 16;
 
 impl Line {
-    /// Whether it may be otherwise another time: a worker was lost over it, or something came too late.
-    pub fn is_chance(&self) -> bool {
-        matches!(self.outcome.error_kind, Some(ErrorKind::Lost | ErrorKind::Late))
-    }
-
     /// As it is written, with its checksum and a line feed.
     ///
     /// # Errors
@@ -265,6 +260,7 @@ pub fn read(directory: &RunDirectory) -> Result<(Vec<Line>, bool)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pdk_sdk::error::ErrorKind;
     use serde_json::json;
 
     fn line(seed: u64) -> Line {
@@ -304,14 +300,12 @@ mod tests {
     }
 
     #[test]
-    fn what_was_lost_can_be_driven_again_and_the_last_line_counts() {
+    fn what_failed_can_be_driven_again_and_the_last_line_counts() {
         let directory = directory("lost");
         let mut ledger = Ledger::open(&directory).unwrap();
         let lost = Outcome::of_error(ErrorKind::Late, "driver `x` has not come back".to_owned());
         ledger.add(&Line { outcome: lost, ..line(0) }).unwrap();
         ledger.add(&line(1)).unwrap();
-        assert!(ledger.get(&line(0).id).unwrap().unwrap().is_chance());
-        assert!(!ledger.get(&line(1).id).unwrap().unwrap().is_chance());
         assert!(ledger.has(&line(0).id) && !ledger.has(&line(2).id));
         ledger.add(&line(0)).unwrap();
         assert_eq!(ledger.get(&line(0).id).unwrap(), Some(line(0)));

@@ -1,7 +1,7 @@
 //! Which pixels of a frame are chosen: by saliency maps, by a simulator's labels, by masks or at random.
 
 use pdk_model::selection::{Choice, Selection};
-use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Frame, HeatmapMut, Key, Mask};
 
 use crate::calls::{self, Function};
@@ -142,8 +142,7 @@ impl Selector {
 fn between(choice: Choice, depth: Option<&[f32]>, pixels: usize, weights: &mut Vec<u8>) -> Result<()> {
     let (Choice::Between(least, most), Some(depth)) = (choice, depth.filter(|depth| depth.len() == pixels))
     else {
-        return Err(Error::of(
-            ErrorKind::Configuration,
+        return Err(Error::new(
             "`nearer` and `farther` need a simulator that tells how far away pixels are, and these frames come without; use a mask instead",
         ));
     };
@@ -159,7 +158,7 @@ fn labelled(
     pixels: usize,
     weights: &mut Vec<u8>,
 ) -> Result<()> {
-    let wrong = |sentence: String| Err(Error::of(ErrorKind::Configuration, sentence));
+    let wrong = |sentence: String| Err(Error::new(sentence));
     let Some(labels) = labels.filter(|labels| !labels.names.is_empty() && labels.pixels.len() == pixels)
     else {
         return wrong(

@@ -55,6 +55,8 @@ pub enum End {
     Late(Seen, Duration),
     /// It took more memory, in MiB, than it may.
     Memory(u64),
+    /// It said what cannot be read, for this reason, and was ended.
+    Unreadable(String),
 }
 
 impl Supervised {
@@ -165,6 +167,7 @@ impl End {
     pub fn kind(&self) -> ErrorKind {
         match self {
             End::Late(..) => ErrorKind::Late,
+            End::Unreadable(_) => ErrorKind::Nonsense,
             End::Done(_) | End::Exited(_) | End::Signal(_) | End::Memory(_) => ErrorKind::Lost,
         }
     }
@@ -182,6 +185,10 @@ impl End {
             End::Signal(signal) => format!("{culprit} was ended by {}", SignalName(*signal)),
             End::Late(call, patience) => format!("{call} has not come back for {} s", patience.as_secs_f64()),
             End::Memory(limit) => format!("{culprit} took more than {limit} MiB of memory"),
+            End::Unreadable(why) => {
+                let culprit = culprit.replacen("a component", "the process of the components", 1);
+                format!("{culprit} answered with what cannot be read ({why})")
+            }
         }
     }
 }

@@ -361,7 +361,7 @@ impl Host {
             directory.remove_partial_traces();
             // A record that is damaged stays as it is.
             let ledger = Ledger::open(&directory).inspect_err(|_| self.directory = None)?;
-            self.session.record(directory, ledger);
+            self.session.record(directory, ledger, self.common.keep_errors);
             self.has_ledger = true;
         }
         Ok(())

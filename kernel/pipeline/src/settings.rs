@@ -23,6 +23,7 @@ pub const COMMON: &[(&str, &str)] = &[
     ("memory", "how much memory a worker may take, in MiB"),
     ("pool", "a command that provides workers, in the place of this machine's"),
     ("shard", "which part of the scenarios and frames is computed, such as 1/8"),
+    ("keep_errors", "whether a run that is continued keeps the scenarios in which a component failed"),
 ];
 
 /// More workers than this are a mistake.
@@ -45,6 +46,8 @@ pub struct Common {
     pub shard: Option<Shard>,
     /// Options that take the place of the defaults of components, by parameter: `engine`.
     pub wanted: BTreeMap<String, String>,
+    /// Whether a run that is continued keeps the scenarios in which a component failed, rather than driving them again.
+    pub keep_errors: bool,
 }
 
 impl Default for Common {
@@ -57,6 +60,7 @@ impl Default for Common {
             pool: None,
             shard: None,
             wanted: BTreeMap::new(),
+            keep_errors: false,
         }
     }
 }
@@ -99,6 +103,9 @@ impl Common {
                         true => None,
                         false => Some(value.parse().map_err(|error: Error| error.at("--set shard"))?),
                     }
+                }
+                "keep_errors" => {
+                    common.keep_errors = value.parse().map_err(|_| wrong("true or false"))?;
                 }
                 "pool" => common.pool = Some(value).filter(|command| !command.is_empty()),
                 _ => others.push(Override { key, value }),
@@ -315,6 +322,7 @@ mod tests {
             ("seed=9007199254740992", "--set seed: `9007199254740992` is not a seed"),
             ("patience=nan", "is not a positive number of seconds"),
             ("memory=0", "is not a positive number of MiB"),
+            ("keep_errors=1", "--set keep_errors: `1` is not true or false"),
         ] {
             let error = read(&[text]).unwrap_err().to_string();
             assert!(error.contains(said), "{error}");

@@ -4,6 +4,10 @@ use std::f64::consts::PI;
 
 use pdk_sdk::prelude::State;
 
+/// Two states that are closer in time than this, in seconds, say nothing about how the speed changes: a simulator may repeat a state,
+/// and quotients of tiny times are larger than any vehicle's acceleration.
+const CLOSEST: f64 = 1e-4;
+
 /// Measures both from one state to the next.
 #[derive(Debug, Clone, Default)]
 pub struct Comfort {
@@ -21,8 +25,7 @@ impl Comfort {
     pub fn look(&mut self, state: &State) {
         if let Some(before) = self.before.replace(*state) {
             let seconds = state.time - before.time;
-            // A simulator may repeat a state.
-            if seconds <= 0.0 {
+            if seconds < CLOSEST {
                 return;
             }
             let along = (state.speed - before.speed) / seconds;
@@ -112,6 +115,16 @@ mod tests {
         assert_eq!(comfort.lateral_acceleration.max(), 0.0);
         assert!((comfort.jerk.max() - 3.0).abs() < 1e-6, "{comfort:?}");
         assert!(comfort.jerk.rms() > 1.9 && comfort.jerk.rms() < 2.3, "{comfort:?}");
+    }
+
+    #[test]
+    fn the_wildest_states_that_are_allowed_give_finite_numbers() {
+        let comfort = of((0..100_000).map(|i| {
+            let sign = |halves: i32| if i / halves % 2 == 0 { 1.0 } else { -1.0 };
+            (f64::from(i) * CLOSEST, sign(2) * 1000.0, sign(1) * 1e6)
+        }));
+        let numbers = [comfort.jerk, comfort.lateral_acceleration].map(|size| [size.rms(), size.max()]);
+        assert!(numbers.iter().flatten().all(|number| number.is_finite() && *number > 0.0), "{numbers:?}");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A session's end of the conversation with a worker, or with a pool of them.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::os::unix::process::CommandExt;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
@@ -32,6 +33,11 @@ impl Pool {
             Self::Usual => std::thread::available_parallelism().map_or(1, usize::from),
             Self::Command(_) => 1,
         }
+    }
+
+    /// Whether a connection is a process of this machine with one slot.
+    pub fn is_here(&self) -> bool {
+        matches!(self, Self::Here(_) | Self::Usual)
     }
 
     fn command(&self) -> Result<Command> {
@@ -80,6 +86,17 @@ fn listened_to(line: &str) -> String {
     format!("exec 3<&0\n(\n{line}\n) <&3 3<&- &\nexec >&- <&- 3<&-\nwait $!")
 }
 
+/// What a slot is at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Slot {
+    /// It can be given a job.
+    Free,
+    /// It does the job of this number.
+    Busy(u64),
+    /// It is given nothing any more, since its machine cannot do what it was given.
+    Out,
+}
+
 /// A process at the other end, with the slots it has.
 pub struct Connection {
     child: Child,
@@ -88,8 +105,8 @@ pub struct Connection {
     pub number: u64,
     /// The number of its first slot.
     pub first_slot: u32,
-    /// What each slot is busy with, once the process has said how many there are.
-    pub slots: Option<Vec<Option<u64>>>,
+    /// What each slot is at, once the process has said how many there are.
+    pub slots: Option<Vec<Slot>>,
     /// When it was opened.
     pub opened: Instant,
     /// Whether the user has been told that it is waited for.
@@ -133,11 +150,11 @@ impl Connection {
         })
     }
 
-    /// Takes the answer to hello.
+    /// Takes the answer to hello. Slots of these numbers are given nothing.
     ///
     /// # Errors
     /// Where the other end speaks another version.
-    pub fn ready(&mut self, ready: &Ready, pool: &Pool) -> Result<()> {
+    pub fn ready(&mut self, ready: &Ready, pool: &Pool, out: &BTreeMap<u32, Error>) -> Result<()> {
         if ready.protocol != VERSION {
             return Err(Error::new(format!(
                 "{} speaks version {} of the worker protocol, and this pdk version {VERSION}; use the same pdk at both ends",
@@ -166,19 +183,21 @@ impl Connection {
                 ready.slots
             )));
         }
-        self.slots = Some(vec![None; ready.slots as usize]);
+        let first = self.first_slot;
+        let slot = |number: u32| if out.contains_key(&(first + number)) { Slot::Out } else { Slot::Free };
+        self.slots = Some((0..ready.slots).map(slot).collect());
         Ok(())
     }
 
     /// A slot that has nothing to do.
     pub fn free_slot(&self) -> Option<usize> {
-        self.slots.as_ref()?.iter().position(Option::is_none)
+        self.slots.as_ref()?.iter().position(|slot| *slot == Slot::Free)
     }
 
     /// Gives a slot a job.
     pub fn give(&mut self, slot: usize, job: &Job) {
         if let Some(slots) = &mut self.slots {
-            slots[slot] = Some(job.number);
+            slots[slot] = Slot::Busy(job.number);
         }
         if let Some(input) = &mut self.input {
             // As above.
@@ -188,14 +207,31 @@ impl Connection {
 
     /// Notes that a job is done.
     pub fn release(&mut self, number: u64) {
-        for slot in self.slots.iter_mut().flatten().filter(|slot| **slot == Some(number)) {
-            *slot = None;
+        for slot in self.slots.iter_mut().flatten().filter(|slot| **slot == Slot::Busy(number)) {
+            *slot = Slot::Free;
         }
+    }
+
+    /// Takes the slot out that does this job; its number, where there is one.
+    pub fn take_out(&mut self, job: u64) -> Option<u32> {
+        let slots = self.slots.as_mut()?;
+        let place = slots.iter().position(|slot| *slot == Slot::Busy(job))?;
+        slots[place] = Slot::Out;
+        Some(self.first_slot + place as u32)
+    }
+
+    /// Whether it is there and can be given nothing any more.
+    pub fn is_out(&self) -> bool {
+        self.slots.as_ref().is_some_and(|slots| slots.iter().all(|slot| *slot == Slot::Out))
     }
 
     /// The jobs that its slots are busy with.
     pub fn jobs(&self) -> Vec<u64> {
-        self.slots.iter().flatten().copied().flatten().collect()
+        let busy = |slot: &Slot| match slot {
+            Slot::Busy(number) => Some(*number),
+            Slot::Free | Slot::Out => None,
+        };
+        self.slots.iter().flatten().filter_map(busy).collect()
     }
 
     /// Says that there are no more jobs.

@@ -11,8 +11,9 @@ use std::time::{Duration, Instant};
 
 use pdk_core::directory::RunDirectory;
 use pdk_core::eprintln;
-use pdk_core::ledger::Ledger;
+use pdk_core::ledger::{Ledger, Line};
 use pdk_model::component::ComponentSpec;
+use pdk_model::outcome::Cause;
 use pdk_model::scenario::ScenarioId;
 use pdk_sdk::describe::Parameter;
 use pdk_sdk::error::{Error, Result};
@@ -42,14 +43,24 @@ pub struct Shared {
 pub enum Event {
     /// Somebody wants something.
     Submit(Ticket, Request),
-    /// Record scenarios in this folder from now on.
-    Record(Box<RunDirectory>, Ledger),
+    /// Record scenarios from now on.
+    Record(Record),
     /// Put the ledger in order.
     Finish(Sender<Result<()>>),
     /// Nobody wants anything any more.
     Close,
     /// A worker says something, on this connection.
     Worker(u64, Found<FromWorker>),
+}
+
+/// Where scenarios are recorded.
+pub struct Record {
+    /// The folder.
+    pub directory: RunDirectory,
+    /// The ledger in it.
+    pub ledger: Ledger,
+    /// Whether scenarios in which a component failed in an earlier session are answered from the ledger, rather than driven again.
+    pub keep_errors: bool,
 }
 
 /// Something that somebody wants.
@@ -86,7 +97,7 @@ pub struct Dispatch {
     sender: Sender<Event>,
     answers: Sender<(Ticket, Result<Reply>)>,
     shared: Arc<Shared>,
-    record: Option<(RunDirectory, Ledger)>,
+    record: Option<Record>,
     /// The scenarios in the order in which they were submitted first.
     order: Vec<ScenarioId>,
     /// Those that were driven, rather than found in the ledger.
@@ -94,6 +105,8 @@ pub struct Dispatch {
     connections: Vec<Connection>,
     /// How many connections there were.
     opened: u64,
+    /// The slots that are given nothing any more, and what their machine lacks for what they were given.
+    out: BTreeMap<u32, Error>,
     /// How many workers in a row were killed before they were ready.
     stillborn: u32,
     /// The simulators that are programs of their own, with the parameters by which pdk starts one for each worker. Without them the
@@ -136,6 +149,7 @@ impl Dispatch {
             driven: HashSet::new(),
             connections: Vec::new(),
             opened: 0,
+            out: BTreeMap::new(),
             stillborn: 0,
             external: HashMap::new(),
             tasks: HashMap::new(),
@@ -160,10 +174,10 @@ impl Dispatch {
             match events.recv_timeout(TICK) {
                 Ok(Event::Close) | Err(RecvTimeoutError::Disconnected) => break,
                 Ok(Event::Submit(ticket, request)) => self.submit(ticket, request),
-                Ok(Event::Record(directory, ledger)) => self.record = Some((*directory, ledger)),
+                Ok(Event::Record(record)) => self.record = Some(record),
                 Ok(Event::Finish(done)) => {
                     let finished = match &mut self.record {
-                        Some((_, ledger)) => ledger.finish(&self.order),
+                        Some(record) => record.ledger.finish(&self.order),
                         None => Ok(()),
                     };
                     // Whoever asked may have gone.
@@ -200,7 +214,8 @@ impl Dispatch {
     /// Starts another worker.
     fn connect(&mut self) -> Result<()> {
         let taken: Vec<u32> = self.connections.iter().map(|connection| connection.first_slot).collect();
-        let free = (0..).find(|slot| !taken.contains(slot)).unwrap_or_default();
+        let is_out = |slot: &u32| self.options.pool.is_here() && self.out.contains_key(slot);
+        let free = (0..).find(|slot| !taken.contains(slot) && !is_out(slot)).unwrap_or_default();
         let number = self.opened;
         self.opened += 1;
         let connection = Connection::open(
@@ -260,7 +275,7 @@ impl Dispatch {
     /// What there is to do for a scenario; nothing where it is in the ledger, or being driven.
     fn admit(&mut self, ticket: Ticket, submission: &Submission) -> Result<Option<Work>> {
         let id = submission.scenario.id();
-        let Some((directory, ledger)) = &self.record else {
+        let Some(Record { directory, ledger, keep_errors }) = &self.record else {
             return Err(Error::new(
                 "a scenario was submitted before the record was opened, which is a defect in pdk",
             ));
@@ -272,8 +287,9 @@ impl Dispatch {
             return Ok(None);
         }
         let before = !self.driven.contains(&id);
-        // What was lost in an earlier process may go better now.
-        let known = ledger.get(&id)?.filter(|line| !before || !line.is_chance());
+        // What failed in an earlier session may go better now.
+        let counts = |line: &Line| !before || *keep_errors || line.outcome.cause != Cause::Error;
+        let known = ledger.get(&id)?.filter(counts);
         let trace = directory.trace(&id)?;
         // Nor is a scenario done whose trace is not there or not whole.
         let known = known.filter(|line| {
@@ -307,6 +323,12 @@ impl Dispatch {
         }))))
     }
 
+    /// How many connections there may be at a time: on this machine none for slots that are out.
+    fn most_connections(&self) -> usize {
+        let most = self.options.pool.connections();
+        if self.options.pool.is_here() { most - self.out.len().min(most) } else { most }
+    }
+
     /// Gives what waits to slots that have nothing to do, and starts workers while there are too few.
     fn give(&mut self) -> Result<()> {
         let mut at = 0;
@@ -316,7 +338,12 @@ impl Dispatch {
                 continue;
             };
             let first_only = task.first_only;
-            let may = |connection: &&Connection| !first_only || connection.first_slot == 0;
+            if let Some(error) = self.out.get(&0).filter(|_| first_only) {
+                return Err(error.clone());
+            }
+            let may = |connection: &&Connection| {
+                !connection.is_out() && (!first_only || connection.first_slot == 0)
+            };
             let free = self
                 .connections
                 .iter()
@@ -327,7 +354,7 @@ impl Dispatch {
                 let there = self.connections.iter().filter(may).count();
                 let starting =
                     self.connections.iter().filter(|connection| connection.slots.is_none()).count();
-                let most = if first_only { 1 } else { self.options.pool.connections() };
+                let most = if first_only { 1 } else { self.most_connections() };
                 if starting < self.queue.len() && there < most {
                     self.connect()?;
                 } else if first_only {

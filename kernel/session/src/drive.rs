@@ -12,6 +12,7 @@ use pdk_model::scenario::{Mode, Scenario};
 use pdk_sdk::describe::Clock;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Camera, Control, DriveContext, Driver, Frame, FrameMut, Simulator, State};
+use pdk_sdk::timeline::{Timeline, Told};
 use pdk_trace::step::{Digest, ImageTopic, Step};
 use twox_hash::XxHash3_64;
 
@@ -93,6 +94,8 @@ pub struct Run<'a> {
     /// When frame 0 was due, in real time.
     began: Instant,
     state: State,
+    /// The times of the states; none before the first one.
+    timeline: Option<Timeline>,
     way: Way,
     /// What the driver said last.
     control: Control,
@@ -121,6 +124,7 @@ impl<'a> Run<'a> {
             sequence: 0,
             began: Instant::now(),
             state: State::default(),
+            timeline: None,
             way: Way::default(),
             control: Control::default(),
             last: None,
@@ -177,6 +181,7 @@ impl<'a> Run<'a> {
             self.labels = Some((names.map_err(Fault::Component)?, vec![0; pixels]));
         }
         self.depth = annotations.depth.then(|| vec![0.0; pixels]);
+        self.timeline = Some(Timeline::new(with.clock, with.camera.rate));
         self.began = Instant::now();
         loop {
             witnesses.stopwatch.start_step();
@@ -210,7 +215,7 @@ impl<'a> Run<'a> {
                 simulator.call(Function::Frame, Some(sequence), |s| s.frame(target))
             })
             .map_err(Fault::Simulator)?;
-        self.check(&state, simulator, camera.rate)?;
+        self.check(&state, Told::Frame, simulator, camera.rate)?;
         let raw = loan.publish()?;
         let raw_frame = Frame::new(&raw, width, height).map_err(wrong_size)?;
         bus.publish_state(stamp, state)?;
@@ -300,7 +305,7 @@ impl<'a> Run<'a> {
                     with.simulator.call(Function::Act, Some(sequence), |simulator| simulator.act(control))
                 })
                 .map_err(Fault::Simulator)?;
-            self.check(&state, with.simulator, rate)?;
+            self.check(&state, Told::Act, with.simulator, rate)?;
             let passed = ((state.time - self.state.time) * rate).round() as u64;
             self.sequence += passed.saturating_sub(1);
             self.control = control;
@@ -316,7 +321,7 @@ impl<'a> Run<'a> {
             let state = stopwatch
                 .measure(Stage::Simulator, || with.simulator.call(Function::Act, Some(at), |s| s.act(held)))
                 .map_err(Fault::Simulator)?;
-            self.check(&state, with.simulator, rate)?;
+            self.check(&state, Told::Act, with.simulator, rate)?;
             // The state behind the last of them comes with the next frame, which is judged then.
             if number < skipped {
                 self.sequence += 1;
@@ -350,23 +355,31 @@ impl<'a> Run<'a> {
         (late.as_secs_f64() / period.as_secs_f64()) as u64
     }
 
-    /// Says whether a scenario can be judged by a state: numbers throughout, and a time that goes on.
-    fn check(&self, state: &State, simulator: &Held<dyn Simulator>, rate: f64) -> Result<(), Fault> {
-        let nonsense = |sentence: String| {
-            Err(Fault::Component(Error::of(ErrorKind::Nonsense, sentence).at(simulator.label())))
-        };
-        if !state.is_finite() {
-            return nonsense(format!(
-                "its state in frame {} holds numbers that are not finite",
-                self.sequence
-            ));
-        }
+    /// Says whether a scenario can be judged by a state: what a vehicle can do, and a time that goes on. Whatever simulator it comes
+    /// from, it is believed nowhere else before.
+    fn check(
+        &mut self,
+        state: &State,
+        told: Told,
+        simulator: &Held<dyn Simulator>,
+        rate: f64,
+    ) -> Result<(), Fault> {
+        let nonsense = |error: Error| Fault::Component(error.at(simulator.label()));
+        let goes_on = |timeline: &mut Timeline| timeline.go_on(state.time, told);
+        let believed = state.check().and_then(|()| self.timeline.as_mut().map_or(Ok(()), goes_on));
+        believed.map_err(|error| {
+            let (kind, sentence) = (error.kind(), error.message());
+            nonsense(Error::of(kind, format!("{sentence}, in the state of frame {}", self.sequence)))
+        })?;
         let limit = PATIENT_FRAMES + PATIENT_FACTOR * expected_frames(&self.drive.scenario, rate);
         if self.frames > limit {
-            return nonsense(format!(
-                "after {limit} frames it says that {} s have passed of {} s, so its time does not go on",
-                state.time, self.drive.scenario.duration
-            ));
+            return Err(nonsense(Error::of(
+                ErrorKind::Nonsense,
+                format!(
+                    "after {limit} frames it says that {} s have passed of {} s, so its time does not go on",
+                    state.time, self.drive.scenario.duration
+                ),
+            )));
         }
         Ok(())
     }

@@ -92,7 +92,12 @@ impl<'a> Engine<'a> {
                     // What panicked may be in any state.
                     self.evaluator = None;
                 }
-                evaluated.map_or_else(Answer::Failed, Answer::Evaluated)
+                match evaluated {
+                    Ok(evaluated) => Answer::Evaluated(evaluated),
+                    // It says nothing about the frame.
+                    Err(failure) if failure.kind == ErrorKind::Configuration => Answer::Broken(failure),
+                    Err(failure) => Answer::Failed(failure),
+                }
             }
             Work::Make(make) => {
                 self.make(make).map_or_else(|error| Answer::Failed(error.into()), Answer::Made)
@@ -178,7 +183,7 @@ impl<'a> Engine<'a> {
     /// Drives a scenario. A component that fails is its outcome.
     ///
     /// # Errors
-    /// Where the record or the routing fails.
+    /// Where the record or the routing fails, or the machine or its set-up, which says nothing about the scenario.
     fn drive(&mut self, drive: &Drive, job: &Job, progress: &mut dyn FnMut(u64)) -> Result<Driven> {
         let external = self.simulator_of(drive).is_ok_and(|description| description.external);
         let mut warnings = Vec::new();
@@ -195,6 +200,12 @@ impl<'a> Engine<'a> {
             let error = match self.drive_through(drive, &mut run, job.slot, progress) {
                 Ok(()) => break (run, None),
                 Err(Fault::Kernel(error)) => return Err(error),
+                Err(Fault::Component(error) | Fault::Simulator(error))
+                    if error.kind() == ErrorKind::Configuration =>
+                {
+                    (self.simulator, self.driver, self.bus) = (None, None, None);
+                    return Err(error);
+                }
                 Err(Fault::Component(error)) => break (run, Some(error)),
                 Err(Fault::Simulator(error)) => error,
             };

@@ -17,7 +17,7 @@ use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use pdk_sdk::input_files::InputFiles;
 
 use crate::connection::Pool;
-use crate::dispatch::{Dispatch, Event, Request, Shared};
+use crate::dispatch::{Dispatch, Event, Record, Request, Shared};
 use crate::protocol::{Drive, EvaluateFrame, Made, Make, Ready, SearchStep, StartSearch, Work};
 pub use crate::submission::{Options, Performance, Reply, Submission, Ticket};
 
@@ -94,10 +94,11 @@ impl Session {
         self.slots
     }
 
-    /// Records what is submitted from now on, and answers from the ledger what is there already.
-    pub fn record(&mut self, directory: RunDirectory, ledger: Ledger) {
+    /// Records what is submitted from now on, and answers from the ledger what is there already. Scenarios in which a component
+    /// failed are driven again, unless errors are kept.
+    pub fn record(&mut self, directory: RunDirectory, ledger: Ledger, keep_errors: bool) {
         // Fails only where the thread is gone, which shows with the next answer.
-        let _ = self.requests.send(Event::Record(Box::new(directory), ledger));
+        let _ = self.requests.send(Event::Record(Record { directory, ledger, keep_errors }));
     }
 
     /// Submits a scenario, which is recorded.

@@ -192,8 +192,13 @@ impl Worker {
                 if self.job.as_ref().is_some_and(|job| job.number == done.number) {
                     // What an earlier job, or somebody else, did to its topics does not reach a new process. A simulator that is not
                     // to be had has been waited for, and is not there for another process either.
-                    let again = matches!(&done.answer, Answer::Broken(failure)
-                        if !matches!(failure.kind, ErrorKind::Lost | ErrorKind::Late));
+                    // What only the user can change, a new process finds as it is.
+                    let used = self.process.as_ref().is_some_and(|process| process.used);
+                    let again = matches!(&done.answer, Answer::Broken(failure) if match failure.kind {
+                        ErrorKind::Lost | ErrorKind::Late => false,
+                        ErrorKind::Configuration => used,
+                        _ => true,
+                    });
                     if again && self.tries < TRIES {
                         self.end_process();
                         return self.begin();
@@ -216,7 +221,13 @@ impl Worker {
                 self.say(&progress);
                 Ok(())
             }
-            Found::Nonsense(_) => Ok(()),
+            // It may have been the answer to the job, which is not said again.
+            Found::Nonsense(why) => {
+                if let Some(process) = &mut self.process {
+                    process.supervised.kill();
+                }
+                self.ended(&End::Unreadable(why))
+            }
             Found::End => {
                 let end = match &mut self.process {
                     // It may have closed its output and go on; without it, it is of no use.
@@ -267,8 +278,9 @@ impl Worker {
         // its job, maybe just when it was given another one.
         let blameless = is_blameless(end) && self.tries < TRIES;
         // Where no component was called, memory that others see as well may have been changed, such as that of the topics.
-        let unexplained =
-            calls.is_empty() && matches!(end, End::Signal(_) | End::Exited(_)) && self.tries < TRIES;
+        let unexplained = calls.is_empty()
+            && matches!(end, End::Signal(_) | End::Exited(_) | End::Unreadable(_))
+            && self.tries < TRIES;
         // What is left of an earlier job may be to blame: memory that was overwritten or is missing, an instance that crashes when it
         // is dropped. So that an outcome does not depend on what came before, only a new process is believed.
         // What a strategy has learnt is gone with its process, so nothing is to be had from a new one.
@@ -310,7 +322,7 @@ impl Worker {
             End::Done(_) | End::Exited(_) => {
                 " (a component has to return an error instead of ending its process)"
             }
-            End::Signal(_) => "",
+            End::Signal(_) | End::Unreadable(_) => "",
         };
         end.said(calls) + remedy
     }
@@ -375,7 +387,7 @@ fn is_blameless(end: &End) -> bool {
     match end {
         End::Done(_) => true,
         End::Signal(signal) => is_from_outside(*signal),
-        End::Exited(_) | End::Late(..) | End::Memory(_) => false,
+        End::Exited(_) | End::Late(..) | End::Memory(_) | End::Unreadable(_) => false,
     }
 }
 

@@ -140,9 +140,8 @@ impl Session {
         let waypoints = match pdk_road::read(&scenario.road).map_err(mistake)? {
             Some(waypoints) if waypoints.len() >= 2 => waypoints,
             _ => {
-                return Err(mistake(
-                    "beamng needs a road with at least two waypoints, such as { angles = { 0, 10, -10 } }"
-                        .to_owned(),
+                return Err(Error::new(
+                    "beamng needs a road with at least two waypoints, such as { angles = { 0, 10, -10 } }",
                 ));
             }
         };

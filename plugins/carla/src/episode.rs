@@ -133,13 +133,10 @@ impl Episode {
         let lane = match (&ground, loaded) {
             (Ground::Map { start, length, .. }, Some(Loaded::Map { name, starts, document })) => {
                 let Some(at) = starts.get(*start) else {
-                    return Err(Error::of(
-                        ErrorKind::Configuration,
-                        format!(
-                            "the map {name} has {} places to start from, so there is no number {start}",
-                            starts.len()
-                        ),
-                    ));
+                    return Err(Error::new(format!(
+                        "the map {name} has {} places to start from, so there is no number {start}",
+                        starts.len()
+                    )));
                 };
                 let [x, _, z] = axes::position(at.location);
                 Lane::of_map(document, [x, z], axes::heading(at.rotation[1]), *length)
@@ -187,10 +184,10 @@ impl Episode {
                 if changes {
                     let maps = server.maps()?;
                     if !maps.contains(name) {
-                        return Err(Error::of(
-                            ErrorKind::Configuration,
-                            format!("{station} has no map `{name}`; it has {}", maps.join(", ")),
-                        ));
+                        return Err(Error::new(format!(
+                            "{station} has no map `{name}`; it has {}",
+                            maps.join(", ")
+                        )));
                     }
                     server.load(name)?;
                 }

@@ -1,7 +1,7 @@
 //! The road of a scenario: one of its own, or a lane of a map that CARLA has.
 
 use pdk_road::{LANE_WIDTH, MapBox, NODES, Path, Point, Road, SEGMENT, opendrive};
-use pdk_sdk::prelude::{Error, ErrorKind, Result};
+use pdk_sdk::prelude::{Error, Result};
 use pdk_sdk::serde_json::{Map, Value};
 
 /// Largest angle of a random road in degrees: that of the published study.
@@ -154,8 +154,9 @@ fn check(waypoints: &[[f64; 3]]) -> Result<()> {
     Ok(())
 }
 
+/// What is wrong with one scenario's road is wrong with no other one.
 fn mistake(sentence: String) -> Error {
-    Error::of(ErrorKind::Configuration, sentence)
+    Error::new(sentence)
 }
 
 #[cfg(test)]
@@ -195,7 +196,7 @@ mod tests {
         ] {
             let error = Ground::read(&road, 0).unwrap_err();
             assert!(
-                error.message().contains(expected) && error.kind() == ErrorKind::Configuration,
+                error.message().contains(expected) && error.kind() == pdk_sdk::prelude::ErrorKind::Failed,
                 "{error}"
             );
         }

@@ -3,7 +3,7 @@
 
 use pdk_road::traffic::{self, SIZE, Traffic, Wanted};
 use pdk_road::{Path, Point};
-use pdk_sdk::prelude::{Error, ErrorKind, Result};
+use pdk_sdk::prelude::{Error, Result};
 
 use crate::axes::Transform;
 use crate::blueprint::{Blueprints, ROLE};
@@ -36,8 +36,7 @@ impl Fleet {
     /// Where oncoming vehicles are wanted on a lane of a map, of which nobody knows where the other lane is.
     pub fn new(wanted: Wanted, lane: &Lane, front: f64, seed: u64) -> Result<Self> {
         if wanted.oncoming > 0.0 && !lane.has_opposite {
-            return Err(Error::of(
-                ErrorKind::Configuration,
+            return Err(Error::new(
                 "oncoming vehicles need a road of the scenario's own; set `oncoming` to 0 for a lane of a map",
             ));
         }
@@ -128,6 +127,6 @@ mod tests {
         assert_eq!(oncoming.location[2], 4.0);
         assert!((fleet.free_distance(0.0, 2.2) - 20.0).abs() < 1e-9);
         let error = Fleet::new(wanted, &Lane { has_opposite: false, ..lane }, 2.2, 1).unwrap_err();
-        assert_eq!(error.kind(), ErrorKind::Configuration);
+        assert_eq!(error.kind(), pdk_sdk::prelude::ErrorKind::Failed);
     }
 }

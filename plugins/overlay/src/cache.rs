@@ -69,12 +69,12 @@ pub fn find_or_create<T>(
                 }
                 let made = create(path, write).and_then(|()| find());
                 if let Err(error) = &made {
-                    turn.fail(error.message());
+                    turn.fail(error);
                 }
                 return made;
             }
             Turn::Over => {}
-            Turn::Failed(reason) => return Err(Error::new(reason)),
+            Turn::Failed(reason) => return Err(reason),
         }
     }
 }

@@ -5,11 +5,12 @@
 //! is written there before.
 
 use std::fs::{File, Metadata};
-use std::io::{ErrorKind, Read, Write};
+use std::io::{ErrorKind, Read};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json;
 
 /// What came of waiting for a turn.
 pub enum Turn {
@@ -17,8 +18,8 @@ pub enum Turn {
     Ours(Ours),
     /// Another had it, and is done.
     Over,
-    /// Another had it, and could not make the file; the sentence says why.
-    Failed(String),
+    /// Another had it, and could not make the file, for this reason.
+    Failed(Error),
 }
 
 /// A turn that is held.
@@ -59,7 +60,10 @@ fn wait(mut file: File, path: &Path) -> Result<Turn> {
     }
     let mut reason = String::new();
     file.read_to_string(&mut reason)?;
-    Ok(if reason.is_empty() { Turn::Over } else { Turn::Failed(reason) })
+    Ok(match reason.is_empty() {
+        true => Turn::Over,
+        false => Turn::Failed(serde_json::from_str(&reason).unwrap_or_else(|_| Error::new(reason))),
+    })
 }
 
 fn is_same(one: &Metadata, other: &Metadata) -> bool {
@@ -68,9 +72,9 @@ fn is_same(one: &Metadata, other: &Metadata) -> bool {
 
 impl Ours {
     /// Tells those who wait why the file could not be made.
-    pub fn fail(mut self, reason: &str) {
+    pub fn fail(mut self, reason: &Error) {
         // Where this cannot be written, they find out for themselves.
-        let _ = self.file.write_all(reason.as_bytes());
+        let _ = serde_json::to_writer(&mut self.file, reason);
     }
 }
 
@@ -102,11 +106,10 @@ mod tests {
         let first = ours(take_turn(&path).unwrap());
         let (one, two) = (open(&path).unwrap(), open(&path).unwrap());
         assert!(matches!(one.try_lock(), Err(std::fs::TryLockError::WouldBlock)));
-        first.fail("the clip is damaged");
+        let reason = Error::of(pdk_sdk::error::ErrorKind::Configuration, "the disk is full");
+        first.fail(&reason);
         for waiting in [one, two] {
-            assert!(
-                matches!(wait(waiting, &path).unwrap(), Turn::Failed(reason) if reason == "the clip is damaged")
-            );
+            assert!(matches!(wait(waiting, &path).unwrap(), Turn::Failed(found) if found == reason));
         }
         let second = ours(take_turn(&path).unwrap());
         let waiting = open(&path).unwrap();

@@ -98,8 +98,8 @@ impl Simulator for Udacity {
         self.drive = None;
         let road = pdk_adapter::road(&scenario.road)?;
         if road.is_some() && self.options.build == Build::Stock {
-            return Err(mistake(
-                "the stock build of the simulator takes no roads; leave `road` out, or set build=road_generating".to_owned(),
+            return Err(Error::new(
+                "the stock build of the simulator takes no roads; leave `road` out, or set build=road_generating",
             ));
         }
         let mut link = self.connected(slot)?;

@@ -44,19 +44,18 @@ pub use station::Station;
 pub use track::{Place, Track};
 
 use pdk_sdk::model::failure::FailureCriteria;
-use pdk_sdk::prelude::{Error, ErrorKind, Result, State};
+use pdk_sdk::prelude::{Error, Result, State};
 use pdk_sdk::serde_json::Value;
 
 /// The waypoints `[x, height, z]` in metres of a scenario's road, at least two; none where the road is null, which leaves it to the
 /// simulator. It is written as for every simulator: angles, or waypoints.
 ///
 /// # Errors
-/// Where it is written otherwise.
+/// Where it is written otherwise; that is the outcome of this scenario, and not a mistake in the set-up.
 pub fn road(road: &Value) -> Result<Option<Vec<[f64; 3]>>> {
-    let mistake = |sentence| Error::of(ErrorKind::Configuration, sentence);
-    match pdk_road::read(road).map_err(mistake)? {
+    match pdk_road::read(road).map_err(Error::new)? {
         Some(points) if points.len() < 2 => {
-            Err(mistake(format!("the road has {} waypoints, but needs at least 2", points.len())))
+            Err(Error::new(format!("the road has {} waypoints, but needs at least 2", points.len())))
         }
         road => Ok(road),
     }

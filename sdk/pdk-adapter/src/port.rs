@@ -28,7 +28,9 @@ impl Claim {
         let name: String =
             host.chars().map(|c| if c.is_ascii_alphanumeric() || c == '.' { c } else { '-' }).collect();
         let path = folder.join(format!("{name}-{port}"));
-        let cannot = |error: std::io::Error| Error::new(format!("cannot write {}: {error}", path.display()));
+        let cannot = |error: std::io::Error| {
+            Error::of(ErrorKind::Configuration, format!("cannot write {}: {error}", path.display()))
+        };
         fs::create_dir_all(&folder).map_err(cannot)?;
         let mut lock = OpenOptions::new()
             .read(true)

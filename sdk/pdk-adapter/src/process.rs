@@ -74,7 +74,9 @@ impl Launched {
                 "cannot start the {what}: there is no program `{program}`; {remedy}"
             )));
         }
-        let cannot = |error: std::io::Error| Error::new(format!("cannot start `{program}`: {error}"));
+        let cannot = |error: std::io::Error| {
+            Error::of(ErrorKind::Configuration, format!("cannot start `{program}`: {error}"))
+        };
         let (wait, leash) = std::io::pipe().map_err(cannot)?;
         let (output, input) = std::io::pipe().map_err(cannot)?;
         let mut command = Command::new("/bin/sh");

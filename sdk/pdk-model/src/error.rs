@@ -25,7 +25,9 @@ pub enum ErrorKind {
     Lost,
     /// It answered with something that cannot be, such as a number that is not finite or a frame of the wrong size.
     Nonsense,
-    /// The user has to change something before it can work: a path, a parameter, an installation.
+    /// The user has to change something before it can work, on this machine at least: a path, a parameter, an installation, a disk that
+    /// is full, a port that is taken. It says nothing about a scenario, so it is never an outcome; what one scenario asks for in vain,
+    /// such as a road, is [`Failed`](Self::Failed).
     Configuration,
     /// A component panicked: the instance is of no more use.
     Panic,
@@ -102,9 +104,31 @@ impl From<&str> for Error {
     }
 }
 
+/// What the machine lacks, only the user can change.
+impl From<&std::io::Error> for ErrorKind {
+    fn from(error: &std::io::Error) -> Self {
+        use std::io::ErrorKind as Io;
+        // The standard library has no kind for the number of files that may be open: of a process, and of the system.
+        const TOO_MANY_FILES: [i32; 2] = [24, 23];
+        match error.kind() {
+            Io::StorageFull
+            | Io::QuotaExceeded
+            | Io::FileTooLarge
+            | Io::ReadOnlyFilesystem
+            | Io::PermissionDenied
+            | Io::OutOfMemory
+            | Io::AddrInUse => Self::Configuration,
+            _ if error.raw_os_error().is_some_and(|number| TOO_MANY_FILES.contains(&number)) => {
+                Self::Configuration
+            }
+            _ => Self::Failed,
+        }
+    }
+}
+
 impl From<std::io::Error> for Error {
     fn from(error: std::io::Error) -> Self {
-        Self::new(error.to_string())
+        Self::of(ErrorKind::from(&error), error.to_string())
     }
 }
 
@@ -132,7 +156,9 @@ pub trait Place<T> {
 impl<T, E: fmt::Display + 'static> Place<T> for std::result::Result<T, E> {
     fn place(self, place: impl fmt::Display) -> Result<T> {
         self.map_err(|error| {
-            let kind = (&error as &dyn Any).downcast_ref::<Error>().map_or(ErrorKind::Failed, Error::kind);
+            let any = &error as &dyn Any;
+            let of_system = || any.downcast_ref::<std::io::Error>().map(ErrorKind::from);
+            let kind = any.downcast_ref::<Error>().map(Error::kind).or_else(of_system).unwrap_or_default();
             Error::of(kind, format!("{place}: {error}"))
         })
     }
@@ -149,6 +175,17 @@ mod tests {
         assert_eq!(Err::<(), _>(lost()).place("frame 3"), Err(lost().at("frame 3")));
         let plain: Result<(), Error> = Err::<(), _>("it is gone").place("frame 3");
         assert_eq!(plain.unwrap_err().kind(), ErrorKind::Failed);
+    }
+
+    #[test]
+    fn what_the_machine_lacks_is_for_the_user_to_change() {
+        let kind = |number: i32| Error::from(std::io::Error::from_raw_os_error(number)).kind();
+        // No file, and a connection that is refused; permission, too many files, a file too large, no space, a read-only disk, a quota,
+        // a port.
+        assert_eq!([2, 111].map(kind), [ErrorKind::Failed; 2]);
+        assert_eq!([13, 24, 23, 27, 28, 30, 122, 98].map(kind), [ErrorKind::Configuration; 8]);
+        let full = Err::<(), _>(std::io::Error::from_raw_os_error(28)).place("the cache").unwrap_err();
+        assert_eq!(full, Error::of(ErrorKind::Configuration, "the cache: No space left on device"));
     }
 
     #[test]

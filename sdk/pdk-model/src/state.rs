@@ -2,6 +2,25 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Error, ErrorKind, Result};
+
+/// The largest coordinate in metres: above those of all systems of coordinates for maps, which begin far away.
+const FARTHEST: f64 = 1e8;
+
+/// What the numbers of a state may be, in the order of [`State::NUMBERS`], and their units. A vehicle that drives backwards may have a
+/// speed below zero, and one that has run into the vehicle ahead a free distance below zero.
+const BOUNDS: [(f64, f64, &str); 9] = [
+    (0.0, 1e6, " s"),
+    (-FARTHEST, FARTHEST, " m"),
+    (-FARTHEST, FARTHEST, " m"),
+    (-FARTHEST, FARTHEST, " m"),
+    (-1e6, 1e6, " rad"),
+    (-1000.0, 1000.0, " m/s"),
+    (-1e5, 1e5, " m"),
+    (0.0, 1.0, ""),
+    (-FARTHEST, f64::INFINITY, " m"),
+];
+
 /// The state of the ego vehicle at one moment.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct State {
@@ -66,12 +85,26 @@ impl State {
         }
     }
 
-    /// Whether a scenario can be judged by it: all numbers are finite, except that the road ahead may be free.
-    pub fn is_finite(&self) -> bool {
-        let [others @ .., vehicle_ahead] = self.numbers();
-        others.iter().all(|number| number.is_finite())
-            && !vehicle_ahead.is_nan()
-            && vehicle_ahead > f64::NEG_INFINITY
+    /// Whether a vehicle can be in this state. Numbers far outside of what a vehicle can do are a defect of the simulator, and what is
+    /// computed from them would be infinite.
+    ///
+    /// # Errors
+    /// Names the first number that cannot be, and its bounds.
+    pub fn check(&self) -> Result<()> {
+        for ((name, number), (least, most, unit)) in Self::NUMBERS.into_iter().zip(self.numbers()).zip(BOUNDS)
+        {
+            if !(least..=most).contains(&number) {
+                let name = name.replace('_', " ");
+                let sentence = match most.is_finite() {
+                    true => {
+                        format!("its {name} is {number:?}{unit}, but has to be from {least} to {most}{unit}")
+                    }
+                    false => format!("its {name} is {number:?}{unit}, but has to be at least {least}{unit}"),
+                };
+                return Err(Error::of(ErrorKind::Nonsense, sentence));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -146,15 +179,37 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_not_finite_is_noticed_except_for_a_free_road() {
-        assert!(State::default().is_finite());
+    fn what_cannot_be_is_named_with_its_bounds() {
+        assert_eq!(State::default().check(), Ok(()));
         for (place, name) in State::NUMBERS.into_iter().enumerate() {
-            for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-                let mut numbers = [1.0; 9];
-                numbers[place] = wrong;
-                let free = name == "vehicle_ahead" && wrong == f64::INFINITY;
-                assert_eq!(State::from_parts(numbers, [false; 3]).is_finite(), free, "{name} {wrong}");
+            let with = |number: f64| {
+                let mut numbers = State::default().numbers();
+                numbers[place] = number;
+                State::from_parts(numbers, [false; 3]).check()
+            };
+            let (least, most, _) = BOUNDS[place];
+            for right in [least, most, 0.5] {
+                assert_eq!(with(right), Ok(()), "{name} {right}");
+            }
+            for wrong in [f64::NAN, f64::NEG_INFINITY, f64::MIN, least - 1.0] {
+                let error = with(wrong).unwrap_err();
+                assert_eq!(error.kind(), ErrorKind::Nonsense);
+                assert!(
+                    error.message().starts_with(&format!("its {} is ", name.replace('_', " "))),
+                    "{error}"
+                );
+            }
+            if most.is_finite() {
+                assert!(
+                    [most * 1.001, f64::MAX, f64::INFINITY].map(with).iter().all(Result::is_err),
+                    "{name}"
+                );
             }
         }
+        let fast = State { speed: 1e200, ..State::default() };
+        assert_eq!(
+            fast.check().unwrap_err().message(),
+            "its speed is 1e200 m/s, but has to be from -1000 to 1000 m/s"
+        );
     }
 }

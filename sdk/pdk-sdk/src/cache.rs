@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{Access, access};
 use rustix::process::geteuid;
 
-use crate::error::{Error, Place, Result};
+use crate::error::{Error, ErrorKind, Place, Result};
 
 /// Names the folder, where it is set.
 pub const VARIABLE: &str = "PDK_CACHE";
@@ -56,11 +56,12 @@ fn private(temporary: &Path) -> Result<PathBuf> {
     let shown = folder.display();
     let remedy = format!("name another one with {VARIABLE}");
     let made = DirBuilder::new().recursive(true).mode(0o700).create(&folder);
-    made.map_err(|error| Error::new(format!("the cache folder {shown} cannot be made ({error}); {remedy}")))?;
+    let mistake = |sentence| Error::of(ErrorKind::Configuration, sentence);
+    made.map_err(|error| mistake(format!("the cache folder {shown} cannot be made ({error}); {remedy}")))?;
     // Whoever made it could have put anything into it. A link is not followed.
     let found = fs::symlink_metadata(&folder).place(&shown)?;
     if !found.is_dir() || found.uid() != user || found.mode() & 0o077 != 0 {
-        return Err(Error::new(format!(
+        return Err(mistake(format!(
             "the cache folder {shown} is not one that only this user can enter; remove it, or {remedy}"
         )));
     }

@@ -54,6 +54,7 @@ pub mod search;
 pub mod seed;
 pub mod simulator;
 pub mod testing;
+pub mod timeline;
 
 pub use pdk_model as model;
 pub use pdk_model::error;

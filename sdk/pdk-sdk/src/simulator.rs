@@ -6,7 +6,7 @@ pub use pdk_model::state::State;
 use pdk_ops::FrameMut;
 
 use crate::driver::Control;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 
 /// What a simulator is asked for besides frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -99,8 +99,7 @@ pub trait Simulator: Send {
 
 /// What is said of a simulator that does not know depths.
 pub(crate) fn no_depth() -> Error {
-    Error::of(
-        ErrorKind::Configuration,
+    Error::new(
         "it does not tell how far away pixels are, which `nearer` and `farther` need; use a simulator that does, such as `lane`",
     )
 }

@@ -33,6 +33,7 @@ use crate::perturbation::{Context, Perturbation};
 use crate::saliency::{HeatmapMut, MapContext, Saliency};
 use crate::search::{Evaluated, Problem, Range, Search, Space, Variable};
 use crate::simulator::{Scenario, Simulator};
+use crate::timeline::{Timeline, Told};
 
 /// Makes an instance from parameters.
 pub type Make<'a, T> = &'a mut dyn FnMut(&Config) -> Result<Box<T>>;
@@ -225,14 +226,16 @@ pub fn check_simulator(
     let mut runs = [Vec::new(), Vec::new()];
     for run in &mut runs {
         let mut expected = simulator.reset(&scenario, 0)?;
+        let mut timeline = Timeline::new(description.clock, camera.rate);
         for step in 0..5 {
             let mut frame = FrameBuf::new(camera.width as usize, camera.height as usize);
             let state = simulator.frame(frame.as_mut())?;
-            ensure(state.is_finite(), || "its state holds numbers that are not finite".to_owned())?;
+            state.check()?;
             ensure(state == expected, || match step {
                 0 => "the state of its first frame is not the one that reset returned".to_owned(),
                 _ => "the state of a frame is not the one that act returned before it".to_owned(),
             })?;
+            timeline.go_on(state.time, if step == 0 { Told::Frame } else { Told::Act })?;
             run.push((frame, state));
             expected = simulator.act(Control { steering: 0.1, throttle: 0.5 })?;
         }
@@ -480,7 +483,7 @@ mod tests {
         assert_eq!(check("keeps them all"), Ok(()));
         assert!(check("lags").unwrap_err().contains("not the one that act returned"));
         assert!(check("starts elsewhere").unwrap_err().contains("not the one that reset returned"));
-        assert!(check("loses itself").unwrap_err().contains("not finite"));
-        assert!(check("stands still").unwrap_err().contains("does not go on"));
+        assert!(check("loses itself").unwrap_err().contains("its heading is NaN rad, but has to be from"));
+        assert!(check("stands still").unwrap_err().contains("its time goes on from 0.0 to 0.0 s"));
     }
 }

@@ -38,7 +38,7 @@ def written(value, what):
         raise error("configuration", f"{what} cannot be handed to pdk: {wrong}") from None
 
 
-def arguments(*, settings, out, seed, workers, pool, patience, memory, shard, plugins, overlays):
+def arguments(*, settings, out, seed, workers, pool, patience, memory, shard, keep_errors, plugins, overlays):
     """What is set for any run, as arguments of the command."""
     words = []
     for name, value in (settings or {}).items():
@@ -50,6 +50,8 @@ def arguments(*, settings, out, seed, workers, pool, patience, memory, shard, pl
     for name, value in (("patience", patience), ("memory", memory)):
         if value is not None:
             words += ["--set", f"{name}={value}"]
+    if keep_errors:
+        words.append("--keep-errors")
     for name, folders in (("plugins", plugins), ("overlays", overlays)):
         for folder in [folders] if isinstance(folders, (str, os.PathLike)) else folders:
             words += [f"--{name}", os.fspath(folder)]

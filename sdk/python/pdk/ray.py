@@ -434,18 +434,31 @@ class Pool:
                 answer = given_up(job["job"]["work"], message)
                 self._say(json.dumps({"done": {"number": job["job"]["number"], "answer": answer}}))
         else:
-            self._groups[actor.group].idle.append(actor)
+            if _is_broken(lines):
+                # The session gives one slot less to do, so no other actor takes its number.
+                self._end(actor)
+            else:
+                self._groups[actor.group].idle.append(actor)
         self._give_all()
 
     def _lose(self, actor):
-        self._actors.discard(actor)
         heapq.heappush(self._numbers, actor.number)
+        self._end(actor)
+
+    def _end(self, actor):
+        self._actors.discard(actor)
         self._ray.kill(actor.handle)
 
     def end(self):
         """Lets all actors go. What belongs to this program ends with it anyway, but not at once."""
         for actor in list(self._actors):
             self._lose(actor)
+
+
+def _is_broken(lines):
+    """Whether a worker says that its machine cannot do the job."""
+    done = json.loads(lines[-1]).get("done") if lines else None
+    return done is not None and "broken" in done["answer"]
 
 
 def _reason(raised):

@@ -60,6 +60,7 @@ def run(
     patience: float | None = None,
     memory: int | None = None,
     shard: str | None = None,
+    keep_errors: bool = False,
     plugins: Paths = (),
     overlays: Paths = (),
     progress: Progress = False,
@@ -69,8 +70,9 @@ def run(
 
     `settings` are those of the pipeline, as `--set` sets them. The others are those that every run has: `out` is the folder of the
     record, `workers` how many scenarios are driven at the same time, `pool` a command that provides workers, `patience` how many seconds
-    one call of a component may take, `memory` how many MiB a worker may take, `shard` a part of the scenarios such as "3/8", `plugins`
-    and `overlays` further folders with components.
+    one call of a component may take, `memory` how many MiB a worker may take, `shard` a part of the scenarios such as "3/8";
+    with `keep_errors`, a run that is continued keeps the scenarios in which a component failed. `plugins` and `overlays` are further
+    folders with components.
 
     Ctrl-C lets what is under way finish, and records it; a second one drops it.
     """
@@ -83,6 +85,7 @@ def run(
         patience=patience,
         memory=memory,
         shard=shard,
+        keep_errors=keep_errors,
         plugins=plugins,
         overlays=overlays,
     )
@@ -129,6 +132,7 @@ class Session:
         patience: float | None = None,
         memory: int | None = None,
         shard: str | None = None,
+        keep_errors: bool = False,
         plugins: Paths = (),
         overlays: Paths = (),
         progress: Progress = False,
@@ -142,6 +146,7 @@ class Session:
             patience=patience,
             memory=memory,
             shard=shard,
+            keep_errors=keep_errors,
             plugins=plugins,
             overlays=overlays,
         )

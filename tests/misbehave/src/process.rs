@@ -4,7 +4,7 @@ use std::ffi::CStr;
 use std::io::Write;
 
 /// All that it can do.
-pub const WAYS: [&str; 7] = [
+pub const WAYS: [&str; 8] = [
     "eat_memory",
     "close_stdout",
     "block_signals",
@@ -12,6 +12,7 @@ pub const WAYS: [&str; 7] = [
     "change_locale",
     "change_rounding",
     "print_a_lot",
+    "babble",
 ];
 
 /// Those ways, after the `own` ones of a component.
@@ -41,6 +42,7 @@ pub fn disturb(how: &str) {
         "change_locale" => change_locale(),
         "change_rounding" => change_rounding(),
         "print_a_lot" => print_a_lot(),
+        "babble" => babble(),
         _ => {}
     }
 }
@@ -119,6 +121,21 @@ fn print_a_lot() {
         _ = std::io::stdout().write_all(&line);
         _ = std::io::stderr().write_all(&line);
     }
+}
+
+/// Says what nobody can read on every pipe of the process, and waits for what comes of that.
+fn babble() {
+    for file in 3..64 {
+        // SAFETY: both write to memory of their own, and say it where there is no such file or nobody may write to it.
+        unsafe {
+            let mut status = std::mem::zeroed::<libc::stat>();
+            if libc::fstat(file, &raw mut status) == 0 && status.st_mode & libc::S_IFMT == libc::S_IFIFO {
+                let line = b"\n{ what? }\n";
+                _ = libc::write(file, line.as_ptr().cast(), line.len());
+            }
+        }
+    }
+    std::thread::sleep(std::time::Duration::from_secs(3600));
 }
 
 #[cfg(test)]

@@ -9,6 +9,8 @@ use crate::process::and_ways;
 const ROAD: u64 = 20;
 /// Frames per second.
 const RATE: f64 = 20.0;
+/// Most states that are wrong are so from this frame on.
+const WRONG_FROM: u64 = 3;
 
 /// A road of one second, straight ahead; or misbehaves.
 pub struct Misbehaving {
@@ -19,15 +21,36 @@ pub struct Misbehaving {
 impl Misbehaving {
     fn state(&self) -> State {
         let step = self.step as f64;
-        let time = if self.manner.is("stand_still") { 0.0 } else { step / RATE };
-        State {
-            time,
-            position: [0.0, 0.0, if self.manner.is("no_number") { f64::NAN } else { step }],
+        let mut state = State {
+            time: step / RATE,
+            position: [0.0, 0.0, step],
             speed: RATE,
             progress: step / ROAD as f64,
-            finished: self.step >= ROAD && !self.manner.is("stand_still"),
+            finished: self.step >= ROAD,
             ..State::default()
+        };
+        match self.manner.how.as_str() {
+            "no_number" => state.position[2] = f64::NAN,
+            "stand_still" => (state.time, state.finished) = (0.0, false),
+            _ => {}
         }
+        // Not from the start, so that there is something before it.
+        if self.step >= WRONG_FROM {
+            match self.manner.how.as_str() {
+                "infinite_speed" => state.speed = f64::INFINITY,
+                "huge_speed" => state.speed = 1e200,
+                "huge_position" => state.position[0] = 1e308,
+                "huge_error" => state.cross_track_error = 1e308,
+                "huge_heading" => state.heading = -1e300,
+                "too_far" => state.progress = 5.0,
+                "before_the_start" => state.progress = -1e300,
+                "time_falls" => state.time = 0.0,
+                "time_jumps" => state.time = 1e5,
+                "huge_time" => state.time = 1e308,
+                _ => {}
+            }
+        }
+        state
     }
 }
 
@@ -41,7 +64,19 @@ impl Component for Misbehaving {
             "slow_camera",
             "fast_camera",
             "no_number",
+            "infinite_speed",
+            "huge_speed",
+            "huge_position",
+            "huge_error",
+            "huge_heading",
+            "too_far",
+            "before_the_start",
             "stand_still",
+            "time_falls",
+            "time_jumps",
+            "huge_time",
+            "refuse_first_slot",
+            "refuse_every_slot",
         ];
         describe(Description::simulator("misbehave", "Misbehaves as told"), &functions, &and_ways(&own))
     }
@@ -65,8 +100,11 @@ impl Simulator for Misbehaving {
         }
     }
 
-    fn reset(&mut self, _scenario: &Scenario, _slot: u32) -> Result<State> {
+    fn reset(&mut self, _scenario: &Scenario, slot: u32) -> Result<State> {
         self.manner.reach("reset");
+        if self.manner.is("refuse_every_slot") || self.manner.is("refuse_first_slot") && slot == 0 {
+            return Err(Error::of(ErrorKind::Configuration, format!("the port of slot {slot} is taken")));
+        }
         self.step = 0;
         Ok(self.state())
     }

@@ -34,7 +34,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     println!("{} of {} parts", counts.collect::<Vec<_>>().join(" and "), arguments.parts.len());
     println!("Record: {}", arguments.out.display());
     println!(
-        "The command of the parts, without --shard and with --out and this folder, completes it: nothing is computed again."
+        "The command of the parts, without --shard and with --out and this folder, completes it: only scenarios in which a component failed are driven again."
     );
     Ok(())
 }

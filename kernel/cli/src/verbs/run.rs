@@ -45,6 +45,9 @@ pub struct Settings {
     /// Compute only a part of the scenarios and of the frames of datasets, such as the third of eight; `pdk merge` puts the parts together
     #[arg(long, value_name = "3/8")]
     shard: Option<Shard>,
+    /// Where a run is continued, keep the scenarios in which a component failed instead of driving them again
+    #[arg(long)]
+    keep_errors: bool,
 }
 
 impl Settings {
@@ -59,6 +62,7 @@ impl Settings {
         common.out = self.out.clone().or(common.out);
         common.pool = self.pool.clone().or(common.pool).filter(|command| !command.is_empty());
         common.shard = self.shard.or(common.shard);
+        common.keep_errors |= self.keep_errors;
         Ok(Options { common, overrides, search: global.search_path(), audience })
     }
 }

@@ -22,8 +22,8 @@ use super::{Finished, Host, Submitted, Summary};
 
 impl Host {
     /// Completes the record after the pipeline has come to its end, or to an error. Of several failures the first in this
-    /// order is reported: that of the script, that of the record, those of scenarios, a setting that the pipeline does not
-    /// have.
+    /// order is reported: that of the script, what kept scenarios from being driven, that of the record, those of scenarios, a setting
+    /// that the pipeline does not have.
     pub fn finish(mut self, script: Result<()>) -> Finished {
         let rest = match script.is_ok() || interrupt::wish() == Wish::Finish {
             true => self.take_rest(),
@@ -71,7 +71,9 @@ impl Host {
         });
         self.warnings.extend(troubles.into_iter().skip(1));
         let overrides = self.check_overrides().err();
-        let failures = [script.err(), rest.err(), written.err(), scenarios, trouble, overrides];
+        // Also where the script made something else of it.
+        let undriven = self.outcomes.values().find_map(|outcome| outcome.as_ref().err().cloned());
+        let failures = [script.err(), rest.err(), undriven, written.err(), scenarios, trouble, overrides];
         Finished {
             record: self.directory.as_ref().map(|directory| directory.path().to_owned()),
             summary,

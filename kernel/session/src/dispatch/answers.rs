@@ -18,7 +18,7 @@ use super::Dispatch;
 use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
 use crate::lines::Found;
-use crate::protocol::{Answer, Driven, FromWorker, Ready, Work};
+use crate::protocol::{Answer, Done, Driven, FromWorker, Ready, Work};
 use crate::recorder::write_trace;
 use crate::submission::{Reply, Submission, Ticket};
 
@@ -43,7 +43,7 @@ impl Dispatch {
         let name = self.options.pool.name();
         match found {
             Found::Message(FromWorker::Ready(ready)) => {
-                self.connections[place].ready(&ready, &self.options.pool)?;
+                self.connections[place].ready(&ready, &self.options.pool, &self.out)?;
                 self.stillborn = 0;
                 let simulators = ready.catalog.of_kind(Kind::Simulator);
                 for description in simulators.map(|entry| &entry.description).filter(|found| found.external) {
@@ -64,10 +64,12 @@ impl Dispatch {
                 }
                 Ok(())
             }
+            Found::Message(FromWorker::Done(Done { number, answer: Answer::Broken(failure) })) => {
+                self.take_out(place, number, failure.into())
+            }
             Found::Message(FromWorker::Done(done)) => {
                 self.connections[place].release(done.number);
-                self.done(done.number, done.answer);
-                Ok(())
+                self.done(done.number, done.answer)
             }
             Found::Message(FromWorker::Trouble(sentence)) => {
                 self.note(sentence);
@@ -81,8 +83,7 @@ impl Dispatch {
                 let mut connection = self.connections.remove(place);
                 let end = connection.wait(Duration::from_secs(1));
                 if connection.slots.is_some() {
-                    self.lost(&connection, &said(end));
-                    return Ok(());
+                    return self.lost(&connection, &said(end));
                 }
                 // That came from outside, as a rule.
                 let killed = end.and_then(|status| status.signal()).is_some_and(is_from_outside);
@@ -104,23 +105,59 @@ impl Dispatch {
         }
     }
 
+    /// The machine of a slot cannot do what it was given, or its set-up is wrong, which says nothing about the job: the slot is given
+    /// nothing any more, and the job goes to another one.
+    ///
+    /// # Errors
+    /// What the slot's machine lacks, where no other one is left.
+    fn take_out(&mut self, place: usize, number: u64, error: Error) -> Result<()> {
+        let Some(slot) = self.connections[place].take_out(number) else { return Ok(()) };
+        self.out.insert(slot, error.clone());
+        let is_out = self.connections[place].is_out();
+        let none_left = match self.options.pool.is_here() {
+            true => self.most_connections() == 0,
+            false => is_out,
+        };
+        let first_only = self.tasks.get(&number).is_some_and(|task| task.first_only);
+        if none_left || first_only {
+            return Err(error);
+        }
+        if is_out {
+            // It leaves, and is gone when its output ends.
+            self.connections[place].close();
+        }
+        eprintln!("pdk: warning: worker {slot} gets nothing more to do, and others do its work: {error}");
+        if interrupt::wish() != Wish::None {
+            // Nothing is given away any more.
+            self.drop_tasks(vec![number]);
+        } else if let Some(task) = self.tasks.get_mut(&number) {
+            // It was not lost over the job.
+            task.tries -= 1;
+            self.queue.push_front(number);
+        }
+        Ok(())
+    }
+
     /// A worker has done a job: what came of it is recorded.
-    pub(super) fn done(&mut self, number: u64, answer: Answer) {
-        let Some(task) = self.tasks.get(&number) else { return };
+    ///
+    /// # Errors
+    /// Where it cannot be recorded: then nothing that comes can.
+    pub(super) fn done(&mut self, number: u64, answer: Answer) -> Result<()> {
+        let Some(task) = self.tasks.get(&number) else { return Ok(()) };
         match answer {
             Answer::Driven(driven) => {
                 self.add_up(&driven);
                 let Some(submission) = &task.submission else {
-                    return self.finish(number, Ok(Reply::Driven(Box::new(driven))));
+                    self.finish(number, Ok(Reply::Driven(Box::new(driven))));
+                    return Ok(());
                 };
-                let traced = complete_trace(&task.work, &driven.outcome);
+                complete_trace(&task.work, &driven.outcome)?;
                 let line = line_of(submission, driven.outcome);
-                let written = traced.and_then(|()| match &mut self.record {
-                    Some((_, ledger)) => ledger.add(&line),
-                    None => Ok(()),
-                });
+                if let Some(record) = &mut self.record {
+                    record.ledger.add(&line)?;
+                }
                 self.driven.insert(line.id);
-                self.finish(number, written.map(|()| Reply::Recorded(Arc::new(line), false)));
+                self.finish(number, Ok(Reply::Recorded(Arc::new(line), false)));
             }
             Answer::Evaluated(evaluated) => {
                 self.shared.frames.fetch_add(1, Ordering::Relaxed);
@@ -130,8 +167,9 @@ impl Dispatch {
             Answer::InputFiles(files) => self.finish(number, Ok(Reply::InputFiles(files))),
             Answer::Proposed(candidates) => self.finish(number, Ok(Reply::Proposed(candidates))),
             Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
-            Answer::Broken(failure) => self.finish(number, Err(failure.into())),
+            Answer::Broken(failure) => return Err(failure.into()),
         }
+        Ok(())
     }
 
     /// A task is over: everybody who waits for it gets the answer.
@@ -180,7 +218,10 @@ impl Dispatch {
     }
 
     /// A worker is gone: what it was at is done again by another one.
-    pub(super) fn lost(&mut self, connection: &Connection, end: &str) {
+    ///
+    /// # Errors
+    /// Where what came of it cannot be recorded.
+    pub(super) fn lost(&mut self, connection: &Connection, end: &str) -> Result<()> {
         let _ = pdk_bus::sweep_run(&self.options.run);
         for number in connection.jobs().into_iter().rev() {
             let Some(task) = self.tasks.get(&number) else { continue };
@@ -202,8 +243,9 @@ impl Dispatch {
                 },
                 _ => Answer::Failed(Error::of(ErrorKind::Lost, message).into()),
             };
-            self.done(number, answer);
+            self.done(number, answer)?;
         }
+        Ok(())
     }
 
     /// Ends what has been silent for longer than all of its calls may take: a worker of this machine says something five times a
@@ -239,8 +281,7 @@ impl Dispatch {
             let waited = connection.opened.elapsed().as_secs();
             return Err(Error::of(ErrorKind::Late, format!("a worker has not been ready for {waited} s")));
         }
-        self.lost(&connection, "it said nothing any more");
-        Ok(())
+        self.lost(&connection, "it said nothing any more")
     }
 }
 

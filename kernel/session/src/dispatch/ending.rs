@@ -59,8 +59,8 @@ impl Dispatch {
             // Its worker may have completed the trace just before it left; without a line it is of no scenario.
             if let Some(Task { work: Work::Drive(drive), submission: Some(submission), .. }) =
                 self.tasks.get(&number)
-                && let (Some(trace), Some((_, ledger))) = (&drive.trace, &self.record)
-                && !ledger.has(&submission.scenario.id())
+                && let (Some(trace), Some(record)) = (&drive.trace, &self.record)
+                && !record.ledger.has(&submission.scenario.id())
             {
                 let _ = std::fs::remove_file(trace);
             }
@@ -117,8 +117,8 @@ impl Dispatch {
                 Err(_) => break,
             }
         }
-        if let Some((directory, _)) = &self.record {
-            directory.remove_partial_traces();
+        if let Some(record) = &self.record {
+            record.directory.remove_partial_traces();
         }
         let _ = pdk_bus::sweep_run(&self.options.run);
     }

@@ -242,6 +242,14 @@ impl Session<'_> {
                 self.write(b"220 mail.example.org ESMTP ready\r\n");
                 None
             }
+            Fault::Huge => {
+                self.write(with(&line, "speed", "1e160").as_bytes());
+                None
+            }
+            Fault::Back => {
+                self.write(with(&line, "time", "0").as_bytes());
+                None
+            }
             Fault::Flood => {
                 self.write(br#"{"msg_type":"telemetry","image":""#);
                 for _ in 0..100 {
@@ -297,6 +305,13 @@ impl Session<'_> {
     fn write(&mut self, bytes: &[u8]) {
         let _ = self.stream.write_all(bytes);
     }
+}
+
+/// A message with another number in the place of this field's.
+fn with(message: &str, field: &str, number: &str) -> String {
+    let name = format!("\"{field}\":");
+    let (before, rest) = message.split_once(&name).unwrap();
+    format!("{before}{name}{number}{}", &rest[rest.find(',').unwrap()..])
 }
 
 /// Whether this is what the adapter sends to hold the vehicle: the whole brake, and nothing else.

@@ -11,6 +11,10 @@ pub enum Fault {
     Half,
     Garbage,
     Flood,
+    /// A speed that no vehicle has.
+    Huge,
+    /// A time that has passed.
+    Back,
 }
 
 /// What is to go wrong.
@@ -40,6 +44,8 @@ impl Faults {
             "half" => Fault::Half,
             "garbage" => Fault::Garbage,
             "flood" => Fault::Flood,
+            "huge" => Fault::Huge,
+            "back" => Fault::Back,
             other => panic!("there is no fault {other}"),
         });
     }

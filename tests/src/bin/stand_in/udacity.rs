@@ -195,6 +195,12 @@ impl Session<'_> {
                 let _ = self.socket.send(Message::text("220 mail.example.org ESMTP ready"));
                 None
             }
+            Some(Fault::Huge) => {
+                told["speed"] = json!("1e160");
+                let _ = self.socket.send(Message::text(format!("42{}", json!(["telemetry", told]))));
+                None
+            }
+            Some(Fault::Back) => panic!("this simulator does not tell the time"),
             Some(Fault::Flood) => {
                 let _ = self.socket.send(Message::text("A".repeat(100 << 20)));
                 None
