@@ -35,7 +35,11 @@ fn a_full_disk_leaves_what_was_there() {
         (8, "published.json", &["export", "record", "-o", "published.json"]),
         (8, "pages/README.md", &["reference", "pages"]),
         (1, "road.svg", &["road", "--seed", "1", "-o", "road.svg"]),
-        (16, "maps/in.npy", &["saliency", "in.png", "--driver", "dave2", "-o", "maps"]),
+        (
+            16,
+            "maps/in.gradient.png",
+            &["saliency", "in.png", "--driver", "dave2", "--with", "gradient", "-o", "maps"],
+        ),
     ];
     for (blocks, written, arguments) in cases {
         // It is the file that is meant, and it is longer than it may be.

@@ -162,8 +162,8 @@ mod tests {
     struct Folder(std::path::PathBuf);
 
     impl Folder {
-        fn new() -> Self {
-            let folder = std::env::temp_dir().join(format!("pdk-sdk-file-{}", std::process::id()));
+        fn new(name: &str) -> Self {
+            let folder = std::env::temp_dir().join(format!("pdk-sdk-{name}-{}", std::process::id()));
             let _ = std::fs::remove_dir_all(&folder);
             std::fs::create_dir(&folder).unwrap();
             Self(folder)
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn a_file_is_written_whole_or_stays_what_it_was() {
-        let folder = Folder::new();
+        let folder = Folder::new("written");
         let path = folder.0.join("out.bin");
         let link = folder.0.join("link");
         std::os::unix::fs::symlink("out.bin", &link).unwrap();
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn regular_files_are_read_and_everything_else_is_refused_and_not_waited_for() {
-        let folder = Folder::new();
+        let folder = Folder::new("file");
         let path = |name: &str| folder.0.join(name);
         assert!(std::process::Command::new("mkfifo").arg(path("fifo")).status().unwrap().success());
         std::os::unix::fs::symlink("/dev/zero", path("zero")).unwrap();
