@@ -21,7 +21,7 @@ def artistic(
     strength: ByLevel | None = None,
     fit: Literal["scale", "tile"] | None = None,
     overlap: float | None = None,
-    backend: Literal["auto", "tract", "onnxruntime"] | None = None,
+    engine: Literal["auto", "tract", "onnxruntime"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -35,8 +35,8 @@ def artistic(
     fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
         the frame piece by piece at its own resolution (default "scale").
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
-    backend: who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes
-        ONNX Runtime where PDK_ONNXRUNTIME names it or a Python package brings it, else tract (default "auto").
+    engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
+        installed, else tract (default "auto").
     Source: Dumoulin et al., A Learned Representation for Artistic Style, 2017.
     Not part of the default set.
     """
@@ -1037,7 +1037,7 @@ def night(
     strength: ByLevel | None = None,
     fit: Literal["scale", "tile"] | None = None,
     overlap: float | None = None,
-    backend: Literal["auto", "tract", "onnxruntime"] | None = None,
+    engine: Literal["auto", "tract", "onnxruntime"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -1050,8 +1050,8 @@ def night(
     fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
         the frame piece by piece at its own resolution (default "scale").
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
-    backend: who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes
-        ONNX Runtime where PDK_ONNXRUNTIME names it or a Python package brings it, else tract (default "auto").
+    engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
+        installed, else tract (default "auto").
     Source: Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020.
     Not part of the default set.
     """
@@ -1217,7 +1217,7 @@ def rainy(
     strength: ByLevel | None = None,
     fit: Literal["scale", "tile"] | None = None,
     overlap: float | None = None,
-    backend: Literal["auto", "tract", "onnxruntime"] | None = None,
+    engine: Literal["auto", "tract", "onnxruntime"] | None = None,
     probability: float | None = None,
     region: Mapping[str, Any] | Sequence[float] | None = None,
     where: Mapping[str, Any] | None = None,
@@ -1230,8 +1230,8 @@ def rainy(
     fit: scale: the frame is brought to the size of the network's image and the result back; tile: the network sees
         the frame piece by piece at its own resolution (default "scale").
     overlap: the share of a tile by which it reaches into the next; only with `fit=tile` (0 to 0.5; default 0.25).
-    backend: who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes
-        ONNX Runtime where PDK_ONNXRUNTIME names it or a Python package brings it, else tract (default "auto").
+    engine: who runs the network, which gives the same result on each engine: auto is onnxruntime if it is
+        installed, else tract (default "auto").
     Source: Park et al., Contrastive Learning for Unpaired Image-to-Image Translation, 2020.
     Not part of the default set.
     """
@@ -1258,7 +1258,7 @@ def repaint(
     level: Level = 2.0,
     *,
     model: str | PathLike[str] | None = None,
-    backend: Literal["auto", "tract", "onnxruntime"] | None = None,
+    engine: Literal["tract", "auto", "onnxruntime"] | None = None,
     layout: Literal["auto", "nchw", "nhwc"] | None = None,
     scale: Literal["0..255", "0..1", "-1..1"] | None = None,
     color: Literal["rgb", "bgr"] | None = None,
@@ -1277,8 +1277,10 @@ def repaint(
     """Repaints the frame with a network that makes of an image another one.
 
     model: the ONNX file: an image of one or three channels in, and the result as its first output.
-    backend: who runs the network: ONNX Runtime is faster and has to be installed, tract is always there; auto takes
-        ONNX Runtime where PDK_ONNXRUNTIME names it or a Python package brings it, else tract (default "auto").
+    engine: who runs the network: tract is part of pdk and computes the same on every processor with AVX2;
+        onnxruntime is ONNX Runtime, which is faster, has to be installed, and computes as the processor lets it;
+        auto is onnxruntime if it is installed, else tract. A scenario records the engine with its version and the
+        class of processor, such as tract 0.23.9/x86-64-v3 (default "tract").
     layout: where the channels are: before or after height and width; auto reads it from the input's shape (default
         "auto").
     scale: the range of pixel values that the network was trained on (default "0..255").
