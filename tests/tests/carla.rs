@@ -48,13 +48,13 @@ const SHORT: &str = r#"
     pdk.drive({ simulator = settings.simulator, driver = settings.driver, duration = settings.duration, scenarios = scenarios })
 "#;
 
-fn short(folder: &Path, simulator: &str) -> Pdk {
+fn short(folder: &Path, simulator: &str, workers: usize) -> Pdk {
     let source = pipeline(folder, SHORT);
     Pdk::new(["run", "--out"])
         .arg(folder.join("record"))
         .arg(source)
         .set("simulator", simulator)
-        .set("workers", 1)
+        .set("workers", workers)
 }
 
 fn outcomes(folder: &Path) -> Vec<Value> {
@@ -167,7 +167,7 @@ fn two_workers_have_a_server_each_and_find_what_one_finds() {
         let record = folder.path().join(format!("{workers}"));
         std::fs::create_dir(&record).unwrap();
         let simulator = simulator(first.port(), json!({"port_step": 2}));
-        short(&record, &simulator).set("roads", 6).set("workers", workers).succeed();
+        short(&record, &simulator, workers).set("roads", 6).succeed();
         records.push(std::fs::read_to_string(record.join("record/scenarios.jsonl")).unwrap());
     }
     assert_eq!(records[0], records[1]);
@@ -419,7 +419,7 @@ fn one_that_comes_back_is_used_again() {
     });
     let simulator = simulator(port, json!({"start_seconds": 20}));
     let began = Instant::now();
-    let run = short(folder.path(), &simulator).set("roads", 2).run();
+    let run = short(folder.path(), &simulator, 1).set("roads", 2).run();
     println!(
         "back after 5 s: exit code {:?} after {:.1} s: {}",
         run.code,

@@ -224,7 +224,7 @@ mod tests {
             };
             [0, 1, 2, 27, 39].into_iter().filter(part_is_lost).collect::<Vec<u8>>()
         };
-        assert_eq!(lost(&[]), []);
+        assert!(lost(&[]).is_empty());
         // Smaller steps do not always lead from one part to another.
         assert_eq!(lost(&[("eta_mutation", 20.into())]), [27, 39]);
     }
