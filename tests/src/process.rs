@@ -15,6 +15,8 @@ const LIMIT: Duration = Duration::from_secs(120);
 /// A command line of `pdk`.
 pub struct Pdk {
     command: Command,
+    /// What `--set` says, each key once.
+    settings: Vec<(String, String)>,
 }
 
 /// How a process ended.
@@ -33,12 +35,12 @@ impl Pdk {
     pub fn new<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Self {
         let mut command = Command::new(crate::built("pdk"));
         command.args(arguments);
-        Self { command }.clean()
+        Self { command, settings: Vec::new() }.clean()
     }
 
     /// Another program, such as a shell that starts `pdk`.
     pub fn program(program: &str) -> Self {
-        Self { command: Command::new(program) }.clean()
+        Self { command: Command::new(program), settings: Vec::new() }.clean()
     }
 
     fn clean(mut self) -> Self {
@@ -61,9 +63,11 @@ impl Pdk {
         self
     }
 
-    /// Adds `--set KEY=VALUE`.
-    pub fn set(self, key: &str, value: impl std::fmt::Display) -> Self {
-        self.arg("--set").arg(format!("{key}={value}"))
+    /// Adds `--set KEY=VALUE` at the end, in the place of an earlier value of this key.
+    pub fn set(mut self, key: &str, value: impl std::fmt::Display) -> Self {
+        self.settings.retain(|(known, _)| known != key);
+        self.settings.push((key.to_owned(), value.to_string()));
+        self
     }
 
     /// Adds the plugin whose only work is to misbehave.
@@ -117,6 +121,9 @@ impl Pdk {
     /// # Panics
     /// Where it cannot be started.
     pub fn spawn(mut self) -> Child {
+        for (key, value) in &self.settings {
+            self.command.arg("--set").arg(format!("{key}={value}"));
+        }
         self.command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
     }
 
@@ -125,7 +132,7 @@ impl Pdk {
     /// # Panics
     /// Where it has not ended after two minutes.
     pub fn run(self) -> Finished {
-        let what = format!("{:?}", self.command);
+        let what = format!("{:?} {:?}", self.command, self.settings);
         let mut child = self.spawn();
         let (stdout, stderr) = (collect(child.stdout.take()), collect(child.stderr.take()));
         let started = Instant::now();

@@ -48,7 +48,11 @@ const SHORT: &str = r#"
     pdk.drive({ simulator = settings.simulator, driver = settings.driver, duration = settings.duration, scenarios = scenarios })
 "#;
 
-fn short(folder: &Path, simulator: &str, workers: usize) -> Pdk {
+fn short(folder: &Path, simulator: &str) -> Pdk {
+    short_with(folder, simulator, 1)
+}
+
+fn short_with(folder: &Path, simulator: &str, workers: usize) -> Pdk {
     let source = pipeline(folder, SHORT);
     Pdk::new(["run", "--out"])
         .arg(folder.join("record"))
@@ -167,7 +171,7 @@ fn two_workers_have_a_server_each_and_find_what_one_finds() {
         let record = folder.path().join(format!("{workers}"));
         std::fs::create_dir(&record).unwrap();
         let simulator = simulator(first.port(), json!({"port_step": 2}));
-        short(&record, &simulator, workers).set("roads", 6).succeed();
+        short_with(&record, &simulator, workers).set("roads", 6).succeed();
         records.push(std::fs::read_to_string(record.join("record/scenarios.jsonl")).unwrap());
     }
     assert_eq!(records[0], records[1]);
@@ -419,7 +423,7 @@ fn one_that_comes_back_is_used_again() {
     });
     let simulator = simulator(port, json!({"start_seconds": 20}));
     let began = Instant::now();
-    let run = short(folder.path(), &simulator, 1).set("roads", 2).run();
+    let run = short(folder.path(), &simulator).set("roads", 2).run();
     println!(
         "back after 5 s: exit code {:?} after {:.1} s: {}",
         run.code,

@@ -318,11 +318,12 @@ fn one_simulator_is_enough_for_whoever_says_nothing_of_workers() {
     let folder = temp();
     let mut simulator = simulator(port);
     simulator["start_seconds"] = json!(4);
-    let run = |out: &str, simulator: &Value| {
+    let run_for = |out: &str, simulator: &Value, duration: u32| {
         let command = Pdk::new(["run", "--out"]).arg(folder.path().join(out));
         let command = command.arg(pipeline(folder.path(), SOURCE)).set("simulator", simulator);
-        command.set("scenarios", 4).set("duration", 1)
+        command.set("scenarios", 4).set("duration", duration)
     };
+    let run = |out: &str, simulator: &Value| run_for(out, simulator, 1);
     run("one", &simulator).succeed();
     let out = folder.path().join("one");
     assert_eq!(lines_of(&out).len(), 4);
@@ -345,7 +346,7 @@ fn one_simulator_is_enough_for_whoever_says_nothing_of_workers() {
     simulator["port"] = json!(free_ports(4));
     let bus = BusFolder::new();
     let (variable, place) = bus.variable();
-    let mut child = run("started", &simulator).set("duration", 20).env(variable, place).spawn();
+    let mut child = run_for("started", &simulator, 20).env(variable, place).spawn();
     let simulators =
         || bus.processes().iter().filter(|process| process.command.contains("stand_in donkey")).count();
     let wanted = std::thread::available_parallelism().unwrap().get().min(4);

@@ -55,11 +55,11 @@ fn a_full_disk_leaves_what_was_there() {
         assert_eq!(partial(folder.path()), Vec::<PathBuf>::new(), "{written}");
     }
     // What is not there yet stays so, and is written once there is space.
-    let arguments = ["new", "pipeline", "mine"];
-    short_of_space(1, folder.path()).args(arguments).fail(1, &["mine.lua"]);
-    assert!(!folder.path().join("mine.lua").exists());
+    let arguments = ["road", "--seed", "1", "-o", "new.svg"];
+    short_of_space(1, folder.path()).args(arguments).fail(1, &["new.svg", "File too large"]);
+    assert!(!folder.path().join("new.svg").exists());
     Pdk::new(arguments).folder(folder.path()).succeed();
-    Pdk::new(arguments).folder(folder.path()).fail(1, &["mine.lua", "exists already"]);
+    assert!(fs::read_to_string(folder.path().join("new.svg")).unwrap().contains("</svg>"));
 }
 
 #[test]

@@ -125,12 +125,19 @@ fn the_engine_is_recorded_once_however_it_was_asked_for() {
     let ledger = |name: &str, more: &[&str]| {
         let out = folder.path().join(name);
         let run = Pdk::new(["run", "--out"]).arg(&out).args(more).arg(&pipeline).succeed();
-        let engine = run.stdout.lines().chain(run.stderr.lines()).find_map(|line| line.strip_prefix("engine: "));
+        let engine =
+            run.stdout.lines().chain(run.stderr.lines()).find_map(|line| line.strip_prefix("engine: "));
         (fs::read_to_string(out.join("scenarios.jsonl")).unwrap(), engine.unwrap().to_owned())
     };
     let (by_default, engine) = ledger("default", &[]);
-    assert!(by_default.contains(&format!(r#""driver":{{"name":"dave2","parameters":{{"engine":"{engine}"}}}}"#)), "{by_default}");
+    assert!(
+        by_default.contains(&format!(r#""driver":{{"name":"dave2","parameters":{{"engine":"{engine}"}}}}"#)),
+        "{by_default}"
+    );
     for asked in ["tract", &engine] {
-        assert_eq!(ledger(asked.split('/').next().unwrap(), &["--set", &format!("engine={asked}")]).0, by_default);
+        assert_eq!(
+            ledger(asked.split('/').next().unwrap(), &["--set", &format!("engine={asked}")]).0,
+            by_default
+        );
     }
 }

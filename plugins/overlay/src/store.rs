@@ -91,11 +91,6 @@ impl Writer {
         Ok(Self { file, index, position, compressor, data: Vec::new(), compressed: Vec::new() })
     }
 
-    /// The number of frames so far.
-    pub fn len(&self) -> usize {
-        self.index.places.len()
-    }
-
     /// Adds a frame.
     ///
     /// # Errors
