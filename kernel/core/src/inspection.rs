@@ -64,10 +64,22 @@ pub fn inspect(libraries: &[PathBuf]) -> Result<Vec<Option<Error>>> {
     };
     let mut open: Vec<(usize, String)> = libraries.iter().enumerate().filter_map(unknown).collect();
     let learnt = !open.is_empty();
+    // All at once, until one of them ends the process after it was opened, such as when the process leaves: then one by one.
+    let mut at_once = open.len();
     while !open.is_empty() {
-        let paths: Vec<&Path> = open.iter().map(|(number, _)| libraries[*number].as_path()).collect();
-        let (said, end) = in_a_process(&paths)?;
-        let done = said.len().min(open.len());
+        let paths: Vec<&Path> =
+            open.iter().take(at_once).map(|(number, _)| libraries[*number].as_path()).collect();
+        let (mut said, end) = in_a_process(&paths)?;
+        if said.len() >= paths.len()
+            && let Some(end) = &end
+        {
+            if paths.len() > 1 {
+                at_once = 1;
+                continue;
+            }
+            said = vec![Said { refused: Some(format!("plugin {}: {end}", paths[0].display())) }];
+        }
+        let (done, asked) = (said.len().min(open.len()), paths.len());
         for ((number, mark), Said { refused }) in open.drain(..done).zip(said) {
             match refused {
                 Some(reason) => reasons[number] = Some(Error::new(reason)),
@@ -75,7 +87,7 @@ pub fn inspect(libraries: &[PathBuf]) -> Result<Vec<Option<Error>>> {
             }
         }
         // What is left was not come to, because the first of it ended the process.
-        if !open.is_empty() {
+        if done < asked {
             let (number, _) = open.remove(0);
             let reason = end.unwrap_or_else(|| Error::new("it cannot be inspected"));
             reasons[number] = Some(reason.at(format_args!("plugin {}", libraries[number].display())));
