@@ -242,6 +242,10 @@ impl Session<'_> {
                 self.write(b"220 mail.example.org ESMTP ready\r\n");
                 None
             }
+            Fault::Freeze(pause) => {
+                std::thread::sleep(pause);
+                None
+            }
             Fault::Flood => {
                 self.write(br#"{"msg_type":"telemetry","image":""#);
                 for _ in 0..100 {

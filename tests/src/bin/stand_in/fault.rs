@@ -11,6 +11,7 @@ pub enum Fault {
     Half,
     Garbage,
     Flood,
+    Freeze(Duration),
 }
 
 /// What is to go wrong.
@@ -40,6 +41,7 @@ impl Faults {
             "half" => Fault::Half,
             "garbage" => Fault::Garbage,
             "flood" => Fault::Flood,
+            "freeze" => Fault::Freeze(Duration::from_secs_f64(seconds.parse().unwrap())),
             other => panic!("there is no fault {other}"),
         });
     }
