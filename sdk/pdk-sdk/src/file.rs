@@ -75,7 +75,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_with(path, |file| file.write_all(bytes))
 }
 
-/// As [`write`], for content that is written piece by piece.
+/// As [`write()`], for content that is written piece by piece.
 ///
 /// # Errors
 /// What `fill` returns, and where the file cannot be written.
