@@ -14,7 +14,7 @@ const PIPELINE: &str = r#"
     pdk.show(pdk.drive {
         simulator = { name = "lane", width = 160, height = 80 },
         driver = "dave2",
-        duration = 1,
+        duration = 0.4,
         scenarios = {
             {},
             { perturbations = { { name = "gaussian_noise", level = 2 }, { name = "fog_filter", level = 3 } } },
