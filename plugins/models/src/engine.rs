@@ -4,6 +4,8 @@
 //! the processor. These three together are an *engine*, such as `tract 0.23.9/x86-64-v3`. A scenario names the engine, so that its
 //! outcome does not depend on the machine: one that does not have the engine refuses the scenario.
 
+use std::sync::OnceLock;
+
 use pdk_sdk::prelude::*;
 
 use crate::locate::Search;
@@ -23,7 +25,7 @@ pub fn parameter() -> Parameter {
     let doc = "who runs the network: tract is part of pdk and computes the same on every processor with AVX2; onnxruntime is ONNX Runtime, \
                which is faster, has to be installed, and computes as the processor lets it; auto is onnxruntime if it is installed, \
                else tract. A scenario records the engine with its version and the class of processor, such as tract 0.23.9/x86-64-v3";
-    Parameter::choice(PARAMETER, &[TRACT, AUTO, ONNXRUNTIME], doc).stands_for(meanings())
+    Parameter::choice(PARAMETER, &[TRACT, AUTO, ONNXRUNTIME], doc).stands_for(meanings().iter().cloned())
 }
 
 /// The parameter that says who runs a network that gives the same result whoever does.
@@ -33,8 +35,13 @@ pub fn indifferent_parameter() -> Parameter {
 }
 
 /// What the options stand for on this machine. Where ONNX Runtime cannot be used, its options stand for nothing, and opening a network
-/// on it says why.
-fn meanings() -> Vec<(String, String)> {
+/// on it says why. Every component with a network asks, and the machine is searched once.
+fn meanings() -> &'static [(String, String)] {
+    static MEANINGS: OnceLock<Vec<(String, String)>> = OnceLock::new();
+    MEANINGS.get_or_init(find_meanings)
+}
+
+fn find_meanings() -> Vec<(String, String)> {
     let tract = tract::engine();
     let onnxruntime = match Search::from_environment().find() {
         Ok(Some(found)) => onnxruntime::engine(&found.path).map(Some),

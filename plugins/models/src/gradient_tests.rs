@@ -30,7 +30,7 @@ fn open(model: &ModelProto, engine: &str) -> Result<Box<dyn Session>> {
     engine::open(&Network { graph: Content::Memory(&model::encode(model)), inputs }, engine)
 }
 
-/// What a engine computes, or why it does not.
+/// What an engine computes, or why it does not.
 fn run(model: &ModelProto, engine: &str, x: &Tensor) -> Result<Vec<f64>> {
     let values: Vec<f32> = x.values.iter().map(|&value| value as f32).collect();
     let mut outputs = vec![Vec::new()];
@@ -40,7 +40,7 @@ fn run(model: &ModelProto, engine: &str, x: &Tensor) -> Result<Vec<f64>> {
 
 /// The gradient of a model with the input `x` on each engine, compared with the reference: errors by engine.
 ///
-/// A engine that does not run the model itself is not asked for its gradient.
+/// An engine that does not run the model itself is not asked for its gradient.
 fn compare(model: &ModelProto, x: &Tensor) -> BTreeMap<&'static str, Result<f64, String>> {
     let graph = Graph::new(model.clone()).unwrap();
     let built = gradients(&graph, Target { value: "target", index: 0 }, &["x"], &[]).unwrap();
