@@ -387,51 +387,73 @@ fn a_pipeline_has_the_statistics_of_the_report() {
 fn attention_compares_where_it_matters_with_where_it_does_not() {
     let folder = temp();
     let out = folder.path().join("attention");
-    let run = |out: &Path| tiny("attention.lua", out).set("roads", 1).set("duration", 40).set("levels", "4");
-    let names = ["gaussian_noise", "defocus_blur"];
+    let run = |out: &Path| {
+        tiny("attention.lua", out)
+            .set("roads", 1)
+            .set("segment", 12)
+            .set("every", 10)
+            .set("conditions", "")
+            .set("drivers", r#"["dave2"]"#)
+    };
+    let (names, shares) = (["gaussian_noise", "defocus_blur"], [10.0, 30.0]);
+    let methods = [json!("gradient"), json!({"name": "hirescam", "sign": "positive"})];
     run(&out)
-        .set("drivers", r#"["dave2"]"#)
+        .set("levels", "4")
         .set("perturbations", names.join(","))
-        .set("method", "gradient")
+        .set("shares", "10,30")
+        .set("methods", json!(methods))
         .set("repeats", 2)
         .succeed();
     let found = json_file(&out.join("attention.json"));
     let entries = found["drivers"][0]["perturbations"].as_array().unwrap();
     let lines = json_lines(&out.join("scenarios.jsonl"));
-    for (entry, name) in entries.iter().zip(names) {
-        assert_eq!(entry["perturbation"], name);
-        for condition in ["top", "random", "bottom"] {
-            let named: Vec<_> = lines
-                .iter()
-                .filter(|line| line["name"].as_str().unwrap().starts_with(&format!("{name}@4 {condition}")))
-                .collect();
+    let entry = |name: &str, share: f64, method: &Value| {
+        let is = |entry: &&Value| {
+            entry["perturbation"] == name && entry["share"] == share && entry["method"] == *method
+        };
+        entries.iter().find(is).unwrap()
+    };
+    for (name, share, method) in names
+        .iter()
+        .flat_map(|name| shares.iter().flat_map(|share| methods.iter().map(|method| (*name, *share, method))))
+    {
+        for place in ["top", "random", "bottom"] {
+            let is = |line: &&Value| {
+                let applied = &line["scenario"]["perturbations"][0];
+                let by = &applied["where"]["by"]["name"];
+                let wanted = method.as_str().or(method["name"].as_str());
+                applied["name"] == name
+                    && applied["where"][place] == share
+                    && (place == "random" || by.as_str() == wanted)
+            };
+            let driven: Vec<_> = lines.iter().filter(is).collect();
             // The blur draws nothing, but random places are drawn.
-            let drives = if name == "defocus_blur" && condition != "random" { 1 } else { 2 };
-            assert_eq!(named.len(), drives, "{name} {condition}");
-            assert_eq!(entry["conditions"][condition]["drives"], drives);
-            let failures = named.iter().filter(|line| line["success"] == false).count();
-            assert_eq!(entry["conditions"][condition]["failures"], failures);
-            for line in named {
-                let where_ = &line["scenario"]["perturbations"][0]["where"];
-                assert_eq!(where_[condition], 20.0, "{line}");
-                assert_eq!(
-                    where_["by"]["parameters"]["model"].as_str(),
-                    (condition != "random").then_some("dave2")
-                );
+            let drives = if name == "defocus_blur" && place != "random" { 1 } else { 2 };
+            let found = &entry(name, share, method)["where"][place];
+            assert_eq!(
+                (driven.len(), found["drives"].as_u64()),
+                (drives, Some(drives as u64)),
+                "{name} {place}"
+            );
+            let failures = driven.iter().filter(|line| line["success"] == false).count();
+            assert_eq!(found["failures"], failures);
+            for line in driven {
+                let model = &line["scenario"]["perturbations"][0]["where"]["by"]["parameters"]["model"];
+                assert_eq!(model.as_str(), (place != "random").then_some("dave2"));
             }
+        }
+        for pair in ["top-random", "random-bottom", "top-bottom"] {
+            let compared = &entry(name, share, method)["comparisons"][pair];
+            assert!(compared["failed"]["roads"].as_u64().unwrap() > 0);
         }
     }
     // Each perturbation counts the same in all together, however often it was driven.
-    let all = &entries[2];
-    assert_eq!(all["perturbation"], "all");
-    for condition in ["top", "random", "bottom"] {
-        let share = |entry: &Value| entry["conditions"][condition]["failed_share"]["value"].as_f64().unwrap();
-        let mean = (share(&entries[0]) + share(&entries[1])) / 2.0;
-        assert!((share(all) - mean).abs() < 1e-9, "{all}");
+    for place in ["top", "random", "bottom"] {
+        let share = |name: &str| {
+            entry(name, 10.0, &methods[0])["where"][place]["failed_share"]["value"].as_f64().unwrap()
+        };
+        assert!((share("all") - (share(names[0]) + share(names[1])) / 2.0).abs() < 1e-9);
     }
-    let entry = &entries[0];
-    for pair in ["top-random", "random-bottom", "top-bottom"] {
-        assert!(entry["comparisons"][pair]["failed"]["roads"].as_u64().unwrap() > 0);
-    }
-    run(&folder.path().join("x")).set("share", 100).fail(1, &["share is 100 percent"]);
+    run(&folder.path().join("x")).set("shares", "20,100").fail(1, &["shares has 100 percent"]);
+    run(&folder.path().join("y")).set("methods", "").fail(1, &["methods is empty"]);
 }

@@ -129,6 +129,16 @@ impl Chain {
         }
     }
 
+    /// What a user should know about the maps that were made, each once.
+    pub fn noticed(&self) -> Vec<String> {
+        let selected = self.links.iter().filter_map(|link| link.selector.as_ref()?.noticed());
+        let mut noticed: Vec<String> =
+            selected.chain(self.links.iter().filter_map(|link| link.attended.as_ref()?.noticed())).collect();
+        noticed.sort();
+        noticed.dedup();
+        noticed
+    }
+
     /// Writes the perturbed `src` to `dst`; without perturbations it is a copy.
     ///
     /// # Errors

@@ -83,9 +83,12 @@ fn difference(a: Frame<'_>, b: Frame<'_>) -> f64 {
 /// The maps of a sequence by a method.
 pub struct Maps {
     method: Box<dyn Saliency>,
+    by: ComponentSpec,
     /// What messages call the method.
     label: String,
     key: Key,
+    /// Whether the maps have a single line of cells, once that is known.
+    line: Option<Option<Line>>,
     /// The map that was made last: by cells as the method gave it, and for each pixel.
     cells: Vec<f32>,
     made: Vec<f32>,
@@ -100,11 +103,17 @@ impl Maps {
     /// Where there is no such method, or it refuses its parameters.
     pub fn new(registry: &Registry, by: &ComponentSpec, key: Key) -> Result<Self> {
         let (method, _) = registry.saliency(&by.name, &by.parameters)?;
-        Ok(Self::from_method(method, format!("saliency `{}`", by.name), key))
+        Ok(Self::from_method(method, by.clone(), key))
     }
 
-    fn from_method(method: Box<dyn Saliency>, label: String, key: Key) -> Self {
-        Self { method, label, key, cells: Vec::new(), made: Vec::new(), now: Vec::new() }
+    fn from_method(method: Box<dyn Saliency>, by: ComponentSpec, key: Key) -> Self {
+        let label = format!("saliency `{}`", by.name);
+        Self { method, by, label, key, line: None, cells: Vec::new(), made: Vec::new(), now: Vec::new() }
+    }
+
+    /// What a user should know about the maps that were made.
+    pub fn noticed(&self) -> Option<String> {
+        self.line.flatten().map(|line| line.noticed(&self.by))
     }
 
     /// Draws from another key.
@@ -120,12 +129,63 @@ impl Maps {
         if turn.new {
             let cx = context(moment, &self.key);
             map_into(&mut *self.method, &self.label, raw, &cx, &mut self.cells, &mut self.made)?;
+            // One that is the same everywhere says nothing about the others.
+            if self.line.is_none() && self.made.iter().any(|value| *value != self.made[0]) {
+                self.line = Some(Line::of(&self.made, raw.width()));
+            }
         }
         if turn.moved == [0, 0] {
             return Ok(&self.made);
         }
         motion::moved(&self.made, raw.width(), turn.moved, &mut self.now);
         Ok(&self.now)
+    }
+}
+
+/// What a map is made of that has a single line of cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Line {
+    /// One row: each column of pixels has one value.
+    Row,
+    /// One column: each row of pixels has one value.
+    Column,
+}
+
+impl Line {
+    /// What a map of a frame's size is made of, if that is a single line of cells. One that is the same everywhere may be made of any.
+    pub fn of(map: &[f32], width: usize) -> Option<Self> {
+        let constant = |values: &[f32]| values.iter().all(|value| *value == values[0]);
+        if width < 2 || map.len() <= width || constant(map) {
+            return None;
+        }
+        let rows = || map.chunks_exact(width);
+        if rows().all(|row| row == &map[..width]) {
+            Some(Self::Row)
+        } else {
+            rows().all(constant).then_some(Self::Column)
+        }
+    }
+
+    /// What a user should know about the maps of a method.
+    pub fn noticed(self, by: &ComponentSpec) -> String {
+        let text = |name: &str| by.parameters.get(name).and_then(|value| value.as_str()).unwrap_or_default();
+        let (line, what) = match self {
+            Self::Row => ("row", "near from far"),
+            Self::Column => ("column", "left from right"),
+        };
+        let layer = match text("layer") {
+            "" => "its default layer".to_owned(),
+            layer => format!("layer `{layer}`"),
+        };
+        let model = match text("model") {
+            "" => String::new(),
+            model => format!(" of model `{model}`"),
+        };
+        format!(
+            "the maps of saliency `{}` by {layer}{model} have a single {line} of cells, so they cannot tell {what}; name a layer that has \
+             several in both directions with `layer`, or use `gradient`",
+            by.name
+        )
     }
 }
 
@@ -160,6 +220,11 @@ impl Attended {
         self.maps.set_key(key);
         self.times.clear();
         self.values.clear();
+    }
+
+    /// As [`Maps::noticed`].
+    pub fn noticed(&self) -> Option<String> {
+        self.maps.noticed()
     }
 
     /// The map of a frame, and those of the sequence so far with it.
@@ -331,7 +396,11 @@ mod tests {
     fn the_maps_of_a_sequence_are_kept_and_those_of_single_frames_are_not() {
         let attended = || Attended {
             turns: Turns::new(pace(1, None)),
-            maps: Maps::from_method(Box::new(Bright), "bright".to_owned(), Key([1; 32])),
+            maps: Maps::from_method(
+                Box::new(Bright),
+                ComponentSpec::parse("saliency method", "bright").unwrap(),
+                Key([1; 32]),
+            ),
             times: Vec::new(),
             values: Vec::new(),
             size: [0, 0],
@@ -359,6 +428,22 @@ mod tests {
         let mut coarse = Vec::new();
         reduce(&wide, 96, [24, 1], &mut coarse);
         assert_eq!(coarse[..2], [1.5, 5.5]);
+    }
+
+    #[test]
+    fn a_single_line_of_cells_is_noticed() {
+        assert_eq!(Line::of(&[0.1, 0.2, 0.1, 0.2], 2), Some(Line::Row));
+        assert_eq!(Line::of(&[0.1, 0.1, 0.2, 0.2], 2), Some(Line::Column));
+        assert_eq!(Line::of(&[0.1, 0.1, 0.2, 0.3], 2), None);
+        assert_eq!(Line::of(&[0.1, 0.2, 0.1, 0.3], 2), None);
+        // One that is the same everywhere may be made of any cells, and a frame of a single line has no others.
+        assert_eq!(Line::of(&[0.5; 6], 3), None);
+        assert_eq!(Line::of(&[0.1, 0.2], 2), None);
+        assert_eq!(Line::of(&[0.1, 0.2], 1), None);
+        let by = ComponentSpec::parse("saliency method", "hirescam,model=a.onnx,layer=conv_4").unwrap();
+        assert!(Line::Row.noticed(&by).starts_with(
+            "the maps of saliency `hirescam` by layer `conv_4` of model `a.onnx` have a single row of cells"
+        ));
     }
 
     #[test]

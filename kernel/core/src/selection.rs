@@ -127,6 +127,14 @@ impl Selector {
         Ok(&self.weights)
     }
 
+    /// What a user should know about the maps that were made.
+    pub fn noticed(&self) -> Option<String> {
+        match &self.source {
+            Source::Maps(maps) => maps.noticed(),
+            _ => None,
+        }
+    }
+
     /// Whether frames have to come with labels.
     pub fn needs_labels(&self) -> bool {
         matches!(self.source, Source::Labels)
@@ -179,7 +187,8 @@ fn labelled(
     Ok(())
 }
 
-/// 255 for each pixel that is chosen by a map. Among equal ones it is drawn.
+/// 255 for each pixel that is chosen by a map. Among equal ones it is drawn. `bottom` takes exactly the pixels that `top` with the
+/// rest of the share leaves, ties included.
 fn choose(
     selection: &Selection,
     map: &[f32],
@@ -188,34 +197,34 @@ fn choose(
     scratch: &mut Scratch,
     weights: &mut Vec<u8>,
 ) {
-    let share = match selection.choice() {
-        Choice::Top(share) | Choice::Bottom(share) | Choice::Random(share) => share,
+    let (percent, [chosen, other]) = match selection.choice() {
+        Choice::Top(percent) | Choice::Random(percent) => (percent, [255, 0]),
+        Choice::Bottom(percent) => (100.0 - percent, [0, 255]),
         Choice::Above(least) => {
             weights.extend(map.iter().map(|&value| if value > least as f32 { 255 } else { 0 }));
             return;
         }
-        Choice::Labelled | Choice::Masked | Choice::Between(..) => 0.0,
+        Choice::Labelled | Choice::Masked | Choice::Between(..) => (0.0, [255, 0]),
     };
-    let count = (share * map.len() as f64).round() as usize;
+    let count = (percent * map.len() as f64 / 100.0).round() as usize;
     if count == 0 || count >= map.len() {
-        weights.resize(map.len(), if count > 0 { 255 } else { 0 });
+        weights.resize(map.len(), if count > 0 { chosen } else { other });
         return;
     }
     let Scratch { order, sorted, equal, .. } = scratch;
-    let bottom = matches!(selection.choice(), Choice::Bottom(_));
     order.clear();
-    order.extend(map.iter().map(|value| if bottom { *value } else { -value }));
+    order.extend(map.iter().map(|value| -value));
     sorted.clone_from(order);
     let (_, last, _) = sorted.select_nth_unstable_by(count - 1, f32::total_cmp);
-    weights.extend(order.iter().map(|value| if value < last { 255 } else { 0 }));
+    weights.extend(order.iter().map(|value| if value < last { chosen } else { other }));
     equal.clear();
     equal.extend((0..order.len()).filter(|&at| order[at] == *last));
-    let missing = count - weights.iter().filter(|chosen| **chosen > 0).count();
+    let missing = count - weights.iter().filter(|weight| **weight == chosen).count();
     let mut random = key.frame(period);
     for place in 0..missing {
-        let other = place + random.below((equal.len() - place) as u32) as usize;
-        equal.swap(place, other);
-        weights[equal[place]] = 255;
+        let drawn = place + random.below((equal.len() - place) as u32) as usize;
+        equal.swap(place, drawn);
+        weights[equal[place]] = chosen;
     }
 }
 
@@ -253,6 +262,21 @@ mod tests {
         let map = [0.0, -0.0, 0.9, 0.0, 0.5, -0.0, 0.0, 0.0, 0.0, 0.0];
         let top = chosen(json!({"top": 50, "by": "x"}), &map);
         assert!(top.len() == 5 && top.contains(&2) && top.contains(&4), "{top:?}");
+    }
+
+    #[test]
+    fn the_top_and_the_rest_are_complements_with_ties_among_them() {
+        // Coarse values, so that the share ends among equal ones; 15 pixels, whose tenth is one and a half.
+        let coarse: Vec<f32> = (0..1000).map(|at| (at * 7 % 10 / 3) as f32 / 4.0).collect();
+        let flat = [0.5; 1001];
+        for map in [&coarse[..], &flat[..], &coarse[..15]] {
+            for (top, bottom) in [(20, 80), (10, 90), (33, 67), (50, 50), (0, 100), (100, 0)] {
+                let both = [("top", top), ("bottom", bottom)]
+                    .map(|(name, share)| choice(json!({name: share, "by": "x"}), map, 5, 3));
+                let exclusive = both[0].iter().zip(&both[1]).all(|(a, b)| *a == 255 - *b);
+                assert!(exclusive, "top {top} and bottom {bottom} of {} pixels", map.len());
+            }
+        }
     }
 
     #[test]

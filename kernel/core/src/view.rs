@@ -73,9 +73,6 @@ pub fn of_driver(catalog: &Catalog, driver: &ComponentSpec, method: &ComponentSp
             entry.base.as_ref().map_or_else(|| driver.name.clone(), |_| entry.file.display().to_string());
         parameters.insert("model".to_owned(), model.into());
     }
-    if let Some(output) = parameters.shift_remove("steering_output").filter(|_| takes("output")) {
-        parameters.insert("output".to_owned(), output);
-    }
     parameters.retain(|name, _| takes(name));
     parameters.extend(method.parameters.clone());
     Ok(ComponentSpec { name: method.name.clone(), parameters })

@@ -47,6 +47,8 @@ pub struct Engine<'a> {
     recorder: Option<Recorder>,
     recent: Recent,
     stopwatch: Stopwatch,
+    /// What a user should know about the maps of the last drive.
+    noticed: Vec<String>,
     environment: Environment,
 }
 
@@ -65,6 +67,7 @@ impl<'a> Engine<'a> {
             recorder: None,
             recent: Recent::default(),
             stopwatch: Stopwatch::new(),
+            noticed: Vec::new(),
             environment,
         }
     }
@@ -238,6 +241,7 @@ impl<'a> Engine<'a> {
             (self.simulator, self.driver, self.bus) = (None, None, None);
         }
         recorded?;
+        warnings.append(&mut self.noticed);
         Ok(Driven { outcome, rate: self.camera.rate, times: self.stopwatch.times(), warnings })
     }
 
@@ -282,10 +286,12 @@ impl<'a> Engine<'a> {
             by.map(|by| View::new(registry, by, scenario.seed)).transpose().map_err(Fault::Component)?;
         let bus = topics(&mut self.bus, &self.run, slot, camera)?;
         let recorder = self.recorder.as_ref().filter(|_| drive.trace.is_some());
-        run.drive(
+        let driven = run.drive(
             &mut Instances { simulator, camera, clock, chain: &mut chain, driver, bus, view: view.as_mut() },
             &mut Witnesses { recorder, recent: &mut self.recent, stopwatch: &mut self.stopwatch, progress },
-        )
+        );
+        self.noticed = chain.noticed();
+        driven
     }
 }
 

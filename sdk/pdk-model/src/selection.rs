@@ -73,11 +73,11 @@ fn is_zero(value: &u32) -> bool {
 /// Which pixels are chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Choice {
-    /// A share of the frame, from 0 to 1, of what matters most.
+    /// A share of the frame in percent, of what matters most.
     Top(f64),
-    /// A share of the frame, from 0 to 1, of what matters least.
+    /// A share of the frame in percent, of what matters least.
     Bottom(f64),
-    /// A share of the frame, from 0 to 1, at random.
+    /// A share of the frame in percent, at random.
     Random(f64),
     /// What matters more than this value.
     Above(f64),
@@ -149,9 +149,9 @@ impl Selection {
     /// Which pixels are chosen.
     pub fn choice(&self) -> Choice {
         match (self.top, self.bottom, self.random, self.above) {
-            (Some(share), ..) => Choice::Top(share / 100.0),
-            (_, Some(share), ..) => Choice::Bottom(share / 100.0),
-            (_, _, Some(share), _) => Choice::Random(share / 100.0),
+            (Some(share), ..) => Choice::Top(share),
+            (_, Some(share), ..) => Choice::Bottom(share),
+            (_, _, Some(share), _) => Choice::Random(share),
             (.., Some(above)) => Choice::Above(above),
             _ if self.mask.is_some() => Choice::Masked,
             _ if self.nearer.is_some() || self.farther.is_some() => {
@@ -187,7 +187,7 @@ mod tests {
         let read = |value: Value| Selection::from_json(&value).unwrap();
         let selection =
             read(json!({"top": 20, "by": "hirescam,model=a.onnx,sign=positive", "every": 5, "soft": 3}));
-        assert_eq!(selection.choice(), Choice::Top(0.2));
+        assert_eq!(selection.choice(), Choice::Top(20.0));
         assert_eq!(selection.by.as_ref().unwrap().parameters["model"], "a.onnx");
         let written = serde_json::to_value(&selection).unwrap();
         assert_eq!(read(written.clone()), selection);
@@ -196,7 +196,7 @@ mod tests {
             read(json!({"above": 0.5, "by": {"name": "rise", "model": "a.onnx"}})).choice(),
             Choice::Above(0.5)
         );
-        assert_eq!(read(json!({"random": 50})).choice(), Choice::Random(0.5));
+        assert_eq!(read(json!({"random": 50})).choice(), Choice::Random(50.0));
         let road = read(json!({"label": "road", "soft": 2}));
         assert_eq!((road.choice(), &road.label), (Choice::Labelled, &vec!["road".to_owned()]));
         assert_eq!(read(json!({"label": ["road", "sky"]})).label.len(), 2);

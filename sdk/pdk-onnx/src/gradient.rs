@@ -1,4 +1,4 @@
-//! Builds the gradient of one output as nodes of the same graph.
+//! Builds the gradient of one number, or of a sum of several, as nodes of the same graph.
 //!
 //! The graph is walked from the output back to the values whose gradients are asked for. Each node on the way adds the
 //! nodes that its operator's rule gives. So the result is a plain ONNX graph, which runs wherever the model runs.
@@ -41,6 +41,19 @@ pub struct Gradients {
 /// Where an operator in between has no gradient here, a shape is not known, the numbers are no 32-bit or 64-bit floats, or
 /// the target does not depend on one of the values.
 pub fn gradients(graph: &Graph, target: Target<'_>, of: &[&str], keep: &[&str]) -> Result<Gradients> {
+    gradients_of_sum(graph, &[target], of, keep)
+}
+
+/// As [`gradients`], of the sum of several numbers.
+///
+/// # Errors
+/// As for [`gradients`], and if there are no targets or the sum does not depend on one of the values.
+pub fn gradients_of_sum(
+    graph: &Graph,
+    targets: &[Target<'_>],
+    of: &[&str],
+    keep: &[&str],
+) -> Result<Gradients> {
     let (first, last) = (OPSETS.start(), OPSETS.end());
     if !OPSETS.contains(&graph.opset()) {
         return Err(Error::new(format!(
@@ -49,18 +62,13 @@ pub fn gradients(graph: &Graph, target: Target<'_>, of: &[&str], keep: &[&str]) 
             graph.opset()
         )));
     }
-    let between = between(graph, target.value, of)?;
+    let mut between = HashSet::new();
+    for target in targets {
+        between.extend(self::between(graph, target.value, of)?);
+    }
     let lacking = lacking(graph, &between);
     if !lacking.is_empty() {
         return Err(Error::new(format!("these operators have no gradient here: {}", lacking.join(", "))));
-    }
-    let shape = float_shape(graph, target.value)?;
-    let count: usize = shape.iter().product();
-    if target.index >= count {
-        return Err(Error::new(format!(
-            "`{}` has {count} numbers, so there is none with the number {}",
-            target.value, target.index
-        )));
     }
     for name in &between {
         if graph.fact(name).is_ok_and(|fact| fact.element.is_float()) {
@@ -69,9 +77,11 @@ pub fn gradients(graph: &Graph, target: Target<'_>, of: &[&str], keep: &[&str]) 
     }
 
     let mut builder = Builder::new(graph.clone(), between.iter().map(|&name| name.to_owned()).collect());
-    let mut seed = Tensor::filled(graph.fact(target.value)?.element, shape, 0.0)?;
-    seed.values[target.index] = 1.0;
-    let mut known = HashMap::from([(target.value.to_owned(), vec![builder.constant(&seed)?])]);
+    let mut known: HashMap<String, Vec<String>> = HashMap::new();
+    for target in targets {
+        let seed = builder.constant(&seed(graph, *target)?)?;
+        known.entry(target.value.to_owned()).or_default().push(seed);
+    }
     for node in graph.nodes().iter().rev() {
         if node.output.iter().any(|output| known.contains_key(output)) {
             pass_through(&Site::new(graph, node), &mut builder, &mut known)
@@ -83,8 +93,8 @@ pub fn gradients(graph: &Graph, target: Target<'_>, of: &[&str], keep: &[&str]) 
     for name in of {
         let gradient = total(&mut builder, &mut known, name)?.ok_or_else(|| {
             Error::new(format!(
-                "`{}` does not change with `{name}`: its gradient is zero everywhere",
-                target.value
+                "{} does not change with `{name}`: its gradient is zero everywhere",
+                named(targets)
             ))
         })?;
         // An output has to have a name of its own, even where two gradients are one value.
@@ -92,6 +102,31 @@ pub fn gradients(graph: &Graph, target: Target<'_>, of: &[&str], keep: &[&str]) 
     }
     let names: Vec<&str> = outputs.iter().map(String::as_str).collect();
     Ok(Gradients { model: builder.graph.model(&names)?, outputs })
+}
+
+/// The gradient of a number with respect to the value that it belongs to: 1 at its place, else 0.
+fn seed(graph: &Graph, target: Target<'_>) -> Result<Tensor> {
+    let shape = float_shape(graph, target.value)?;
+    let count: usize = shape.iter().product();
+    if target.index >= count {
+        return Err(Error::new(format!(
+            "`{}` has {count} numbers, so there is none with the number {}",
+            target.value, target.index
+        )));
+    }
+    let mut seed = Tensor::filled(graph.fact(target.value)?.element, shape, 0.0)?;
+    seed.values[target.index] = 1.0;
+    Ok(seed)
+}
+
+/// What targets are called in a sentence.
+fn named(targets: &[Target<'_>]) -> String {
+    let mut names: Vec<_> = targets.iter().map(|target| format!("`{}`", target.value)).collect();
+    names.dedup();
+    match names.as_slice() {
+        [one] => one.clone(),
+        several => format!("the sum of {}", several.join(" and ")),
+    }
 }
 
 /// The operators between a value and the target that have no gradient here, by name, each once.

@@ -44,6 +44,10 @@ impl Layer {
     }
 }
 
+/// So many cells a layer needs downwards and to the right to be the one that maps are made of by default. With fewer, a map cannot tell
+/// near from far, or left from right. docs/saliency.md has the measurements.
+pub const LEAST_CELLS: usize = 4;
+
 /// The layers between the image and `target`, in their order: what nodes compute that has more than one cell on the image.
 pub fn layers(graph: &Graph, image: Image<'_>, target: &str) -> Vec<Layer> {
     let looks = looks(graph, image.input, image.height, image.width);
@@ -87,13 +91,22 @@ pub fn image_layer(graph: &Graph, image: Image<'_>) -> Result<Layer> {
     })
 }
 
-/// The layer of this name, of its node or its value; the last convolution where the name is empty.
+/// The layer that maps are made of if none is named: the last convolution with [`LEAST_CELLS`] in both directions. If no convolution has
+/// so many, it is the last of those with the most cells in their narrower direction.
+pub fn default(layers: &[Layer]) -> Option<&Layer> {
+    let narrower =
+        |layer: &&Layer| layer.shape[layer.rows.0].min(layer.shape[layer.columns.0]).min(LEAST_CELLS);
+    // Of several with the same number, this takes the last.
+    layers.iter().filter(|layer| layer.is_convolution()).max_by_key(narrower)
+}
+
+/// The layer of this name, of its node or its value; the [`default`] if the name is empty.
 ///
 /// # Errors
 /// Where there is none, with those that there are.
 pub fn find<'a>(layers: &'a [Layer], name: &str) -> Result<&'a Layer> {
     if name.is_empty() {
-        return layers.iter().rev().find(|layer| layer.is_convolution()).ok_or_else(|| {
+        return default(layers).ok_or_else(|| {
             Error::new("it has no convolution whose cells have a place on the image, so a layer has to be named, or a method that needs none")
         });
     }
@@ -175,6 +188,30 @@ mod tests {
     }
 
     const IMAGE: Image<'static> = Image { input: "x", height: 2, width: 3 };
+
+    #[test]
+    fn the_default_is_the_last_convolution_with_enough_cells_in_both_directions() {
+        let default_of = |sizes: &[(usize, usize)]| {
+            let one = layers(&graph(), IMAGE, "y").remove(0);
+            let layers: Vec<_> = sizes
+                .iter()
+                .zip(1..)
+                .map(|((rows, columns), number)| {
+                    let mut shape = one.shape.clone();
+                    (shape[one.rows.0], shape[one.columns.0]) = (*rows, *columns);
+                    Layer { name: format!("{number}"), shape, ..one.clone() }
+                })
+                .collect();
+            default(&layers).map(|layer| layer.name.clone()).unwrap_or_default()
+        };
+        // The networks that are part of pdk, and a pilot of a DonkeyCar.
+        assert_eq!(default_of(&[(31, 98), (14, 47), (5, 22), (3, 20), (1, 18)]), "3");
+        assert_eq!(default_of(&[(58, 78), (27, 37), (12, 17), (10, 15), (8, 13)]), "5");
+        assert_eq!(default_of(&[(8, 8), (4, 4), (20, 3)]), "2");
+        // With too few everywhere, the one that comes closest, and of several the last.
+        assert_eq!(default_of(&[(3, 9), (2, 9), (3, 5), (1, 9)]), "3");
+        assert_eq!(default_of(&[]), "");
+    }
 
     #[test]
     fn layers_are_found_by_node_and_value_and_the_last_convolution_without_a_name() {

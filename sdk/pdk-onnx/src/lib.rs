@@ -37,6 +37,6 @@ pub mod tensor;
 pub mod testing;
 mod window;
 
-pub use gradient::{Gradients, Target, gradients};
+pub use gradient::{Gradients, Target, gradients, gradients_of_sum};
 pub use graph::{Fact, Graph};
 pub use tensor::{Element, Tensor};

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pdk_core::println;
-use pdk_onnx::layers::{Image, Layer, layers};
+use pdk_onnx::layers::{self, Image, LEAST_CELLS, Layer, layers};
 use pdk_onnx::tensor::shape_text;
 use pdk_onnx::{Graph, gradient, model};
 use pdk_pipeline::table::table;
@@ -64,9 +64,14 @@ pub fn show(global: &Global, path: &str) -> Result<()> {
             start,
         ]);
     }
-    println!(
-        "{rows}\nin pixels, width x height; the last convolution is what maps are made of where no layer is named"
-    );
+    println!("{rows}\nin pixels, width x height");
+    if let Some(default) = layers::default(&first.layers) {
+        println!(
+            "without `layer`, maps are made of {}: the last convolution that has at least {LEAST_CELLS} cells in both directions, or else \
+             comes closest",
+            default.name
+        );
+    }
     Ok(())
 }
 

@@ -105,6 +105,13 @@ fn is_video(input: &Path, output: &Path) -> Result<bool> {
     }
 }
 
+/// Reports what a user should know about the maps that were made.
+fn warn(chain: &Chain) {
+    for noticed in chain.noticed() {
+        eprintln!("pdk: warning: {noticed}");
+    }
+}
+
 fn perturb_image(
     global: &Global,
     arguments: &Arguments,
@@ -115,6 +122,7 @@ fn perturb_image(
     let mut perturbed = FrameBuf::new(image.width(), image.height());
     let moment = Moment::new(arguments.frame, arguments.time).alone();
     chain.apply(image.as_ref(), perturbed.as_mut(), &moment)?;
+    warn(&chain);
     pdk_image::write(&arguments.output, perturbed.as_ref())?;
     if global.json {
         let specs = specs.iter().map(AppliedPerturbation::to_string).collect::<Vec<_>>();
@@ -174,6 +182,7 @@ fn perturb_video(
             break;
         }
     }
+    warn(&chain);
     let frames = writer.frames();
     if frames < u64::from(reader.count()) {
         let count = reader.count();

@@ -7,7 +7,7 @@ use pdk_sdk::prelude::*;
 use super::derived::{Derived, graph, layer_parameters, named_layer};
 use super::grid::{Grid, Sign, sign_parameter};
 use super::method::{Map, Method, empty};
-use super::viewer::{Viewer, parameters};
+use super::viewer::{Viewer, common_parameters, parameters};
 
 /// Grad-CAM.
 pub type GradCam = Map<Cam<Mean>>;
@@ -26,8 +26,8 @@ pub trait Rule: Send {
     /// Adds what a channel contributes.
     fn add(activations: &[f64], gradients: &[f64], map: &mut [f64]);
 
-    /// Whether the numbers have a sign that can be chosen.
-    const SIGNED: bool = true;
+    /// Whether it explains one number, whose sign can be chosen; else the sum of all numbers that drive.
+    const ONE: bool = true;
 }
 
 /// A class activation map.
@@ -38,18 +38,23 @@ pub struct Cam<R> {
 
 impl<R: Rule> Method for Cam<R> {
     fn description() -> Description {
-        let description = layer_parameters(parameters(R::description().family("gradient")));
-        if R::SIGNED { description.parameter(sign_parameter()) } else { description }
+        // Version 2 is of another layer than the last convolution if none is named.
+        let description = R::description().family("gradient").version(2);
+        match R::ONE {
+            true => layer_parameters(parameters(description)).parameter(sign_parameter()),
+            false => layer_parameters(common_parameters(description)),
+        }
     }
 
     fn new(viewer: &Viewer, config: &Config) -> Result<Self> {
         let graph = graph(viewer)?;
         let layer = named_layer(&graph, viewer, config)?;
-        Ok(Self { derived: Derived::gradient(&graph, viewer, layer)?, rule: PhantomData })
+        let targets = if R::ONE { vec![viewer.target()] } else { viewer.driving() };
+        Ok(Self { derived: Derived::gradient(&graph, viewer, layer, &targets)?, rule: PhantomData })
     }
 
     fn sign(config: &Config) -> Sign {
-        if R::SIGNED { Sign::of(config.text("sign")) } else { Sign::Range }
+        if R::ONE { Sign::of(config.text("sign")) } else { Sign::Range }
     }
 
     fn cells(&self, _: &Viewer) -> [usize; 2] {
@@ -128,7 +133,7 @@ impl Rule for Published {
     fn description() -> Description {
         Description::saliency("grad-cam-published", "Grad-CAM with guided gradients, as published with PerturbationDrive")
             .source("PerturbationDrive")
-            .mathematics("`map = Σ_c w_c A_c`, `w_c = mean(g_c [g_c > 0] [A_c > 0])`, from the least value to the greatest")
+            .mathematics("`map = Σ_c w_c A_c`, `w_c = mean(g_c [g_c > 0] [A_c > 0])`, with `g` the gradient of the sum of steering and throttle, from the least value to the greatest")
             .divergence("The published tool builds the map in the framework that trained the model; this one needs the ONNX file alone.")
     }
 
@@ -138,7 +143,7 @@ impl Rule for Published {
         add_weighed(activations, mean, map);
     }
 
-    const SIGNED: bool = false;
+    const ONE: bool = false;
 }
 
 #[cfg(test)]

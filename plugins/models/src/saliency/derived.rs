@@ -1,7 +1,7 @@
 //! Graphs that are built from the model's, ready to run.
 
 use pdk_onnx::layers::{self, Image, Layer};
-use pdk_onnx::{Graph, Target, gradients, model};
+use pdk_onnx::{Graph, Target, gradients_of_sum, model};
 use pdk_sdk::prelude::*;
 
 use super::viewer::Viewer;
@@ -17,7 +17,8 @@ pub fn layer_parameters(description: Description) -> Description {
     description
         .parameter(Parameter::text(
             "layer",
-            "the layer whose cells are weighed, by the name of its node or of its value; left out, the last convolution",
+            "the layer whose cells are weighed, by the name of its node or of its value; left out, the last convolution that has at least 4 cells in \
+             both directions",
         ))
         .parameter(Parameter::boolean(
             "activation",
@@ -57,7 +58,7 @@ fn image<'a>(graph: &'a Graph, viewer: &Viewer) -> Result<Image<'a>> {
 /// # Errors
 /// Where there is none of this name.
 pub fn named_layer(graph: &Graph, viewer: &Viewer, config: &Config) -> Result<Layer> {
-    let layers = layers::layers(graph, image(graph, viewer)?, viewer.target().0);
+    let layers = layers::layers(graph, image(graph, viewer)?, viewer.target().value);
     let mut layer = layers::find(&layers, config.text("layer"))?.clone();
     if config.boolean("activation") {
         layer.value.clone_from(&layer.activated);
@@ -74,15 +75,14 @@ pub fn image_layer(graph: &Graph, viewer: &Viewer) -> Result<Layer> {
 }
 
 impl Derived {
-    /// A graph that computes the layer, and the gradient of the output with respect to it. The gradient comes last.
+    /// A graph that computes the layer, and the gradient of the sum of these numbers with respect to it. The gradient comes last.
     ///
     /// # Errors
     /// Where an operator behind the layer has no gradient, or the engine cannot run the graph.
-    pub fn gradient(graph: &Graph, viewer: &Viewer, layer: Layer) -> Result<Self> {
-        let (value, index) = viewer.target();
+    pub fn gradient(graph: &Graph, viewer: &Viewer, layer: Layer, targets: &[Target<'_>]) -> Result<Self> {
         let is_input = graph.inputs().any(|input| input == layer.value);
         let keep: &[&str] = if is_input { &[] } else { &[&layer.value] };
-        let built = gradients(graph, Target { value, index }, &[&layer.value], keep)
+        let built = gradients_of_sum(graph, targets, &[&layer.value], keep)
             .map_err(|error| Error::new(format!("{error}; {WITHOUT}")))?;
         Self::open(viewer, layer, &built.model, built.outputs.len())
     }

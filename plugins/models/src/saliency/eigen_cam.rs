@@ -6,7 +6,7 @@ use super::cam::add_weighed;
 use super::derived::{Derived, graph, layer_parameters, named_layer};
 use super::grid::{Grid, sign_parameter};
 use super::method::{Map, Method, empty};
-use super::viewer::{Viewer, parameters};
+use super::viewer::{Viewer, common_parameters};
 
 /// Eigen-CAM as a component.
 pub type EigenCam = Map<Eigen>;
@@ -20,10 +20,11 @@ impl Method for Eigen {
     fn description() -> Description {
         let description = Description::saliency("eigen-cam", "What the channels of a layer have most in common, without gradients")
             .family("no gradient")
+            .version(2)
             .source("Muhammad and Yeasin, \"Eigen-CAM: Class Activation Map using Principal Components\" (2020)")
             .mathematics("`map = A v`, with `A` a row for each cell and a column for each channel, and `v` its first right singular vector")
             .divergence("It is the same for every output: what is not looked at by any of them may show.");
-        layer_parameters(parameters(description)).parameter(sign_parameter())
+        layer_parameters(common_parameters(description)).parameter(sign_parameter())
     }
 
     fn new(viewer: &Viewer, config: &Config) -> Result<Self> {

@@ -15,7 +15,7 @@ pub type SmoothGrad = Map<Smooth>;
 fn open(viewer: &Viewer) -> Result<Derived> {
     let graph = graph(viewer)?;
     let layer = image_layer(&graph, viewer)?;
-    Derived::gradient(&graph, viewer, layer)
+    Derived::gradient(&graph, viewer, layer, &[viewer.target()])
 }
 
 /// Joins the colours of each pixel: the largest by size where the sign does not matter, else their sum.

@@ -201,8 +201,8 @@ mod tests {
     fn a_map_is_made_once_for_all_that_it_depends_on() {
         let folder = tempfile::tempdir().unwrap();
         let description = parameters(Description::saliency("test", "x"));
-        let open = |engine: &str, number: u32| {
-            let given = json!({"model": "dave2", "engine": engine, "number": number});
+        let open = |explain: &str| {
+            let given = json!({"model": "dave2", "explain": explain});
             let config = Config::check(&description, given.as_object().unwrap()).unwrap();
             let viewer = Viewer::open(&config).unwrap();
             Kept::within(folder.path().to_owned(), &description, &config, &viewer).unwrap()
@@ -210,18 +210,18 @@ mod tests {
         let (dark, key) = (FrameBuf::new(200, 66), Key([1; 32]));
         let mut bright = dark.clone();
         bright.as_mut().rows_mut().for_each(|row| row.fill(200));
-        let steering = open("tract", 0);
+        let steering = open("steering");
         let ask = |kept: &Kept, frame: &FrameBuf, speed: f32, index: u64, value: f64| {
             let cx = MapContext { recorded: true, ..MapContext::new(index, 0.0, &key) };
             kept.find_or_make(frame.as_ref(), speed, &cx, || Ok(grid(value))).unwrap().values[2]
         };
         assert_eq!(ask(&steering, &dark, 8.0, 0, 1.0), 1.0);
         assert_eq!(ask(&steering, &dark, 8.0, 0, 2.0), 1.0);
-        assert_eq!(ask(&open("tract", 0), &dark, 8.0, 0, 3.0), 1.0);
+        assert_eq!(ask(&open("steering"), &dark, 8.0, 0, 3.0), 1.0);
         assert_eq!(ask(&steering, &bright, 8.0, 0, 4.0), 4.0);
         assert_eq!(ask(&steering, &dark, 7.0, 0, 5.0), 5.0);
         assert_eq!(ask(&steering, &dark, 8.0, 1, 6.0), 6.0);
-        assert_eq!(ask(&open("tract", 1), &dark, 8.0, 0, 7.0), 7.0);
+        assert_eq!(ask(&open("throttle"), &dark, 8.0, 0, 7.0), 7.0);
         let other = MapContext::new(0, 0.0, &key);
         let failed = steering.find_or_make(dark.as_ref(), 9.0, &other, || Err(Error::new("broken")));
         assert_eq!(failed.unwrap_err().message(), "broken");

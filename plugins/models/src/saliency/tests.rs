@@ -116,6 +116,39 @@ fn methods_that_weigh_whole_channels_show_where_those_are_active() {
 }
 
 #[test]
+fn the_throttle_is_explained_on_demand_and_the_published_method_explains_the_sum() {
+    // One channel sees red and steers, the other one sees green and gives the throttle.
+    let mut s = Sketch::new(13);
+    s.input("image", &[1, 3, 16, 32]);
+    let colors =
+        (0..96).map(|at| if at / 16 == 0 || at / 16 == 4 { 1.0 / 16.0 / 255.0 } else { 0.0 }).collect();
+    let filter = s.weights("filter", Tensor::floats(&[2, 3, 4, 4], colors));
+    s.node("Conv", &["image", &filter], "features", &[("strides", Setting::Ints(&[4, 4]))]);
+    s.node("Relu", &["features"], "seen", &[]);
+    s.node("Flatten", &["seen"], "flat", &[]);
+    let weights = (0..128).map(|at| if at / 64 == at % 2 { 1.0 / 32.0 } else { 0.0 }).collect();
+    let weights = s.weights("weights", Tensor::floats(&[64, 2], weights));
+    s.node("MatMul", &["flat", &weights], "steering", &[]);
+    let file = save(&s);
+    let mut frame = FrameBuf::new(32, 16);
+    for y in 0..16 {
+        (0..8).for_each(|x| frame.as_mut().set_pixel(x, y, [200, 0, 0]));
+        (24..32).for_each(|x| frame.as_mut().set_pixel(x, y, [0, 200, 0]));
+    }
+    let sides_of = |values: Vec<f32>| {
+        let (left, right) = sides(&values, 32);
+        (left > 0.8, right > 0.8, left < 0.1, right < 0.1)
+    };
+    let explained =
+        |what: &str| sides_of(map(&mut open::<GradCam>(&file, json!({"explain": what})).unwrap(), &frame));
+    assert_eq!(explained("steering"), (true, false, false, true));
+    assert_eq!(explained("throttle"), (false, true, true, false));
+    let published = map(&mut open::<PublishedGradCam>(&file, json!({})).unwrap(), &frame);
+    assert_eq!(sides_of(published), (true, true, false, false));
+    assert!(open::<PublishedGradCam>(&file, json!({"explain": "steering"})).is_err());
+}
+
+#[test]
 fn the_sign_says_what_lowers_the_output() {
     let frame = bright(32, 16);
     let file = right_half(-1.0);
@@ -208,10 +241,18 @@ fn what_cannot_be_explained_is_a_sentence() {
             "{place}it has no layer `conv_7` whose cells have a place on the image; its convolutions are `conv_0`"
         )
     );
-    let output = error(open::<GradCam>(&file, json!({"output": "speed"})).map(drop));
-    assert_eq!(output, format!("{place}it has no output `speed`; its outputs are `steering`"));
-    let number = error(open::<GradCam>(&file, json!({"number": 1})).map(drop));
-    assert!(number.contains("has the numbers 0 to 0, so there is no 1"), "{number}");
+    let output = error(open::<GradCam>(&file, json!({"steering_output": "speed"})).map(drop));
+    assert_eq!(
+        output,
+        format!(
+            "{place}its outputs, with the number of values of each, are `steering` (1); none is called `speed`, as `steering_output` says"
+        )
+    );
+    let throttle = error(open::<GradCam>(&file, json!({"explain": "throttle"})).map(drop));
+    assert_eq!(
+        throttle,
+        format!("{place}it gives no throttle, so only its steering can be explained; leave `explain` out")
+    );
 
     // Without a convolution.
     let mut s = Sketch::new(13);

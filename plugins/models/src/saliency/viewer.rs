@@ -1,5 +1,6 @@
-//! A model as saliency methods see it: frames in, one number out.
+//! A model as saliency methods see it: frames in, steering or throttle out.
 
+use pdk_onnx::Target;
 use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
@@ -8,6 +9,7 @@ use crate::driver::with_pixels;
 use crate::engine;
 use crate::model_file::{Inputs, Layout, ModelFile, Source};
 use crate::pixels::Pixels;
+use crate::selection::{Selection, Slot};
 use crate::session::Session;
 use crate::trained;
 
@@ -19,10 +21,10 @@ pub struct Viewer {
     pub engine: String,
     session: Box<dyn Session>,
     pixels: Pixels,
-    /// The output that is explained, by its place and name.
-    output: (usize, String),
-    /// Which of its numbers.
-    number: usize,
+    /// The number that is explained.
+    explained: Slot,
+    /// All numbers that drive.
+    driving: Vec<Slot>,
     /// The speed that the network is told, and the one that it is told where nobody knows it.
     speed: f32,
     assumed_speed: f32,
@@ -31,19 +33,24 @@ pub struct Viewer {
     resized: FrameBuf,
 }
 
-/// What every method takes.
+/// What a method takes that explains one number.
 pub fn parameters(description: Description) -> Description {
+    common_parameters(description).parameter(Parameter::choice(
+        "explain",
+        &["steering", "throttle"],
+        "which number is explained",
+    ))
+}
+
+/// What every method takes.
+pub fn common_parameters(description: Description) -> Description {
     let description = description
         .example(json!({"model": "dave2"}))
         .parameter(Parameter::path("model", "the ONNX file whose view is shown, which the driver `onnx` takes; or the name of a network that is part of pdk"))
         .parameter(engine::parameter());
     with_pixels(description)
-        .parameter(Parameter::text("output", "the output that is explained, by name; left out, the one that steers"))
-        .parameter(
-            Parameter::integer("number", 0, "which of the output's numbers is explained, from 0; of steering and throttle, 0 is the \
-                                             steering")
-                .range(0.0, 1e6),
-        )
+        .parameter(Parameter::text("steering_output", "the output that steers, as for the driver `onnx`"))
+        .parameter(Parameter::text("throttle_output", "the output that gives the throttle, as for the driver `onnx`"))
         .parameter(
             Parameter::number("speed", 8.0, "the speed that a network which takes one is told where it is not known, as for recorded frames").unit("m/s").range(0.0, 100.0),
         )
@@ -74,28 +81,22 @@ impl Viewer {
         let mut session = engine::open(&model.network(), &engine)?;
         let speed = config.number("speed") as f32;
         let sizes = model.try_out(&mut *session, speed)?;
-        let output = match config.text("output") {
-            "" => model.selection(&sizes, "", "")?.steering.output,
-            name => model.outputs.iter().position(|output| output == name).ok_or_else(|| {
-                let names: Vec<_> = model.outputs.iter().map(|output| format!("`{output}`")).collect();
-                Error::new(format!("it has no output `{name}`; its outputs are {}", names.join(", ")))
+        let Selection { steering, throttle } =
+            model.selection(&sizes, config.text("steering_output"), config.text("throttle_output"))?;
+        let explained = match config.text("explain") {
+            "throttle" => throttle.ok_or_else(|| {
+                Error::new("it gives no throttle, so only its steering can be explained; leave `explain` out")
             })?,
+            _ => steering,
         };
-        let (name, number) = (model.outputs[output].clone(), config.integer("number") as usize);
-        if number >= sizes[output] {
-            return Err(Error::new(format!(
-                "its output `{name}` has the numbers 0 to {}, so there is no {number}",
-                sizes[output].saturating_sub(1)
-            )));
-        }
         Ok(Self {
             place: format!("model `{}` on {}", config.text("model"), session.engine()),
             pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
             resized: FrameBuf::new(model.input.width, model.input.height),
-            output: (output, name),
+            explained,
+            driving: [steering].into_iter().chain(throttle).collect(),
             engine,
             session,
-            number,
             speed,
             assumed_speed: speed,
             inputs: model.inputs(),
@@ -114,9 +115,18 @@ impl Viewer {
         self.speed = speed.map_or(self.assumed_speed, |speed| speed as f32);
     }
 
-    /// The output that is explained, by name, and which of its numbers.
-    pub fn target(&self) -> (&str, usize) {
-        (&self.output.1, self.number)
+    /// The number that is explained.
+    pub fn target(&self) -> Target<'_> {
+        self.target_at(self.explained)
+    }
+
+    /// All numbers that drive: steering, and throttle if the network gives one.
+    pub fn driving(&self) -> Vec<Target<'_>> {
+        self.driving.iter().map(|slot| self.target_at(*slot)).collect()
+    }
+
+    fn target_at(&self, Slot { output, index }: Slot) -> Target<'_> {
+        Target { value: &self.model.outputs[output], index }
     }
 
     /// The place and axes of the image among the network's inputs.
@@ -165,11 +175,11 @@ impl Viewer {
         self.pixels.write(frame, self.inputs.image());
         self.inputs.move_at(self.speed);
         self.session.run(self.inputs.values(), &mut self.outputs)?;
-        match self.outputs[self.output.0].get(self.number) {
+        match self.outputs[self.explained.output].get(self.explained.index) {
             Some(value) if value.is_finite() => Ok(f64::from(*value)),
             _ => Err(Error::new(format!(
                 "its output `{}` is not a finite number for this frame",
-                self.output.1
+                self.model.outputs[self.explained.output]
             ))),
         }
     }

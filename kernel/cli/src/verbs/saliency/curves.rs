@@ -8,6 +8,8 @@
 //! Coarse maps have it easier than fine ones, whatever they mark, since large spots hide more. So each map is compared with
 //! itself in other places: mirrored and moved around the frame at random.
 
+use std::collections::BTreeMap;
+
 use pdk_core::calls::{self, Function};
 use pdk_core::registry::Registry;
 use pdk_model::component::ComponentSpec;
@@ -18,6 +20,8 @@ use pdk_sdk::seed;
 use pdk_statistics::estimate::Estimate;
 use pdk_statistics::{CONFIDENCE, mean};
 use serde_json::{Value, json};
+
+use super::frames::Shown;
 
 /// Shares of the frame that are taken away or put back, from one step to the whole.
 const STEPS: usize = 20;
@@ -37,8 +41,16 @@ pub struct Curves {
     place: String,
     speed: f64,
     seed: u64,
-    /// For each method and frame the areas of the map, and the mean of those of the moved maps.
-    measured: Vec<Vec<(Areas, Areas)>>,
+    measured: Vec<Vec<Measured>>,
+}
+
+/// What was measured of a method's map of one frame.
+struct Measured {
+    own: Areas,
+    /// The mean over the moved maps.
+    moved: Areas,
+    /// The number of the road on which the frame was recorded, if that is known.
+    road: Option<usize>,
 }
 
 impl Curves {
@@ -59,7 +71,7 @@ impl Curves {
             place: format!("driver `{}`", driver.name),
             speed,
             seed,
-            measured: vec![Vec::new(); methods],
+            measured: (0..methods).map(|_| Vec::new()).collect(),
         })
     }
 
@@ -67,29 +79,32 @@ impl Curves {
     ///
     /// # Errors
     /// Where the driver fails.
-    pub fn add(&mut self, method: usize, frame: Frame<'_>, map: &[f32], index: u64) -> Result<()> {
+    pub fn add(&mut self, method: usize, shown: &Shown, map: &[f32], index: u64) -> Result<()> {
+        let (frame, speed) = (shown.frame.as_ref(), shown.speed.unwrap_or(self.speed));
         // The same moves for every method, so that methods are compared under the same luck.
         let mut random = seed::key(self.seed, "moved maps", 0).frame(index);
-        let own = self.areas(frame, map)?;
+        let own = self.areas(frame, speed, map)?;
         let mut moved = Areas { deletion: 0.0, insertion: 0.0 };
         for _ in 0..MOVES {
-            let areas = self.areas(frame, &relocate(map, frame.width(), &mut random))?;
+            let areas = self.areas(frame, speed, &relocate(map, frame.width(), &mut random))?;
             moved.deletion += areas.deletion / MOVES as f64;
             moved.insertion += areas.insertion / MOVES as f64;
         }
-        self.measured[method].push((own, moved));
+        self.measured[method].push(Measured { own, moved, road: shown.road });
         Ok(())
     }
 
-    fn steering(&mut self, frame: Frame<'_>) -> Result<f64> {
-        let cx = DriveContext { speed: self.speed, ..DriveContext::default() };
+    /// How the driver steers at a frame. One that remembers has seen nothing before it, as when its map was made.
+    fn steering(&mut self, frame: Frame<'_>, speed: f64) -> Result<f64> {
+        let cx = DriveContext { speed, ..DriveContext::default() };
         let driver = &mut self.driver;
-        let control = calls::call(&self.place, Function::Drive, || driver.drive(frame, &cx));
+        let control = calls::call(&self.place, Function::Reset, || driver.reset())
+            .and_then(|()| calls::call(&self.place, Function::Drive, || driver.drive(frame, &cx)));
         Ok(control.map_err(|error| error.at(&self.place))?.steering)
     }
 
-    fn areas(&mut self, frame: Frame<'_>, map: &[f32]) -> Result<Areas> {
-        let whole = self.steering(frame)?;
+    fn areas(&mut self, frame: Frame<'_>, speed: f64, map: &[f32]) -> Result<Areas> {
+        let whole = self.steering(frame, speed)?;
         let mut order: Vec<usize> = (0..map.len()).collect();
         order.sort_by(|&a, &b| map[b].total_cmp(&map[a]));
         let mut taken = FrameBuf::new(frame.width(), frame.height());
@@ -99,16 +114,17 @@ impl Curves {
         left.as_mut()
             .rows_mut()
             .for_each(|row| row.chunks_exact_mut(3).for_each(|pixel| pixel.copy_from_slice(&mean)));
-        let mut areas = Areas { deletion: 0.0, insertion: (self.steering(left.as_ref())? - whole).abs() };
+        let mut areas =
+            Areas { deletion: 0.0, insertion: (self.steering(left.as_ref(), speed)? - whole).abs() };
         for step in 1..=STEPS {
             for &at in &order[order.len() * (step - 1) / STEPS..order.len() * step / STEPS] {
                 let (x, y) = (at % frame.width(), at / frame.width());
                 taken.as_mut().set_pixel(x, y, mean);
                 left.as_mut().set_pixel(x, y, frame.pixel(x, y));
             }
-            areas.deletion += (self.steering(taken.as_ref())? - whole).abs();
+            areas.deletion += (self.steering(taken.as_ref(), speed)? - whole).abs();
             if step < STEPS {
-                areas.insertion += (self.steering(left.as_ref())? - whole).abs();
+                areas.insertion += (self.steering(left.as_ref(), speed)? - whole).abs();
             }
         }
         Ok(Areas { deletion: areas.deletion / STEPS as f64, insertion: areas.insertion / STEPS as f64 })
@@ -117,29 +133,30 @@ impl Curves {
     /// What was found about a method.
     fn found(&self, method: usize) -> Found {
         let frames = &self.measured[method];
-        let over = |value: &dyn Fn(usize, &(Areas, Areas)) -> f64| {
-            let values: Vec<f64> = frames.iter().enumerate().map(|(at, both)| value(at, both)).collect();
-            // One value a frame; without frames there is nothing to say.
+        let over = |value: &dyn Fn(usize, &Measured) -> f64| {
+            let values = by_road(frames, value);
+            // Without frames there is nothing to report.
             let estimate = mean::over_roads(&values, (f64::NEG_INFINITY, f64::INFINITY), CONFIDENCE);
             estimate.unwrap_or(Estimate { value: f64::NAN, low: f64::NAN, high: f64::NAN })
         };
         let first = &self.measured[0];
         Found {
-            deletion: over(&|_, (own, _)| own.deletion).value,
-            insertion: over(&|_, (own, _)| own.insertion).value,
-            deletion_gain: over(&|_, (own, moved)| own.deletion - moved.deletion),
-            insertion_gain: over(&|_, (own, moved)| moved.insertion - own.insertion),
-            against_first: over(&|at, (own, _)| own.faithfulness() - first[at].0.faithfulness()),
+            deletion: over(&|_, both| both.own.deletion).value,
+            insertion: over(&|_, both| both.own.insertion).value,
+            deletion_gain: over(&|_, both| both.own.deletion - both.moved.deletion),
+            insertion_gain: over(&|_, both| both.moved.insertion - both.own.insertion),
+            against_first: over(&|at, both| both.own.faithfulness() - first[at].own.faithfulness()),
         }
     }
 
-    /// How many frames were measured. One alone says nothing about others, so there are intervals from two on.
-    fn frames(&self) -> usize {
-        self.measured.first().map_or(0, Vec::len)
+    /// How many roads were measured, or frames if their roads are not known. One alone says nothing about others, so there are intervals
+    /// from two on.
+    fn independent(&self) -> usize {
+        self.measured.first().map_or(0, |frames| by_road(frames, &|_, _| 0.0).len())
     }
 
     fn said(&self, estimate: &Estimate) -> Value {
-        match self.frames() {
+        match self.independent() {
             0 | 1 => json!({ "value": estimate.value, "low": null, "high": null }),
             _ => json!(estimate),
         }
@@ -152,6 +169,7 @@ impl Curves {
             json!({
                 "method": label,
                 "frames": self.measured[method].len(),
+                "independent": self.independent(),
                 "deletion": { "area": found.deletion, "better_than_moved": self.said(&found.deletion_gain) },
                 "insertion": { "area": found.insertion, "better_than_moved": self.said(&found.insertion_gain) },
                 "deletion_less_insertion_against_first": self.said(&found.against_first),
@@ -171,8 +189,8 @@ impl Curves {
             "better than moved by",
             against.as_str(),
         ]);
-        let frames = self.frames();
-        let shown = |Estimate { value, low, high }| match frames {
+        let (frames, independent) = (self.measured.first().map_or(0, Vec::len), self.independent());
+        let shown = |Estimate { value, low, high }| match independent {
             0 | 1 => format!("{value:+.4}"),
             _ => format!("{value:+.4} [{low:+.4}, {high:+.4}]"),
         };
@@ -187,14 +205,18 @@ impl Curves {
                 if method == 0 { String::new() } else { shown(found.against_first) },
             ]);
         }
-        let (over, intervals) = match frames {
-            0 | 1 => {
-                ("change of the steering on one frame".to_owned(), "; for intervals it takes more frames")
+        let over = match frames {
+            0 | 1 => "change of the steering on one frame".to_owned(),
+            _ if independent < frames => {
+                format!("mean change of the steering over {frames} frames of {independent} roads")
             }
-            _ => (
-                format!("mean change of the steering over {frames} frames"),
-                "; in brackets 95 % intervals, paired by frame",
-            ),
+            _ => format!("mean change of the steering over {frames} frames"),
+        };
+        let intervals = match independent {
+            0 | 1 if frames > 1 => "; for intervals it takes more roads",
+            0 | 1 => "; for intervals it takes more frames",
+            _ if independent < frames => "; in brackets 95 % intervals, paired by road",
+            _ => "; in brackets 95 % intervals, paired by frame",
         };
         format!(
             "{rows}\n{over}: when what matters most is taken away first, more is better; when it comes back first, less is better; the last \
@@ -217,6 +239,15 @@ impl Areas {
     fn faithfulness(&self) -> f64 {
         self.deletion - self.insertion
     }
+}
+
+/// A value of each road: the mean over its frames, which resemble each other. A frame whose road is not known counts for itself.
+fn by_road(frames: &[Measured], value: &dyn Fn(usize, &Measured) -> f64) -> Vec<f64> {
+    let mut roads: BTreeMap<(Option<usize>, usize), Vec<f64>> = BTreeMap::new();
+    for (at, both) in frames.iter().enumerate() {
+        roads.entry((both.road, if both.road.is_some() { 0 } else { at })).or_default().push(value(at, both));
+    }
+    roads.values().map(|values| values.iter().sum::<f64>() / values.len() as f64).collect()
 }
 
 /// The mean colour of a frame.
@@ -265,7 +296,7 @@ mod tests {
 
     #[test]
     fn a_map_of_what_matters_is_better_than_the_same_map_elsewhere_and_its_opposite_is_worse() {
-        let measured = vec![Vec::new(); 2];
+        let measured = vec![Vec::new(), Vec::new()];
         let mut curves =
             Curves { driver: Box::new(Corner), place: "corner".into(), speed: 0.0, seed: 1, measured };
         for index in 0..12 {
@@ -279,8 +310,9 @@ mod tests {
             let map: Vec<f32> =
                 (0..256).map(|at| if at % 16 < 8 && at / 16 < 8 { 1.0 } else { 0.0 }).collect();
             let opposite: Vec<f32> = map.iter().map(|value| 1.0 - value).collect();
-            curves.add(0, frame.as_ref(), &map, u64::from(index)).unwrap();
-            curves.add(1, frame.as_ref(), &opposite, u64::from(index)).unwrap();
+            let shown = Shown { name: String::new(), frame, speed: None, road: None };
+            curves.add(0, &shown, &map, u64::from(index)).unwrap();
+            curves.add(1, &shown, &opposite, u64::from(index)).unwrap();
         }
         let right = curves.found(0);
         assert!(right.deletion > 0.0 && right.insertion > 0.0);
@@ -294,12 +326,48 @@ mod tests {
         assert_eq!(right.against_first.value, 0.0);
         assert_eq!(curves.to_json(&["right", "wrong"])[0]["frames"], 12);
         assert!(curves.table(&["right", "wrong"]).contains('['));
+        // Frames of one road resemble each other, so that four roads are four values, however many frames they have.
+        let narrow = curves.found(0).deletion_gain;
+        curves.measured.iter_mut().flatten().zip(0..).for_each(|(both, at)| both.road = Some(at % 12 / 3));
+        assert_eq!(
+            (curves.independent(), curves.to_json(&["right", "wrong"])[0]["independent"].as_u64()),
+            (4, Some(4))
+        );
+        let wide = curves.found(0).deletion_gain;
+        assert!((wide.value - narrow.value).abs() < 1e-12 && wide.high - wide.low > narrow.high - narrow.low);
+        assert!(curves.table(&["right", "wrong"]).contains("over 12 frames of 4 roads"));
         curves.measured.iter_mut().for_each(|frames| frames.truncate(1));
         let one = curves.table(&["right", "wrong"]);
         assert!(one.contains("on one frame") && !one.contains('['), "{one}");
         let json = curves.to_json(&["right", "wrong"]);
         assert!(json[1]["insertion"]["better_than_moved"]["low"].is_null());
         assert_eq!(json[0]["frames"], 1);
+    }
+
+    /// Steers by how many frames it has seen.
+    struct Remembers(u32);
+
+    impl Driver for Remembers {
+        fn reset(&mut self) -> Result<()> {
+            self.0 = 0;
+            Ok(())
+        }
+
+        fn drive(&mut self, _: Frame<'_>, _: &DriveContext) -> Result<Control> {
+            self.0 += 1;
+            Ok(Control { steering: f64::from(self.0), throttle: 0.0 })
+        }
+    }
+
+    #[test]
+    fn what_a_driver_remembers_of_other_frames_does_not_count() {
+        let driver = Box::new(Remembers(7));
+        let mut curves =
+            Curves { driver, place: "x".into(), speed: 0.0, seed: 1, measured: vec![Vec::new()] };
+        let shown = Shown { name: String::new(), frame: FrameBuf::new(8, 8), speed: None, road: None };
+        curves.add(0, &shown, &[0.5; 64], 0).unwrap();
+        let found = curves.found(0);
+        assert_eq!((found.deletion, found.insertion), (0.0, 0.0));
     }
 
     #[test]

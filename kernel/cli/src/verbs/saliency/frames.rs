@@ -1,4 +1,4 @@
-//! The frames that maps are made of: an image, those of a folder, or those of a dataset.
+//! The frames that maps are made of: an image, those of a folder, of a run's record, or of a dataset.
 
 use std::path::{Path, PathBuf};
 
@@ -9,27 +9,53 @@ use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::{Dataset, FrameBuf};
 use serde_json::Map;
 
+use super::recorded::Recorded;
+
 /// How the names of images end, and those of the files that make a dataset of a folder.
 const IMAGES: [&str; 5] = ["jpg", "jpeg", "png", "bmp", "webp"];
 const RECORDS: [&str; 3] = ["json", "csv", "catalog"];
 
-/// Images, or frames of a dataset.
+/// A frame that maps are made of.
+pub struct Shown {
+    /// Its name, which is fit for a file's.
+    pub name: String,
+    pub frame: FrameBuf,
+    /// How fast the vehicle was, in metres per second, if that is known.
+    pub speed: Option<f64>,
+    /// The number of the road on which it was recorded, if that is known.
+    pub road: Option<usize>,
+}
+
+impl Shown {
+    fn image(name: String, frame: FrameBuf) -> Self {
+        Self { name, frame, speed: None, road: None }
+    }
+}
+
+/// Images, or frames of a record or a dataset.
 pub enum Frames {
     /// Image files, with the names of their frames.
     Images(Vec<(String, PathBuf)>),
+    /// The frames of a record, and which of them are taken.
+    Record(Recorded, Vec<usize>),
     /// A dataset, what messages call it, and the frames that are taken.
     Dataset(Box<dyn Dataset>, String, Vec<usize>),
 }
 
 impl Frames {
-    /// Takes the image, or the images of a folder without records, or opens the dataset with the first reader that knows it. Of a folder
-    /// `count` frames are taken, spread evenly over it.
+    /// Takes the image, or the frames of a run's record, or the images of a folder that is no dataset, or opens the dataset with the first
+    /// reader that knows it. Of a folder `count` frames are taken, spread evenly over it.
     ///
     /// # Errors
     /// Where it is none of these.
     pub fn open(registry: &Registry, path: &Path, count: Option<usize>) -> Result<Self> {
         if !path.is_dir() {
             return Ok(Self::Images(named(vec![path.to_owned()])));
+        }
+        if Recorded::is_one(path) {
+            let record = Recorded::open(path)?;
+            let taken = spread(record.len(), count);
+            return Ok(Self::Record(record, taken));
         }
         let images = images(path)?;
         if !images.is_empty() {
@@ -63,26 +89,27 @@ impl Frames {
     pub fn len(&self) -> usize {
         match self {
             Self::Images(images) => images.len(),
-            Self::Dataset(_, _, places) => places.len(),
+            Self::Record(_, places) | Self::Dataset(_, _, places) => places.len(),
         }
     }
 
-    /// A frame with its name, which is fit for a file's.
+    /// A frame.
     ///
     /// # Errors
     /// Where it cannot be read.
-    pub fn read(&mut self, index: usize) -> Result<(String, FrameBuf)> {
+    pub fn read(&mut self, index: usize) -> Result<Shown> {
         match self {
             Self::Images(images) => {
                 let (name, path) = &images[index];
-                Ok((name.clone(), pdk_image::read(path)?))
+                Ok(Shown::image(name.clone(), pdk_image::read(path)?))
             }
+            Self::Record(record, places) => record.read(places[index]),
             Self::Dataset(dataset, place, places) => {
                 let at = places[index];
                 let name = calls::call(place, Function::Name, || dataset.name(at));
                 let entry = calls::call_at(place, Function::Read, at as u64, || dataset.read(at))?;
                 let stem = Path::new(&name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-                Ok((stem, entry.frame))
+                Ok(Shown::image(stem, entry.frame))
             }
         }
     }

@@ -3,11 +3,13 @@
 mod curves;
 mod files;
 mod frames;
+mod recorded;
 
 use std::path::PathBuf;
 
 use indicatif::ProgressBar;
 use pdk_core::calls::{self, Function};
+use pdk_core::maps::Line;
 use pdk_core::registry::Registry;
 use pdk_core::view::{self, DEFAULT_METHOD};
 use pdk_core::{eprintln, maps, output, println};
@@ -20,12 +22,12 @@ use pdk_sdk::seed;
 use serde_json::{Value, json};
 
 use super::{Global, print_json};
-use frames::Frames;
+use frames::{Frames, Shown};
 
 /// Arguments of `pdk saliency`
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// The image, a folder of images, or that of a dataset
+    /// The image, a folder of images, the record of a run with images, or the folder of a dataset
     frames: PathBuf,
     /// The driver whose view is shown: `onnx,model=FILE.onnx`, or another one that runs a network
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...")]
@@ -39,13 +41,13 @@ pub struct Arguments {
     /// Write the numbers in the size of the frame instead of one for each cell of the layer
     #[arg(long)]
     full: bool,
-    /// Which number of the network's output is explained, from 0; of steering and throttle, 0 is the steering
-    #[arg(long = "output", value_name = "N", default_value_t = 0)]
-    number: u32,
-    /// The speed that a network which takes one is told, in metres per second
+    /// Which number of the network is explained, by methods that explain one
+    #[arg(long, value_parser = ["steering", "throttle"], default_value = "steering")]
+    explain: String,
+    /// The speed that a network which takes one is told, in metres per second; frames of a record bring their own
     #[arg(long, default_value_t = 8.0)]
     speed: f64,
-    /// Only so many frames of a dataset, spread evenly over it
+    /// Only so many frames of a folder, spread evenly over it
     #[arg(long, value_name = "N")]
     count: Option<usize>,
     /// Also measure how faithful each method is: how the steering changes when what it marks is taken away, and when it is all
@@ -63,6 +65,9 @@ struct Method {
     label: String,
     /// What messages call it.
     place: String,
+    by: ComponentSpec,
+    /// Whether it was reported that its maps have a single line of cells.
+    warned: bool,
     key: pdk_sdk::prelude::Key,
     /// One that gives a number for each cell, and one that covers the frame.
     cells: Option<Box<dyn Saliency>>,
@@ -96,19 +101,26 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     progress.set_length(frames.len() as u64);
     let mut written = Vec::new();
     for index in 0..frames.len() {
-        let (name, frame) = frames.read(index)?;
+        let shown = frames.read(index)?;
+        let Shown { name, frame, speed, .. } = &shown;
         for (place, method) in methods.iter_mut().enumerate() {
             let at = format!("frame `{name}`");
-            let map = method.map(frame.as_ref(), index as u64).map_err(|error| error.at(&at))?;
+            let map = method.map(frame.as_ref(), index as u64, *speed).map_err(|error| error.at(&at))?;
             if map.iter().all(|value| *value == map[0]) {
                 note(
                     &progress,
                     &format!("{at}: the map of {} is the same everywhere, so it marks nothing", method.place),
                 );
             }
+            if let Some(line) = Line::of(&map, frame.width()).filter(|_| !method.warned) {
+                method.warned = true;
+                note(&progress, &line.noticed(&method.by));
+            }
             let (numbers, width) = match arguments.full {
                 true => (map.clone(), frame.width()),
-                false => method.map_by_cell(frame.as_ref(), index as u64).map_err(|error| error.at(&at))?,
+                false => {
+                    method.map_by_cell(frame.as_ref(), index as u64, *speed).map_err(|error| error.at(&at))?
+                }
             };
             let stem = arguments.output.join(format!("{name}.{}", method.label));
             let [file, picture] = ["npy", "png"].map(|ending| files::beside(&stem, ending));
@@ -116,7 +128,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             files::write_picture(&picture, frame.as_ref(), &map)?;
             written.extend([file, picture]);
             if let Some(curves) = &mut curves {
-                curves.add(place, frame.as_ref(), &map, index as u64).map_err(|error| error.at(&at))?;
+                curves.add(place, &shown, &map, index as u64).map_err(|error| error.at(&at))?;
             }
         }
         progress.inc(1);
@@ -160,7 +172,8 @@ fn method(
     let description = &registry.catalog().get(Kind::Saliency, &spec.name)?.description;
     let takes = |name: &str| description.parameters.iter().any(|parameter| parameter.name == name);
     let mut parameters = view::of_driver(registry.catalog(), driver, &spec)?.parameters;
-    let given = [("number", Value::from(arguments.number)), ("speed", Value::from(arguments.speed))];
+    let given =
+        [("explain", Value::from(arguments.explain.as_str())), ("speed", Value::from(arguments.speed))];
     for (name, value) in given.into_iter().filter(|(name, _)| takes(name)) {
         parameters.entry(name).or_insert(value);
     }
@@ -181,19 +194,21 @@ fn method(
         key: seed::key(arguments.seed, &spec.name, same as u64),
         cells: if takes("size") { Some(make("layer")?) } else { None },
         frame: make("frame")?,
+        by: ComponentSpec { name: spec.name, parameters },
+        warned: false,
     })
 }
 
 impl Method {
     /// The map of a frame, as large as the frame.
-    fn map(&mut self, frame: Frame<'_>, index: u64) -> Result<Vec<f32>> {
-        let cx = MapContext { recorded: true, ..MapContext::new(index, 0.0, &self.key) };
+    fn map(&mut self, frame: Frame<'_>, index: u64, speed: Option<f64>) -> Result<Vec<f32>> {
+        let cx = MapContext { speed, recorded: true, ..MapContext::new(index, 0.0, &self.key) };
         maps::map(&mut *self.frame, &self.place, frame, &cx)
     }
 
     /// The map of a frame, a number for each cell, with its width.
-    fn map_by_cell(&mut self, frame: Frame<'_>, index: u64) -> Result<(Vec<f32>, usize)> {
-        let cx = MapContext { recorded: true, ..MapContext::new(index, 0.0, &self.key) };
+    fn map_by_cell(&mut self, frame: Frame<'_>, index: u64, speed: Option<f64>) -> Result<(Vec<f32>, usize)> {
+        let cx = MapContext { speed, recorded: true, ..MapContext::new(index, 0.0, &self.key) };
         let method = self.cells.as_mut().unwrap_or(&mut self.frame);
         let work = || {
             let [width, height] = method.map_size(frame.width(), frame.height())?;
