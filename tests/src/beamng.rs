@@ -3,6 +3,7 @@
 //! It builds its road from the prefab that it is given, and its camera from what is said about it. Its vehicle turns the other way round than
 //! the first try of the adapter assumes, as one never knows.
 
+use std::collections::BTreeSet;
 use std::io::{BufReader, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
@@ -40,11 +41,30 @@ pub struct Setup {
     pub fault: Option<(Fault, u64)>,
     /// The port of the engine; that of the vehicle is the next one. 0 for two that are free.
     pub port: u16,
+    /// Whether the gears of its vehicle have numbers: 1 is the first gear then, and else parking.
+    pub manual: bool,
+    /// Whether its vehicle stays in the shift mode `arcade`.
+    pub arcade: bool,
+    /// Bytes of a pixel.
+    pub channels: usize,
+    /// How often it has to be asked whether a picture is ready before one is.
+    pub asks: u32,
+    /// How much its vehicle is damaged with every step.
+    pub wear: f64,
 }
 
 impl Default for Setup {
     fn default() -> Self {
-        Self { protocol: "v1.27", fault: None, port: 0 }
+        Self {
+            protocol: "v1.27",
+            fault: None,
+            port: 0,
+            manual: false,
+            arcade: false,
+            channels: 4,
+            asks: 0,
+            wear: 0.001,
+        }
     }
 }
 
@@ -63,6 +83,8 @@ struct World {
     rate: f64,
     camera: Option<Value>,
     drive: Option<Drive>,
+    /// The request for a picture that is under way: its number, and how often it has still to be asked about.
+    picture: Option<(u64, u32)>,
     loaded: bool,
     hanging: bool,
     calls: Vec<String>,
@@ -71,10 +93,54 @@ struct World {
     busy: bool,
 }
 
+/// The shift modes by their numbers.
+const ARCADE: u64 = 2;
+const REALISTIC_AUTOMATIC: u64 = 3;
+
+/// What the official client says about a camera, field by field.
+const CAMERA_FIELDS: [&str; 31] = [
+    "vid",
+    "name",
+    "updateTime",
+    "priority",
+    "size",
+    "fovY",
+    "nearFarPlanes",
+    "pos",
+    "dir",
+    "up",
+    "useSharedMemory",
+    "colourShmemName",
+    "colourShmemSize",
+    "annotationShmemName",
+    "annotationShmemSize",
+    "depthShmemName",
+    "depthShmemSize",
+    "renderColours",
+    "renderAnnotations",
+    "renderInstance",
+    "renderDepth",
+    "renderTranslucentAsOpaqueDepth",
+    "isVisualised",
+    "isStreaming",
+    "isStatic",
+    "isSnappingDesired",
+    "isForceInsideTriangle",
+    "isDirWorldSpace",
+    "integerDepth",
+    "type",
+    "_id",
+];
+
 struct Drive {
     simulator: Box<dyn Simulator>,
     state: State,
-    control: Option<Control>,
+    /// What the vehicle was told last; what a message leaves out stays.
+    pedals: [f64; 4],
+    mode: u64,
+    gear: u64,
+    /// How fast it drives backwards, and how far it has.
+    back: (f64, f64),
     /// Whether the vehicle faces along the road.
     turned: bool,
     damage: f64,
@@ -109,6 +175,7 @@ impl BeamNgGame {
             rate: 20.0,
             camera: None,
             drive: None,
+            picture: None,
             loaded: false,
             hanging: false,
             calls: Vec::new(),
@@ -267,6 +334,10 @@ impl World {
                 Ok(("StartVehicleConnection", vec![("vid", vehicle), ("result", (self.port + 1).into())]))
             }
             "OpenCamera" => {
+                let names: BTreeSet<_> =
+                    request.as_map().unwrap().iter().map(|(name, _)| name.as_str().unwrap()).collect();
+                assert_eq!(names, BTreeSet::from(CAMERA_FIELDS));
+                assert!(field(request, "updateTime").as_f64().unwrap() < 0.0);
                 self.camera = Some(request.clone());
                 self.begin();
                 plain("OpenedCamera")
@@ -280,53 +351,81 @@ impl World {
                 let drive = self.drive.as_mut().ok_or("there is no vehicle")?;
                 // Its turns are counter-clockwise, and it faces back before.
                 let heading = std::f64::consts::PI - 2.0 * f64::atan2(z, w);
+                (drive.mode, drive.gear) = (ARCADE, 1);
                 drive.turned = (heading - drive.state.heading).cos() > 0.999;
                 Ok(("Teleported", vec![("success", true.into())]))
             }
+            "SetShiftMode" => {
+                let arcade = self.setup.arcade;
+                let drive = self.drive.as_mut().ok_or("there is no vehicle")?;
+                drive.mode = if arcade { ARCADE } else { field(request, "mode").as_u64().unwrap() };
+                plain("ShiftModeSet")
+            }
             "Control" => {
                 let drive = self.drive.as_mut().ok_or("there is no vehicle")?;
-                let number = |name| field(request, name).as_f64();
-                let parked = number("parkingbrake").is_some();
-                let throttle = number("throttle").unwrap() - number("brake").unwrap();
-                let steering = number("steering").unwrap();
-                drive.control = (!parked).then_some(Control { steering, throttle });
+                for (value, name) in
+                    drive.pedals.iter_mut().zip(["throttle", "brake", "steering", "parkingbrake"])
+                {
+                    *value = field(request, name).as_f64().unwrap_or(*value);
+                }
+                drive.gear = field(request, "gear").as_u64().unwrap_or(drive.gear);
                 plain("Controlled")
             }
             "Step" => {
                 self.steps += 1;
                 assert!(self.paused);
-                if let Some(drive) = &mut self.drive
-                    && let Some(control) = drive.control
-                {
-                    drive.state = drive.simulator.act(control).unwrap();
-                    drive.damage += if drive.state.collision { 100.0 } else { 0.001 };
+                let Setup { manual, wear, .. } = self.setup;
+                if let Some(drive) = &mut self.drive {
+                    drive.step(self.rate, manual);
+                    drive.damage += if drive.state.collision { 1000.0 } else { wear };
                 }
                 plain("Stepped")
             }
             "SensorRequest" => {
+                let manual = self.setup.manual;
                 let drive = self.drive.as_ref().ok_or("there is no vehicle")?;
-                let [x, height, z] = drive.state.position;
-                let way = if drive.turned { 1.0 } else { -1.0 };
-                let (sine, cosine) = drive.state.heading.sin_cos();
-                let vector = |numbers: [f64; 3]| Value::Array(numbers.map(Value::F64).to_vec());
-                let speed = drive.state.speed;
-                let state = map(vec![
-                    ("pos", vector([x, z, height])),
-                    ("dir", vector([way * sine, way * cosine, 0.0])),
-                    ("vel", vector([speed * sine, speed * cosine, 0.0])),
-                ]);
-                let damage = map(vec![("damage", Value::F64(drive.damage))]);
-                Ok(("SensorData", vec![("data", map(vec![("state", state), ("damage", damage)]))]))
+                let data = field(request, "sensors").as_map().unwrap().iter().map(|(name, sensor)| {
+                    let value = match field(sensor, "type").as_str().unwrap() {
+                        "State" => map(vec![("state", drive.told())]),
+                        "Damage" => map(vec![("damage", Value::F64(drive.damage))]),
+                        "Electrics" => {
+                            let gear = if manual { Value::F64(0.0) } else { "P".into() };
+                            map(vec![("values", map(vec![("gear", gear)]))])
+                        }
+                        other => panic!("there is no sensor {other}"),
+                    };
+                    (name.clone(), value)
+                });
+                Ok(("SensorData", vec![("data", Value::Map(data.collect()))]))
             }
-            "PollCamera" => {
+            // By itself, this camera has taken no picture.
+            "PollCamera" => Ok(("PollCamera", vec![("data", map(Vec::new()))])),
+            "SendAdHocRequestCamera" => {
+                assert_eq!(field(request, "name"), field(self.camera.as_ref().unwrap(), "name"));
+                self.picture = Some((self.steps, self.setup.asks));
+                // A number of Lua.
+                Ok(("SendAdHocRequestCamera", vec![("data", Value::F64(self.steps as f64))]))
+            }
+            "IsAdHocPollRequestReadyCamera" => {
+                let (number, asks) = self.picture.as_mut().ok_or("there is no request")?;
+                assert_eq!(field(request, "requestId").as_u64(), Some(*number));
+                let ready = *asks == 0;
+                *asks = asks.saturating_sub(1);
+                Ok(("IsAdHocPollRequestReadyCamera", vec![("data", ready.into())]))
+            }
+            "CollectAdHocPollRequestCamera" => {
+                let (number, asks) = self.picture.take().ok_or("there is no request")?;
+                assert_eq!((field(request, "requestId").as_u64(), asks), (Some(number), 0));
                 let drive = self.drive.as_mut().ok_or("there is no vehicle")?;
                 let [width, height] =
                     numbers(field(self.camera.as_ref().ok_or("there is no camera")?, "size"));
                 let mut frame = FrameBuf::new(width as usize, height as usize);
                 drive.simulator.frame(frame.as_mut()).unwrap();
-                let pixels =
-                    frame.data().chunks_exact(3).flat_map(|rgb| [rgb[0], rgb[1], rgb[2], 255]).collect();
-                Ok(("PollCamera", vec![("data", map(vec![("colour", Value::Binary(pixels))]))]))
+                let channels = self.setup.channels;
+                let rgba = |rgb: &[u8]| [rgb[0], rgb[1], rgb[2], 255];
+                let pixels = frame.data().chunks_exact(3).flat_map(|rgb| rgba(rgb).into_iter().take(channels));
+                let colour = Value::Binary(pixels.collect());
+                Ok(("CollectAdHocPollRequestCamera", vec![("data", map(vec![("colour", colour)]))]))
             }
             other => Err(format!("unknown request {other}")),
         }
@@ -344,12 +443,58 @@ impl World {
             "camera_height": above, "camera_pitch": f64::atan2(-z, -y).to_degrees(), "initial_speed": 0, "oncoming": 0,
             "straight_ends": 0,
         });
-        let mut simulator = crate::carla::lane_simulator(&parameters);
+        let mut simulator = crate::carla::simulator("lane", &parameters);
         let spec = ComponentSpec::new;
         let road = json!({"waypoints": self.waypoints});
         let scenario = Scenario { road, ..Scenario::new(spec("lane"), spec("beamng")) };
         let state = simulator.reset(&scenario, 0).unwrap();
-        self.drive = Some(Drive { simulator, state, control: None, turned: false, damage: 0.0 });
+        self.drive = Some(Drive {
+            simulator,
+            state,
+            pedals: [0.0; 4],
+            mode: ARCADE,
+            gear: 1,
+            back: (0.0, 0.0),
+            turned: false,
+            damage: 0.0,
+        });
+    }
+}
+
+impl Drive {
+    /// A frame further, by the gearbox.
+    fn step(&mut self, rate: f64, manual: bool) {
+        let [throttle, brake, steering, parking] = self.pedals;
+        if parking > 0.0 {
+            return;
+        }
+        let (speed, way) = &mut self.back;
+        if self.mode == ARCADE && brake > 0.0 && self.state.speed < 0.05 {
+            // A brake that is held at rest shifts into reverse and accelerates.
+            *speed += 4.0 * brake / rate;
+            *way += *speed / rate;
+            return;
+        }
+        *speed = 0.0;
+        let forward = self.mode == ARCADE || self.gear == if manual { 1 } else { 2 };
+        assert!(forward || self.mode == REALISTIC_AUTOMATIC);
+        let throttle = if forward { throttle } else { 0.0 };
+        self.state = self.simulator.act(Control { steering, throttle: throttle - brake }).unwrap();
+    }
+
+    /// What the sensor `State` says.
+    fn told(&self) -> Value {
+        let [x, height, z] = self.state.position;
+        let way = if self.turned { 1.0 } else { -1.0 };
+        let (sine, cosine) = self.state.heading.sin_cos();
+        let vector = |numbers: [f64; 3]| Value::Array(numbers.map(Value::F64).to_vec());
+        let (back_speed, back) = self.back;
+        let speed = self.state.speed - back_speed;
+        map(vec![
+            ("pos", vector([x - back * sine, z - back * cosine, height])),
+            ("dir", vector([way * sine, way * cosine, 0.0])),
+            ("vel", vector([speed * sine, speed * cosine, 0.0])),
+        ])
     }
 }
 
@@ -360,6 +505,9 @@ fn lane_of(prefab: &str) -> Vec<[f64; 3]> {
     let road =
         objects.iter().find(|object| object["class"] == "DecalRoad" && object["nodes"][0][3] == 8.0).unwrap();
     assert!(objects.iter().any(|object| object["class"] == "BeamNGVehicle"));
+    assert!(objects.iter().all(|object| object["persistentId"].is_string()));
+    let group = objects.iter().find(|object| object["class"] == "SimGroup").unwrap();
+    assert!(group["groupPosition"].is_string() && group["noAutoReload"] == true, "{group}");
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
     let nodes: Vec<_> =
         road["nodes"].as_array().unwrap().iter().map(|node| [number(&node[0]), number(&node[1])]).collect();

@@ -8,6 +8,8 @@ use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::time::Duration;
 
+use pdk_model::component::ComponentSpec;
+use pdk_sdk::prelude::{Control, Scenario, State};
 use pdk_tests::beamng::{BeamNgGame, Fault, Setup};
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::processes::{comes_true, ended_within, signal};
@@ -68,6 +70,81 @@ fn a_scenario_over_the_wire_comes_out_as_one_without_it() {
         let number = |outcome: &Value, field: &str| outcome[field].as_f64().unwrap();
         assert!((number(found, "frames") - number(expected, "frames")).abs() <= 6.0, "{expected}\n{found}");
         assert!(number(found, "max_cross_track_error") - number(expected, "max_cross_track_error") < 0.2);
+    }
+    assert!(game.is_untouched(), "{:?}", game.calls());
+}
+
+/// Accelerates for two seconds and brakes for four, without pdk's loop; the states while it brakes.
+fn braked(setup: Setup) -> Vec<State> {
+    let game = BeamNgGame::start(setup);
+    let parameters = serde_json::from_str(&beamng(game.port())).unwrap();
+    let Value::Object(mut parameters) = parameters else { panic!("not an object") };
+    parameters.remove("name");
+    let mut simulator = pdk_tests::carla::simulator("beamng", &Value::Object(parameters));
+    let spec = ComponentSpec::new;
+    let road = json!({"angles": [0, 0, 0, 0]});
+    simulator.reset(&Scenario { road, ..Scenario::new(spec("beamng"), spec("brake")) }, 0).unwrap();
+    let mut act = |throttle| simulator.act(Control { steering: 0.0, throttle }).unwrap();
+    let fast = (0..40).map(|_| act(1.0)).last().unwrap();
+    assert!(fast.speed > 2.0, "{fast:?}");
+    (0..80).map(|_| act(-1.0)).collect()
+}
+
+/// In the game's default shift mode, a brake that is held at rest is the throttle of the reverse gear.
+#[test]
+fn a_brake_that_is_held_only_brakes() {
+    for manual in [false, true] {
+        let states = braked(Setup { manual, ..Setup::default() });
+        let last = states.last().unwrap();
+        assert!(last.speed.abs() < 0.05, "{manual}: {last:?}");
+        assert!(states.is_sorted_by(|a, b| b.position[2] >= a.position[2] - 1e-6), "{manual}: {states:?}");
+    }
+}
+
+#[test]
+fn a_vehicle_that_drives_backwards_has_a_negative_speed() {
+    let states = braked(Setup { arcade: true, ..Setup::default() });
+    let last = states.last().unwrap();
+    assert!(last.speed < -1.0, "{last:?}");
+}
+
+/// The game says when a picture is ready, and sends three or four bytes a pixel.
+#[test]
+fn a_picture_is_waited_for_however_it_is_sent() {
+    let digests = [(0, 4), (3, 3)].map(|(asks, channels)| {
+        let folder = temp();
+        let game = BeamNgGame::start(Setup { asks, channels, ..Setup::default() });
+        run(folder.path(), "record", &beamng(game.port())).set("duration", 1).succeed();
+        outcomes(folder.path(), "record").into_iter().map(|outcome| outcome["digest"].clone()).collect::<Vec<_>>()
+    });
+    assert_eq!(digests[0], digests[1]);
+    assert_ne!(digests[0][0], digests[0][1], "the second scenario is perturbed");
+}
+
+#[test]
+fn damage_is_a_collision_from_a_threshold_on() {
+    // Thirty in each of 60 frames.
+    for (damage, cause) in [(None, "collision"), (Some(1_000), "collision"), (Some(10_000), "time_out")] {
+        let game = BeamNgGame::start(Setup { wear: 30.0, ..Setup::default() });
+        let mut simulator: Value = serde_json::from_str(&beamng(game.port())).unwrap();
+        if let Some(damage) = damage {
+            simulator["collision_damage"] = json!(damage);
+        }
+        let tried = tried::run(PIPELINE, &[("simulator", &simulator.to_string())]);
+        assert_eq!(tried.causes(), [cause; 2], "{damage:?}");
+    }
+    // What a vehicle suffers from driving is none.
+    let game = BeamNgGame::start(Setup { wear: 1.0, ..Setup::default() });
+    assert_eq!(tried::run(PIPELINE, &[("simulator", &beamng(game.port()))]).causes(), ["time_out"; 2]);
+}
+
+/// It has no road for the simulator.
+#[test]
+fn doctor_says_what_it_found() {
+    let game = BeamNgGame::start(Setup::default());
+    let finished = Pdk::new(["doctor", "--simulator", "beamng"]).set("port", game.port()).succeed();
+    for part in ["`beamng` was ready after", "waits for the driver", "protocol: v1.27", "320x240"] {
+        assert!(finished.stdout.contains(part), "{part}: {}", finished.stdout);
     }
     assert!(game.is_untouched(), "{:?}", game.calls());
 }

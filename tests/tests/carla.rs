@@ -22,6 +22,7 @@ fn simulator(port: u16, more: Value) -> String {
     let mut simulator = json!({
         "name": "carla", "port": port, "width": 80, "height": 60, "rate": 20, "field_of_view": 75, "camera_height": 1.35,
         "camera_pitch": 8, "initial_speed": 8, "start_seconds": 10, "answer_seconds": 5,
+        "exposure_seconds": 0,
     });
     simulator.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
     simulator.to_string()
@@ -216,6 +217,61 @@ fn streams_that_were_closed_are_made_again_and_nothing_is_missed() {
         assert!(server.subscriptions() >= if fault.is_some() { 7 } else { 4 });
     }
     assert_eq!(digests[0], digests[1]);
+}
+
+/// A camera that was just spawned adapts its exposure for seconds, and no driver is to see that.
+#[test]
+fn a_camera_adapts_before_the_scenario_begins() {
+    let mut digests = Vec::new();
+    // Two seconds of frames; then not at all, and so long as it takes.
+    for (adapts, exposure) in [(0, json!(0)), (40, Value::Null), (40, json!(0))] {
+        let folder = temp();
+        let server = CarlaServer::start(Setup { adapts, ..Setup::default() });
+        let mut simulator: Value = serde_json::from_str(&simulator(server.port(), json!({}))).unwrap();
+        match exposure {
+            Value::Null => simulator.as_object_mut().unwrap().remove("exposure_seconds"),
+            seconds => simulator.as_object_mut().unwrap().insert("exposure_seconds".to_owned(), seconds),
+        };
+        short(folder.path(), &simulator.to_string()).succeed();
+        digests.push(outcomes(folder.path())[0]["digest"].clone());
+        assert_left_as_it_was(&server);
+    }
+    assert_eq!(digests[0], digests[1]);
+    assert_ne!(digests[0], digests[2], "the dark frames are not seen");
+}
+
+/// Its number of a frame and the camera's frame may come late: what belongs to the frame is waited for.
+#[test]
+fn a_frame_that_lags_is_waited_for() {
+    let mut digests = Vec::new();
+    for fault in [None, Some((Fault::Lags, 15))] {
+        let folder = temp();
+        let server = CarlaServer::start(Setup { fault, ..Setup::default() });
+        short(folder.path(), &simulator(server.port(), json!({}))).succeed();
+        let outcome = outcomes(folder.path()).remove(0);
+        assert_eq!((&outcome["cause"], &outcome["frames"]), (&json!("time_out"), &json!(21)), "{outcome}");
+        digests.push(outcome["digest"].clone());
+        assert_left_as_it_was(&server);
+    }
+    assert_eq!(digests[0], digests[1]);
+}
+
+/// A server grows with every road that it generates. What is started here only says so: the server behind the port is there already.
+#[test]
+fn a_server_that_pdk_starts_is_started_again_after_some_worlds() {
+    let folder = temp();
+    let server = CarlaServer::start(Setup::default());
+    let starts = folder.path().join("starts");
+    let launch = json!(["sh", "-c", format!("echo start >> {}; exec sleep 1000", starts.display())]);
+    let setting = |launch: &Value| simulator(server.port(), json!({"launch": launch, "restart_every": 2}));
+    short(folder.path(), &setting(&launch)).set("roads", 5).succeed();
+    let causes: Vec<_> = outcomes(folder.path()).iter().map(|outcome| outcome["cause"].clone()).collect();
+    assert_eq!(causes, ["time_out"; 5]);
+    assert_eq!(std::fs::read_to_string(&starts).unwrap().lines().count(), 3);
+    assert_left_as_it_was(&server);
+
+    let alone = wrong(&setting(&Value::Null));
+    alone.says(1, &["`restart_every` is set, but pdk can only restart a server that it has started itself"]);
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //!
 //! BeamNG's axes are x to the right, y ahead, z up: its x is ours, its y our z, its z our height.
 
+mod camera;
 mod messages;
 mod scenery;
 mod session;

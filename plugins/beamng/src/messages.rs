@@ -95,6 +95,18 @@ impl Messages {
         expected: &str,
         deadline: &Deadline,
     ) -> Result<Value> {
+        let answer = self.ask(what, fields, deadline)?;
+        match field(&answer, "type").as_str() {
+            Some(kind) if kind == expected => Ok(answer),
+            _ => Err(self.strange(what, &answer)),
+        }
+    }
+
+    /// Sends a request and waits for its answer, whatever that calls itself.
+    ///
+    /// # Errors
+    /// If the other end is gone, does not answer in time, or refuses.
+    pub fn ask(&mut self, what: &str, fields: Vec<(&str, Value)>, deadline: &Deadline) -> Result<Value> {
         let number = self.next;
         self.next += 1;
         self.connection.send(&request(number, what, fields), deadline)?;
@@ -118,10 +130,7 @@ impl Messages {
                     return Err(Error::new(format!("{} refused `{what}`: {said}", self.peer())));
                 }
             }
-            return match field(&answer, "type").as_str() {
-                Some(kind) if kind == expected => Ok(answer),
-                _ => Err(self.strange(what, &answer)),
-            };
+            return Ok(answer);
         }
     }
 

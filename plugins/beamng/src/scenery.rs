@@ -10,6 +10,10 @@ const BEYOND: f64 = 15.0;
 /// Width of the lines in metres.
 const LINE: f64 = 0.15;
 
+/// The numbers of the group and the vehicle among the objects of a prefab; the roads have those from 0 on.
+const GROUP: u32 = 100;
+const VEHICLE: u32 = 101;
+
 /// What a road is drawn with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Materials {
@@ -33,7 +37,9 @@ pub fn prefab(
     let points: Vec<Point> = waypoints.iter().map(|&[x, _, z]| [x, z]).collect();
     let path = Path::through(&points, 0.25);
     let group = format!("{name}_group");
-    let mut lines = vec![json!({"name": group, "class": "SimGroup"})];
+    let mut vehicle = vehicle.clone();
+    vehicle["__parent"] = group.as_str().into();
+    let mut lines = vec![vehicle];
     let half = LANE_WIDTH / 2.0;
     let roads = [
         ("road", -half, 2.0 * LANE_WIDTH, &materials.road),
@@ -44,15 +50,17 @@ pub fn prefab(
     for (priority, (part, lateral, width, material)) in roads.into_iter().enumerate() {
         let nodes = nodes(&path, waypoints, lateral, width, ground);
         lines.push(json!({
-            "name": format!("{name}_{part}"), "class": "DecalRoad", "__parent": group, "position": nodes[0][..3],
-            "material": material, "nodes": nodes, "renderPriority": priority, "improvedSpline": true, "smoothness": 0.5,
-            "breakAngle": 1, "textureLength": 5, "drivability": if part == "road" { 1 } else { -1 }, "overObjects": false,
-            "distanceFade": [1000, 1000], "detail": 0.1, "zBias": 0, "looped": false, "oneWay": false,
+            "name": format!("{name}_{part}"), "class": "DecalRoad", "persistentId": persistent_id(priority as u32),
+            "__parent": group, "position": nodes[0][..3], "distanceFade": [1000, 1000],
+            "drivability": if part == "road" { 1 } else { -1 }, "improvedSpline": true, "looped": false, "material": material,
+            "oneWay": false, "flipDirection": false, "smoothness": 0.5, "detail": 0.1, "overObjects": true, "breakAngle": 1,
+            "renderPriority": priority, "textureLength": 5, "zBias": 0, "nodes": nodes,
         }));
     }
-    let mut vehicle = vehicle.clone();
-    vehicle["__parent"] = group.into();
-    lines.push(vehicle);
+    lines.push(json!({
+        "name": group, "class": "SimGroup", "persistentId": persistent_id(GROUP), "groupPosition": "0.000000 0.000000 0.000000",
+        "noAutoReload": true,
+    }));
     lines.iter().map(|line| format!("{line}\n")).collect()
 }
 
@@ -77,11 +85,17 @@ fn nodes(path: &Path, waypoints: &[[f64; 3]], lateral: f64, width: f64, ground: 
         .collect()
 }
 
+/// The identifier that an object of a prefab keeps over reloads of the level, a UUID of version 4. There is one scenario at a time, so the same
+/// objects always have the same ones.
+fn persistent_id(object: u32) -> String {
+    format!("7064b000-0000-4000-8000-{object:012x}")
+}
+
 /// The vehicle of a prefab, at our position and heading.
 pub fn vehicle(name: &str, model: &str, [x, height, z]: [f64; 3]) -> Value {
     json!({
-        "name": name, "class": "BeamNGVehicle", "dataBlock": "default_vehicle", "jBeam": model, "position": [x, z, height],
-        "rotationMatrix": [1, 0, 0, 0, 1, 0, 0, 0, 1], "autoEnterVehicle": "false", "spawnAutoplace": "true",
+        "name": name, "class": "BeamNGVehicle", "persistentId": persistent_id(VEHICLE), "position": [x, z, height],
+        "dataBlock": "default_vehicle", "jBeam": model, "rotationMatrix": [1, 0, 0, 0, 1, 0, 0, 0, 1], "autoEnterVehicle": "false", "spawnAutoplace": "true",
     })
 }
 
@@ -108,7 +122,12 @@ mod tests {
         let lines: Vec<Value> =
             text.lines().map(|line| pdk_sdk::serde_json::from_str(line).unwrap()).collect();
         assert_eq!(lines.len(), 6);
-        assert_eq!((&lines[0]["class"], &lines[5]["class"]), (&json!("SimGroup"), &json!("BeamNGVehicle")));
+        assert_eq!((&lines[0]["class"], &lines[5]["class"]), (&json!("BeamNGVehicle"), &json!("SimGroup")));
+        let mut ids: Vec<_> = lines.iter().map(|line| line["persistentId"].as_str().unwrap()).collect();
+        ids.sort_unstable();
+        ids.dedup();
+        assert_eq!(ids.len(), 6);
+        assert_eq!((&lines[5]["groupPosition"], &lines[5]["noAutoReload"]), (&json!("0.000000 0.000000 0.000000"), &json!(true)));
         let nodes = lines[1]["nodes"].as_array().unwrap();
         for node in nodes {
             assert_eq!((&node[0], &node[3]), (&json!(-2.0), &json!(8.0)));
@@ -117,7 +136,7 @@ mod tests {
         assert_eq!((&nodes[0][1], &nodes[nodes.len() - 1][1]), (&json!(-15.0), &json!(115.0)));
         assert_eq!((&nodes[0][2], &nodes[nodes.len() - 1][2]), (&json!(100.0), &json!(102.0)));
         assert_eq!(lines[3]["nodes"][0][0], json!(1.85));
-        assert_eq!(lines[5]["position"], json!([0.0, 0.0, 100.5]));
+        assert_eq!(lines[0]["position"], json!([0.0, 0.0, 100.5]));
     }
 
     #[test]

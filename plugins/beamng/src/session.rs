@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use pdk_adapter::picture::Order;
 use pdk_adapter::{Connection, Deadline, Picture, Place, Settings, Station, Track};
 use pdk_sdk::prelude::{Control, Error, ErrorKind, FrameMut, Result, Scenario, State};
 use pdk_sdk::serde_json::{self, json};
 use rmpv::Value;
 
+use crate::camera;
 use crate::messages::{LONGEST, Messages, field, three};
 use crate::scenery;
 use crate::simulator::Options;
@@ -15,7 +15,6 @@ use crate::simulator::Options;
 /// The names of what is put into the game.
 const NAME: &str = "pdk";
 const VEHICLE: &str = "pdk_ego";
-const CAMERA: &str = "pdk_camera";
 /// So much above the ground the vehicle is put, in metres.
 const DROP: f64 = 0.3;
 /// It has come to rest when it moves more slowly than this, in metres per second, after at most so many seconds of simulation time.
@@ -23,8 +22,12 @@ const REST: f64 = 0.05;
 const SETTLE: f64 = 5.0;
 /// The cosine of the angle by which it may face another way than the road.
 const FACING: f64 = 0.98;
-/// What the damage grows by without anything having been hit.
-const WEAR: f64 = 1.0;
+/// The shift mode `realistic_automatic`, by BeamNG's number: gears shift by themselves, and a held brake only brakes. In the default mode,
+/// `arcade`, a brake that is held at rest shifts into reverse and accelerates.
+const AUTOMATIC: u64 = 3;
+/// The numbers of the forward gear: drive for gearboxes whose gears have letters, and the first gear for the others.
+const DRIVE: u64 = 2;
+const FIRST: u64 = 1;
 /// How long taking leave may take for each answer.
 const LEAVE: Duration = Duration::from_secs(5);
 
@@ -55,6 +58,7 @@ struct Drive {
 struct Motion {
     position: [f64; 3],
     direction: [f64; 3],
+    /// Along the direction, so negative for a vehicle that drives backwards.
     speed: f64,
     damage: f64,
 }
@@ -137,13 +141,9 @@ impl Session {
     }
 
     fn prepare(&mut self, scenario: &Scenario, deadline: &Deadline) -> Result<State> {
-        let waypoints = match pdk_road::read(&scenario.road).map_err(mistake)? {
-            Some(waypoints) if waypoints.len() >= 2 => waypoints,
-            _ => {
-                return Err(Error::new(
-                    "beamng needs a road with at least two waypoints, such as { angles = { 0, 10, -10 } }",
-                ));
-            }
+        let waypoints = match pdk_adapter::road(&scenario.road)? {
+            Some(waypoints) => waypoints,
+            None => pdk_adapter::random_road(scenario.seed, "beamng road")?,
         };
         let mut track = Track::new(waypoints)?;
         let answering = self.station.settings().answer;
@@ -196,7 +196,7 @@ impl Session {
         let socket = self.station.connect_to(port, deadline)?;
         let connection = Connection::new(socket, format!("the vehicle of {}", self.station), LONGEST)?;
         self.vehicle = Some(Messages::open(connection, &options.protocol, deadline)?);
-        self.ask("OpenCamera", camera(&options), "OpenedCamera").map(drop)
+        self.ask("OpenCamera", camera::opening(&options, VEHICLE), "OpenedCamera").map(drop)
     }
 
     /// Turns the vehicle along the road, and lets it come to rest.
@@ -213,6 +213,7 @@ impl Session {
             ("throttle", 0.into()),
             ("brake", 1.into()),
             ("steering", 0.into()),
+            ("gear", self.forward_gear()?.into()),
         ];
         let mut motion = self.motion()?;
         // Which way round a turn goes differs between releases: where one faces backwards, it is the other.
@@ -226,6 +227,8 @@ impl Session {
                 ("safe_spawn", false.into()),
             ];
             self.ask("Teleport", fields, "Teleported")?;
+            // A vehicle that was reset may be in the default mode again.
+            self.ask_vehicle("SetShiftMode", vec![("mode", AUTOMATIC.into())], "ShiftModeSet")?;
             self.ask_vehicle("Control", parked.clone(), "Controlled")?;
             motion = self.advance()?;
             if along(&motion) >= FACING {
@@ -245,7 +248,7 @@ impl Session {
         let most = (SETTLE * self.options.mount.camera.rate).ceil() as u32;
         for _ in 0..most {
             motion = self.advance()?;
-            if motion.speed < REST {
+            if motion.speed.abs() < REST {
                 break;
             }
         }
@@ -283,45 +286,36 @@ impl Session {
     }
 
     fn motion(&mut self) -> Result<Motion> {
-        let sensor = |kind: &str| Value::Map(vec![("type".into(), kind.into())]);
-        let sensors =
-            Value::Map(vec![("state".into(), sensor("State")), ("damage".into(), sensor("Damage"))]);
-        let answer = self.ask_vehicle("SensorRequest", vec![("sensors", sensors)], "SensorData")?;
+        let answer = self.sense(&["State", "Damage"])?;
         let data = field(&answer, "data");
-        let state = field(data, "state");
-        let damage = field(field(data, "damage"), "damage").as_f64().unwrap_or_default();
+        let state = field(field(data, "State"), "state");
+        let damage = field(field(data, "Damage"), "damage").as_f64().unwrap_or_default();
         let parts = (three(field(state, "pos")), three(field(state, "dir")), three(field(state, "vel")));
-        let (Some([x, y, z]), Some(direction), Some([vx, vy, vz])) = parts else {
+        let (Some([x, y, z]), Some(direction), Some(velocity)) = parts else {
             return Err(self.engine.strange("SensorRequest", &answer));
         };
-        let speed = (vx * vx + vy * vy + vz * vz).sqrt();
+        let speed = forward_speed(direction, velocity);
         Ok(Motion { position: [x, z - self.options.ground, y], direction, speed, damage })
     }
 
-    /// What the camera sees, in place of what it saw.
-    fn look(&mut self, mut picture: Picture) -> Result<Picture> {
-        let fields = vec![("name", CAMERA.into()), ("isUsingSharedMemory", false.into())];
-        let answer = self.ask("PollCamera", fields, "PollCamera")?;
-        let (width, height) = (self.options.mount.camera.width, self.options.mount.camera.height);
-        let colours = match field(field(&answer, "data"), "colour") {
-            Value::Binary(bytes) => bytes.as_slice(),
-            Value::String(text) => text.as_bytes(),
-            _ => &[],
-        };
-        if colours.len() != picture.sent() {
-            return Err(Error::of(
-                ErrorKind::Nonsense,
-                format!(
-                    "the camera of {} sends {} bytes for a frame of {width}x{height}, which has {}; does the game run with low graphics \
-                     settings?",
-                    self.station,
-                    colours.len(),
-                    picture.sent()
-                ),
-            ));
-        }
-        picture.take(colours, Order::Rgba);
-        Ok(picture)
+    /// The number of the gear in which the vehicle drives forwards: a gearbox whose gears have letters has parking for 1 and drive for 2, one
+    /// whose gears have numbers has the first gear for 1.
+    fn forward_gear(&mut self) -> Result<u64> {
+        let answer = self.sense(&["Electrics"])?;
+        let values = field(field(field(&answer, "data"), "Electrics"), "values");
+        Ok(if field(values, "gear").is_number() { FIRST } else { DRIVE })
+    }
+
+    /// What sensors of these types say, each under the name of its type.
+    fn sense(&mut self, types: &[&str]) -> Result<Value> {
+        let sensor = |kind: &&str| ((*kind).into(), Value::Map(vec![("type".into(), (*kind).into())]));
+        let sensors = Value::Map(types.iter().map(sensor).collect());
+        self.ask_vehicle("SensorRequest", vec![("sensors", sensors)], "SensorData")
+    }
+
+    /// What the camera sees now, in place of what it saw.
+    fn look(&mut self, picture: Picture) -> Result<Picture> {
+        camera::look(&mut self.engine, picture, &self.station.settings().answering())
     }
 
     /// Ends the scenario before. Each call has a deadline of its own; what the game refuses, because it is not there any more, need
@@ -330,7 +324,7 @@ impl Session {
         (self.drive, self.vehicle) = (None, None);
         let Some(path) = self.path.take() else { return Ok(()) };
         for (what, fields, expected) in [
-            ("CloseCamera", vec![("name", CAMERA.into())], "ClosedCamera"),
+            ("CloseCamera", vec![("name", camera::NAME.into())], "ClosedCamera"),
             ("StopScenario", Vec::new(), "ScenarioStopped"),
             ("DeleteScenario", vec![("path", path)], "DeleteScenario"),
         ] {
@@ -377,7 +371,7 @@ impl Drive {
             cross_track_error,
             progress,
             lane_departure: cross_track_error.abs() >= pdk_road::LANE_WIDTH / 2.0,
-            collision: motion.damage > self.worn + WEAR,
+            collision: motion.damage > self.worn + options.collision_damage,
             finished,
             ..State::default()
         };
@@ -385,34 +379,10 @@ impl Drive {
     }
 }
 
-/// What is said about the camera. The vehicle faces towards its own -y.
-fn camera(options: &Options) -> Vec<(&'static str, Value)> {
-    let (width, height) = (options.mount.camera.width, options.mount.camera.height);
-    let half = (options.mount.field_of_view.to_radians() / 2.0).tan() * f64::from(height) / f64::from(width);
-    let pitch = options.mount.pitch.to_radians();
-    vec![
-        ("vid", VEHICLE.into()),
-        ("name", CAMERA.into()),
-        ("updateTime", Value::F64(0.0)),
-        ("priority", Value::F64(1.0)),
-        ("size", Value::Array(vec![width.into(), height.into()])),
-        ("fovY", Value::F64(2.0 * half.atan().to_degrees())),
-        ("nearFarPlanes", Value::Array(vec![Value::F64(0.05), Value::F64(500.0)])),
-        ("pos", vector([0.0, -options.mount.ahead, options.mount.height])),
-        ("dir", vector([0.0, -pitch.cos(), -pitch.sin()])),
-        ("up", vector([0.0, -pitch.sin(), pitch.cos()])),
-        ("useSharedMemory", false.into()),
-        ("renderColours", true.into()),
-        ("renderAnnotations", false.into()),
-        ("renderInstance", false.into()),
-        ("renderDepth", false.into()),
-        ("isVisualised", false.into()),
-        ("isStreaming", false.into()),
-        ("isStatic", false.into()),
-        ("isSnappingDesired", false.into()),
-        ("isForceInsideTriangle", false.into()),
-        ("isDirWorldSpace", false.into()),
-    ]
+/// The part of a velocity along a direction, in metres per second.
+fn forward_speed(direction: [f64; 3], velocity: [f64; 3]) -> f64 {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    dot(direction, velocity) / dot(direction, direction).sqrt().max(1e-9)
 }
 
 fn vector(numbers: [f64; 3]) -> Value {
@@ -436,10 +406,24 @@ fn of_json(value: &serde_json::Value) -> Value {
     }
 }
 
-fn mistake(sentence: String) -> Error {
-    Error::of(ErrorKind::Configuration, sentence)
-}
-
 fn not_started() -> Error {
     Error::new("it has no scenario yet: call reset first")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_vehicle_that_drives_backwards_has_a_negative_speed() {
+        for (direction, velocity, speed) in [
+            ([0.0, -1.0, 0.0], [0.0, -3.0, 0.0], 3.0),
+            ([0.0, -1.0, 0.0], [0.0, 3.0, 0.0], -3.0),
+            // Drifting sideways is not driving.
+            ([0.0, 2.0, 0.0], [5.0, 1.0, 0.0], 1.0),
+            ([0.0; 3], [5.0, 1.0, 0.0], 0.0),
+        ] {
+            assert_eq!(forward_speed(direction, velocity), speed);
+        }
+    }
 }

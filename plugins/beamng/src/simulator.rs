@@ -34,6 +34,8 @@ pub struct Options {
     pub materials: Materials,
     /// What is driven.
     pub vehicle: String,
+    /// How much damage is a collision, in the game's own number.
+    pub collision_damage: f64,
     /// The version of the protocol.
     pub protocol: String,
 }
@@ -71,6 +73,14 @@ impl Component for BeamNg {
                 "what its middle line is drawn with; left out, line_dashed_short",
             ))
             .parameter(Parameter::text("vehicle", "what is driven, by BeamNG's name; left out, etk800"))
+            .parameter(
+                Parameter::number(
+                    "collision_damage",
+                    100.0,
+                    "how much the vehicle's damage, in BeamNG's own number, has to grow after the start to be a collision",
+                )
+                .range(0.0, 1e9),
+            )
             .parameter(Parameter::text(
                 "protocol",
                 "version of the protocol, which has to be the game's; left out, v1.27",
@@ -93,6 +103,7 @@ impl Component for BeamNg {
                 middle: named("middle_material", "line_dashed_short"),
             },
             vehicle: named("vehicle", "etk800"),
+            collision_damage: config.number("collision_damage"),
             protocol: named("protocol", "v1.27"),
         };
         Ok(Self { settings: Settings::read(TITLE, config)?, options, session: None })

@@ -29,7 +29,7 @@ impl Camera {
         deadline: &Deadline,
     ) -> Result<Self> {
         let picture = Picture::new(width, height);
-        let size = HEADER + BEFORE + picture.sent();
+        let size = HEADER + BEFORE + picture.sent(Order::Bgra);
         let stream = Stream::subscribe(station, token, "a camera frame", (size, size), deadline)?;
         Ok(Self { stream, size: [width, height], picture })
     }

@@ -39,6 +39,8 @@ pub struct Episode {
     server: Option<Server>,
     world: Option<Stream>,
     loaded: Option<Loaded>,
+    /// How many worlds it has loaded.
+    worlds: u64,
     stage: Option<Stage>,
 }
 
@@ -57,7 +59,7 @@ impl Episode {
         }
         let weather = server.weather()?;
         server.keep(found, weather)?;
-        Ok(Self { server: Some(server), station, world: Some(world), loaded: None, stage: None })
+        Ok(Self { server: Some(server), station, world: Some(world), loaded: None, worlds: 0, stage: None })
     }
 
     fn greet(station: &mut Station, deadline: &Deadline) -> Result<(Server, Stream)> {
@@ -69,6 +71,11 @@ impl Episode {
     /// The slot whose server this is.
     pub fn slot(&self) -> u32 {
         self.station.slot()
+    }
+
+    /// How many worlds the server has loaded for this worker.
+    pub fn worlds(&self) -> u64 {
+        self.worlds
     }
 
     /// What is known of the server.
@@ -126,7 +133,7 @@ impl Episode {
         self.server.as_mut().map_or(Ok(()), Server::clear)?;
         let ground = Ground::read(&scenario.road, scenario.seed)?;
         self.load(&ground, deadline)?;
-        let Self { station, server, world, loaded, stage } = self;
+        let Self { station, server, world, loaded, stage, .. } = self;
         let (Some(server), Some(world)) = (server, world) else {
             return Err(not_started());
         };
@@ -159,7 +166,7 @@ impl Episode {
 
     /// Loads the map of a scenario, where it is not loaded already.
     fn load(&mut self, ground: &Ground, deadline: &Deadline) -> Result<()> {
-        let Self { station, server, world, loaded, .. } = self;
+        let Self { station, server, world, loaded, worlds, .. } = self;
         let Some(server) = server else { return Err(not_started()) };
         match (ground, &*loaded) {
             (Ground::Own(waypoints), Some(Loaded::Own(there))) if waypoints == there => return Ok(()),
@@ -195,6 +202,7 @@ impl Episode {
             }
         };
         if changes {
+            *worlds += 1;
             // While it loads, it may refuse to answer.
             station.wait(deadline, "loaded the map", || match server.episode() {
                 Ok((number, _)) if number != before => Ok(Some(())),

@@ -1,13 +1,9 @@
 //! The road of a scenario: one of its own, or a lane of a map that CARLA has.
 
-use pdk_road::{LANE_WIDTH, MapBox, NODES, Path, Point, Road, SEGMENT, opendrive};
+use pdk_road::{LANE_WIDTH, Path, Point, opendrive};
 use pdk_sdk::prelude::{Error, Result};
 use pdk_sdk::serde_json::{Map, Value};
 
-/// Largest angle of a random road in degrees: that of the published study.
-const RANDOM_ANGLE: i32 = 35;
-/// Smallest radius of a bend in metres.
-const SMALLEST_RADIUS: f64 = 8.0;
 /// Shortest and longest road in metres.
 const LENGTHS: (f64, f64) = (10.0, 5_000.0);
 /// How far a lane of a map is followed where nobody says it, in metres.
@@ -43,7 +39,7 @@ impl Ground {
         }
         let waypoints = match pdk_road::read(road).map_err(mistake)? {
             Some(waypoints) => waypoints,
-            None => random(seed)?,
+            None => pdk_adapter::random_road(seed, "carla road")?,
         };
         check(&waypoints)?;
         Ok(Self::Own(waypoints))
@@ -116,21 +112,6 @@ impl Lane {
             _ => 0.0,
         }
     }
-}
-
-/// Waypoints of a road with random angles that can be driven.
-fn random(seed: u64) -> Result<Vec<[f64; 3]>> {
-    let mut random = pdk_sdk::seed::key(seed, "carla road", 0).sequence();
-    for _ in 0..1000 {
-        let angles = pdk_road::random_angles(&mut random, NODES, RANDOM_ANGLE);
-        let road = Road::from_angles(&angles, &[SEGMENT; NODES]).map_err(Error::new)?;
-        let valid = pdk_road::check(&road, 2.0 * LANE_WIDTH, &MapBox::default())
-            .and_then(|()| pdk_road::check_bends(&road, SMALLEST_RADIUS));
-        if valid.is_ok() {
-            return Ok(road.waypoints.into_iter().map(|[x, z]| [x, 0.0, z]).collect());
-        }
-    }
-    Err(Error::new(format!("seed {seed} gives no road that can be driven; take another one")))
 }
 
 fn check(waypoints: &[[f64; 3]]) -> Result<()> {

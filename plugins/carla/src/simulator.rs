@@ -41,6 +41,10 @@ pub struct Options {
     pub weather: Weather,
     /// The other vehicles.
     pub traffic: Wanted,
+    /// How long the camera looks at the start of the road before the scenario begins, in seconds of simulation time.
+    pub exposure_seconds: f64,
+    /// After so many worlds a server that pdk has started is started again; 0 for never.
+    pub restart_every: u64,
 }
 
 impl Component for Carla {
@@ -53,6 +57,25 @@ impl Component for Carla {
                 Value::Null,
                 "further attributes of CARLA's camera, such as {\"motion_blur_intensity\": 0}",
             ))
+            .parameter(
+                Parameter::number(
+                    "exposure_seconds",
+                    3.0,
+                    "simulation time for which the camera looks at the start of the road before a scenario begins: a camera that was just \
+                     spawned adapts its exposure for some seconds",
+                )
+                .range(0.0, 60.0)
+                .unit("s"),
+            )
+            .parameter(
+                Parameter::integer(
+                    "restart_every",
+                    0,
+                    "after so many worlds pdk starts its server again, since a server grows with every road that it generates; needs \
+                     `launch`; 0 for never",
+                )
+                .range(0.0, 1_000_000.0),
+            )
             .parameter(Parameter::text("vehicle", "what is driven, by CARLA's name; left out, vehicle.tesla.model3"))
             .parameter(
                 Parameter::number("initial_speed", 0.0, "speed of the vehicle at the start of the road")
@@ -104,8 +127,17 @@ impl Component for Carla {
                 speed: config.number("vehicle_ahead_speed"),
                 oncoming: config.number("oncoming"),
             },
+            exposure_seconds: config.number("exposure_seconds"),
+            restart_every: config.integer("restart_every").unsigned_abs(),
         };
-        Ok(Self { settings: Settings::read(TITLE, config)?, options, episode: None })
+        let settings = Settings::read(TITLE, config)?;
+        if options.restart_every > 0 && settings.launch.is_empty() {
+            return Err(Error::of(
+                ErrorKind::Configuration,
+                "`restart_every` is set, but pdk can only restart a server that it has started itself: say how with `launch`".to_owned(),
+            ));
+        }
+        Ok(Self { settings, options, episode: None })
     }
 }
 
@@ -147,7 +179,13 @@ impl Simulator for Carla {
         let deadline = self.settings.starting();
         // One that was closed meanwhile is gone before another is opened.
         let mut kept = self.episode.take();
-        let of_use = kept.as_mut().is_some_and(|episode| episode.slot() == slot && episode.is_open());
+        let most = match self.options.restart_every {
+            0 => u64::MAX,
+            every => every,
+        };
+        let of_use = kept.as_mut().is_some_and(|episode| {
+            episode.slot() == slot && episode.worlds() < most && episode.is_open()
+        });
         let episode = match kept.filter(|_| of_use) {
             Some(episode) => episode,
             None => Episode::open(&self.settings, slot, &deadline)?,

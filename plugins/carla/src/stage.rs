@@ -149,17 +149,9 @@ impl Stage {
         let motion = motion(world, *vehicle, expected, deadline)?;
         sensors.look(expected, deadline)?;
         let frame = server.ticked(request)?;
-        if frame != expected {
-            return Err(Error::of(
-                ErrorKind::Nonsense,
-                format!(
-                    "the server went on to frame {frame}, but frame {expected} was expected; another client of CARLA steps the same server: end \
-                     that one, or set `port` to that of another server"
-                ),
-            ));
-        }
+        check_frame(frame, expected)?;
         let collision = sensors.collided(deadline)?;
-        Ok(self.arrive(motion, frame, collision))
+        Ok(self.arrive(motion, expected, collision))
     }
 
     /// Lets the vehicle fall on the road and come to rest, and gives it its speed.
@@ -177,9 +169,13 @@ impl Stage {
         self.fleet.place(server, 0.0)?;
         // The server does not say when it has taken a subscription: frames are asked for until the first comes.
         let mut tries = 0;
+        let mut before = None;
         let (mut frame, mut moves) = loop {
             let request = server.tick()?;
-            let frame = server.ticked(request)?;
+            let told = server.ticked(request)?;
+            // What it says may lag behind.
+            let frame = before.map_or(told, |before: u64| told.max(before + 1));
+            before = Some(frame);
             let patience = Deadline::new(FIRST_FRAME, "answer_seconds");
             let seen = motion(world, vehicle, frame, &patience).and_then(|moves| {
                 sensors.look(frame, &patience)?;
@@ -200,15 +196,18 @@ impl Stage {
         };
         let began = frame;
         let elapsed = |frame: u64| (frame - began) as f64 / rate;
-        while elapsed(frame) < SETTLE.0 || (moves.speed() > REST && elapsed(frame) < SETTLE.1) {
-            (frame, moves) = next(server, world, (vehicle, sensors), deadline)?;
+        let least = self.options.exposure_seconds.max(SETTLE.0);
+        while elapsed(frame) < least || (moves.speed() > REST && elapsed(frame) < SETTLE.1) {
+            frame += 1;
+            moves = next(server, world, (vehicle, sensors), frame, deadline)?;
         }
         let speed = self.options.initial_speed;
         if speed > 0.0 {
             let ahead = [self.heading.cos() * speed, self.heading.sin() * speed, 0.0];
             server.control(vehicle, Pedals::of(Control::default()))?;
             server.set_velocity(vehicle, ahead)?;
-            (frame, moves) = next(server, world, (vehicle, sensors), deadline)?;
+            frame += 1;
+            moves = next(server, world, (vehicle, sensors), frame, deadline)?;
         }
         // Falling on the road was no collision.
         sensors.collided(deadline)?;
@@ -241,18 +240,34 @@ fn frames(time: f64, rate: f64) -> u64 {
     (time * rate).round() as u64
 }
 
-/// The next frame, and how the vehicle moves in it.
+/// Moves on to a frame: how the vehicle moves in it.
 fn next(
     server: &mut Server,
     world: &mut Stream,
     (vehicle, sensors): (u32, &mut Sensors),
+    frame: u64,
     deadline: &Deadline,
-) -> Result<(u64, Motion)> {
+) -> Result<Motion> {
     let request = server.tick()?;
-    let frame = server.ticked(request)?;
+    check_frame(server.ticked(request)?, frame)?;
     let moves = motion(world, vehicle, frame, deadline)?;
     sensors.look(frame, deadline)?;
-    Ok((frame, moves))
+    Ok(moves)
+}
+
+/// Checks the number that the server gives to a frame. One that lags behind is no harm, because what belongs to the frame is waited for by
+/// the right number.
+fn check_frame(told: u64, expected: u64) -> Result<()> {
+    if told <= expected {
+        return Ok(());
+    }
+    Err(Error::of(
+        ErrorKind::Nonsense,
+        format!(
+            "the server went on to frame {told}, but frame {expected} was expected; another client of CARLA steps the same server: end \
+             that one, or set `port` to that of another server"
+        ),
+    ))
 }
 
 /// How the vehicle moves in a frame.

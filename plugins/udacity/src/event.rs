@@ -14,6 +14,8 @@ use crate::number;
 pub enum Packet<'a> {
     /// It wants to hear `3` with this behind it.
     Ping(&'a str),
+    /// It asks for the namespace, as clients of Socket.IO 5 do.
+    Connect,
     /// It hangs up.
     Close,
     /// The state of the vehicle, with a picture.
@@ -128,7 +130,8 @@ fn message(text: &str) -> Result<Packet<'_>, String> {
                 _ => Packet::Other,
             })
         }
-        Some(b'0' | b'3' | b'4') => Ok(Packet::Other),
+        Some(b'0') => Ok(Packet::Connect),
+        Some(b'3' | b'4') => Ok(Packet::Other),
         _ => Err(format!("`4{}`, which is not a message of Socket.IO", begin(text))),
     }
 }
@@ -169,7 +172,10 @@ mod tests {
         for manual in [r#"42["telemetry",{}]"#, r#"42["telemetry"]"#] {
             assert!(matches!(read(manual), Ok(Packet::Manual)));
         }
-        for other in ["3", "40", "0{}", r#"42["hello",{}]"#, r#"4217["hello"]"#] {
+        for connect in ["40", "40{}"] {
+            assert!(matches!(read(connect), Ok(Packet::Connect)));
+        }
+        for other in ["3", "0{}", r#"42["hello",{}]"#, r#"4217["hello"]"#] {
             assert!(matches!(read(other), Ok(Packet::Other)), "{other}");
         }
         for (wrong, part) in [

@@ -1,31 +1,24 @@
-//! The server that the simulator connects to: WebSocket, Engine.IO 3 and Socket.IO 2.
+//! The server that the simulator connects to: WebSocket, Engine.IO 3 and Socket.IO 2, which the simulator speaks; and Engine.IO 4 and
+//! Socket.IO 5, as far as these differ.
 
-use std::collections::VecDeque;
 use std::io::{self, Write};
 use std::net::{TcpListener, TcpStream};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use pdk_adapter::{Deadline, Station};
 use pdk_sdk::prelude::{Error, ErrorKind, Result};
-use tungstenite::handshake::server::{ErrorResponse, Request, Response, ServerHandshake};
-use tungstenite::handshake::{HandshakeError, MidHandshake};
-use tungstenite::protocol::WebSocketConfig;
-use tungstenite::{Message, Utf8Bytes, WebSocket, http};
+use tungstenite::{Message, Utf8Bytes, WebSocket};
 
+use crate::door::{Client, Door, LONGEST};
 use crate::event::{self, Packet};
+use crate::polling::connected;
 
-/// The longest message: a picture of 4096x4096 takes less.
-const LONGEST: usize = 64 << 20;
-/// How long a client may take to say what it wants, and how many may be about to at the same time.
-const HANDSHAKE: Duration = Duration::from_secs(5);
-const ROOM: usize = 16;
 /// How long the simulator may take to hang up when it is said goodbye.
 const GOODBYE: Duration = Duration::from_millis(300);
 /// What a client is told that is one too many.
 const BUSY: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length: 0\r\n\r\n";
-/// The greeting. The times are those that the simulator pings by, in milliseconds.
-const GREETING: [&str; 2] =
-    [r#"0{"sid":"pdk","upgrades":[],"pingTimeout":60000,"pingInterval":25000}"#, "40"];
+/// How often a client of version 4 of Engine.IO is sent a ping.
+const PING: Duration = Duration::from_secs(25);
 
 /// The connection to a simulator, and the server that it came to.
 pub struct Server {
@@ -35,6 +28,8 @@ pub struct Server {
     socket: WebSocket<TcpStream>,
     /// As the simulator is named to users.
     peer: String,
+    /// When a client that expects pings was sent the last one.
+    pinged: Option<Instant>,
     /// Whether the user has been told that another simulator wants to connect.
     told: bool,
 }
@@ -49,11 +44,11 @@ impl Server {
         let mut door = Door::default();
         let connected = station.wait(deadline, "connected", || door.look(&listener));
         let peer = station.to_string();
-        let socket = connected.map_err(|error| match error.kind() {
+        let Client { socket, newer } = connected.map_err(|error| match error.kind() {
             ErrorKind::Late => nobody(&station, door.refused.as_deref()),
             _ => error,
         })?;
-        Ok(Self { station, listener, socket, peer, told: false })
+        Ok(Self { station, listener, socket, peer, pinged: newer.then(Instant::now), told: false })
     }
 
     /// As the simulator is named to users.
@@ -83,6 +78,7 @@ impl Server {
     ) -> Result<R> {
         loop {
             let Some(left) = deadline.left() else { return Err(deadline.late(&self.peer, what)) };
+            self.ping(deadline)?;
             self.socket.get_ref().set_read_timeout(Some(left))?;
             if let Some(text) = self.read()?
                 && let Some(text) = self.of_use(text, deadline)?
@@ -98,6 +94,7 @@ impl Server {
     /// Where the simulator is gone, or it is no packet.
     pub fn take<R>(&mut self, deadline: &Deadline, look: impl FnOnce(Packet<'_>) -> R) -> Result<Option<R>> {
         self.refuse_others();
+        self.ping(deadline)?;
         loop {
             self.socket.get_ref().set_nonblocking(true)?;
             let read = self.read();
@@ -138,12 +135,28 @@ impl Server {
         }
     }
 
+    /// Sends a ping to a client that expects pings, when it is time.
+    fn ping(&mut self, deadline: &Deadline) -> Result<()> {
+        match &mut self.pinged {
+            Some(pinged) if pinged.elapsed() >= PING => {
+                *pinged = Instant::now();
+                self.write("2".to_owned(), deadline)
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Answers a ping, and gives back anything else that is of use.
     fn of_use(&mut self, text: Utf8Bytes, deadline: &Deadline) -> Result<Option<Utf8Bytes>> {
         match event::read(&text) {
             Ok(Packet::Ping(rest)) => {
                 let pong = format!("3{rest}");
                 self.write(pong, deadline)?;
+                Ok(None)
+            }
+            Ok(Packet::Connect) => {
+                self.pinged.get_or_insert_with(Instant::now);
+                self.write(connected("pdk"), deadline)?;
                 Ok(None)
             }
             Ok(Packet::Other) => Ok(None),
@@ -222,102 +235,6 @@ impl Server {
             format!("{} sends {what}; is another program connected to this port?", self.peer),
         )
     }
-}
-
-/// What decides about a request.
-type Wanted = fn(&Request, Response) -> std::result::Result<Response, ErrorResponse>;
-/// A client that has not said all that it wants.
-type Speaking = MidHandshake<ServerHandshake<TcpStream, Wanted>>;
-
-/// What came of hearing one.
-type Said = std::result::Result<WebSocket<TcpStream>, HandshakeError<ServerHandshake<TcpStream, Wanted>>>;
-
-/// Those who have connected and have not said yet what they want. None of them holds up another one: a browser, a port scanner and
-/// whoever says nothing may come first, and the simulator behind them.
-#[derive(Default)]
-struct Door {
-    speaking: VecDeque<(Speaking, Deadline)>,
-    /// Why the last one that is no simulator was sent away.
-    refused: Option<String>,
-}
-
-impl Door {
-    /// Lets in who has come, and greets a simulator among them.
-    fn look(&mut self, listener: &TcpListener) -> Result<Option<WebSocket<TcpStream>>> {
-        loop {
-            let stream = match listener.accept() {
-                Ok((stream, _)) => stream,
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => break,
-                // It was gone before it was let in.
-                Err(error) if error.kind() == io::ErrorKind::ConnectionAborted => continue,
-                Err(error) => return Err(error.into()),
-            };
-            if stream.set_nonblocking(true).and_then(|()| stream.set_nodelay(true)).is_err() {
-                continue;
-            }
-            let config =
-                WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
-            let accepted = tungstenite::accept_hdr_with_config(stream, wanted as Wanted, Some(config));
-            if let Some(socket) = self.hear(accepted, Deadline::new(HANDSHAKE, "")) {
-                return Ok(Some(socket));
-            }
-        }
-        for _ in 0..self.speaking.len() {
-            if let Some((speaking, deadline)) = self.speaking.pop_front()
-                && let Some(socket) = self.hear(speaking.handshake(), deadline)
-            {
-                return Ok(Some(socket));
-            }
-        }
-        Ok(None)
-    }
-
-    /// Takes what a client has said so far: the connection where it is a simulator, which has been greeted.
-    fn hear(&mut self, said: Said, deadline: Deadline) -> Option<WebSocket<TcpStream>> {
-        let refused = match said {
-            Ok(socket) => match greet(socket) {
-                Ok(socket) => return Some(socket),
-                Err(error) => error.to_string(),
-            },
-            Err(HandshakeError::Interrupted(speaking)) if deadline.left().is_some() => {
-                // The oldest has had the most time.
-                if self.speaking.len() >= ROOM {
-                    self.speaking.pop_front();
-                }
-                self.speaking.push_back((speaking, deadline));
-                return None;
-            }
-            Err(HandshakeError::Interrupted(_)) => "it did not say what it wants".to_owned(),
-            Err(HandshakeError::Failure(error)) => error.to_string(),
-        };
-        self.refused = Some(refused);
-        None
-    }
-}
-
-fn greet(mut socket: WebSocket<TcpStream>) -> std::result::Result<WebSocket<TcpStream>, tungstenite::Error> {
-    let stream = socket.get_ref();
-    stream.set_nonblocking(false)?;
-    stream.set_write_timeout(Some(HANDSHAKE))?;
-    for text in GREETING {
-        socket.send(Message::text(text))?;
-    }
-    Ok(socket)
-}
-
-/// Refuses what is no request for Socket.IO over a WebSocket. The version that the address names does not count: the simulator
-/// speaks another one than it says.
-#[allow(clippy::result_large_err)]
-fn wanted(request: &Request, response: Response) -> std::result::Result<Response, ErrorResponse> {
-    let uri = request.uri();
-    let websocket = uri.query().unwrap_or_default().split('&').any(|pair| pair == "transport=websocket");
-    if uri.path().trim_end_matches('/') == "/socket.io" && websocket {
-        return Ok(response);
-    }
-    let mut refused =
-        ErrorResponse::new(Some("this is /socket.io/ with transport=websocket only".to_owned()));
-    *refused.status_mut() = http::StatusCode::BAD_REQUEST;
-    Err(refused)
 }
 
 fn nobody(station: &Station, last: Option<&str>) -> Error {

@@ -8,6 +8,7 @@ use pdk_adapter::{Deadline, Station, Track, ends};
 use pdk_sdk::model::failure::FailureCriteria;
 use pdk_sdk::prelude::*;
 
+use crate::clock::Clock;
 use crate::event::{Number, Packet};
 use crate::number;
 use crate::options::{Build, Options, describe};
@@ -43,7 +44,7 @@ struct Drive {
     track: Option<Track>,
     /// Where that begins, in the simulator's coordinates.
     start: [f64; 3],
-    began: Instant,
+    clock: Clock,
     /// How much was hit before the scenario began, where the simulator counts.
     hits: f64,
     state: State,
@@ -122,6 +123,9 @@ impl Simulator for Udacity {
         // that the vehicle hit something, and not shown.
         if link.catch_up(drive, &self.options, &deadline)? {
             return Ok(drive.state);
+        }
+        if self.options.build == Build::Stock {
+            drive.clock.asked(Instant::now());
         }
         link.steer(control, &deadline)?;
         let telemetry = link.telemetry(&self.options, &deadline)?;
@@ -220,7 +224,7 @@ impl Link {
             criteria,
             track,
             start: home,
-            began: Instant::now(),
+            clock: Clock::new(options.camera.rate, Instant::now()),
             hits: if let Hit::Count(count) = telemetry.hit { count } else { 0.0 },
             state: State::default(),
             picture: Vec::new(),
@@ -318,6 +322,7 @@ impl Link {
                 Heard::Manual | Heard::Nothing => {}
             }
         }
+        drive.clock.caught_up();
         Ok(false)
     }
 
@@ -341,7 +346,7 @@ fn taken(packet: Packet<'_>, options: &Options) -> Heard {
     let told = match packet {
         Packet::Telemetry(told) => told,
         Packet::Manual => return Heard::Manual,
-        Packet::Ping(_) | Packet::Close | Packet::Other => return Heard::Nothing,
+        Packet::Ping(_) | Packet::Connect | Packet::Close | Packet::Other => return Heard::Nothing,
     };
     let picture = match STANDARD.decode(told.image.unwrap_or_default().as_bytes()) {
         Ok(picture) if picture.is_empty() => return Heard::NoPicture("it is empty".to_owned()),
@@ -386,7 +391,7 @@ impl Drive {
             }
         };
         self.state = State {
-            time: self.began.elapsed().as_secs_f64(),
+            time: self.clock.heard(Instant::now()),
             position: position.unwrap_or_default(),
             heading: place.map(|place| place.heading).unwrap_or_default(),
             speed,

@@ -43,6 +43,7 @@ pub use settings::Settings;
 pub use station::Station;
 pub use track::{Place, Track};
 
+use pdk_road::{LANE_WIDTH, MapBox, NODES, Road, SEGMENT};
 use pdk_sdk::model::failure::FailureCriteria;
 use pdk_sdk::prelude::{Error, Result, State};
 use pdk_sdk::serde_json::Value;
@@ -59,6 +60,30 @@ pub fn road(road: &Value) -> Result<Option<Vec<[f64; 3]>>> {
         }
         road => Ok(road),
     }
+}
+
+/// The largest angle of a random road in degrees, which is that of the published study.
+const RANDOM_ANGLE: i32 = 35;
+/// The smallest radius of a bend of a random road in metres.
+const SMALLEST_RADIUS: f64 = 8.0;
+
+/// The waypoints `[x, height, z]` in metres of a road with random angles that can be driven, for scenarios without a road. `purpose` keeps
+/// the roads of one simulator apart from those of another.
+///
+/// # Errors
+/// Where the seed gives no such road.
+pub fn random_road(seed: u64, purpose: &str) -> Result<Vec<[f64; 3]>> {
+    let mut random = pdk_sdk::seed::key(seed, purpose, 0).sequence();
+    for _ in 0..1000 {
+        let angles = pdk_road::random_angles(&mut random, NODES, RANDOM_ANGLE);
+        let road = Road::from_angles(&angles, &[SEGMENT; NODES]).map_err(Error::new)?;
+        let valid = pdk_road::check(&road, 2.0 * LANE_WIDTH, &MapBox::default())
+            .and_then(|()| pdk_road::check_bends(&road, SMALLEST_RADIUS));
+        if valid.is_ok() {
+            return Ok(road.waypoints.into_iter().map(|[x, z]| [x, 0.0, z]).collect());
+        }
+    }
+    Err(Error::new(format!("seed {seed} gives no road that can be driven; take another one")))
 }
 
 /// Whether a scenario with these criteria ends with this state. A simulator with its own clock goes on while the driver is at work;

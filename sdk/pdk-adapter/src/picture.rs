@@ -4,13 +4,25 @@ use std::fmt::Display;
 
 use pdk_sdk::prelude::{Error, ErrorKind, FrameMut, Result};
 
-/// The order in which a simulator sends the colours of a pixel, which has four bytes.
+/// The order in which a simulator sends the colours of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Order {
+    /// Red, green, blue.
+    Rgb,
     /// Red, green, blue, and one that does not count.
     Rgba,
     /// Blue, green, red, and one that does not count.
     Bgra,
+}
+
+impl Order {
+    /// Bytes of a pixel.
+    fn bytes(self) -> usize {
+        match self {
+            Self::Rgb => 3,
+            Self::Rgba | Self::Bgra => 4,
+        }
+    }
 }
 
 /// The latest picture of a camera, kept until the loop asks for it.
@@ -30,15 +42,15 @@ impl Picture {
     }
 
     /// The number of bytes that a picture of this size has on the wire.
-    pub fn sent(&self) -> usize {
-        4 * self.width * self.height
+    pub fn sent(&self, order: Order) -> usize {
+        order.bytes() * self.width * self.height
     }
 
-    /// Takes the pixels of the next picture, row by row: so many as [`Picture::sent`] says. What is missing stays as it was.
+    /// Takes the pixels of the next picture, row by row: as many bytes as [`Picture::sent`] says. Missing pixels stay as they were.
     pub fn take(&mut self, sent: &[u8], order: Order) {
-        for (pixel, rgb) in sent.chunks_exact(4).zip(self.pixels.chunks_exact_mut(3)) {
+        for (pixel, rgb) in sent.chunks_exact(order.bytes()).zip(self.pixels.chunks_exact_mut(3)) {
             rgb.copy_from_slice(&match order {
-                Order::Rgba => [pixel[0], pixel[1], pixel[2]],
+                Order::Rgb | Order::Rgba => [pixel[0], pixel[1], pixel[2]],
                 Order::Bgra => [pixel[2], pixel[1], pixel[0]],
             });
         }
@@ -97,13 +109,16 @@ mod tests {
     #[test]
     fn colours_come_in_both_orders_and_frames_have_their_size() {
         let mut picture = Picture::new(2, 1);
-        assert_eq!(picture.sent(), 8);
+        assert_eq!([Order::Rgb, Order::Rgba].map(|order| picture.sent(order)), [6, 8]);
         let mut frame = FrameBuf::new(2, 1);
         for (order, expected) in [(Order::Rgba, [1, 2, 3, 4, 5, 6]), (Order::Bgra, [3, 2, 1, 6, 5, 4])] {
             picture.take(&[1, 2, 3, 255, 4, 5, 6, 255], order);
             picture.write(frame.as_mut()).unwrap();
             assert_eq!(frame.data(), expected);
         }
+        picture.take(&[7, 8, 9, 10, 11, 12], Order::Rgb);
+        picture.write(frame.as_mut()).unwrap();
+        assert_eq!(frame.data(), [7, 8, 9, 10, 11, 12]);
         let error = picture.write(FrameBuf::new(1, 2).as_mut()).unwrap_err();
         assert_eq!(error.message(), "it was given a 1x2 frame, but its camera delivers 2x1");
     }

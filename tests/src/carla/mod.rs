@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use rmpv::Value;
 
-pub use world::{Fault, Setup, lane_simulator};
+pub use world::{Fault, Setup, simulator};
 use world::{World, array, at};
 
 use crate::server::{Server, Shared};

@@ -32,6 +32,8 @@ pub enum Fault {
     HugeFrame,
     /// Closes all streams, as CARLA does with those over which it has sent nothing for a while.
     CloseStreams,
+    /// Says the number of the frame before, and sends the camera's frame late, behind the one before once more.
+    Lags,
     /// Goes on by itself, as if another client had asked it to.
     Steps,
 }
@@ -47,11 +49,13 @@ pub struct Setup {
     pub seed: u64,
     /// The port, or 0 for one that is free.
     pub port: u16,
+    /// Whether a camera's first frames are dark, for so many frames.
+    pub adapts: u64,
 }
 
 impl Default for Setup {
     fn default() -> Self {
-        Self { version: "0.9.16", fault: None, seed: 0, port: 0 }
+        Self { version: "0.9.16", fault: None, seed: 0, port: 0, adapts: 0 }
     }
 }
 
@@ -65,6 +69,8 @@ struct Actor {
     rotation: [f64; 3],
     velocity: [f64; 3],
     stream: Option<u32>,
+    /// The frames that it has sent.
+    frames: u64,
 }
 
 struct Drive {
@@ -265,7 +271,8 @@ impl World {
                 if self.fault(name) == Some(Fault::Steps) {
                     self.step();
                 }
-                good(self.frame.into())
+                let lags = self.fault(name) == Some(Fault::Lags);
+                good((self.frame - u64::from(lags)).into())
             }
             "get_available_maps" => {
                 good(array(["/Game/Carla/Maps/Town01".into(), "/Game/Carla/Maps/Town02".into()]))
@@ -396,6 +403,7 @@ impl World {
             location: vector(at(place, 0)),
             rotation: vector(at(place, 1)),
             velocity: [0.0; 3],
+            frames: 0,
         };
         self.spawned.push(actor.kind.clone());
         self.actors.insert(id, actor);
@@ -439,7 +447,7 @@ impl World {
         let lane =
             OpenDrive::read(document).unwrap().follow([y, x], vehicle.rotation[1].to_radians(), 1e4).unwrap();
         let size = [number("image_size_x") as usize, number("image_size_y") as usize];
-        let mut simulator = lane_simulator(&parameters);
+        let mut simulator = simulator("lane", &parameters);
         let spec = ComponentSpec::new;
         let road = json!({"waypoints": trimmed(&lane.points)});
         let scenario = Scenario { road, seed: self.setup.seed, ..Scenario::new(spec("lane"), spec("carla")) };
@@ -468,7 +476,8 @@ impl World {
         self.push(1, &snapshot);
         let sensors: Vec<(u32, Actor)> =
             self.actors.iter().filter(|(_, a)| a.stream.is_some()).map(|(id, a)| (*id, a.clone())).collect();
-        for (_, actor) in sensors {
+        for (id, actor) in sensors {
+            self.actors.entry(id).and_modify(|actor| actor.frames += 1);
             let stream = actor.stream.unwrap();
             match actor.kind.as_str() {
                 "sensor.camera.rgb" => {
@@ -479,6 +488,16 @@ impl World {
                         let length = if huge { 100_000_000 } else { message.len() as u32 };
                         let part = [&length.to_le_bytes()[..], &message[..message.len() / 2]].concat();
                         self.send(stream, &part);
+                    } else if self.fault("tick_cue") == Some(Fault::Lags) {
+                        let mut before = message.clone();
+                        before[8..16].copy_from_slice(&(self.frame - 1).to_le_bytes());
+                        self.push(stream, &before);
+                        let (_, socket) = self.subscribers.iter().find(|(id, _)| *id == stream).unwrap();
+                        let mut socket = socket.try_clone().unwrap();
+                        std::thread::spawn(move || {
+                            std::thread::sleep(Duration::from_millis(300));
+                            let _ = socket.write_all(&[&(message.len() as u32).to_le_bytes()[..], &message].concat());
+                        });
                     } else {
                         self.push(stream, &message);
                     }
@@ -539,7 +558,9 @@ impl World {
         }
         size.iter().for_each(|length| bytes.extend((*length as u32).to_le_bytes()));
         bytes.extend((number("fov") as f32).to_le_bytes());
-        bytes.extend(frame.data().chunks_exact(3).flat_map(|rgb| [rgb[2], rgb[1], rgb[0], 255]));
+        let darker = if actor.frames < self.setup.adapts { 4 } else { 1 };
+        let pixel = |rgb: &[u8]| [rgb[2] / darker, rgb[1] / darker, rgb[0] / darker, 255];
+        bytes.extend(frame.data().chunks_exact(3).flat_map(pixel));
         bytes
     }
 
@@ -614,15 +635,15 @@ fn trimmed(points: &[[f64; 3]]) -> &[[f64; 3]] {
     &points[..end]
 }
 
-/// The embedded simulator with these parameters.
+/// The simulator of the plugin of this name with these parameters.
 ///
 /// # Panics
-/// Where it has not been built, or refuses them.
-pub fn lane_simulator(parameters: &serde_json::Value) -> Box<dyn Simulator> {
-    let plugin = Plugin::load(&crate::library("pdk_lane")).unwrap();
-    let index = plugin.description.components.iter().position(|component| component.name == "lane").unwrap();
+/// If it has not been built, or refuses them.
+pub fn simulator(name: &str, parameters: &serde_json::Value) -> Box<dyn Simulator> {
+    let plugin = Plugin::load(&crate::library(&format!("pdk_{name}"))).unwrap();
+    let index = plugin.description.components.iter().position(|component| component.name == name).unwrap();
     match plugin.create(index, parameters.as_object().unwrap()).unwrap() {
         Instance::Simulator(simulator) => simulator,
-        other => panic!("`lane` is a {}", other.kind()),
+        other => panic!("`{name}` is a {}", other.kind()),
     }
 }

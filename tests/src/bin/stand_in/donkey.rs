@@ -250,6 +250,10 @@ impl Session<'_> {
                 self.write(with(&line, "time", "0").as_bytes());
                 None
             }
+            Fault::Freeze(pause) => {
+                std::thread::sleep(pause);
+                None
+            }
             Fault::Flood => {
                 self.write(br#"{"msg_type":"telemetry","image":""#);
                 for _ in 0..100 {

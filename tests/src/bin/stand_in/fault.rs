@@ -15,6 +15,7 @@ pub enum Fault {
     Huge,
     /// A time that has passed.
     Back,
+    Freeze(Duration),
 }
 
 /// What is to go wrong.
@@ -46,6 +47,7 @@ impl Faults {
             "flood" => Fault::Flood,
             "huge" => Fault::Huge,
             "back" => Fault::Back,
+            "freeze" => Fault::Freeze(Duration::from_secs_f64(seconds.parse().unwrap())),
             other => panic!("there is no fault {other}"),
         });
     }

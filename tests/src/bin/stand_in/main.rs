@@ -8,6 +8,7 @@
 //! | `--rate` | frames a second that it sends by itself, by the clock; without it, it moves on by one frame for each control |
 //! | `--home` | where its road begins, in its coordinates: `x,y,z` |
 //! | `--seeds` | a `scenarios.jsonl` that says which seed belongs to which road, so that the same world is seen as there |
+//! | `--polls` | `3` or `4`: begins with HTTP long polling, in this version of Engine.IO (`udacity`) |
 //! | `--numbers` | `german`: numbers have decimal commas |
 //! | `--fault` | `NAME` or `NAME:SECONDS`: what goes wrong |
 //! | `--at` | after how many controls of a drive; 20 where it is not said |
@@ -21,6 +22,7 @@
 //! | `half` | hangs up in the middle of a message |
 //! | `garbage` | sends what is no message |
 //! | `flood` | sends a message of 100 MB |
+//! | `freeze` | stands still for so many seconds, and goes on (`udacity`) |
 
 #![allow(clippy::unwrap_used)]
 
@@ -48,6 +50,8 @@ pub struct Options {
     pub seeds: Option<PathBuf>,
     /// Whether numbers have decimal commas.
     pub german: bool,
+    /// The version of Engine.IO in which it begins with long polling.
+    pub polls: Option<u8>,
     /// What goes wrong.
     pub faults: Faults,
 }
@@ -63,6 +67,7 @@ fn main() {
         home: [51.0, 0.6, 50.0],
         seeds: None,
         german: false,
+        polls: None,
         faults: Faults::default(),
     };
     while let Some(option) = arguments.next() {
@@ -76,6 +81,7 @@ fn main() {
             }
             "--seeds" => options.seeds = Some(value.into()),
             "--numbers" => options.german = value == "german",
+            "--polls" => options.polls = Some(value.parse().unwrap()),
             "--fault" => options.faults.name(&value),
             "--at" => options.faults.at = value.parse().unwrap(),
             "--times" => options.faults.left = value.parse().unwrap(),

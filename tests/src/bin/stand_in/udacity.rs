@@ -1,6 +1,6 @@
 //! The Udacity simulator: a client that says version 4 of Engine.IO in its address and speaks version 3, as the Unity library does.
 
-use std::io::{ErrorKind, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
@@ -34,18 +34,18 @@ pub fn run(mut options: Options) {
     // Whoever connects next finds the road of whoever came before.
     let mut track = String::new();
     loop {
-        let Ok(stream) = TcpStream::connect(("127.0.0.1", options.port)) else {
-            std::thread::sleep(Duration::from_millis(10));
-            continue;
+        let connected = match options.polls {
+            Some(version) => connect_by_polling(options.port, version),
+            None => connect(options.port, ""),
         };
-        stream.set_nodelay(true).unwrap();
-        let url = format!("ws://127.0.0.1:{}/socket.io/?EIO=4&transport=websocket", options.port);
-        let Ok((mut socket, _)) = tungstenite::client(url, stream) else {
+        let Some(mut socket) = connected else {
             std::thread::sleep(Duration::from_millis(10));
             continue;
         };
         // Before the greeting, as the library does.
-        let _ = socket.send(Message::text("2"));
+        if options.polls.is_none() {
+            let _ = socket.send(Message::text("2"));
+        }
         let mut session = Session {
             socket,
             world: &mut world,
@@ -62,6 +62,59 @@ pub fn run(mut options: Options) {
             None => return,
         }
     }
+}
+
+/// A WebSocket.
+fn connect(port: u16, more: &str) -> Option<WebSocket<TcpStream>> {
+    let stream = TcpStream::connect(("127.0.0.1", port)).ok()?;
+    stream.set_nodelay(true).unwrap();
+    let url = format!("ws://127.0.0.1:{port}/socket.io/?EIO=4&transport=websocket{more}");
+    tungstenite::client(url, stream).ok().map(|(socket, _)| socket)
+}
+
+/// Long polling, and then a WebSocket, as clients of Socket.IO connect unless they are told otherwise.
+fn connect_by_polling(port: u16, version: u8) -> Option<WebSocket<TcpStream>> {
+    let ask = |request: String| {
+        let mut stream = TcpStream::connect(("127.0.0.1", port)).ok()?;
+        stream.write_all(request.as_bytes()).ok()?;
+        Some(stream)
+    };
+    let answer = |mut stream: TcpStream| {
+        let mut text = String::new();
+        stream.read_to_string(&mut text).ok()?;
+        let (head, body) = text.split_once("\r\n\r\n")?;
+        assert!(head.starts_with("HTTP/1.1 200 OK\r\n"), "{head}");
+        Some(body.to_owned())
+    };
+    let path = format!("/socket.io/?EIO={version}&transport=polling&t=1.5");
+    let get = |sid: &str| format!("GET {path}{sid} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n");
+    let opened = answer(ask(get(""))?)?;
+    // Version 3 writes the length of a packet before it.
+    let packet = match version {
+        3 => {
+            let (length, packet) = opened.split_once(':').unwrap();
+            assert_eq!(length.parse(), Ok(packet.len()));
+            packet
+        }
+        _ => &opened,
+    };
+    let opened: Value = serde_json::from_str(packet.strip_prefix('0').unwrap()).unwrap();
+    assert_eq!(opened["upgrades"], json!(["websocket"]), "{opened}");
+    let sid = format!("&sid={}", opened["sid"].as_str().unwrap());
+    let held = ask(get(&sid))?;
+    if version == 4 {
+        // It asks for the namespace while it still polls.
+        let post = format!("POST {path}{sid} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 2\r\n\r\n40");
+        assert_eq!(answer(ask(post)?)?, "ok");
+    }
+    let mut socket = connect(port, &sid)?;
+    socket.send(Message::text("2probe")).ok()?;
+    assert_eq!(socket.read().ok()?, Message::text("3probe"));
+    assert_eq!(answer(held)?, if version == 3 { "1:6" } else { "6" });
+    socket.send(Message::text("5")).ok()?;
+    let connected = socket.read().ok()?.into_text().unwrap();
+    assert!(if version == 3 { connected == "40" } else { connected.starts_with("40{\"sid\":\"") }, "{connected}");
+    Some(socket)
 }
 
 impl Session<'_> {
@@ -174,7 +227,10 @@ impl Session<'_> {
         let fault =
             if self.world.controls > 0 { self.options.faults.after(self.world.controls) } else { None };
         match fault {
-            None => {
+            None | Some(Fault::Freeze(_)) => {
+                if let Some(Fault::Freeze(pause)) = fault {
+                    std::thread::sleep(pause);
+                }
                 // Where the other end is gone, reading says so.
                 let _ = self.socket.send(Message::text(packet));
                 None
