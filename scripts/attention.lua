@@ -17,7 +17,7 @@ local settings = pdk.settings({
 	simulator = "lane",
 	conditions = { "easy", "standard", "hard" }, -- of lane; none: the simulator as it is
 	drivers = { "dave2", "dave2_augmented" }, -- networks; a file as { name = "onnx", model = "FILE.onnx" }
-	perturbations = { "gaussian_noise", "false_color_filter", "defocus_blur" },
+	perturbations = { "false_color_filter", "fog_filter", "gaussian_noise" },
 	levels = { 4 },
 	shares = { 5, 10, 20, 40 }, -- percent of the frame that is perturbed
 	methods = { "hirescam", "gradient" }, -- saliency methods, with parameters of their own as { name = ..., ... }

@@ -423,7 +423,8 @@ impl World {
                 drive.simulator.frame(frame.as_mut()).unwrap();
                 let channels = self.setup.channels;
                 let rgba = |rgb: &[u8]| [rgb[0], rgb[1], rgb[2], 255];
-                let pixels = frame.data().chunks_exact(3).flat_map(|rgb| rgba(rgb).into_iter().take(channels));
+                let pixels =
+                    frame.data().chunks_exact(3).flat_map(|rgb| rgba(rgb).into_iter().take(channels));
                 let colour = Value::Binary(pixels.collect());
                 Ok(("CollectAdHocPollRequestCamera", vec![("data", map(vec![("colour", colour)]))]))
             }

@@ -115,7 +115,10 @@ fn a_picture_is_waited_for_however_it_is_sent() {
         let folder = temp();
         let game = BeamNgGame::start(Setup { asks, channels, ..Setup::default() });
         run(folder.path(), "record", &beamng(game.port())).set("duration", 1).succeed();
-        outcomes(folder.path(), "record").into_iter().map(|outcome| outcome["digest"].clone()).collect::<Vec<_>>()
+        outcomes(folder.path(), "record")
+            .into_iter()
+            .map(|outcome| outcome["digest"].clone())
+            .collect::<Vec<_>>()
     });
     assert_eq!(digests[0], digests[1]);
     assert_ne!(digests[0][0], digests[0][1], "the second scenario is perturbed");

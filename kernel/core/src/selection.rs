@@ -15,7 +15,7 @@ enum Source {
     /// Nothing: it is drawn.
     Chance,
     /// Saliency maps.
-    Maps(Maps),
+    Maps(Box<Maps>),
     /// The labels that come with a frame.
     Labels,
     /// The distances that come with a frame.
@@ -56,7 +56,7 @@ impl Selector {
     /// Where there is no such method, or it refuses its parameters.
     pub fn new(registry: &Registry, selection: &Selection, key: Key) -> Result<Self> {
         let source = match (&selection.by, &selection.mask) {
-            (Some(by), _) => Source::Maps(Maps::new(registry, by, key)?),
+            (Some(by), _) => Source::Maps(Box::new(Maps::new(registry, by, key)?)),
             (None, Some(mask)) => {
                 let (instance, _) = registry.mask(&mask.name, &mask.parameters)?;
                 Source::Mask(instance, format!("mask `{}`", mask.name))

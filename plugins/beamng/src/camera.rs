@@ -21,7 +21,8 @@ const TICK: Duration = Duration::from_millis(1);
 /// What is said when it is opened. The vehicle faces towards its own -y.
 pub fn opening(options: &Options, vehicle: &'static str) -> Vec<(&'static str, Value)> {
     let (width, height) = (options.mount.camera.width, options.mount.camera.height);
-    let half = (options.mount.field_of_view.to_radians() / 2.0).tan() * f64::from(height) / f64::from(width);
+    let half =
+        libm::tan(options.mount.field_of_view.to_radians() / 2.0) * f64::from(height) / f64::from(width);
     let pitch = options.mount.pitch.to_radians();
     let numbers = |numbers: &[f64]| Value::Array(numbers.iter().copied().map(Value::F64).collect());
     vec![
@@ -31,11 +32,11 @@ pub fn opening(options: &Options, vehicle: &'static str) -> Vec<(&'static str, V
         ("updateTime", Value::F64(-1.0)),
         ("priority", Value::F64(1.0)),
         ("size", Value::Array(vec![width.into(), height.into()])),
-        ("fovY", Value::F64(2.0 * half.atan().to_degrees())),
+        ("fovY", Value::F64(2.0 * libm::atan(half).to_degrees())),
         ("nearFarPlanes", numbers(&[0.05, 500.0])),
         ("pos", numbers(&[0.0, -options.mount.ahead, options.mount.height])),
-        ("dir", numbers(&[0.0, -pitch.cos(), -pitch.sin()])),
-        ("up", numbers(&[0.0, -pitch.sin(), pitch.cos()])),
+        ("dir", numbers(&[0.0, -libm::cos(pitch), -libm::sin(pitch)])),
+        ("up", numbers(&[0.0, -libm::sin(pitch), libm::cos(pitch)])),
         ("useSharedMemory", false.into()),
         ("colourShmemName", Value::Nil),
         ("colourShmemSize", (-1).into()),
@@ -70,7 +71,9 @@ pub fn look(engine: &mut Messages, mut picture: Picture, deadline: &Deadline) ->
         return Err(engine.strange(SEND, &answer));
     };
     let request = || vec![("requestId", (request as u64).into())];
-    while field(&engine.ask("IsAdHocPollRequestReadyCamera", request(), deadline)?, "data").as_bool() != Some(true) {
+    while field(&engine.ask("IsAdHocPollRequestReadyCamera", request(), deadline)?, "data").as_bool()
+        != Some(true)
+    {
         if deadline.left().is_none() {
             return Err(deadline.late(engine.peer(), "rendered a camera frame"));
         }
@@ -82,7 +85,9 @@ pub fn look(engine: &mut Messages, mut picture: Picture, deadline: &Deadline) ->
         Value::String(text) => text.as_bytes(),
         _ => &[],
     };
-    let Some(order) = [Order::Rgba, Order::Rgb].into_iter().find(|order| picture.sent(*order) == colours.len()) else {
+    let Some(order) =
+        [Order::Rgba, Order::Rgb].into_iter().find(|order| picture.sent(*order) == colours.len())
+    else {
         return Err(Error::of(
             ErrorKind::Nonsense,
             format!(

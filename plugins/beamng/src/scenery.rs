@@ -103,7 +103,7 @@ pub fn vehicle(name: &str, model: &str, [x, height, z]: [f64; 3]) -> Value {
 /// from +z). A vehicle that is not turned faces towards -y, which is our -z.
 pub fn facing(heading: f64) -> [f64; 4] {
     let half = (heading - std::f64::consts::PI) / 2.0;
-    [0.0, 0.0, half.sin(), half.cos()]
+    [0.0, 0.0, libm::sin(half), libm::cos(half)]
 }
 
 #[cfg(test)]
@@ -127,7 +127,10 @@ mod tests {
         ids.sort_unstable();
         ids.dedup();
         assert_eq!(ids.len(), 6);
-        assert_eq!((&lines[5]["groupPosition"], &lines[5]["noAutoReload"]), (&json!("0.000000 0.000000 0.000000"), &json!(true)));
+        assert_eq!(
+            (&lines[5]["groupPosition"], &lines[5]["noAutoReload"]),
+            (&json!("0.000000 0.000000 0.000000"), &json!(true))
+        );
         let nodes = lines[1]["nodes"].as_array().unwrap();
         for node in nodes {
             assert_eq!((&node[0], &node[3]), (&json!(-2.0), &json!(8.0)));

@@ -202,11 +202,11 @@ impl Session {
     /// Turns the vehicle along the road, and lets it come to rest.
     fn settle(&mut self, waypoints: &[[f64; 3]]) -> Result<Motion> {
         let ([ax, height, az], [bx, _, bz]) = (waypoints[0], waypoints[1]);
-        let heading = (bx - ax).atan2(bz - az);
+        let heading = libm::atan2(bx - ax, bz - az);
         let position = [ax, az, self.options.ground + height + DROP];
         let along = |motion: &Motion| {
             let [dx, dy, _] = motion.direction;
-            (dx * heading.sin() + dy * heading.cos()) / dx.hypot(dy).max(1e-9)
+            (dx * libm::sin(heading) + dy * libm::cos(heading)) / libm::hypot(dx, dy).max(1e-9)
         };
         let parked = vec![
             ("parkingbrake", 1.into()),
@@ -366,7 +366,7 @@ impl Drive {
             // From the count, not from a sum: it never drifts.
             time: self.frames as f64 / options.mount.camera.rate,
             position: motion.position,
-            heading: dx.atan2(dy),
+            heading: libm::atan2(dx, dy),
             speed: motion.speed,
             cross_track_error,
             progress,

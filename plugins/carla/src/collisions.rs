@@ -94,7 +94,7 @@ fn is_collision(event: &Value) -> bool {
     let kind = other.kind();
     let push = [0, 1, 2].map(|axis| number(element(element(event, 2), axis)));
     match push {
-        [Some(x), Some(y), Some(z)] if kind == UNLABELLED => z.abs() <= x.hypot(y),
+        [Some(x), Some(y), Some(z)] if kind == UNLABELLED => z.abs() <= libm::hypot(x, y),
         _ => !GROUND.contains(&kind),
     }
 }

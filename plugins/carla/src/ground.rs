@@ -108,7 +108,7 @@ impl Lane {
     /// Heading of its beginning in radians.
     pub fn heading(&self) -> f64 {
         match self.waypoints.as_slice() {
-            [a, b, ..] => (b[0] - a[0]).atan2(b[2] - a[2]),
+            [a, b, ..] => libm::atan2(b[0] - a[0], b[2] - a[2]),
             _ => 0.0,
         }
     }

@@ -183,9 +183,9 @@ impl Simulator for Carla {
             0 => u64::MAX,
             every => every,
         };
-        let of_use = kept.as_mut().is_some_and(|episode| {
-            episode.slot() == slot && episode.worlds() < most && episode.is_open()
-        });
+        let of_use = kept
+            .as_mut()
+            .is_some_and(|episode| episode.slot() == slot && episode.worlds() < most && episode.is_open());
         let episode = match kept.filter(|_| of_use) {
             Some(episode) => episode,
             None => Episode::open(&self.settings, slot, &deadline)?,

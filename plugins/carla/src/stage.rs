@@ -203,7 +203,7 @@ impl Stage {
         }
         let speed = self.options.initial_speed;
         if speed > 0.0 {
-            let ahead = [self.heading.cos() * speed, self.heading.sin() * speed, 0.0];
+            let ahead = [libm::cos(self.heading) * speed, libm::sin(self.heading) * speed, 0.0];
             server.control(vehicle, Pedals::of(Control::default()))?;
             server.set_velocity(vehicle, ahead)?;
             frame += 1;

@@ -94,7 +94,7 @@ impl Fleet {
     fn at(&self, along: f64, lateral: f64, oncoming: bool) -> Transform {
         let [x, z] = self.path.beside(along, lateral);
         let [dx, dz] = self.path.direction(self.path.segment_at(along));
-        let heading = dx.atan2(dz) + if oncoming { std::f64::consts::PI } else { 0.0 };
+        let heading = libm::atan2(dx, dz) + if oncoming { std::f64::consts::PI } else { 0.0 };
         let after =
             self.heights.partition_point(|(place, _)| *place <= along).clamp(1, self.heights.len() - 1);
         let ((a, low), (b, high)) = (self.heights[after - 1], self.heights[after]);

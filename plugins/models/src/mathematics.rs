@@ -29,8 +29,28 @@ functions! { f32:
     tanf(x), tanhf(x), tgammaf(x),
 }
 
+/// Defines functions that compute the sine and the cosine at once, which compilers call where code asks for both (a GNU extension).
+macro_rules! both {
+    ($type:ty: $name:ident = $sine:ident, $cosine:ident) => {
+        // SAFETY: the function does what the GNU C library says of this name, so that whoever finds it gets what it expects.
+        #[unsafe(no_mangle)]
+        unsafe extern "C" fn $name(x: $type, sine: *mut $type, cosine: *mut $type) {
+            // SAFETY: the caller gives two places that can be written to, as that library demands.
+            unsafe {
+                sine.write(libm::$sine(x));
+                cosine.write(libm::$cosine(x));
+            }
+        }
+    };
+}
+
+both! { f64: sincos = sin, cos }
+both! { f32: sincosf = sinf, cosf }
+
 #[cfg(test)]
 mod tests {
+    // These are the calls that tract makes.
+    #[expect(clippy::disallowed_methods)]
     /// The standard library's functions, called in a way that the compiler cannot compute beforehand.
     #[test]
     fn code_of_this_library_finds_these_functions() {
@@ -40,6 +60,8 @@ mod tests {
             let y = x as f32;
             assert_eq!(x.exp().to_bits(), libm::exp(x).to_bits(), "exp({x})");
             assert_eq!(y.exp().to_bits(), libm::expf(y).to_bits(), "expf({y})");
+            assert_eq!(x.sin_cos().0.to_bits(), libm::sin(x).to_bits(), "the sine of sincos({x})");
+            assert_eq!(x.sin_cos().1.to_bits(), libm::cos(x).to_bits(), "the cosine of sincos({x})");
             assert_eq!(y.sin().to_bits(), libm::sinf(y).to_bits(), "sinf({y})");
             assert_eq!(y.tan().to_bits(), libm::tanf(y).to_bits(), "tanf({y})");
             assert_eq!(x.abs().ln().to_bits(), libm::log(x.abs()).to_bits(), "log({x})");

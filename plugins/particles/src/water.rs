@@ -322,7 +322,7 @@ mod tests {
         assert!(at(120, 110)[1] > at(120, 130)[1] + 20 && at(110, 120)[2] > at(130, 120)[2] + 20);
         // Nothing beyond the rim has changed, and everything well inside it has been looked through.
         for (x, y) in (0..240 * 240).map(|i| (i % 240, i / 240)) {
-            let far = (x as f32 - 119.5).hypot(y as f32 - 119.5);
+            let far = libm::hypotf(x as f32 - 119.5, y as f32 - 119.5);
             if far > 25.0 {
                 assert_eq!(frame.as_ref().pixel(x, y), scene().as_ref().pixel(x, y), "{x} {y}");
             }
@@ -382,7 +382,7 @@ mod tests {
                     water.add(lens, &drop);
                     for (i, &depth) in water.field.iter().enumerate().filter(|(_, depth)| **depth > 0.0) {
                         let (x, y) = ((i % 242) as f32 - 120.5, (i / 242) as f32 - 120.5);
-                        let far = x.hypot(y) / radius;
+                        let far = libm::hypotf(x, y) / radius;
                         assert!(far < 2.8 && depth <= CAP * radius * 1.01, "{far} radii out at {radius}");
                     }
                 });

@@ -44,7 +44,7 @@ mod tests {
         let mut hit = [false; 35];
         let mut quadrants = [0; 4];
         for ray in &rays {
-            assert!((ray.dx.hypot(ray.dy) - 1.0).abs() < 1e-12);
+            assert!((libm::hypot(ray.dx, ray.dy) - 1.0).abs() < 1e-12);
             let (x, y) = ray.pixel(7, 5).unwrap();
             hit[y * 7 + x] = true;
             quadrants[usize::from(ray.dx > 0.0) * 2 + usize::from(ray.dy > 0.0)] += 1;

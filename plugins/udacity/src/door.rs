@@ -90,7 +90,8 @@ impl Door {
     /// speaks another one than it says.
     fn open(&mut self, visitor: Visitor, request: Request) -> Option<Client> {
         let is_socket_io = request.head.uri().path().trim_end_matches('/') == "/socket.io";
-        let number = request.query("sid").map(|sid| self.sessions.iter().position(|session| session.sid == sid));
+        let number =
+            request.query("sid").map(|sid| self.sessions.iter().position(|session| session.sid == sid));
         match (request.query("transport"), number) {
             (Some("websocket"), None) if is_socket_io => {
                 let mut socket = self.upgrade(visitor, request)?;
@@ -121,7 +122,10 @@ impl Door {
                 self.sessions.push_back(session);
             }
             _ => {
-                self.refuse(visitor, "this is /socket.io/ with transport=websocket or transport=polling only".to_owned());
+                self.refuse(
+                    visitor,
+                    "this is /socket.io/ with transport=websocket or transport=polling only".to_owned(),
+                );
             }
         }
         None

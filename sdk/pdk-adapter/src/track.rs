@@ -70,7 +70,7 @@ impl Track {
         let [dx, dz] = self.path.direction(0);
         self.located = self.path.locate(start, 0, 1);
         self.position = start;
-        self.headed = (start, dx.atan2(dz));
+        self.headed = (start, libm::atan2(dx, dz));
         self.farthest = 0.0;
     }
 
@@ -103,7 +103,7 @@ impl Track {
         self.position = position;
         let (from, _) = self.headed;
         if pdk_road::distance(from, position) >= HEADING_STEP {
-            self.headed = (position, (position[0] - from[0]).atan2(position[1] - from[1]));
+            self.headed = (position, libm::atan2(position[0] - from[0], position[1] - from[1]));
         }
         self.farthest = self.farthest.max(self.located.along);
         let finished = self.farthest >= self.path.length() - END;
@@ -131,7 +131,7 @@ mod tests {
         );
         let place = track.find([6.5, 1.0, 20.0]);
         assert!((place.cross_track_error - 1.5).abs() < 1e-9 && (place.progress - 0.2).abs() < 1e-9);
-        assert!((place.heading - (1.5f64 / 20.0).atan()).abs() < 1e-9);
+        assert!((place.heading - libm::atan(1.5 / 20.0)).abs() < 1e-9);
         // Back is no progress.
         assert_eq!(track.find([5.0, 1.0, 10.0]).progress, place.progress);
         let place = track.find([4.0, 1.0, 99.6]);

@@ -125,7 +125,7 @@ mod tests {
     /// `cos((2x + 1) u pi / 16)`, normalised.
     fn basis(u: usize, x: usize) -> f64 {
         let scale = if u == 0 { 0.125f64.sqrt() } else { 0.5 };
-        scale * ((2 * x + 1) as f64 * u as f64 * PI / 16.0).cos()
+        scale * libm::cos((2 * x + 1) as f64 * u as f64 * PI / 16.0)
     }
 
     fn random_blocks(reach: i32) -> Blocks {

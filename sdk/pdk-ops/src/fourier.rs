@@ -378,7 +378,7 @@ mod tests {
             plan.transform(&mut to.re, &mut to.im);
             for lane in 0..LANES {
                 for (k, (re, im)) in plain(&from, lane).into_iter().enumerate() {
-                    let off = (f64::from(to.re[k][lane]) - re).hypot(f64::from(to.im[k][lane]) - im);
+                    let off = libm::hypot(f64::from(to.re[k][lane]) - re, f64::from(to.im[k][lane]) - im);
                     assert!(off < 2e-3 * (len as f64).sqrt().max(1.0), "{len}: element {k} is off by {off}");
                 }
             }

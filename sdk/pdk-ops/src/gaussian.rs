@@ -254,7 +254,7 @@ mod tests {
             weights(size, &mut half);
             let sigma = sigma_of_kernel(size);
             let density: Vec<f64> =
-                (0..half.len()).map(|x| (-((x * x) as f64) / (2.0 * sigma * sigma)).exp()).collect();
+                (0..half.len()).map(|x| libm::exp(-((x * x) as f64) / (2.0 * sigma * sigma))).collect();
             let total = 2.0 * density.iter().sum::<f64>() - 1.0;
             for (x, (&weight, density)) in half.iter().zip(&density).enumerate() {
                 // The centre takes what rounding leaves on both sides.

@@ -207,7 +207,7 @@ mod tests {
             kernel.set_gaussian(size, sigma);
             let weights: Vec<i32> = kernel.pairs.iter().flatten().map(|&w| i32::from(w)).collect();
             assert_eq!(2 * weights.iter().sum::<i32>(), 1 << 15, "{size}");
-            let density = |x: usize| (-((x * x) as f64) / (2.0 * sigma * sigma)).exp();
+            let density = |x: usize| libm::exp(-((x * x) as f64) / (2.0 * sigma * sigma));
             let total: f64 = 2.0 * (1..=size / 2).map(density).sum::<f64>() + 1.0;
             for (x, weight) in weights.into_iter().take(size / 2 + 1).enumerate() {
                 let sides = if x == 0 { 2.0 } else { 1.0 };

@@ -175,8 +175,10 @@ mod tests {
     #[test]
     fn bends_have_the_radius_of_their_circle() {
         // A circle of 20 m, as waypoints.
-        let waypoints =
-            (0..60).map(|i| f64::from(i) / 15.0).map(|t| [20.0 - 20.0 * t.cos(), 20.0 * t.sin()]).collect();
+        let waypoints = (0..60)
+            .map(|i| f64::from(i) / 15.0)
+            .map(|t| [20.0 - 20.0 * libm::cos(t), 20.0 * libm::sin(t)])
+            .collect();
         let circle = Road { nodes: Vec::new(), angles: Vec::new(), waypoints };
         assert_eq!(check_bends(&circle, 19.8), Ok(()));
         let error = check_bends(&circle, 20.2).unwrap_err();

@@ -31,7 +31,7 @@ pub fn fronts(registry: &Registry, seeds: u64, only: &[&str]) {
         (
             "zdt3",
             space(30, UNIT),
-            |x| zdt(x, |f, g| 1.0 - (f / g).sqrt() - f / g * (10.0 * std::f64::consts::PI * f).sin()),
+            |x| zdt(x, |f, g| 1.0 - (f / g).sqrt() - f / g * libm::sin(10.0 * std::f64::consts::PI * f)),
             vec![1.1; 2],
         ),
         ("dtlz2", space(12, UNIT), dtlz2, vec![1.1; 3]),
@@ -92,7 +92,11 @@ fn dtlz2(x: &[f64]) -> Vec<f64> {
     let g: f64 = x[2..].iter().map(|x| (x - 0.5) * (x - 0.5)).sum();
     let angle = |i: usize| x[i] * std::f64::consts::FRAC_PI_2;
     let (a, b) = (angle(0), angle(1));
-    vec![(1.0 + g) * a.cos() * b.cos(), (1.0 + g) * a.cos() * b.sin(), (1.0 + g) * a.sin()]
+    vec![
+        (1.0 + g) * libm::cos(a) * libm::cos(b),
+        (1.0 + g) * libm::cos(a) * libm::sin(b),
+        (1.0 + g) * libm::sin(a),
+    ]
 }
 
 /// The squared distances from two points of whole numbers, neither of which is at a bound.

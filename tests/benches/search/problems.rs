@@ -105,8 +105,8 @@ const HEIGHTS: [f64; 3] = [1.0, 0.7, 0.55];
 
 fn peaks(regions: &[Region], x: &[f64]) -> Vec<f64> {
     let height = |(region, height): (&Region, f64)| {
-        let steepness = (2.0 * height).ln() / (region.half[0] * region.half[0]);
-        height * (-steepness * region.squares(x)).exp()
+        let steepness = libm::log(2.0 * height) / (region.half[0] * region.half[0]);
+        height * libm::exp(-steepness * region.squares(x))
     };
     vec![-regions.iter().zip(HEIGHTS).map(height).fold(0.0, f64::max)]
 }

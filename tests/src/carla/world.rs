@@ -496,7 +496,8 @@ impl World {
                         let mut socket = socket.try_clone().unwrap();
                         std::thread::spawn(move || {
                             std::thread::sleep(Duration::from_millis(300));
-                            let _ = socket.write_all(&[&(message.len() as u32).to_le_bytes()[..], &message].concat());
+                            let _ = socket
+                                .write_all(&[&(message.len() as u32).to_le_bytes()[..], &message].concat());
                         });
                     } else {
                         self.push(stream, &message);

@@ -35,7 +35,7 @@ fn open(path: &Path) -> (Graph, Vec<(String, Tensor)>) {
             "image" => numbers(5, count)
                 .iter()
                 .enumerate()
-                .map(|(i, v)| 120.0 + 60.0 * (i as f64 / 37.0).sin() + 20.0 * v)
+                .map(|(i, v)| 120.0 + 60.0 * libm::sin(i as f64 / 37.0) + 20.0 * v)
                 .collect(),
             _ => vec![8.0; count],
         };

@@ -37,7 +37,7 @@ pub enum Frames {
     /// Image files, with the names of their frames.
     Images(Vec<(String, PathBuf)>),
     /// The frames of a record, and which of them are taken.
-    Record(Recorded, Vec<usize>),
+    Record(Box<Recorded>, Vec<usize>),
     /// A dataset, what messages call it, and the frames that are taken.
     Dataset(Box<dyn Dataset>, String, Vec<usize>),
 }
@@ -55,7 +55,7 @@ impl Frames {
         if Recorded::is_one(path) {
             let record = Recorded::open(path)?;
             let taken = spread(record.len(), count);
-            return Ok(Self::Record(record, taken));
+            return Ok(Self::Record(Box::new(record), taken));
         }
         let images = images(path)?;
         if !images.is_empty() {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use pdk_core::directory::{RunDirectory, SCENARIOS};
 use pdk_core::ledger;
 use pdk_sdk::error::{Error, Result};
-use pdk_trace::reader::{Entry, TraceImage, TraceReader};
+use pdk_trace::reader::{Entry, Owner, TraceImage, TraceReader};
 use pdk_trace::step::ImageTopic;
 
 use super::frames::Shown;
@@ -34,8 +34,8 @@ struct Reading {
 }
 
 impl Reading {
-    fn open(path: &Path) -> Result<Self> {
-        Ok(Self { entries: TraceReader::open(path)?, speed: 0.0 })
+    fn of(entries: TraceReader) -> Self {
+        Self { entries, speed: 0.0 }
     }
 
     /// The next frame that the camera saw.
@@ -76,7 +76,8 @@ impl Recorded {
             if number == roads.len() {
                 roads.push(road);
             }
-            let mut reading = Reading::open(&path)?;
+            // Read to its end here, which is where it is found out whether it belongs to the line.
+            let mut reading = Reading::of(TraceReader::of(&path, Owner::of(line))?);
             while let Some(image) = reading.next()? {
                 frames.push((traces.len(), image.sequence));
             }
@@ -105,7 +106,7 @@ impl Recorded {
         let trace = &self.traces[place];
         let mut reading = match self.open.take() {
             Some((open, reading)) if open == place => reading,
-            _ => Reading::open(&trace.path)?,
+            _ => Reading::of(TraceReader::open(&trace.path)?),
         };
         while let Some(image) = reading.next()? {
             if image.sequence == sequence {
