@@ -146,7 +146,9 @@ fn damage_is_a_collision_from_a_threshold_on() {
 fn doctor_says_what_it_found() {
     let game = BeamNgGame::start(Setup::default());
     let finished = Pdk::new(["doctor", "--simulator", "beamng"]).set("port", game.port()).succeed();
-    for part in ["`beamng` was ready after", "waits for the driver", "protocol: v1.27", "320x240"] {
+    for part in
+        ["`beamng` was ready after", "waits for the driver", "protocol: v1.27", "frames of 320x160 pixels"]
+    {
         assert!(finished.stdout.contains(part), "{part}: {}", finished.stdout);
     }
     assert!(game.is_untouched(), "{:?}", game.calls());

@@ -154,7 +154,8 @@ fn the_default_map_beats_itself_in_other_places_on_every_network() {
     std::fs::write(folder.path().join("frames.lua"), FRAMES).unwrap();
     Pdk::new(["run", "--out"]).arg(&record).arg(folder.path().join("frames.lua")).succeed();
     let networks = Pdk::new(["list", "driver", "--json"]).succeed().json();
-    let networks = networks.as_array().unwrap().iter().filter_map(|entry| entry["name"].as_str());
+    let networks =
+        networks.as_array().unwrap().iter().filter_map(|entry| entry["description"]["name"].as_str());
     let mut drivers: Vec<_> = networks
         .filter(|name| name.starts_with("dave2"))
         .map(|name| (name.to_owned(), record.clone()))
