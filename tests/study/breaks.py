@@ -92,10 +92,21 @@ def in_order(script, ranking):
     return head + "\tperturbations = {\n" + "\n".join(f"\t\t{line}" for line in lines) + "\n\t},\n" + rest
 
 
+def made(record):
+    """What the study was made with: all that it takes to compute it again."""
+    manifest = json.loads((record / "manifest.json").read_text())
+    engines = set()
+    for line in (record / "scenarios.jsonl").open():
+        engines.add(json.loads(line)["scenario"]["driver"]["parameters"]["engine"])
+    versions = {component["name"]: component["version"] for component in manifest["components"]}
+    fields = {key: manifest[key] for key in ("pdk", "seed", "settings", "machine")}
+    return {**fields, "engines": sorted(engines), "components": versions}
+
+
 def rounded(value):
-    """A value with four decimals in each of its numbers but the shares by road, from which groups are computed."""
+    """A value with four decimals in each of its numbers but the shares by road, from which groups are computed, and what it was made with."""
     if isinstance(value, dict):
-        return {key: of if key == "shares" else rounded(of) for key, of in value.items()}
+        return {key: of if key in ("shares", "made") else rounded(of) for key, of in value.items()}
     if isinstance(value, list):
         return [rounded(of) for of in value]
     return round(value, 4) if isinstance(value, float) else value
@@ -224,6 +235,7 @@ def main():
     parser.add_argument("--write", action="store_true", help="write the files")
     options = parser.parse_args()
     ranking = json.loads((options.record / "ranking.json").read_text())
+    ranking["made"] = made(options.record)
     tables = {"ranking": ranking_table(ranking), "levels": level_table(ranking)}
     print("\n".join(tables.values()))
     drives(options.record)
