@@ -1,0 +1,177 @@
+//! Perturbations in Lua as their authors check them.
+
+use std::path::Path;
+
+use pdk_tests::{Finished, Pdk, repository, temp};
+
+fn check(folder: &Path, name: &str, source: &str) -> Finished {
+    let file = folder.join(name);
+    std::fs::write(&file, source).unwrap();
+    Pdk::new(["check"]).arg(name).folder(folder).run()
+}
+
+#[test]
+fn what_comes_along_and_what_pdk_new_writes_passes() {
+    for entry in std::fs::read_dir(repository().join("scripts/perturbations")).unwrap() {
+        let file = entry.unwrap().path();
+        let checked = Pdk::new(["check"]).arg(&file).succeed();
+        assert!(!checked.stdout.contains("note"), "{}", checked.stdout);
+        assert_eq!(checked.stdout.matches("ok   ").count(), 4, "{}", checked.stdout);
+    }
+    let folder = temp();
+    Pdk::new(["new", "perturbation", "sun_visor_2", "--out"]).arg(folder.path()).succeed();
+    let checked = Pdk::new(["check", "sun_visor_2.lua"]).folder(folder.path()).succeed();
+    assert!(
+        checked.stdout.contains("sun_visor_2.lua 1 carries perturbation `sun_visor_2`"),
+        "{}",
+        checked.stdout
+    );
+    assert!(!checked.stdout.contains("note"), "{}", checked.stdout);
+}
+
+#[test]
+fn what_comes_along_may_lie_beside_a_pipeline_and_a_changed_copy_is_told() {
+    let folder = temp();
+    let path = |name: &str| folder.path().join(name);
+    for name in ["perturbations/banding.lua", "models/dave2.onnx"] {
+        std::fs::create_dir_all(path(name).parent().unwrap()).unwrap();
+        std::fs::copy(repository().join("scripts").join(name), path(name)).unwrap();
+    }
+    std::fs::write(
+        path("pipeline.lua"),
+        "pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 0.2, scenarios = { {} } })",
+    )
+    .unwrap();
+    let run = || Pdk::new(["run", "pipeline.lua"]).folder(folder.path()).succeed().stderr;
+    assert!(!run().contains("warning"), "{}", run());
+    for (name, component) in [("perturbations/banding.lua", "`banding`"), ("models/dave2.onnx", "`dave2`")] {
+        let mut content = std::fs::read(path(name)).unwrap();
+        content.extend_from_slice(b"\n");
+        std::fs::write(path(name), content).unwrap();
+        let said = run();
+        assert!(said.contains(component) && said.contains("is left out") && said.contains(name), "{said}");
+    }
+}
+
+#[test]
+fn what_is_kept_from_frame_to_frame_is_found_and_named() {
+    let folder = temp();
+    let fails = |source: &str, expected: &str| {
+        let checked = check(folder.path(), "kept.lua", source);
+        assert_eq!(checked.code, Some(1), "{source}: {}", checked.stdout);
+        let line = checked.stdout.lines().find(|line| line.contains("alone and in a sequence")).unwrap();
+        assert!(line.starts_with("FAIL") && line.contains(expected), "{source}: {line}");
+    };
+    fails(
+        "local n = 0 return { doc = 'x', apply = function(image) n = n + 1 image:brightness(1 / n) end }",
+        "frame 1 comes out differently after others than alone, because `n` (1, then 2) is kept",
+    );
+    fails(
+        "count = 0 return { doc = 'x', apply = function(image) count += 1 image:brightness(1 / count) end }",
+        "because `count` (1, then 2) is kept",
+    );
+    fails(
+        "local state = {} return { doc = 'x', apply = function(image)
+            if state.last then image:blend(state.last, 0.5) end
+            state.last = image:copy()
+        end }",
+        "because `state.last` (its bytes) is kept",
+    );
+    // What stays after the first frame.
+    fails(
+        "local first return { doc = 'x', apply = function(image, cx)
+            first = first or cx.frame_index
+            image:fill(first, 0, 0)
+        end }",
+        "because `first` (nil, then 0) is kept",
+    );
+}
+
+#[test]
+fn a_cache_passes_and_what_changes_without_an_effect_is_noted() {
+    let folder = temp();
+    let cache = "local table, of return { doc = 'x', family = 'x', mathematics = 'x', source = 'x', apply = function(image)
+        if of ~= image.width then table, of = buffer.create(256), image.width end
+        image:lookup(table)
+    end }";
+    let checked = check(folder.path(), "cache.lua", cache);
+    assert_eq!(checked.code, Some(0), "{}", checked.stdout);
+    assert!(!checked.stdout.contains("note"), "{}", checked.stdout);
+
+    let counts = "local n = 0 return { doc = 'x', apply = function(image) n = n + 1 image:grayscale() end }";
+    let checked = check(folder.path(), "counts.lua", counts);
+    assert_eq!(checked.code, Some(0), "{}", checked.stdout);
+    assert!(
+        checked.stdout.contains("note `n` (11, then 12) is kept from one frame to the next"),
+        "{}",
+        checked.stdout
+    );
+    assert!(
+        checked
+            .stdout
+            .contains("note `pdk show counts` would tell more with `family`, `mathematics`, `source`")
+    );
+    let json = Pdk::new(["check", "--json", "counts.lua"]).folder(folder.path()).succeed().json();
+    assert_eq!(json["notes"].as_array().unwrap().len(), 2, "{json}");
+}
+
+#[test]
+fn scripts_that_fail_are_told_why() {
+    let folder = temp();
+    for (source, check_name, expected) in [
+        ("return 1", "loading", "has to return a table"),
+        (
+            "return { doc = 'x', apply = function(image) image:blur(5000) end }",
+            "odd sizes",
+            "from 1 to 1023, but it is 5000",
+        ),
+        (
+            "return { doc = 'x', apply = function(image) image:resized(image.width // 2, 1) end }",
+            "odd sizes",
+            "at 1x1 and level 0: ",
+        ),
+        (
+            "return { doc = 'x', apply = function(image) image:fill(tonumber(string.sub(tostring({}), -2), 16), 0, 0) end }",
+            "odd sizes",
+            "comes out differently the second time",
+        ),
+        ("return { doc = 'x', apply = function() while true do end end }", "odd sizes", "used more than"),
+        (
+            "pdk.settings({})",
+            "loading",
+            "is a pipeline, but a perturbation is expected here; run it with `pdk run",
+        ),
+    ] {
+        let checked = check(folder.path(), "fails.lua", source);
+        assert_eq!(checked.code, Some(1), "{source}: {}", checked.stdout);
+        let line = checked
+            .stdout
+            .lines()
+            .find(|line| line.starts_with("FAIL"))
+            .unwrap_or_else(|| panic!("{source}"));
+        assert!(line.contains(check_name) && line.contains(expected), "{source}: {line}");
+    }
+    let set = Pdk::new(["check", "fails.lua"]).folder(folder.path()).set("nothing.size", "1").run();
+    assert_eq!(set.code, Some(1));
+}
+
+/// What `--plugins` named relative to one folder is found from another one.
+#[test]
+fn a_run_with_a_script_from_a_folder_is_replayed_from_anywhere() {
+    let folder = temp();
+    std::fs::create_dir(folder.path().join("own")).unwrap();
+    let source = "return { doc = 'x', apply = function(image) image:brightness(0.9) end }";
+    std::fs::write(folder.path().join("own/darker.lua"), source).unwrap();
+    let pipeline = pdk_tests::process::pipeline(
+        folder.path(),
+        r#"pdk.drive({
+            simulator = { name = "lane", width = 40, height = 30 }, driver = "lane_keeper", duration = 0.5,
+            scenarios = { { perturbations = { "darker@2" } } },
+        })"#,
+    );
+    let record = folder.path().join("record");
+    Pdk::new(["run", "--plugins", "own", "--out"]).arg(&record).arg(pipeline).folder(folder.path()).succeed();
+    let elsewhere = temp();
+    let replayed = Pdk::new(["replay"]).arg(&record).folder(elsewhere.path()).succeed();
+    assert!(replayed.stdout.contains("1 of 1 equal"), "{}", replayed.stdout);
+}

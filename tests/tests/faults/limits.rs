@@ -1,0 +1,56 @@
+//! What the system does not give: files and memory. The sentence names the limit that was reached.
+
+use std::path::Path;
+
+use pdk_tests::process::pipeline;
+use pdk_tests::{Finished, Pdk, built, temp};
+
+const DRIVE: &str =
+    "pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 0.5, scenarios = { {} } })";
+
+fn limited(limit: &str, folder: &Path) -> Finished {
+    let script = pipeline(folder, DRIVE);
+    Pdk::program("sh")
+        .arg("-c")
+        .arg(format!("ulimit {limit}; exec \"$0\" \"$@\""))
+        .arg(built("pdk"))
+        .args(["run", "--workers", "1"])
+        .arg(script)
+        .folder(folder)
+        .run()
+}
+
+#[test]
+fn too_few_files_are_said_to_be_too_few() {
+    let folder = temp();
+    let mut said = 0;
+    for files in (16..=40).step_by(4) {
+        let finished = limited(&format!("-n {files}"), folder.path());
+        if finished.code == Some(0) {
+            continue;
+        }
+        assert_eq!(finished.code, Some(1), "{files}: {}", finished.stderr);
+        // Before topics are made, the system itself says it: too many open files.
+        if finished.stderr.contains("topic `") {
+            said += 1;
+            let names_it = finished.stderr.contains(&format!("may have {files} files open"));
+            assert!(names_it && finished.stderr.contains("ulimit -n"), "{files}: {}", finished.stderr);
+            assert!(!finished.stderr.contains("is writable"), "{files}: {}", finished.stderr);
+        }
+    }
+    assert!(said >= 3, "{said}");
+}
+
+#[test]
+fn too_little_memory_is_an_error_and_no_abort() {
+    let folder = temp();
+    // How much is too little depends on the machine, so this goes through all that there is between too little and enough. A process that
+    // cannot even be loaded is killed by the system.
+    for megabytes in (40..=400).step_by(12) {
+        let finished = limited(&format!("-v {}", megabytes << 10), folder.path());
+        let code = finished.code;
+        assert!(matches!(code, Some(0 | 1)), "{megabytes} MiB: {code:?} {}", finished.stderr);
+        let sentences = finished.stderr.lines().filter(|line| line.starts_with("pdk: error: ")).count();
+        assert!(code == Some(0) || sentences > 0, "{megabytes} MiB: {}", finished.stderr);
+    }
+}

@@ -1,0 +1,9 @@
+//! Images: perturbed, explained and evaluated outside of the closed loop.
+
+#![allow(clippy::unwrap_used)]
+
+mod masks;
+mod offline;
+mod saliency;
+mod strength;
+mod video;

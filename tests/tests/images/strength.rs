@@ -1,0 +1,147 @@
+//! The strength of every perturbation grows with its intensity, on frames of the embedded simulator and, where there are
+//! some, on photographs of real roads. Those whose published levels are out of order say with which settings it grows.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use pdk_core::chain::Chain;
+use pdk_core::moment::Moment;
+use pdk_core::registry::Registry;
+use pdk_core::search_path::SearchPath;
+use pdk_lua::LuaScripts;
+use pdk_model::component::ComponentSpec;
+use pdk_preview::picture;
+use pdk_preview::preview::{self, Shown};
+use pdk_sdk::describe::Temporal;
+use pdk_sdk::ops::compare::{mean_squared_difference, structural_similarity};
+use pdk_sdk::prelude::{Control, FrameBuf, Scenario};
+use pdk_tests::real_data;
+use serde_json::{Map, Value};
+
+/// Intensities from 0 to 4 in steps of a quarter.
+const STEPS: usize = 16;
+
+/// A step may fall back by this share of the whole range: chance, and levels that cannot be told apart.
+const TOLERANCE: f64 = 0.02;
+
+/// Structural similarity that rounding alone gains and loses, a frame.
+const UNNOTICEABLE: f64 = 0.001;
+
+/// What grows from level to level, but not everywhere between them, and why.
+const BETWEEN_LEVELS: &[(&str, &str)] = &[
+    ("posterize_filter", "where the steps between few grey values lie decides more than how many there are"),
+    ("motion_blur", "a kernel of even size, as at level 0, also shifts the frame by half a pixel"),
+    ("sharpen_filter", "what is brightened until it clips loses structure in steps"),
+];
+
+/// The family whose levels are severities of a benchmark. They are as published, in an order that people gave them: saturation falls at
+/// the first two and rises then, and spatter is of water first and of mud then.
+const SEVERITIES: &str = "imagenet_c";
+
+/// Moves of the whole picture: the squared difference grows, but structure is lost all at once and comes back by chance.
+const MOVES: &[&str] = &["reflection_filter", "scale_image", "shear_image", "translate_image"];
+
+fn frames(registry: &Registry) -> Vec<FrameBuf> {
+    let size = [("width", 200), ("height", 150)].map(|(name, size)| (name.to_owned(), Value::from(size)));
+    let (mut simulator, _) = registry.simulator("lane", &Map::from_iter(size)).unwrap();
+    let mut frames = Vec::new();
+    for seed in [1, 2] {
+        let [simulated, driver] = ["lane", "lane_keeper"].map(ComponentSpec::new);
+        simulator.reset(&Scenario { seed, ..Scenario::new(simulated, driver) }, 0).unwrap();
+        let mut frame = FrameBuf::new(200, 150);
+        for _ in 0..20 {
+            simulator.frame(frame.as_mut()).unwrap();
+            simulator.act(Control { steering: 0.0, throttle: 0.3 }).unwrap();
+        }
+        frames.push(frame);
+    }
+    for name in ["road/solidYellowLeft.jpg", "road/whiteCarLaneSwitch.jpg"] {
+        if let Some(file) = real_data(name) {
+            frames.push(picture::to_frame(picture::scaled(&pdk_image::read(&file).unwrap(), 240)).unwrap());
+        }
+    }
+    frames
+}
+
+/// A frame under a perturbation at a level with which it grows.
+fn perturbed(registry: &Registry, shown: &Shown, level: f64, source: &FrameBuf, moment: u64) -> FrameBuf {
+    let mut spec = shown.at(level);
+    spec.parameters.extend(shown.description.grows_with.clone());
+    let mut chain = Chain::new(registry, &[spec], 3).unwrap();
+    let mut target = FrameBuf::new(source.width(), source.height());
+    chain.apply(source.as_ref(), target.as_mut(), &Moment::new(moment, moment as f64 / 30.0)).unwrap();
+    target
+}
+
+/// Frames at which a perturbation is looked at: some where it moves, and shows then. Lightning does not strike always.
+fn moments(registry: &Registry, shown: &Shown, source: &FrameBuf) -> Vec<u64> {
+    let shows = |moment: &u64| perturbed(registry, shown, 4.0, source, *moment) != *source;
+    match shown.description.temporal {
+        Temporal::Static => vec![40],
+        Temporal::Dynamic => (40..600).step_by(55).filter(shows).take(3).collect(),
+    }
+}
+
+/// Mean squared difference and loss of structural similarity at each intensity, over all frames and, for what moves, some
+/// moments.
+fn strengths(registry: &Registry, shown: &Shown, frames: &[FrameBuf]) -> [Vec<f64>; 2] {
+    let moments = moments(registry, shown, &frames[0]);
+    let mut strengths = [Vec::new(), Vec::new()];
+    for step in 0..=STEPS {
+        let level = 4.0 * step as f64 / STEPS as f64;
+        let mut sums = [0.0, 0.0];
+        for source in frames {
+            for &moment in &moments {
+                let target = perturbed(registry, shown, level, source, moment);
+                sums[0] += mean_squared_difference(source.as_ref(), target.as_ref());
+                sums[1] += 1.0 - structural_similarity(source.as_ref(), target.as_ref());
+            }
+        }
+        strengths.iter_mut().zip(sums).for_each(|(strengths, sum)| strengths.push(sum));
+    }
+    strengths
+}
+
+fn grows(values: &[f64], every: usize, unnoticeable: f64) -> bool {
+    let values: Vec<f64> = values.iter().copied().step_by(every).collect();
+    let range = values[values.len() - 1] - values[0];
+    let tolerance = (TOLERANCE * range).max(unnoticeable);
+    range > 0.0 && values.windows(2).all(|pair| pair[1] >= pair[0] - tolerance)
+}
+
+/// What is wrong with the strength of a perturbation.
+fn fault(registry: &Registry, shown: &Shown, frames: &[FrameBuf]) -> Option<String> {
+    let name = shown.description.name.as_str();
+    let [squares, structure] = strengths(registry, shown, frames);
+    if squares.iter().all(|&square| square == 0.0) {
+        return Some(format!("{name} changes nothing"));
+    }
+    let every = if BETWEEN_LEVELS.iter().any(|(other, _)| *other == name) { STEPS / 4 } else { 1 };
+    let unnoticeable = UNNOTICEABLE * frames.len() as f64;
+    let squares_grow = grows(&squares, every, 0.0);
+    let structure_falls = MOVES.contains(&name) || grows(&structure, every, unnoticeable);
+    (!squares_grow || !structure_falls).then(|| format!("{name}: {squares:.1?} {structure:.3?}"))
+}
+
+#[test]
+fn strength_grows_with_the_intensity() {
+    let registry = Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap();
+    let frames = frames(&registry);
+    let mut perturbations = preview::chosen(registry.catalog(), &[], true).unwrap();
+    perturbations.retain(|shown| shown.description.family != SEVERITIES);
+    assert!(perturbations.len() > 10, "only {} perturbations were found", perturbations.len());
+    let next = AtomicUsize::new(0);
+    let wrong = Mutex::new(Vec::new());
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, Into::into) {
+            scope.spawn(|| {
+                while let Some(shown) = perturbations.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let fault = fault(&registry, shown, &frames);
+                    wrong.lock().unwrap().extend(fault);
+                }
+            });
+        }
+    });
+    let wrong = wrong.into_inner().unwrap();
+    assert!(wrong.is_empty(), "strength does not grow with the intensity:\n{}", wrong.join("\n"));
+}

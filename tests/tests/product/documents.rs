@@ -1,0 +1,216 @@
+//! The documents are true: what is generated is up to date, and what they point to is there.
+
+use std::path::Path;
+
+use pdk_core::modifiers;
+use pdk_tests::{Pdk, repository, temp};
+
+#[test]
+fn the_reference_is_up_to_date() {
+    let folder = repository().join("docs/reference");
+    Pdk::new(["reference", "--check"]).arg(&folder).succeed();
+}
+
+/// `PDK_BLESS=1` writes the table anew.
+#[test]
+fn the_readme_tells_of_the_modifiers() {
+    const MARKS: [&str; 2] = ["<!-- modifiers -->\n", "<!-- end of modifiers -->"];
+    let file = repository().join("README.md");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let [start, end] = MARKS.map(|mark| text.find(mark).unwrap_or_else(|| panic!("README.md: no {mark}")));
+    let (found, expected) = (&text[start + MARKS[0].len()..end], modifiers::markdown());
+    if std::env::var_os("PDK_BLESS").is_some() {
+        let before = &text[..start + MARKS[0].len()];
+        std::fs::write(&file, format!("{before}{expected}{}", &text[end..])).unwrap();
+    } else {
+        assert_eq!(
+            found, expected,
+            "the table of modifiers in README.md is stale; run this with PDK_BLESS=1"
+        );
+    }
+}
+
+#[test]
+fn every_perturbation_has_its_picture() {
+    let folder = repository().join("docs/reference");
+    for page in std::fs::read_dir(&folder).unwrap() {
+        check_links(&page.unwrap().path());
+    }
+}
+
+#[test]
+fn what_the_documents_point_to_is_there() {
+    for name in [
+        "README.md",
+        "ARCHITECTURE.md",
+        "CONTRIBUTING.md",
+        "CHANGELOG.md",
+        "docs/speed.md",
+        "docs/adapter.md",
+        "docs/external-drivers.md",
+        "docs/external-simulators.md",
+        "docs/session-protocol.md",
+        "docs/worker-protocol.md",
+        "docs/python.md",
+        "docs/generative.md",
+        "docs/simulators/beamng.md",
+        "docs/simulators/carla.md",
+        "docs/simulators/donkey.md",
+        "docs/simulators/udacity.md",
+    ] {
+        check_links(&repository().join(name));
+    }
+}
+
+/// What goes wrong with simulators and with drivers in another process, and the test of each that shows what follows.
+const FAULTS: [(&str, [&str; 5]); 10] = [
+    (
+        "not there",
+        [
+            "one_that_is_not_there_is_waited_for_and_said",
+            "one_that_does_not_come_is_waited_for_and_said",
+            "one_that_is_no_server_of_these_versions_is_said",
+            "one_that_is_not_there_is_waited_for_and_said",
+            "one_that_cannot_be_started_or_does_not_come_is_said",
+        ],
+    ),
+    (
+        "wrong port",
+        [
+            "another_program_at_the_port_is_said",
+            "a_port_that_is_taken_is_said",
+            "one_that_is_no_server_of_these_versions_is_said",
+            "another_program_at_the_port_is_said",
+            "one_that_cannot_be_started_or_does_not_come_is_said",
+        ],
+    ),
+    (
+        "wrong version",
+        [
+            "the_other_build_and_a_missing_scene_are_named",
+            "the_other_build_is_named",
+            "one_that_is_no_server_of_these_versions_is_said",
+            "another_version_is_said",
+            "one_of_another_version_is_said",
+        ],
+    ),
+    (
+        "closes in mid-scenario",
+        [
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "a_server_that_breaks_in_mid_scenario_is_said",
+            "a_scenario_whose_game_is_lost_is_driven_again",
+            "one_that_fails_ends_its_scenario_with_that_cause",
+        ],
+    ),
+    (
+        "hangs",
+        [
+            "one_that_hangs_ends_the_run_and_keeps_what_there_is",
+            "one_that_hangs_ends_the_run",
+            "a_server_that_breaks_in_mid_scenario_is_said",
+            "one_that_hangs_ends_the_run",
+            "one_that_fails_ends_its_scenario_with_that_cause",
+        ],
+    ),
+    (
+        "half a message",
+        [
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "a_server_that_breaks_in_mid_scenario_is_said",
+            "a_scenario_whose_game_is_lost_is_driven_again",
+            "one_that_fails_ends_its_scenario_with_that_cause",
+        ],
+    ),
+    (
+        "garbage",
+        [
+            "nonsense_is_the_outcome_of_its_scenario",
+            "nonsense_is_the_outcome_of_its_scenario",
+            "a_server_that_breaks_in_mid_scenario_is_said",
+            "nonsense_is_the_outcome_of_its_scenario",
+            "one_that_fails_ends_its_scenario_with_that_cause",
+        ],
+    ),
+    (
+        "100 MB message",
+        [
+            "nonsense_is_the_outcome_of_its_scenario",
+            "nonsense_is_the_outcome_of_its_scenario",
+            "a_server_that_breaks_in_mid_scenario_is_said",
+            "nonsense_is_the_outcome_of_its_scenario",
+            "one_of_another_version_is_said",
+        ],
+    ),
+    (
+        "two clients at once",
+        [
+            "two_runs_do_not_share_a_simulator",
+            "nobody_else_can_connect",
+            "two_runs_do_not_share_a_server",
+            "two_clients_at_once_do_not_meet",
+            "two_at_once_are_said",
+        ],
+    ),
+    (
+        "comes back after 5 s",
+        [
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "a_scenario_whose_simulator_is_lost_is_driven_again",
+            "one_that_comes_back_is_used_again",
+            "one_that_comes_back_is_used_again",
+            "one_that_comes_back_serves_what_follows",
+        ],
+    ),
+];
+
+#[test]
+fn every_fault_is_tried_with_every_simulator_and_with_drivers_outside() {
+    let files = ["donkey", "udacity", "carla", "beamng", "external_driver"];
+    let sources = files.map(|name| {
+        std::fs::read_to_string(repository().join(format!("tests/tests/simulators/{name}.rs"))).unwrap()
+    });
+    for (fault, tests) in FAULTS {
+        for ((file, source), test) in files.iter().zip(&sources).zip(tests) {
+            let there = source.contains(&format!("#[test]\nfn {test}()"));
+            assert!(there, "{fault}: tests/tests/simulators/{file}.rs has no test {test}");
+        }
+    }
+}
+
+/// Checks the relative links of a page of Markdown.
+fn check_links(page: &Path) {
+    let (Some(folder), true) = (page.parent(), page.extension().is_some_and(|ending| ending == "md")) else {
+        return;
+    };
+    let text = std::fs::read_to_string(page).unwrap_or_else(|e| panic!("{}: {e}", page.display()));
+    for target in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+        let target = target.split('#').next().unwrap_or_default();
+        if target.is_empty() || target.starts_with("http") {
+            continue;
+        }
+        let file = folder.join(target);
+        assert!(file.exists(), "{} points to {target}, which is not there", page.display());
+    }
+}
+
+#[test]
+fn the_failures_in_the_documents_fail() {
+    let folder = temp();
+    // `auto` is ONNX Runtime where it is installed.
+    for engine in ["tract", "auto"] {
+        for name in ["fog_filter", "grayscale_filter", "false_color_filter"] {
+            let out = folder.path().join(format!("{name}-{engine}"));
+            let pipeline = repository().join(format!("docs/failures/{name}.lua"));
+            Pdk::new(["run", "--out"]).arg(&out).set("engine", engine).arg(pipeline).succeed();
+            let lines = pdk_tests::process::json_lines(&out.join("scenarios.jsonl"));
+            let line = &lines[0];
+            assert_eq!(line["cause"], "lane_departure", "{line}");
+            // Not at the last moment, so that it does not hang by the last digits of a processor.
+            let limit = line["scenario"]["duration"].as_f64().unwrap();
+            assert!(line["time"].as_f64().unwrap() < 0.8 * limit, "{line}");
+        }
+    }
+}

@@ -1,0 +1,9 @@
+//! What users meet first: the command line, the documents, the Python package, and an installed copy.
+
+#![allow(clippy::unwrap_used)]
+
+mod cli;
+mod documents;
+mod installation;
+mod python;
+mod shown;

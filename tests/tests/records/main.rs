@@ -1,0 +1,10 @@
+//! Records: continued, replayed, merged, checked and shown.
+
+#![allow(clippy::unwrap_used)]
+
+mod inputs;
+mod received;
+mod replay;
+mod report;
+mod resume;
+mod shard;

@@ -1,0 +1,7 @@
+//! The same input gives the same bytes.
+
+#![allow(clippy::unwrap_used)]
+
+mod determinism;
+mod identity;
+mod processors;

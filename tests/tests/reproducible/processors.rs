@@ -1,0 +1,141 @@
+//! The same scenario on other processors: the same id, the same outcome, byte for byte, or a refusal. The processors are emulated by
+//! qemu-user, where it is installed.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use pdk_tests::process::pipeline;
+use pdk_tests::{Pdk, built, temp};
+
+const PIPELINE: &str = r#"
+    pdk.show(pdk.drive {
+        simulator = { name = "lane", width = 160, height = 80 },
+        driver = "dave2",
+        duration = 0.4,
+        scenarios = {
+            {},
+            { perturbations = { { name = "gaussian_noise", level = 2 }, { name = "fog_filter", level = 3 } } },
+        },
+    })
+"#;
+
+/// Starts pdk, and all that it starts of itself, on an emulated processor.
+struct Emulator {
+    qemu: PathBuf,
+    shim: PathBuf,
+}
+
+impl Emulator {
+    /// None, with a word, where there is no qemu-user or no C compiler.
+    fn find(folder: &Path) -> Option<Self> {
+        let path = std::env::var_os("PATH")?;
+        let Some(qemu) =
+            std::env::split_paths(&path).map(|at| at.join("qemu-x86_64")).find(|file| file.is_file())
+        else {
+            eprintln!("skipped: other processors, because qemu-user is not installed");
+            return None;
+        };
+        let shim = folder.join("emulate.so");
+        let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/reproducible/emulate.c");
+        let compiled = Command::new("cc")
+            .args(["-O1", "-shared", "-fPIC", "-o"])
+            .arg(&shim)
+            .args([source, "-ldl"])
+            .status();
+        if !compiled.is_ok_and(|status| status.success()) {
+            eprintln!("skipped: other processors, because `cc` cannot compile {source}");
+            return None;
+        }
+        Some(Self { qemu, shim })
+    }
+
+    fn run(&self, processor: &str, arguments: &[&str], folder: &Path) -> Output {
+        let preload = format!("LD_PRELOAD={}", self.shim.display());
+        Command::new(&self.qemu)
+            .args(["-cpu", processor, "-E", &preload])
+            .arg(built("pdk"))
+            .args(arguments)
+            .env("PDK_EMULATOR", &self.qemu)
+            .env("PDK_EMULATED", processor)
+            .env("LD_PRELOAD", &self.shim)
+            .current_dir(folder)
+            .output()
+            .unwrap()
+    }
+}
+
+#[test]
+#[cfg(target_arch = "x86_64")]
+fn a_network_drives_the_same_on_every_processor_of_its_class_and_is_refused_on_others() {
+    let folder = temp();
+    let folder = folder.path();
+    let Some(emulator) = Emulator::find(folder) else { return };
+    let pipeline = pipeline(folder, PIPELINE);
+    let pipeline = pipeline.to_str().unwrap();
+    let ledger = |record: &str| fs::read_to_string(folder.join(record).join("scenarios.jsonl")).unwrap();
+    let drive = |processor: Option<&str>, record: &str| {
+        let arguments = ["run", pipeline, "--workers", "1", "--out", record, "--set", "patience=600"];
+        let output = match processor {
+            Some(processor) => emulator.run(processor, &arguments, folder),
+            None => Command::new(built("pdk")).args(arguments).current_dir(folder).output().unwrap(),
+        };
+        assert!(output.status.success(), "{record}: {}", String::from_utf8_lossy(&output.stderr));
+        ledger(record)
+    };
+    let reference = drive(Some("Haswell"), "haswell");
+    assert_eq!(reference.lines().count(), 2);
+    assert!(reference.contains("/x86-64-v3"), "{reference}");
+    for processor in ["Skylake-Client", "EPYC-Milan"] {
+        assert!(drive(Some(processor), processor) == reference, "{processor} wrote another ledger");
+    }
+    if std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma") {
+        assert!(drive(None, "here") == reference, "this processor wrote another ledger than a Haswell");
+    }
+    // An older processor has another engine: the same pipeline makes other scenarios there, and this record is refused.
+    let older = drive(Some("Nehalem"), "nehalem");
+    let ids = |ledger: &str| ledger.lines().map(|line| line[..48].to_owned()).collect::<Vec<_>>();
+    assert!(ids(&older).iter().all(|id| !ids(&reference).contains(id)), "{older}");
+    let replayed = emulator.run("Nehalem", &["replay", "haswell"], folder);
+    let said = String::from_utf8_lossy(&replayed.stderr);
+    assert!(!replayed.status.success(), "{said}");
+    assert!(said.contains("/x86-64-v3\", which this machine does not have"), "{said}");
+}
+
+#[test]
+fn an_engine_that_this_machine_does_not_have_ends_the_run_before_anything_is_driven() {
+    let folder = temp();
+    let out = folder.path().join("out");
+    let pipeline = pipeline(folder.path(), PIPELINE);
+    let run = |engine: &str, expected: &str| {
+        Pdk::new(["run", "--set", engine, "--out"]).arg(&out).arg(&pipeline).fail(1, &[expected]);
+        assert!(!out.join("scenarios.jsonl").exists(), "nothing was driven");
+    };
+    let absent = "driver `dave2`: parameter `engine` is \"tract 0.1.0/z80\", which this machine does not have; it has ";
+    run("engine=tract 0.1.0/z80", absent);
+    run("engine=trakt", "has to be one of tract, auto, onnxruntime");
+}
+
+#[test]
+fn the_engine_is_recorded_once_however_it_was_asked_for() {
+    let folder = temp();
+    let pipeline = pipeline(folder.path(), PIPELINE);
+    let ledger = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        let run = Pdk::new(["run", "--out"]).arg(&out).args(more).arg(&pipeline).succeed();
+        let engine =
+            run.stdout.lines().chain(run.stderr.lines()).find_map(|line| line.strip_prefix("engine: "));
+        (fs::read_to_string(out.join("scenarios.jsonl")).unwrap(), engine.unwrap().to_owned())
+    };
+    let (by_default, engine) = ledger("default", &[]);
+    assert!(
+        by_default.contains(&format!(r#""driver":{{"name":"dave2","parameters":{{"engine":"{engine}"}}}}"#)),
+        "{by_default}"
+    );
+    for asked in ["tract", &engine] {
+        assert_eq!(
+            ledger(asked.split('/').next().unwrap(), &["--set", &format!("engine={asked}")]).0,
+            by_default
+        );
+    }
+}

@@ -1,0 +1,11 @@
+//! Runs: what is driven, by which pipeline, and on which workers.
+
+#![allow(clippy::unwrap_used)]
+
+mod closed_loop;
+mod decide;
+mod pipelines;
+mod pool;
+mod search;
+mod session;
+mod shrink;

@@ -1,0 +1,242 @@
+//! Workers from elsewhere: a run through a pool is the run without, a pool that does not speak as it should is a sentence, and
+//! one that is lost costs nothing but time.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::processes::{BusFolder, Process, comes_true, ended_within};
+use pdk_tests::records::{assert_equal, files, partial, trace, wait_for_scenarios};
+use pdk_tests::{Pdk, datasets, temp};
+use pdk_trace::reader::{Entry, TraceReader};
+use rustix::process::Signal;
+
+const SOURCE: &str = r#"
+    local scenarios = {}
+    for number = 1, 12 do
+        table.insert(scenarios, {
+            road = { angles = { 0, number, -number }, segment = 20 }, perturbations = { "gaussian_noise@" .. number / 3 },
+        })
+    end
+    pdk.drive({
+        simulator = { name = "lane", width = 160, height = 120 }, driver = "lane_keeper", duration = 4, images_every = 10,
+        scenarios = scenarios,
+    })
+"#;
+
+/// The pool of this test kit.
+fn pool(slots: usize) -> String {
+    format!("'{}' {slots}", env!("CARGO_BIN_EXE_pool"))
+}
+
+fn run(script: &Path, out: &Path) -> Pdk {
+    Pdk::new(["run", "--out"]).arg(out).arg(script)
+}
+
+#[test]
+fn a_run_through_a_pool_is_the_run_without() {
+    let folder = temp();
+    datasets::folder(&folder.path().join("data"), 9, 32, 24);
+    let source = format!(
+        "{SOURCE}\n pdk.evaluate({{ dataset = pdk.path('data'), driver = 'lane_keeper', perturbations = {{ 'gaussian_noise' }}, levels = {{ 1, 3 }} }})"
+    );
+    let script = pipeline(folder.path(), &source);
+    let here = folder.path().join("here");
+    run(&script, &here).args(["--workers", "1"]).succeed();
+    let expected = files(&here);
+    assert!(expected.contains_key(Path::new("results.jsonl")));
+    for slots in [1, 3] {
+        let out = folder.path().join(slots.to_string());
+        let pool = pool(slots);
+        match slots {
+            1 => run(&script, &out).args(["--pool", &pool]).succeed(),
+            _ => run(&script, &out).set("pool", &pool).succeed(),
+        };
+        assert_equal(&out, &expected);
+    }
+    // A replay may have its workers from there as well.
+    let replayed = Pdk::new(["replay", "--pool", &pool(3)]).arg(&here).succeed();
+    assert!(replayed.stdout.contains("12 of 12 equal"), "{}", replayed.stdout);
+}
+
+#[test]
+fn a_pool_that_does_not_speak_as_it_should_is_a_sentence() {
+    let folder = temp();
+    let script = pipeline(folder.path(), SOURCE);
+    let bus = BusFolder::new();
+    let (name, value) = bus.variable();
+    let fail = |number: usize, command: &str, parts: &[&str]| {
+        let out = folder.path().join(number.to_string());
+        let said = run(&script, &out).args(["--pool", command]).env(name, value).fail(1, parts);
+        assert!(said.contains(&format!("the pool `{command}`")), "{said}");
+        // Nothing was begun, so nothing is left.
+        assert!(!out.exists(), "{}", out.display());
+    };
+    let changed = |from: &str, to: &str| format!("{} | sed -u 's/{from}/{to}/'", pool(1));
+    fail(
+        0,
+        &changed("\"protocol\":1", "\"protocol\":99"),
+        &["speaks version 99", "this pdk version 1", "use the same pdk at both ends"],
+    );
+    fail(1, &changed("\"slots\":1", "\"slots\":0"), &["no slots", "at least one"]);
+    fail(2, "exit 3", &["ended before it was ready", "exit status: 3"]);
+    fail(3, "kill -9 $$", &["ended before it was ready", "signal: 9"]);
+    fail(4, "/nonexistent/pool 3", &["ended before it was ready", "exit status: 127"]);
+    fail(5, "echo hello; cat > /dev/null", &["says what is not a message"]);
+    fail(6, "echo '{\"ready\": 7}'; cat > /dev/null", &["says what is not a message"]);
+    // One that takes its worker for whatever is there.
+    fail(7, &format!("'{}' 2 /bin/true", env!("CARGO_BIN_EXE_pool")), &["ended before it was ready"]);
+    for slots in ["65537", "4294967295"] {
+        let many = changed("\"slots\":1", &format!("\"slots\":{slots}"));
+        fail(8, &many, &[&format!("it has {slots} slots"), "at most 65536"]);
+    }
+    // It lives on, and nobody hears it.
+    let deaf = "exec python3 -c 'import os, time; os.close(1); time.sleep(600)'";
+    for (number, command) in [deaf, deaf.strip_prefix("exec ").unwrap()].into_iter().enumerate() {
+        fail(9 + number, command, &["closed its output before it was ready"]);
+    }
+    let said = run(&script, &folder.path().join("both")).args(["--pool", ""]).env(name, value).run();
+    assert_eq!(said.code, Some(0), "an empty command means no pool: {}", said.stderr);
+    assert!(comes_true(Duration::from_secs(2), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert_eq!(bus.left(), Vec::<PathBuf>::new());
+}
+
+#[test]
+fn a_pool_that_is_lost_over_every_job_ends_the_run_and_keeps_the_record() {
+    let folder = temp();
+    let script = pipeline(folder.path(), SOURCE);
+    // It is gone as soon as it has said that it is ready.
+    let gone = format!("{} | head -n 1", pool(1));
+    run(&script, &folder.path().join("gone")).args(["--pool", &gone]).fail(1, &["was lost 3 times over it"]);
+    // It says nonsense after some answers: what was recorded until then stays, and another pool goes on from there.
+    let out = folder.path().join("nonsense");
+    let nonsense = format!("{} | sed -u '/\"driven\"/{{n;n;n;s/.*/what?/}}'", pool(1));
+    run(&script, &out).args(["--pool", &nonsense]).fail(1, &["says what is not a message"]);
+    let recorded = json_lines(&out.join("scenarios.jsonl")).len();
+    assert!((1..12).contains(&recorded), "{recorded}");
+    assert_eq!(partial(&out), Vec::<PathBuf>::new());
+    let whole = folder.path().join("whole");
+    run(&script, &whole).succeed();
+    run(&script, &out).args(["--pool", &pool(2)]).succeed();
+    assert_equal(&out, &files(&whole));
+}
+
+#[test]
+fn a_scenario_that_a_pool_gives_up_has_a_trace_that_says_so() {
+    let folder = temp();
+    let script = pipeline(
+        folder.path(),
+        r#"
+        pdk.drive({
+            simulator = "lane", driver = { name = "process", command = { "false" } },
+            scenarios = { { name = "given up", duration = 1 } },
+        })
+        "#,
+    );
+    // Nobody tells the workers where the trace goes.
+    let pool = format!("sed -u 's/\"trace\":\"[^\"]*\"/\"trace\":null/' | {}", pool(1));
+    let out = folder.path().join("out");
+    run(&script, &out).args(["--pool", &pool]).fail(1, &["could not be driven"]);
+    let line = json_lines(&out.join("scenarios.jsonl")).remove(0);
+    let entries = TraceReader::open(&trace(&out, &line)).unwrap().map(|entry| match entry.unwrap() {
+        Entry::Event(event) => event.text,
+        _ => panic!("there is something besides events in it"),
+    });
+    assert_eq!(entries.collect::<Vec<_>>(), ["given up", line["error"].as_str().unwrap()]);
+}
+
+#[test]
+fn what_a_lost_slot_was_at_is_done_again() {
+    let folder = temp();
+    let script = pipeline(folder.path(), SOURCE);
+    let whole = folder.path().join("whole");
+    run(&script, &whole).succeed();
+    let expected = files(&whole);
+    let is_worker = |process: &Process| process.command.ends_with(" worker");
+    let does_components = |process: &Process| process.command.ends_with(" worker --components");
+    let is_pool = |process: &Process| process.command.starts_with(env!("CARGO_BIN_EXE_pool"));
+    type Kind<'a> = (&'a str, &'a dyn Fn(&Process) -> bool);
+    let kinds: [Kind<'_>; 3] = [("worker", &is_worker), ("components", &does_components), ("pool", &is_pool)];
+    for (name, wanted) in kinds {
+        let bus = BusFolder::new();
+        let (variable, value) = bus.variable();
+        let out = folder.path().join(name);
+        let mut child = run(&script, &out).args(["--pool", &pool(2)]).env(variable, value).spawn();
+        for lines in [1, 6] {
+            wait_for_scenarios(&mut child, &out, lines);
+            let found: Vec<Process> = bus.processes().into_iter().filter(wanted).collect();
+            assert!(!found.is_empty(), "no {name} in {:?}", bus.processes());
+            found[0].signal(Signal::KILL);
+        }
+        let status = ended_within(&mut child, Duration::from_secs(60)).unwrap();
+        let output = child.wait_with_output().unwrap();
+        assert!(status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        assert_equal(&out, &expected);
+        assert!(
+            comes_true(Duration::from_secs(2), || bus.processes().is_empty()),
+            "{name}: {:?}",
+            bus.processes()
+        );
+        assert_eq!(bus.left(), Vec::<PathBuf>::new(), "{name}");
+    }
+}
+
+#[test]
+fn a_scenario_over_which_workers_are_lost_again_and_again_has_a_line_that_says_so() {
+    let folder = temp();
+    // The first takes its time, so that there is time to kill who drives it.
+    let script = pipeline(
+        folder.path(),
+        r#"
+        pdk.drive({
+            simulator = { name = "lane", width = 64, height = 48 }, driver = "lane_keeper",
+            scenarios = { { name = "long", duration = 20, mode = "realtime" }, { name = "short", duration = 0.5 } },
+        })
+        "#,
+    );
+    let bus = BusFolder::new();
+    let (variable, value) = bus.variable();
+    let out = folder.path().join("out");
+    let mut child = run(&script, &out).args(["--workers", "1"]).env(variable, value).spawn();
+    let mut killed = BTreeSet::new();
+    for _ in 0..3 {
+        // It is at the scenario as soon as there is the beginning of a trace of this process.
+        let mut at_work = None;
+        let found = comes_true(Duration::from_secs(30), || {
+            let processes = bus.processes();
+            let names: Vec<String> = partial(&out).iter().map(|path| path.display().to_string()).collect();
+            at_work = processes.iter().find_map(|process| {
+                let is_worker = process.command.ends_with(" worker") && !killed.contains(&process.id);
+                let own = processes.iter().find(|other| other.parent == process.id)?;
+                let begun = names.iter().any(|name| name.ends_with(&format!(".{}.part", own.id)));
+                (is_worker && begun).then(|| process.clone())
+            });
+            at_work.is_some()
+        });
+        assert!(found, "nobody drives: {:?}", bus.processes());
+        let worker = at_work.unwrap();
+        worker.signal(Signal::KILL);
+        killed.insert(worker.id);
+    }
+    let status = ended_within(&mut child, Duration::from_secs(60)).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(status.code(), Some(1), "{stderr}");
+    let said = "a worker was lost 3 times over it (the last: signal: 9 (SIGKILL))";
+    assert!(stderr.contains("1 of 2 scenarios") && stderr.contains(said), "{stderr}");
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    assert_eq!(
+        (&lines[0]["cause"], &lines[0]["error_kind"], &lines[0]["error"]),
+        (&"error".into(), &"lost".into(), &said.into())
+    );
+    assert_eq!(
+        (lines.len(), &lines[1]["name"], &lines[1]["cause"]),
+        (2, &"short".into(), &"time_out".into())
+    );
+    // Both have a trace, and nothing else is left.
+    let traces: Vec<PathBuf> = files(&out).into_keys().filter(|path| path.starts_with("traces")).collect();
+    assert_eq!((traces.len(), partial(&out)), (2, Vec::<PathBuf>::new()), "{traces:?}");
+    assert!(comes_true(Duration::from_secs(2), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert_eq!(bus.left(), Vec::<PathBuf>::new());
+}

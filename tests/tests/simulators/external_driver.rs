@@ -1,0 +1,305 @@
+//! Drivers in another process: Python and C++, and everything that can go wrong. Those whose tools are missing are skipped.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::processes::{BusFolder, comes_true, ended_within};
+use pdk_tests::tried::{self, Tried, python};
+use pdk_tests::{Pdk, repository, target_folder, temp};
+use serde_json::{Value, json};
+
+const SOURCE: &str = r#"
+    local settings = pdk.settings({ driver = { name = "process" }, scenarios = 2, duration = 1, mode = "lockstep" })
+    local scenarios = {}
+    for number = 1, settings.scenarios do
+        table.insert(scenarios, { name = `drive {number}`, ["repeat"] = number, road = { angles = { 0, number, 0 } } })
+    end
+    pdk.show(pdk.drive({
+        simulator = { name = "lane", width = 320, height = 240 }, driver = settings.driver, duration = settings.duration,
+        mode = settings.mode, scenarios = scenarios,
+    }))
+"#;
+
+/// A driver that holds the middle by what it is told alone, and goes wrong at frame 10 of its first scenario where it is asked to.
+const PILOT: &str = r#"
+import os, sys, time
+import iceoryx2
+import pdk_driver
+
+fault, mark = sys.argv[1], sys.argv[2]
+
+def drive(frame, context):
+    assert frame.shape == (240, 320, 3) and not frame.flags.writeable and not frame.flags.owndata
+    assert context.speed > 0 or context.frame_index == 0
+    if context.frame_index == 10 and fault != "none" and not os.path.exists(mark):
+        open(mark, "w").close()
+        if fault == "die":
+            print("out of memory", file=sys.stderr, flush=True)
+            os._exit(3)
+        if fault == "hang":
+            time.sleep(1000)
+        if fault == "nonsense":
+            return float("nan"), 0.0
+        if fault == "raise":
+            raise RuntimeError("no such layer")
+        if fault == "half":
+            # Ends when the answer has been begun and not sent.
+            iceoryx2.SampleMutUninit.write_payload = lambda *_: os._exit(4)
+        if fault == "late":
+            time.sleep(3)
+    return (float(frame[:, 160:, 0].mean()) - float(frame[:, :160, 0].mean())) / 1000.0, 0.25
+
+open(f"{mark}-{os.getpid()}", "w").close()
+pdk_driver.serve(drive, exchange=sys.argv[3] if len(sys.argv) > 3 else None)
+"#;
+
+#[track_caller]
+fn run(driver: &Value, more: &[(&str, &str)]) -> Tried {
+    let driver = driver.to_string();
+    tried::run(SOURCE, &[&[("driver", driver.as_str())], more].concat())
+}
+
+/// The driver in Python, which goes wrong where it is asked to.
+fn pilot(folder: &Path, fault: &str) -> Value {
+    let script = folder.join("pilot.py");
+    std::fs::write(&script, PILOT).unwrap();
+    json!({
+        "name": "process", "command": ["python3", script, fault, folder.join("mark")], "answer_seconds": 2, "start_seconds": 30
+    })
+}
+
+#[test]
+fn a_function_in_python_drives_and_comes_out_the_same() {
+    if !python() {
+        return;
+    }
+    let folder = temp();
+    let [first, second] = [0, 1].map(|_| run(&pilot(folder.path(), "none"), &[]));
+    assert_eq!(first.finished.code, Some(0), "{}", first.finished.stderr);
+    assert_eq!(first.lines.len(), 2);
+    for (first, second) in first.lines.iter().zip(&second.lines) {
+        assert_eq!(first["cause"], "time_out");
+        assert_eq!((&first["frames"], &first["digest"]), (&json!(21), &second["digest"]));
+    }
+    let realtime = run(&pilot(folder.path(), "none"), &[("mode", "realtime")]);
+    assert_eq!(realtime.finished.code, Some(0), "{}", realtime.finished.stderr);
+}
+
+#[test]
+fn one_that_fails_ends_its_scenario_with_that_cause() {
+    if !python() {
+        return;
+    }
+    for (fault, kind, says) in [
+        ("die", "lost", "ended (exit status: 3), and wrote last: out of memory"),
+        ("raise", "lost", "no such layer"),
+        ("hang", "late", "has not answered a frame within 2 s"),
+        ("nonsense", "nonsense", "it steers NaN with throttle 0"),
+        ("half", "lost", "ended (exit status: 4)"),
+        // It answers after all: too late.
+        ("late", "late", "has not answered a frame within 2 s"),
+    ] {
+        let folder = temp();
+        let run = run(&pilot(folder.path(), fault), &[]);
+        assert_eq!(run.finished.code, Some(1), "{fault}: {}", run.finished.stderr);
+        assert!(run.finished.stderr.contains(says), "{fault}: {}", run.finished.stderr);
+        let found: Vec<_> = run.lines.iter().map(|line| line["cause"].as_str().unwrap()).collect();
+        assert_eq!(found, ["error", "time_out"], "{fault}");
+        assert_eq!(
+            (&run.lines[0]["error_kind"], &run.lines[0]["frames"]),
+            (&json!(kind), &json!(10)),
+            "{fault}"
+        );
+        assert!(run.took < Duration::from_secs(60), "{fault}: {:?}", run.took);
+    }
+}
+
+#[test]
+fn one_that_cannot_be_started_or_does_not_come_is_said() {
+    let missing = json!({"name": "process", "command": ["/no/such/pilot"]});
+    run(&missing, &[("scenarios", "1")])
+        .says(1, &["cannot start the driver: there is no program `/no/such/pilot`; correct `command`"]);
+    let nobody = json!({"name": "process", "exchange": "nobody", "start_seconds": 0.5});
+    let run = self::run(&nobody, &[("scenarios", "1")]);
+    run.says(
+        1,
+        &[
+            "no driver is at the exchange `nobody`, which was waited for 0.5 s",
+            "exchange=\"nobody\")",
+            "`command`",
+        ],
+    );
+}
+
+/// One that was made for another form of the exchange cannot open it, be that by the type of an answer or by its size.
+#[test]
+fn one_of_another_version_is_said() {
+    if !python() {
+        return;
+    }
+    for (payload, says) in
+        [("ctypes.c_uint64", "Incompatible"), ("iceoryx2.Slice[ctypes.c_uint8]", "Incompatible")]
+    {
+        let folder = temp();
+        let script = folder.path().join("other.py");
+        let source = format!(
+            r#"
+import ctypes, os, iceoryx2
+iceoryx2.set_log_level(iceoryx2.LogLevel.Fatal)
+config = iceoryx2.config.from_file(iceoryx2.FilePath.new(os.environ["PDK_EXCHANGE"] + "/iceoryx2.toml"))
+node = iceoryx2.NodeBuilder.new().config(config).create(iceoryx2.ServiceType.Ipc)
+service = node.service_builder(iceoryx2.ServiceName.new("pdk/answer")).publish_subscribe({payload}).open()
+# It would send 100 MB.
+service.publisher_builder().initial_max_slice_len(100_000_000).create()
+"#
+        );
+        std::fs::write(&script, source).unwrap();
+        let run = run(
+            &json!({"name": "process", "command": ["python3", script], "start_seconds": 30}),
+            &[("scenarios", "1")],
+        );
+        run.says(1, &["the driver `python3", "other.py` ended (exit status: 1), and wrote last:", says]);
+        assert_eq!((run.causes(), run.kind()), (vec!["error"], "lost"));
+        assert!(run.took < Duration::from_secs(60), "{:?}", run.took);
+    }
+}
+
+fn shared(bus: &BusFolder, folder: &Path, fault: &str) -> Child {
+    pilot(folder, fault);
+    let (variable, place) = bus.variable();
+    Command::new("python3")
+        .arg(folder.join("pilot.py"))
+        .args([fault, folder.join("mark").to_str().unwrap(), "shared"])
+        .env(variable, place)
+        .env("PYTHONPATH", repository().join("sdk/python"))
+        .spawn()
+        .unwrap()
+}
+
+/// Ends them, and waits until they are gone.
+fn end(drivers: impl IntoIterator<Item = Child>) {
+    for mut driver in drivers {
+        // It may have ended by itself.
+        let _ = driver.kill();
+        driver.wait().unwrap();
+    }
+}
+
+#[test]
+fn two_at_once_are_said() {
+    if !python() {
+        return;
+    }
+    let (folder, bus) = (temp(), BusFolder::new());
+    let drivers = [0, 1].map(|_| shared(&bus, folder.path(), "none"));
+    // Both are there when the first frame comes: each leaves a mark, and then needs a moment to connect.
+    let begun = || drivers.iter().all(|driver| folder.path().join(format!("mark-{}", driver.id())).exists());
+    assert!(comes_true(Duration::from_secs(30), begun));
+    std::thread::sleep(Duration::from_secs(2));
+    let driver = json!({"name": "process", "exchange": "shared"}).to_string();
+    let out = folder.path().join("out");
+    let (variable, place) = bus.variable();
+    let finished = Pdk::new(["run", "--workers", "1", "--out"])
+        .arg(&out)
+        .arg(pipeline(folder.path(), SOURCE))
+        .set("driver", driver)
+        .env(variable, place)
+        .run();
+    end(drivers);
+    assert_eq!(finished.code, Some(1), "{}", finished.stderr);
+    let says = "two programs answer as the driver of the exchange `shared`; end one of them";
+    assert!(finished.stderr.contains(says), "{}", finished.stderr);
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    assert!(lines.iter().any(|line| line["error_kind"] == "nonsense"), "{lines:?}");
+    assert!(bus.left().is_empty(), "{:?}", bus.left());
+}
+
+#[test]
+fn one_that_comes_back_serves_what_follows() {
+    if !python() {
+        return;
+    }
+    let (folder, bus) = (temp(), BusFolder::new());
+    let mut first = shared(&bus, folder.path(), "die");
+    let driver = json!({"name": "process", "exchange": "shared", "answer_seconds": 2}).to_string();
+    let out = folder.path().join("out");
+    let (variable, place) = bus.variable();
+    let mut run = Pdk::new(["run", "--workers", "1", "--out"])
+        .arg(&out)
+        .arg(pipeline(folder.path(), SOURCE))
+        .set("driver", driver)
+        .env(variable, place)
+        .spawn();
+    assert_eq!(ended_within(&mut first, Duration::from_secs(60)).unwrap().code(), Some(3));
+    std::thread::sleep(Duration::from_secs(5));
+    let second = shared(&bus, folder.path(), "die");
+    let status = ended_within(&mut run, Duration::from_secs(60));
+    end([first, second]);
+    assert_eq!(status.unwrap().code(), Some(1));
+    // The scenario in which it died has that outcome, and the next one waited until it was back.
+    let lines = json_lines(&out.join("scenarios.jsonl"));
+    let causes: Vec<_> = lines.iter().map(|line| line["cause"].as_str().unwrap()).collect();
+    assert_eq!(causes, ["error", "time_out"], "{lines:?}");
+    assert_eq!((&lines[0]["error_kind"], &lines[0]["frames"]), (&json!("late"), &json!(10)));
+    assert!(bus.left().is_empty(), "{:?}", bus.left());
+}
+
+#[test]
+fn one_that_runs_already_serves_all_workers() {
+    if !python() {
+        return;
+    }
+    let (folder, bus) = (temp(), BusFolder::new());
+    let driver = shared(&bus, folder.path(), "none");
+    let (variable, place) = bus.variable();
+    let out = folder.path().join("out");
+    let command = Pdk::new(["run", "--workers", "2", "--out"]).arg(&out).arg(pipeline(folder.path(), SOURCE));
+    let command = command.set("driver", json!({"name": "process", "exchange": "shared"})).set("scenarios", 4);
+    let finished = command.env(variable, place).run();
+    end([driver]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    assert_eq!(json_lines(&out.join("scenarios.jsonl")).len(), 4);
+}
+
+#[test]
+fn the_examples_drive() {
+    if !python() {
+        return;
+    }
+    for example in ["function.py", "model.py"] {
+        let script = repository().join("sdk/python/examples").join(example);
+        let run = run(&json!({"name": "process", "command": ["python3", script]}), &[]);
+        assert_eq!(run.finished.code, Some(0), "{example}: {}", run.finished.stderr);
+    }
+}
+
+#[test]
+fn a_driver_in_cpp_drives() {
+    let compiler = Command::new("c++").arg("--version").stdout(Stdio::null()).status();
+    if !compiler.is_ok_and(|status| status.success()) {
+        eprintln!("skipped: there is no c++");
+        return;
+    }
+    let folder = temp();
+    let (source, target) = (repository().join("sdk/pdk-driver-c"), target_folder());
+    let pilot: PathBuf = folder.path().join("pilot");
+    let compiled = Command::new("c++")
+        .args(["-O2", "-Wall", "-Wextra", "-Werror", "-I"])
+        .arg(source.join("include"))
+        .arg(source.join("example/pilot.cpp"))
+        .arg("-L")
+        .arg(&target)
+        .arg("-lpdkdriver")
+        .arg(format!("-Wl,-rpath,{}", target.display()))
+        .arg("-o")
+        .arg(&pilot)
+        .status()
+        .unwrap();
+    assert!(compiled.success());
+    let run = run(&json!({"name": "process", "command": [pilot]}), &[]);
+    assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
+    assert_eq!(run.lines.len(), 2);
+    assert_eq!(run.lines[0]["frames"], 21);
+}
