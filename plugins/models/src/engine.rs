@@ -14,7 +14,7 @@ use crate::session::{Network, Session};
 use crate::tract::{self, Tract};
 
 /// The name of the parameter.
-pub const PARAMETER: &str = "engine";
+pub use pdk_sdk::model::component::ENGINE as PARAMETER;
 
 const TRACT: &str = "tract";
 const ONNXRUNTIME: &str = "onnxruntime";

@@ -5,3 +5,4 @@
 mod determinism;
 mod identity;
 mod processors;
+mod unchanged;
