@@ -201,7 +201,7 @@ mod tests {
                 list.lines().find(|line| line.contains(name)).unwrap_or_else(|| panic!("{name}: {list}"));
             assert!(!line.contains("[]"), "{line}");
         }
-        for name in ["serde_derive ", "cc 1", "nasm-rs", "pdk-core", "proptest"] {
+        for name in ["serde_derive ", "cc 1", "nasm-rs", "pdk-session", "proptest"] {
             assert!(!list.lines().any(|line| line.starts_with(name)), "{name}");
         }
         for text in

@@ -115,7 +115,7 @@ mod tests {
             [workspace.package]
             version = "1.2.3"
             [workspace.dependencies]
-            pdk-core = { path = "kernel/core" }
+            pdk-loop = { path = "kernel/loop" }
             pdk-a = { path = "sdk/pdk-a", version = "1.2.3" }
             pdk-b = { path = "sdk/pdk-b" }
             libm = "0.2"

@@ -10,8 +10,8 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use pdk_core::registry::Registry;
-use pdk_core::search_path::SearchPath;
+use pdk_components::registry::Registry;
+use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_sdk::prelude::*;
 use pdk_tests::test_library;

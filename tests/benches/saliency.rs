@@ -12,8 +12,8 @@
 
 use std::time::{Duration, Instant};
 
-use pdk_core::registry::Registry;
-use pdk_core::search_path::SearchPath;
+use pdk_components::registry::Registry;
+use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::prelude::*;

@@ -27,12 +27,12 @@ use std::num::NonZero;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use pdk_analysis::point::Point;
-use pdk_core::registry::Registry;
-use pdk_core::search_path::SearchPath;
+use pdk_components::registry::Registry;
+use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_model::search::{Evaluated, Problem, Range, Space, Variable};
-use pdk_sdk::ops::Key;
+use pdk_sdk::seed::Key;
+use pdk_statistics::point::Point;
 use serde_json::{Map, Value};
 
 /// What is known of a candidate: objectives, and whether it is critical.

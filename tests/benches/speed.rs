@@ -17,10 +17,10 @@
 
 use std::path::PathBuf;
 
-use pdk_core::chain::Chain;
-use pdk_core::moment::Moment;
-use pdk_core::registry::Registry;
-use pdk_core::search_path::SearchPath;
+use pdk_chain::chain::Chain;
+use pdk_chain::moment::Moment;
+use pdk_components::registry::Registry;
+use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_model::component::ComponentSpec;
 use pdk_model::level::Level;

@@ -4,8 +4,8 @@ use std::ops::Range;
 use std::path::Path;
 
 use image::{GrayImage, Luma};
-use pdk_trace::reader::{Entry, TraceReader};
-use pdk_trace::step::ImageTopic;
+use pdk_record::trace::reader::{Entry, TraceReader};
+use pdk_record::trace::step::ImageTopic;
 
 /// By how much the brightest change of each pixel's channels is, in the first recorded frame of a trace.
 ///

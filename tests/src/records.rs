@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-use pdk_core::directory::{PERFORMANCE, RunDirectory, SCENARIOS};
-use pdk_core::ledger::{self, Ledger, Line};
 use pdk_model::scenario::{Scenario, ScenarioId};
-use pdk_trace::reader::{Entry, TraceReader, read_steps};
-use pdk_trace::step::{Digest, Step};
-use pdk_trace::writer::Trace;
+use pdk_record::directory::{PERFORMANCE, RunDirectory, SCENARIOS};
+use pdk_record::ledger::{self, Ledger, Line};
+use pdk_record::trace::reader::{Entry, TraceReader, read_steps};
+use pdk_record::trace::step::{Digest, Step};
+use pdk_record::trace::writer::Trace;
 use serde_json::Value;
 
 /// No record of a test takes longer to come to what is waited for.

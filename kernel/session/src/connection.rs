@@ -7,11 +7,11 @@ use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
-use pdk_core::supervisor::kill_group;
 use pdk_sdk::error::{Error, Place, Result};
+use pdk_supervise::supervisor::kill_group;
 
-use crate::lines::{self, Found};
-use crate::protocol::{FromWorker, Hello, Job, Ready, ToWorker, VERSION};
+use pdk_loop::lines::{self, Found};
+use pdk_loop::protocol::{FromWorker, Hello, Job, Ready, ToWorker, VERSION};
 
 /// Where workers come from.
 #[derive(Debug, Clone, PartialEq, Eq)]

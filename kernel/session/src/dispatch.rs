@@ -9,21 +9,21 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use pdk_core::directory::RunDirectory;
-use pdk_core::eprintln;
-use pdk_core::ledger::{Ledger, Line};
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Cause;
 use pdk_model::scenario::ScenarioId;
+use pdk_notice::eprintln;
+use pdk_record::directory::RunDirectory;
+use pdk_record::ledger::{Ledger, Line};
+use pdk_record::trace::reader::Owner;
 use pdk_sdk::describe::Parameter;
 use pdk_sdk::error::{Error, Result};
-use pdk_trace::reader::Owner;
 
 use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
-use crate::lines::Found;
-use crate::protocol::{Drive, FromWorker, Hello, Job, Ready, VERSION, Work};
 use crate::submission::{Options, Performance, Reply, Submission, Ticket};
+use pdk_loop::lines::Found;
+use pdk_loop::protocol::{Drive, FromWorker, Hello, Job, Ready, VERSION, Work};
 
 /// How often the session looks up where nothing happens.
 const TICK: Duration = Duration::from_millis(50);
@@ -294,7 +294,7 @@ impl Dispatch {
         // Nor is a scenario done whose trace is not there or not whole.
         let known = known.filter(|line| {
             !before
-                || match pdk_trace::reader::check(&trace, Owner::of(line)) {
+                || match pdk_record::trace::reader::check(&trace, Owner::of(line)) {
                     Err(error) => {
                         eprintln!(
                             "pdk: warning: scenario `{}` is driven again: {}",

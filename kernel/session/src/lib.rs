@@ -3,9 +3,9 @@
 //! A [`session`] lives as long as a pipeline. It takes scenarios, frames of datasets and questions about components, gives them to
 //! workers, writes the ledger, and hands out what came of them, as it comes or in the order of submission.
 //!
-//! A [`worker`] is a process of its own, and so is what it supervises: [`loop_process`] loads components and calls them. So nothing that
-//! a component does reaches further than the scenario at hand: a crash, an exit, a hang or a lack of memory becomes that scenario's
-//! outcome, and the next scenario gets a new process. When the session is gone, workers leave and take along what they started.
+//! A [`worker`] is a process of its own, and so is what it supervises: the loop process (`pdk-loop`) loads components and calls them. So
+//! nothing that a component does reaches further than the scenario at hand: a crash, an exit, a hang or a lack of memory becomes that
+//! scenario's outcome, and the next scenario gets a new process. When the session is gone, workers leave and take along what they started.
 //!
 //! ```text
 //! session ── JSON lines ──► worker ── JSON lines ──► loop process: simulator ► perturbations ► driver
@@ -17,33 +17,12 @@
 //! | [`session`] | the handle that a pipeline holds; `dispatch` is its thread: jobs to workers, outcomes to the ledger |
 //! | [`submission`] | what goes in and comes out |
 //! | [`connection`] | the session's end of a conversation; where workers come from |
-//! | [`protocol`] | what the two say to each other, on [`lines`] |
 //! | [`worker`] | answers every job, whatever its process does |
-//! | [`loop_process`] | the process that calls components; `engine` keeps them, `held` notes every call |
-//! | [`drive`] | one scenario around the loop; `judge` says when it is over and measures it, `comfort` with it |
-//! | `evaluate` | frames of datasets |
-//! | `recorder`, [`recent`] | the trace, and the last frames of failures |
-//! | [`stages`] | how long it takes |
-//! | `environment` | what a component changed of its process, put back |
 //! | [`interrupt`] | Ctrl-C |
 
-mod comfort;
 pub mod connection;
 mod dispatch;
-pub mod drive;
-mod engine;
-mod environment;
-mod evaluate;
-mod held;
 pub mod interrupt;
-mod judge;
-pub mod lines;
-pub mod loop_process;
-pub mod protocol;
-pub mod recent;
-mod recorder;
 pub mod session;
-pub mod stages;
 pub mod submission;
-mod way;
 pub mod worker;

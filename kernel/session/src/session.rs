@@ -7,19 +7,19 @@ use std::sync::{Arc, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use pdk_core::catalog::Catalog;
-use pdk_core::directory::RunDirectory;
-use pdk_core::ledger::Ledger;
+use pdk_components::catalog::Catalog;
 use pdk_model::component::ComponentSpec;
 use pdk_model::search::Candidate;
+use pdk_record::directory::RunDirectory;
+use pdk_record::ledger::Ledger;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
 use pdk_sdk::input_files::InputFiles;
 
 use crate::connection::Pool;
 use crate::dispatch::{Dispatch, Event, Record, Request, Shared};
-use crate::protocol::{Drive, EvaluateFrame, Made, Make, Ready, SearchStep, StartSearch, Work};
 pub use crate::submission::{Options, Performance, Reply, Submission, Ticket};
+use pdk_loop::protocol::{Drive, EvaluateFrame, Made, Make, Ready, SearchStep, StartSearch, Work};
 
 /// The session's handle, which the pipeline holds.
 pub struct Session {

@@ -3,16 +3,16 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use pdk_core::ledger::Line;
-use pdk_core::search_path::SearchPath;
-use pdk_core::supervisor::Limits;
+use pdk_components::search_path::SearchPath;
 use pdk_model::scenario::Scenario;
 use pdk_model::search::Candidate;
+use pdk_record::ledger::Line;
 use pdk_sdk::input_files::InputFiles;
+use pdk_supervise::supervisor::Limits;
 
 use crate::connection::Pool;
-use crate::protocol::{Driven, Evaluated, Failure, Made};
-use crate::stages::Times;
+use pdk_loop::protocol::{Driven, Evaluated, Failure, Made};
+use pdk_loop::stages::Times;
 
 /// How a session works.
 #[derive(Debug, Clone)]

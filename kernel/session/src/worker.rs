@@ -1,6 +1,6 @@
 //! `pdk worker`: does jobs for a session, and answers each one whatever its components do.
 //!
-//! The worker itself calls no component. It keeps a process that does ([`loop_process`](crate::loop_process)), sees to it that this
+//! The worker itself calls no component. It keeps a process that does ([`loop_process`](pdk_loop::loop_process)), sees to it that this
 //! process comes back from every call and stays within its memory, and makes an answer of whatever happens to it. Then it starts
 //! another one.
 
@@ -9,15 +9,15 @@ use std::process::{ChildStdin, Command, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use pdk_core::calls::Seen;
-use pdk_core::eprintln;
-use pdk_core::supervisor::{End, LOOK, Limits, Supervised, is_from_outside};
+use pdk_notice::eprintln;
+use pdk_record::trace::writer::part_of;
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
-use pdk_trace::writer::part_of;
+use pdk_supervise::calls::Seen;
+use pdk_supervise::supervisor::{End, LOOK, Limits, Supervised, is_from_outside};
 
-use crate::lines::{self, Found};
-use crate::protocol::{Answer, Done, Driven, FromWorker, Hello, Job, ToWorker, VERSION, Work};
-use crate::recorder::write_trace;
+use pdk_loop::lines::{self, Found};
+use pdk_loop::protocol::{Answer, Done, Driven, FromWorker, Hello, Job, ToWorker, VERSION, Work};
+use pdk_loop::recorder::write_trace;
 
 /// How often a job is begun whose process somebody else kills, and how often a process is started that is killed before it is ready.
 const TRIES: u32 = 3;

@@ -43,7 +43,7 @@ impl Perturbation for ScaleImage {
         }
         let stride = dst.stride();
         let middle = &mut dst.data_mut()[top * stride + left * 3..];
-        resize_linear(src, FrameMut::with_stride(middle, width, height, stride)?);
+        resize_linear(src, FrameMut::with_stride(middle, width, height, stride).map_err(Error::new)?);
         Ok(())
     }
 }

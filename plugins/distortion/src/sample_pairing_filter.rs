@@ -37,7 +37,8 @@ impl Perturbation for SamplePairingFilter {
         let x = random.below(src.width() as u32 / 2) as usize;
         let y = random.below(src.height() as u32 / 2) as usize;
         let from = y * src.stride() + x * CHANNELS;
-        let window = Frame::with_stride(&src.data()[from..], width, height, src.stride())?;
+        let window =
+            Frame::with_stride(&src.data()[from..], width, height, src.stride()).map_err(Error::new)?;
         self.enlarged.resize(src.width(), src.height());
         resize_linear(window, self.enlarged.as_mut());
         blend(src, cx.number("weight"), self.enlarged.as_ref(), dst);

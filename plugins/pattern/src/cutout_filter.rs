@@ -1,9 +1,9 @@
 //! Cutout: parts of the frame are missing, as when something sticks to the windscreen or blocks of a transmission are
 //! lost. Where the rectangles sit is drawn once per sequence.
 
-use pdk_sdk::ops::Random;
 use pdk_sdk::ops::draw::fill_rectangle;
 use pdk_sdk::prelude::*;
+use pdk_sdk::seed::Random;
 
 /// Blackens rectangles.
 pub struct CutoutFilter;

@@ -1,6 +1,6 @@
 //! Where a line starts and which way it runs.
 
-use pdk_sdk::ops::Random;
+use pdk_sdk::seed::Random;
 
 /// A place in a frame and a direction of length 1, in pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]

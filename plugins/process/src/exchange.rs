@@ -83,7 +83,7 @@ impl Exchange {
         let state = State { time: stamp.time, speed, ..State::default() };
         self.room.bus.publish_state(stamp, state).map_err(|error| failed(&error))?;
         let mut loan = self.room.bus.loan_frame(Topic::Perturbed, stamp).map_err(|error| failed(&error))?;
-        FrameMut::new(&mut loan, width, height)?.copy_from(frame);
+        FrameMut::new(&mut loan, width, height).map_err(Error::new)?.copy_from(frame);
         loan.publish().map_err(|error| failed(&error))?;
         self.frame_event.ring();
         Ok(())

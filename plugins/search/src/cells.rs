@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 
-use pdk_sdk::ops::Random;
+use pdk_sdk::seed::Random;
 
 use crate::domain::Domain;
 

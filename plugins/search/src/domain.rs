@@ -2,8 +2,8 @@
 
 use std::collections::HashSet;
 
-use pdk_sdk::ops::Random;
 use pdk_sdk::prelude::*;
+use pdk_sdk::seed::Random;
 
 /// How often a position that keeps the constraints is drawn for, before one that does not is taken.
 const DRAWS: usize = 1000;

@@ -3,7 +3,7 @@
 //! Geurts, Ernst, Wehenkel, "Extremely randomized trees" (2006). It takes any kind of variable, needs no scale, and tells by how
 //! much its trees disagree how sure it is.
 
-use pdk_sdk::ops::Random;
+use pdk_sdk::seed::Random;
 
 /// The fewest points in a node that is split.
 const FEWEST: usize = 4;

@@ -1,8 +1,8 @@
 //! Latin hypercubes: in every variable, each of equally many parts has one candidate.
 
-use pdk_analysis::point::Point;
-use pdk_sdk::ops::Random;
 use pdk_sdk::prelude::*;
+use pdk_sdk::seed::Random;
+use pdk_statistics::point::Point;
 
 use crate::domain::Domain;
 use crate::strategy::{Next, Rule};

@@ -6,10 +6,10 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use pdk_analysis::point::Point;
-use pdk_sdk::ops::Random;
 use pdk_sdk::prelude::*;
+use pdk_sdk::seed::Random;
 use pdk_sdk::serde_json::Value;
+use pdk_statistics::point::Point;
 
 use crate::cells::Cells;
 use crate::domain::{Domain, Seen};

@@ -1,6 +1,6 @@
 //! Places that are better than what lies around them: where else a search may find something.
 
-use pdk_analysis::point::Point;
+use pdk_statistics::point::Point;
 
 use crate::domain::Domain;
 

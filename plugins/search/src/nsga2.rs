@@ -5,10 +5,10 @@
 
 use std::collections::VecDeque;
 
-use pdk_analysis::point::Point;
-use pdk_analysis::ranking::{Ranked, survivors};
-use pdk_sdk::ops::Random;
 use pdk_sdk::prelude::*;
+use pdk_sdk::seed::Random;
+use pdk_statistics::point::Point;
+use pdk_statistics::ranking::{Ranked, survivors};
 
 use crate::domain::{Domain, Region, Seen};
 use crate::strategy::{Next, Rule};
@@ -188,7 +188,7 @@ mod tests {
     use super::*;
     use crate::strategy::Strategy;
     use crate::testing::{integers, key, make, problem, reals, search};
-    use pdk_analysis::hypervolume::hypervolume;
+    use pdk_statistics::hypervolume::hypervolume;
 
     #[test]
     fn the_front_of_a_known_problem_is_approached() {

@@ -10,11 +10,11 @@
 
 use std::collections::VecDeque;
 
-use pdk_analysis::point::Point;
-use pdk_analysis::ranking::survivors_of_many;
-use pdk_analysis::tree::{Limits, PUBLISHED, Tree};
-use pdk_sdk::ops::Random;
 use pdk_sdk::prelude::*;
+use pdk_sdk::seed::Random;
+use pdk_statistics::point::Point;
+use pdk_statistics::ranking::survivors_of_many;
+use pdk_statistics::tree::{Limits, PUBLISHED, Tree};
 
 use crate::domain::{Domain, Region, Seen, contains};
 use crate::niches::{NEARBY, objectives, promising};

@@ -1,6 +1,6 @@
 //! Positions of which a model chooses what is evaluated.
 
-use pdk_sdk::ops::Random;
+use pdk_sdk::seed::Random;
 
 use crate::domain::{Domain, Seen};
 use crate::forest::Forest;

@@ -9,11 +9,11 @@
 
 use std::collections::VecDeque;
 
-use pdk_analysis::point::Point;
-use pdk_analysis::ranking::{Ranked, dominates, survivors};
-use pdk_analysis::tree::{PUBLISHED, Tree};
-use pdk_sdk::ops::Random;
 use pdk_sdk::prelude::*;
+use pdk_sdk::seed::Random;
+use pdk_statistics::point::Point;
+use pdk_statistics::ranking::{Ranked, dominates, survivors};
+use pdk_statistics::tree::{PUBLISHED, Tree};
 
 use crate::domain::Domain;
 use crate::nsga2::size;
@@ -195,7 +195,7 @@ fn front(points: &[Point]) -> Vec<Point> {
 mod tests {
     use super::*;
     use crate::testing::key;
-    use pdk_analysis::ranking::fronts;
+    use pdk_statistics::ranking::fronts;
 
     #[test]
     fn a_front_is_the_first_of_all_fronts_with_its_copies() {

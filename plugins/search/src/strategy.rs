@@ -1,9 +1,9 @@
 //! What all strategies share: they number candidates, keep the results, and see to it that a candidate depends on nothing but
 //! problem, key and the results that its rule asks for.
 
-use pdk_analysis::point::Point;
-use pdk_sdk::ops::Random;
 use pdk_sdk::prelude::*;
+use pdk_sdk::seed::Random;
+use pdk_statistics::point::Point;
 
 use crate::domain::Domain;
 

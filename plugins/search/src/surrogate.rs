@@ -14,9 +14,9 @@
 
 use std::collections::VecDeque;
 
-use pdk_analysis::point::Point;
-use pdk_sdk::ops::Random;
 use pdk_sdk::prelude::*;
+use pdk_sdk::seed::Random;
+use pdk_statistics::point::Point;
 
 use crate::domain::{Domain, Seen};
 use crate::forest::Forest;

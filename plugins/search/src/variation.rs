@@ -4,8 +4,8 @@
 //! search (GeneAS) for engineering design" (1996). Whole positions are crossed and mutated as numbers, and then rounded. A
 //! choice has no order: it is exchanged, and drawn anew.
 
-use pdk_sdk::ops::Random;
 use pdk_sdk::prelude::*;
+use pdk_sdk::seed::Random;
 
 use crate::domain::{Domain, Region};
 

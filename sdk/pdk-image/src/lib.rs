@@ -104,7 +104,7 @@ pub fn decode_into(bytes: &[u8], mut into: FrameMut<'_>) -> Result<(usize, usize
     let picture = decode(bytes)?.into_rgb8();
     let size = (picture.width() as usize, picture.height() as usize);
     if size == (into.width(), into.height()) {
-        into.copy_from(Frame::new(picture.as_raw(), size.0, size.1)?);
+        into.copy_from(Frame::new(picture.as_raw(), size.0, size.1).map_err(Error::new)?);
     }
     Ok(size)
 }
@@ -121,7 +121,7 @@ fn read_as<T>(path: &Path, convert: impl FnOnce(DynamicImage) -> Result<T>) -> R
 
 fn frame(image: RgbImage) -> Result<FrameBuf> {
     let (width, height) = (image.width() as usize, image.height() as usize);
-    Ok(FrameBuf::from_vec(image.into_raw(), width, height)?)
+    FrameBuf::from_vec(image.into_raw(), width, height).map_err(Error::new)
 }
 
 /// Decodes BMP and WebP.

@@ -138,12 +138,6 @@ impl From<serde_json::Error> for Error {
     }
 }
 
-impl From<pdk_ops::FrameError> for Error {
-    fn from(error: pdk_ops::FrameError) -> Self {
-        Self::new(error.to_string())
-    }
-}
-
 /// Names the place of an error where it is passed on.
 pub trait Place<T> {
     /// Turns the error into `"{place}: {error}"`. An [`Error`] keeps its kind.

@@ -144,15 +144,7 @@ impl Scenario {
 /// The seed of a scenario that names none: it follows from the run's seed, the road and the repeat alone, so that drives with
 /// and without perturbations meet the same world. It has at most 53 bits, which Lua and JSON numbers keep.
 pub fn seed_of(run_seed: u64, road: &Value, repeat: u64) -> u64 {
-    let road = canonical(road);
-    let mut hasher = blake3::Hasher::new_derive_key("pdk scenario seed, version 1");
-    hasher.update(&run_seed.to_le_bytes());
-    hasher.update(&(road.len() as u64).to_le_bytes());
-    hasher.update(road.as_bytes());
-    hasher.update(&repeat.to_le_bytes());
-    let mut first = [0; 8];
-    first.copy_from_slice(&hasher.finalize().as_bytes()[..8]);
-    u64::from_le_bytes(first) >> (64 - 53)
+    pdk_seed::of_scenario(run_seed, &canonical(road), repeat)
 }
 
 /// The largest seed. From the next number on, Lua and many readers of JSON round.

@@ -3,10 +3,11 @@
 
 use divan::Bencher;
 use pdk_ops::{
-    Frame, FrameBuf, FrameMut, Key, average, blend, canny, color, elastic, equalise, false_color, gaussian,
-    hsv, jpeg, noise, overlay, phase, point, poisson, posterize, resample, resize, saturation, sharpen,
-    unsharp, warp, white_balance,
+    Frame, FrameBuf, FrameMut, average, blend, canny, color, elastic, equalise, false_color, gaussian, hsv,
+    jpeg, noise, overlay, phase, point, poisson, posterize, resample, resize, saturation, sharpen, unsharp,
+    warp, white_balance,
 };
+use pdk_seed::Key;
 
 fn main() {
     divan::main();

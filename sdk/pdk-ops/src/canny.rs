@@ -315,7 +315,7 @@ mod tests {
 
     #[test]
     fn one_workspace_serves_frames_of_any_size() {
-        let mut random = crate::Key([1; 32]).sequence();
+        let mut random = pdk_seed::Key([1; 32]).sequence();
         let mut workspace = Workspace::default();
         for (width, height) in [(64, 48), (31, 80), (64, 48), (1, 9), (200, 3)] {
             let mut pixels = vec![0; width * height * 3];

@@ -124,7 +124,7 @@ mod tests {
         let (a, b) = (gradient(30, 20, 10), gradient(30, 20, 13));
         assert_eq!(mean_squared_difference(a.as_ref(), b.as_ref()), 9.0);
         let mut noise = a.clone();
-        let mut random = crate::random::Key([1; 32]).sequence();
+        let mut random = pdk_seed::Key([1; 32]).sequence();
         noise
             .as_mut()
             .rows_mut()

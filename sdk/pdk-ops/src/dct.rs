@@ -120,7 +120,7 @@ mod tests {
     use std::f64::consts::PI;
 
     use super::*;
-    use crate::random::Key;
+    use pdk_seed::Key;
 
     /// `cos((2x + 1) u pi / 16)`, normalised.
     fn basis(u: usize, x: usize) -> f64 {

@@ -1,10 +1,10 @@
 //! Elastic distortion: every pixel comes from a random place nearby.
 
 use crate::frame::{Frame, FrameMut};
-use crate::random::Random;
 use crate::sample::{Border, Padded, SUBPIXELS};
 use crate::simd::vectorised;
 use crate::smooth::{self, Kernel, Size, WEIGHT_BITS, smooth};
+use pdk_seed::Random;
 
 /// The largest displacement [`elastic`] takes, in pixels.
 pub const MAX_DISPLACEMENT: f64 = 1000.0;
@@ -107,9 +107,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::Key;
     use crate::border::reflect;
     use crate::testing::{plain, run_on, samples};
+    use pdk_seed::Key;
 
     /// Draws, smooths and interpolates in floating point.
     fn plain_elastic(src: Frame<'_>, alpha: f64, sigma: f64, random: &mut Random) -> Vec<[f64; 3]> {

@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn matches_the_plain_version_on_larger_frames_with_one_workspace() {
         let mut workspace = Workspace::default();
-        let mut random = crate::Key([1; 32]).sequence();
+        let mut random = pdk_seed::Key([1; 32]).sequence();
         for (width, height) in [(160, 120), (161, 97), (64, 64), (97, 200), (320, 9)] {
             let mut pixels = vec![0; width * height * 3];
             random.fill(&mut pixels);

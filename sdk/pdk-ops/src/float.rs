@@ -240,7 +240,7 @@ vectorised! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Key;
+    use pdk_seed::Key;
 
     fn image(width: usize, height: usize, channels: usize) -> Image {
         let mut random = Key([3; 32]).sequence();

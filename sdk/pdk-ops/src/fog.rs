@@ -2,8 +2,8 @@
 
 use crate::frame::{CHANNELS, Frame, FrameBuf};
 use crate::noise::{NORMAL_SCALE, normal_table};
-use crate::random::{Key, Random};
 use crate::simd::vectorised;
+use pdk_seed::{Key, Random};
 
 /// A random midpoint lies this far or less above the mean of its neighbours, at every scale.
 const ROUGHNESS: f32 = 0.6;

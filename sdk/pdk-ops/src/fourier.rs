@@ -341,8 +341,8 @@ fn odd_pass(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Key;
     use crate::simd::with_each;
+    use pdk_seed::Key;
 
     fn random_sequences(len: usize) -> Sequences {
         let mut random = Key([4; 32]).sequence();

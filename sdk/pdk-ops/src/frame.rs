@@ -14,6 +14,12 @@ pub struct FrameError {
     len: usize,
 }
 
+impl From<FrameError> for String {
+    fn from(error: FrameError) -> Self {
+        error.to_string()
+    }
+}
+
 impl fmt::Display for FrameError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(

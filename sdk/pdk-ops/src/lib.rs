@@ -5,7 +5,7 @@
 //! documentation says that it keeps a workspace.
 //!
 //! Same input, same bytes: kernels use no operation whose result depends on the CPU, the number of threads or the
-//! system's mathematical library. Transcendental functions come from [`libm`], random numbers from [`Random`].
+//! system's mathematical library. Transcendental functions come from [`libm`], random numbers from [`pdk_seed`].
 
 pub mod average;
 pub mod blend;
@@ -37,7 +37,6 @@ mod planes;
 pub mod point;
 pub mod poisson;
 pub mod posterize;
-pub mod random;
 pub mod resample;
 pub mod resize;
 pub mod sample;
@@ -56,4 +55,3 @@ pub mod white_balance;
 pub mod zoom;
 
 pub use frame::{Frame, FrameBuf, FrameError, FrameMut};
-pub use random::{Key, Random};

@@ -5,8 +5,8 @@
 use std::sync::OnceLock;
 
 use crate::frame::{CHANNELS, Frame, FrameMut};
-use crate::random::{Random, normal_quantile};
 use crate::simd::{round_to_byte, vectorised};
+use pdk_seed::{Random, normal_quantile};
 
 /// The number of values that are done at a time.
 const BLOCK: usize = 1024;
@@ -172,8 +172,8 @@ mod tests {
 
     use super::*;
     use crate::frame::FrameBuf;
-    use crate::random::Key;
     use crate::testing::{run_on, samples};
+    use pdk_seed::Key;
 
     #[test]
     fn the_normal_table_has_the_moments_of_a_normal_distribution() {

@@ -10,8 +10,8 @@ use std::f32::consts::{FRAC_PI_2, PI};
 
 use crate::fourier::{LANES, Lane, Plan, Sequences};
 use crate::frame::{CHANNELS, Frame, FrameMut};
-use crate::random::Random;
 use crate::simd::vectorised;
+use pdk_seed::Random;
 
 /// Random bytes for one coefficient in each lane: two numbers of 16 bits.
 const DRAW: usize = 4 * LANES;
@@ -233,8 +233,8 @@ vectorised! {
 mod tests {
     use super::*;
     use crate::frame::FrameBuf;
-    use crate::random::Key;
     use crate::testing::run;
+    use pdk_seed::Key;
 
     /// What the effect is defined as, on the whole plane and in double precision, with the kernel's draws.
     fn plain(src: Frame<'_>, strength: f64, random: &mut Random) -> Vec<f64> {

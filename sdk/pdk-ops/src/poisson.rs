@@ -5,7 +5,7 @@
 //! in Vose, "A linear algorithm for generating random numbers with a given distribution", 1991).
 
 use crate::frame::{Frame, FrameMut};
-use crate::random::Random;
+use pdk_seed::Random;
 
 /// The largest expected count of a white pixel: beyond it the probability of no count underflows.
 pub const MAX_COUNT: f64 = 700.0;
@@ -140,8 +140,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::random::Key;
     use crate::testing::{run_on, samples};
+    use pdk_seed::Key;
 
     /// The probabilities that the table draws with.
     fn drawn(table: &PoissonTable, value: u8) -> [f64; 256] {

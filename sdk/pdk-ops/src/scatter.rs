@@ -1,8 +1,8 @@
 //! Pixels that change places with their neighbourhood.
 
 use crate::frame::{CHANNELS, Frame, FrameMut};
-use crate::random::Key;
 use crate::simd::vectorised;
+use pdk_seed::Key;
 
 /// What [`scatter`] keeps between calls: where each pixel comes from, as long as nothing changes.
 #[derive(Debug, Clone, Default)]

@@ -224,7 +224,7 @@ mod tests {
             finer in 0u32..3, key: [u8; 32],
         ) {
             let values = width * channels;
-            let mut random = crate::Key(key).sequence();
+            let mut random = pdk_seed::Key(key).sequence();
             let limit = (1 << 14) >> finer;
             let numbers: Vec<i16> = (0..values * height).map(|_| random.between(-limit, limit - 1) as i16).collect();
             let mut kernel = Kernel::default();

@@ -4,9 +4,10 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use pdk_ops::{
-    FrameBuf, Key, average, blend, canny, color, draw, equalise, false_color, fog, gaussian, hsv, jpeg,
-    low_pass, noise, phase, point, poisson, posterize, resize, saturation, scatter, white_balance, zoom,
+    FrameBuf, average, blend, canny, color, draw, equalise, false_color, fog, gaussian, hsv, jpeg, low_pass,
+    noise, phase, point, poisson, posterize, resize, saturation, scatter, white_balance, zoom,
 };
+use pdk_seed::Key;
 
 /// The system's allocator, counting what this thread asks for.
 struct Counting;

@@ -3,7 +3,8 @@
 // The exception for tests covers functions marked as tests, not their helpers.
 #![allow(clippy::unwrap_used)]
 
-use pdk_ops::{Frame, FrameBuf, FrameMut, Key, average, blend, color, gaussian, hsv, noise, point, poisson};
+use pdk_ops::{Frame, FrameBuf, FrameMut, average, blend, color, gaussian, hsv, noise, point, poisson};
+use pdk_seed::Key;
 
 const WIDTH: usize = 3840;
 const HEIGHT: usize = 2160;

@@ -1,6 +1,6 @@
 //! Angles of roads: at random, and towards a number of turns and a mean curvature.
 
-use pdk_ops::Random;
+use pdk_seed::Random;
 
 use crate::{curve, lay_out};
 
@@ -58,7 +58,7 @@ pub fn informed_angles(random: &mut Random, lengths: &[f64], target: Informed) -
 mod tests {
     use super::*;
     use crate::{NODES, Road, SEGMENT};
-    use pdk_ops::Key;
+    use pdk_seed::Key;
     use proptest::prelude::*;
 
     fn key(seed: u8) -> Random {

@@ -5,7 +5,7 @@
 
 use std::f64::consts::PI;
 
-use pdk_ops::Random;
+use pdk_seed::Random;
 
 use crate::LANE_WIDTH;
 
@@ -159,7 +159,7 @@ impl Ahead {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_ops::Key;
+    use pdk_seed::Key;
 
     fn traffic(gap: f64, oncoming: f64) -> Traffic {
         let wanted = Wanted { gap, speed: 6.0, oncoming };

@@ -135,7 +135,7 @@ fn cross(a: [Point; 2], b: [Point; 2]) -> bool {
 mod tests {
     use super::*;
     use crate::{NODES, SEGMENT, random_angles};
-    use pdk_ops::Key;
+    use pdk_seed::Key;
     use proptest::prelude::*;
 
     fn road(angles: &[f64], segment: f64) -> Road {

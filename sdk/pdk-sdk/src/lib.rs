@@ -51,7 +51,6 @@ pub mod mask;
 pub mod perturbation;
 pub mod saliency;
 pub mod search;
-pub mod seed;
 pub mod simulator;
 pub mod testing;
 pub mod timeline;
@@ -59,6 +58,7 @@ pub mod timeline;
 pub use pdk_model as model;
 pub use pdk_model::error;
 pub use pdk_ops as ops;
+pub use pdk_seed as seed;
 pub use serde_json;
 
 /// The version of the SDK, which a plugin tells. What decides whether a plugin can be used is [`abi::pdk_abi::VERSION`].
@@ -78,5 +78,6 @@ pub mod prelude {
     pub use crate::saliency::{HeatmapMut, MapContext, Saliency};
     pub use crate::search::{Candidate, Evaluated, Problem, Range, Search, Space, Variable};
     pub use crate::simulator::{Annotations, Camera, Scenario, Simulator, State};
-    pub use pdk_ops::{Frame, FrameBuf, FrameMut, Key, Random};
+    pub use pdk_ops::{Frame, FrameBuf, FrameMut};
+    pub use pdk_seed::{Key, Random};
 }

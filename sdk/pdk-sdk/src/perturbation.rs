@@ -1,6 +1,7 @@
 //! Perturbations: components that change a frame.
 
-use pdk_ops::{Frame, FrameMut, Key, Random};
+use pdk_ops::{Frame, FrameMut};
+use pdk_seed::{Key, Random};
 
 use crate::error::{Error, Result};
 

@@ -1,6 +1,7 @@
 //! Saliency methods: components that say which pixels matter to a driver.
 
-use pdk_ops::{Frame, Key, Random};
+use pdk_ops::Frame;
+use pdk_seed::{Key, Random};
 
 use crate::error::{Error, Result};
 

@@ -1,7 +1,7 @@
 //! Search strategies: components that propose candidates and learn from how these did.
 
 pub use pdk_model::search::{Candidate, Constraint, Evaluated, Problem, Range, Space, Variable};
-use pdk_ops::Key;
+use pdk_seed::Key;
 
 use crate::error::Result;
 

@@ -19,7 +19,8 @@
 //! ```
 
 use pdk_model::component::ComponentSpec;
-use pdk_ops::{Frame, FrameBuf, FrameMut, Key};
+use pdk_ops::{Frame, FrameBuf, FrameMut};
+use pdk_seed::Key;
 use serde_json::{Map, Value};
 
 use crate::component::Component;
@@ -161,11 +162,13 @@ pub fn check_perturbation(
             })?;
 
             let (strided_source, stride) = with_gaps(source.as_ref());
-            let strided_source = Frame::with_stride(&strided_source, width, height, stride)?;
+            let strided_source =
+                Frame::with_stride(&strided_source, width, height, stride).map_err(Error::new)?;
             let mut target = vec![0x77; stride * height];
-            let strided_target = FrameMut::with_stride(&mut target, width, height, stride)?;
+            let strided_target =
+                FrameMut::with_stride(&mut target, width, height, stride).map_err(Error::new)?;
             veteran.apply(strided_source, strided_target, &cx).map_err(|e| e.at(&place))?;
-            let strided = Frame::with_stride(&target, width, height, stride)?;
+            let strided = Frame::with_stride(&target, width, height, stride).map_err(Error::new)?;
             ensure(strided == alone.as_ref(), || {
                 format!("{place} a frame comes out differently with a stride")
             })?;

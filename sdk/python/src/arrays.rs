@@ -4,7 +4,7 @@ use numpy::{
     AllowTypeChange, PyArray, PyArray2, PyArray3, PyArrayDescrMethods, PyArrayMethods, PyReadonlyArray,
     PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray, PyUntypedArray, PyUntypedArrayMethods,
 };
-use pdk_core::moment::{Labels, Moment};
+use pdk_chain::moment::{Labels, Moment};
 use pdk_sdk::prelude::{Frame, FrameMut};
 use pyo3::prelude::*;
 
@@ -60,7 +60,7 @@ pub fn frame<'a>(py: Python<'_>, array: &'a PyReadonlyArray3<'_, u8>) -> PyResul
     // SAFETY: from its first value to its last an array is one allocation, which the borrow keeps, and `stride` was found to be
     // that of its rows. As for every function of numpy, it is up to the caller not to write to it from another thread.
     let bytes = unsafe { std::slice::from_raw_parts(array.data(), length) };
-    Frame::with_stride(bytes, width, height, stride).map_err(|error| raise(py, &error.into()))
+    Frame::with_stride(bytes, width, height, stride).map_err(|error| raise(py, &pdk_sdk::error::Error::new(error)))
 }
 
 /// A new array of this shape, all of which has to be written.
@@ -116,7 +116,7 @@ pub fn frame_mut<'a>(
     width: usize,
     height: usize,
 ) -> PyResult<FrameMut<'a>> {
-    FrameMut::new(bytes, width, height).map_err(|error| raise(py, &error.into()))
+    FrameMut::new(bytes, width, height).map_err(|error| raise(py, &pdk_sdk::error::Error::new(error)))
 }
 
 /// What pixels show and how far away they are, where the caller knows.

@@ -4,13 +4,14 @@ use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use pdk_core::chain::Chain;
-use pdk_core::output::printable;
-use pdk_core::registry::Registry;
-use pdk_core::search_path::SearchPath;
-use pdk_core::{inspection, installation};
+use pdk_chain::chain::Chain;
+use pdk_components::inspection;
+use pdk_components::installation;
+use pdk_components::registry::Registry;
+use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_model::perturbation::AppliedPerturbation;
+use pdk_notice::printable;
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 

@@ -2,7 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use pdk_core::output::printable;
+use pdk_notice::printable;
 use pdk_sdk::error::{self, ErrorKind};
 use pyo3::prelude::*;
 

@@ -2,8 +2,8 @@
 
 use numpy::ndarray::Ix4;
 use numpy::{Ix3, PyArray4, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
-use pdk_core::chain::Chain;
-use pdk_core::moment::Moment;
+use pdk_chain::chain::Chain;
+use pdk_chain::moment::Moment;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::{LARGEST_SEED, checked_seed};
 use pdk_sdk::error::{Error, ErrorKind, Result};
@@ -174,7 +174,11 @@ impl Part<'_> {
         let images = self.src.chunks_exact(size).zip(self.dst.chunks_exact_mut(size));
         for (seed, (src, dst)) in self.seeds.iter().zip(images) {
             self.chain.begin_again(perturbations, *seed);
-            self.chain.apply(Frame::new(src, width, height)?, FrameMut::new(dst, width, height)?, moment)?;
+            self.chain.apply(
+                Frame::new(src, width, height).map_err(Error::new)?,
+                FrameMut::new(dst, width, height).map_err(Error::new)?,
+                moment,
+            )?;
         }
         Ok(())
     }

@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use numpy::{IntoPyArray, PyArray, PyArray1};
-use pdk_core::directory::RunDirectory;
-use pdk_core::ledger;
 use pdk_model::outcome::Cause;
+use pdk_record::directory::RunDirectory;
+use pdk_record::ledger;
+use pdk_record::trace::reader::{Entry, Owner, TraceReader, read_recorded};
+use pdk_record::trace::step::{ImageTopic, Step};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Control, State};
-use pdk_trace::reader::{Entry, Owner, TraceReader, read_recorded};
-use pdk_trace::step::{ImageTopic, Step};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

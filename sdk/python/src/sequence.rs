@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use pdk_core::chain::Chain;
-use pdk_core::moment::Moment;
+use pdk_chain::chain::Chain;
+use pdk_chain::moment::Moment;
 use pdk_model::perturbation::AppliedPerturbation;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};

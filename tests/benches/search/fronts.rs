@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use pdk_analysis::hypervolume::hypervolume;
-use pdk_analysis::point::Point;
-use pdk_analysis::ranking::survivors;
-use pdk_core::registry::Registry;
+use pdk_components::registry::Registry;
 use pdk_model::search::{Range, Space};
+use pdk_statistics::hypervolume::hypervolume;
 use pdk_statistics::independent::compare;
+use pdk_statistics::point::Point;
+use pdk_statistics::ranking::survivors;
 use serde_json::{Value, json};
 
 use crate::{UNIT, of_each, search, space};

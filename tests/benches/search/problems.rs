@@ -1,6 +1,6 @@
 //! Problems whose critical regions are known.
 
-use pdk_sdk::ops::Key;
+use pdk_sdk::seed::Key;
 
 /// How far a critical candidate may be from a part of a region that it covers, in each variable that matters.
 const NEAR: f64 = 0.05;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use pdk_core::registry::Registry;
+use pdk_components::registry::Registry;
 use pdk_model::search::Range;
 use serde_json::{Value, json};
 

@@ -3,7 +3,7 @@
 //! Everything is in metres, seen from the camera: to the right, down, ahead. The air comes towards the camera as fast as the
 //! vehicle drives, so that all paths lead away from the vanishing point.
 
-use pdk_ops::Random;
+use pdk_seed::Random;
 
 use crate::canvas::SIZE;
 

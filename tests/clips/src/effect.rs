@@ -1,6 +1,6 @@
 //! What an effect is, and which there are.
 
-use pdk_ops::{Key, Random};
+use pdk_seed::{Key, Random};
 
 use crate::birds::Birds;
 use crate::canvas::Canvas;

@@ -1,6 +1,6 @@
 //! Lightning: strikes at uneven intervals, each a branching bolt of its own that lights the sky for some frames.
 
-use pdk_ops::Random;
+use pdk_seed::Random;
 
 use crate::canvas::{Canvas, SIZE};
 use crate::drive::HORIZON;

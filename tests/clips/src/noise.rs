@@ -1,6 +1,6 @@
 //! Smooth noise that repeats: in space after a whole number of cells, and in time after one clip.
 
-use pdk_ops::Random;
+use pdk_seed::Random;
 
 /// Random values on a lattice that closes in all three directions, interpolated smoothly. Values lie in -1 to 1.
 pub struct Lattice {
@@ -73,7 +73,7 @@ impl Turbulence {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use pdk_ops::Key;
+    use pdk_seed::Key;
 
     #[test]
     fn noise_repeats_and_is_smooth() {

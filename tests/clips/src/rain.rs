@@ -1,7 +1,7 @@
 //! Rain before a vehicle that drives: each drop is drawn out by the time that the shutter is open, the near ones long, wide and
 //! out of focus, the far ones a fine texture.
 
-use pdk_ops::Random;
+use pdk_seed::Random;
 
 use crate::canvas::Canvas;
 use crate::drive::Passing;

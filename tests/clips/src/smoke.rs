@@ -1,6 +1,6 @@
 //! Smoke: turbulent noise that drifts, folded by more noise.
 
-use pdk_ops::Random;
+use pdk_seed::Random;
 
 use crate::canvas::{Canvas, SIZE, smooth};
 use crate::effect::Effect;

@@ -3,7 +3,7 @@
 
 use std::f32::consts::TAU;
 
-use pdk_ops::Random;
+use pdk_seed::Random;
 
 use crate::canvas::Canvas;
 use crate::drive::Passing;

@@ -2,7 +2,7 @@
 
 use std::f32::consts::TAU;
 
-use pdk_ops::Random;
+use pdk_seed::Random;
 
 use crate::canvas::{Canvas, Colour, SIZE, smooth};
 use crate::drive::HORIZON;

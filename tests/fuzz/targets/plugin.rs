@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use pdk_core::{check_description, elf};
+use pdk_components::check_description;
+use pdk_components::elf;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::Description;
 use serde_json::Map;

@@ -4,7 +4,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use pdk_fuzz as _;
-use pdk_session::protocol::{FromWorker, ToWorker, Work};
+use pdk_loop::protocol::{FromWorker, ToWorker, Work};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 

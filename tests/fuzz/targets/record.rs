@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use pdk_core::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SCENARIOS, SUMMARY};
-use pdk_core::ledger;
+use pdk_record::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SCENARIOS, SUMMARY};
+use pdk_record::ledger;
 
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| pdk_fuzz::folder("record"));
 

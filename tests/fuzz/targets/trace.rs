@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use pdk_trace::reader::{Entry, TraceReader};
+use pdk_record::trace::reader::{Entry, TraceReader};
 
 static TRACE: LazyLock<PathBuf> = LazyLock::new(|| pdk_fuzz::folder("trace").join("trace.mcap"));
 

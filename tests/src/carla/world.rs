@@ -5,7 +5,7 @@ use std::io::Write;
 use std::net::{Shutdown, TcpStream};
 use std::time::{Duration, Instant};
 
-use pdk_core::loader::Plugin;
+use pdk_components::loader::Plugin;
 use pdk_model::component::ComponentSpec;
 use pdk_road::opendrive::{BEYOND, Map as OpenDrive};
 use pdk_sdk::abi::host::Instance;

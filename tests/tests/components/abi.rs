@@ -3,8 +3,8 @@
 
 use std::fs;
 
-use pdk_core::registry::Registry;
-use pdk_core::search_path::SearchPath;
+use pdk_components::registry::Registry;
+use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::describe::Kind;

@@ -3,13 +3,13 @@
 use std::fs;
 use std::path::Path;
 
+use pdk_record::trace::reader::read_steps;
 use pdk_sdk::prelude::Control;
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::records::trace;
 use pdk_tests::{
     Finished, Pdk, built_in_libraries, datasets, library, onnx, pictures, repository, temp, test_library,
 };
-use pdk_trace::reader::read_steps;
 use serde_json::{Value, json};
 
 /// Three scenarios with everything from the misbehaving plugin; the perturbation of the second misbehaves.

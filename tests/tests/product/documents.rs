@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pdk_core::modifiers;
+use pdk_components::modifiers;
 use pdk_tests::{Pdk, repository, temp};
 
 #[test]

@@ -4,7 +4,7 @@ use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-use pdk_core::installation::LIBRARIES;
+use pdk_components::installation::LIBRARIES;
 use pdk_tests::installation::Installation;
 use pdk_tests::process::{json_file, json_lines};
 use pdk_tests::{Pdk, pictures, repository, temp};

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use pdk_model::level::Level;
 use pdk_model::outcome::Cause;
+use pdk_record::trace::reader::read_steps;
+use pdk_record::trace::step::Step;
 use pdk_sdk::prelude::FrameBuf;
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::{Pdk, datasets, pictures, records, temp};
-use pdk_trace::reader::read_steps;
-use pdk_trace::step::Step;
 use pdk_video::{Reader, Yuv420};
 use serde_json::json;
 

@@ -4,16 +4,16 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-use pdk_core::chain::Chain;
-use pdk_core::moment::Moment;
-use pdk_core::registry::Registry;
-use pdk_core::search_path::SearchPath;
+use pdk_chain::chain::Chain;
+use pdk_chain::moment::Moment;
+use pdk_components::registry::Registry;
+use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
 use pdk_model::perturbation::AppliedPerturbation;
+use pdk_record::trace::reader::{Owner, read_recorded, read_steps};
 use pdk_sdk::prelude::FrameBuf;
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::{Pdk, datasets, onnx, pictures, records, temp};
-use pdk_trace::reader::{Owner, read_recorded, read_steps};
 
 /// All perturbations that need no parameter, with whether they draw random numbers.
 fn perturbations() -> Vec<String> {

@@ -5,11 +5,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use pdk_record::trace::reader::{Entry, TraceReader};
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, Process, comes_true, ended_within};
 use pdk_tests::records::{assert_equal, files, partial, trace, wait_for_scenarios};
 use pdk_tests::{Pdk, datasets, temp};
-use pdk_trace::reader::{Entry, TraceReader};
 use rustix::process::Signal;
 
 const SOURCE: &str = r#"

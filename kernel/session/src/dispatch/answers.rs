@@ -7,20 +7,20 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
-use pdk_core::eprintln;
-use pdk_core::ledger::Line;
-use pdk_core::supervisor::is_from_outside;
 use pdk_model::outcome::Outcome;
+use pdk_notice::eprintln;
+use pdk_record::ledger::Line;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_supervise::supervisor::is_from_outside;
 
 use super::Dispatch;
 use crate::connection::{Connection, Pool};
 use crate::interrupt::{self, Wish};
-use crate::lines::Found;
-use crate::protocol::{Answer, Done, Driven, FromWorker, Ready, Work};
-use crate::recorder::write_trace;
 use crate::submission::{Reply, Submission, Ticket};
+use pdk_loop::lines::Found;
+use pdk_loop::protocol::{Answer, Done, Driven, FromWorker, Ready, Work};
+use pdk_loop::recorder::write_trace;
 
 /// How often a job is given away whose worker was lost, and a worker started that is killed before it is ready.
 const TRIES: u32 = 3;

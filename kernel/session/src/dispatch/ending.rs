@@ -9,8 +9,8 @@ use pdk_sdk::error::{Error, Result};
 use super::{Dispatch, Event, Task};
 use crate::connection::Connection;
 use crate::interrupt::{self, Wish};
-use crate::lines::Found;
-use crate::protocol::{FromWorker, Ready, Work};
+use pdk_loop::lines::Found;
+use pdk_loop::protocol::{FromWorker, Ready, Work};
 
 /// How long a worker may take to leave that has nothing to do any more: longer than it gives its own process.
 const LEAVE: Duration = Duration::from_secs(12);

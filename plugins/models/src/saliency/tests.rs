@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use pdk_onnx::testing::{Setting, Sketch};
 use pdk_onnx::{Tensor, model};
-use pdk_sdk::ops::Key;
 use pdk_sdk::prelude::*;
+use pdk_sdk::seed::Key;
 use pdk_sdk::serde_json::{Value, json};
 use pdk_sdk::testing::check_saliency;
 use tempfile::NamedTempFile;

@@ -3,7 +3,8 @@
 use pdk_abi::{
     Prefix, Sink, State as RawState, Status, Text, annotation, empty, load, map_flag, state_flag, status,
 };
-use pdk_ops::{Frame, FrameMut, Key};
+use pdk_ops::{Frame, FrameMut};
+use pdk_seed::Key;
 
 use crate::driver::{Control, DriveContext};
 use crate::error::{Error, ErrorKind, Result};
@@ -88,7 +89,7 @@ pub(super) unsafe fn source<'a>(from: *const pdk_abi::Frame) -> Result<Frame<'a>
     let raw = unsafe { load(from, empty()) };
     // SAFETY: as above.
     let data = unsafe { slice(raw.data, raw.length) };
-    Ok(Frame::with_stride(data, raw.width, raw.height, raw.stride)?)
+    Frame::with_stride(data, raw.width, raw.height, raw.stride).map_err(Error::new)
 }
 
 /// A frame of the other side to write.
@@ -100,7 +101,7 @@ pub(super) unsafe fn target<'a>(from: *const pdk_abi::FrameMut) -> Result<FrameM
     let raw = unsafe { load(from, empty()) };
     // SAFETY: as above.
     let data = unsafe { slice_mut(raw.data, raw.length) };
-    Ok(FrameMut::with_stride(data, raw.width, raw.height, raw.stride)?)
+    FrameMut::with_stride(data, raw.width, raw.height, raw.stride).map_err(Error::new)
 }
 
 /// A writable slice of the other side, empty where the pointer is null.

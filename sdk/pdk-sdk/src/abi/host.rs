@@ -4,7 +4,8 @@ use std::cell::RefCell;
 use std::ffi::c_void;
 
 use pdk_abi::{Header, Sink, Status, Text, empty, kind, load, status};
-use pdk_ops::{Frame, FrameBuf, FrameMut, Key};
+use pdk_ops::{Frame, FrameBuf, FrameMut};
+use pdk_seed::Key;
 
 use super::convert::{self, Crosses};
 use crate::dataset::{Dataset, Entry};
@@ -624,6 +625,11 @@ impl Dataset for HostDataset {
         // SAFETY: everything lives through the call.
         call(|error| unsafe { (calls.read)(calls.object.pointer, index as u64, &mut entry, &sink, error) })?;
         let pdk_abi::Entry { width, height, steering, throttle, time, .. } = entry;
-        Ok(Entry { frame: FrameBuf::from_vec(pixels, width, height)?, steering, throttle, time })
+        Ok(Entry {
+            frame: FrameBuf::from_vec(pixels, width, height).map_err(Error::new)?,
+            steering,
+            throttle,
+            time,
+        })
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pdk_core::loader::Plugin;
+use pdk_components::loader::Plugin;
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::prelude::*;

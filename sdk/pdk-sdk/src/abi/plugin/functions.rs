@@ -6,7 +6,7 @@ use pdk_abi::{
     DatasetFunctions, DriverFunctions, Instance, MaskFunctions, PerturbationFunctions, SaliencyFunctions,
     SearchFunctions, SimulatorFunctions, Sink, Status, Text, empty, kind, load, store,
 };
-use pdk_ops::Key;
+use pdk_seed::Key;
 
 use super::guard::Guarded;
 use super::{Registration, finish, put};

@@ -1,0 +1,455 @@
+//! Saliency maps of the frames of a sequence: when one is made, and how long it is used.
+
+use pdk_model::attention::Attention;
+use pdk_model::component::ComponentSpec;
+use pdk_model::pace::Pace;
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::prelude::{EarlierMaps, Frame, FrameBuf, HeatmapMut, Key, MapContext, Saliency};
+
+use crate::moment::Moment;
+use crate::motion::{self, Motion};
+use pdk_components::registry::Registry;
+use pdk_supervise::calls::{self, Function};
+
+/// Says for which frames a map is made, from the raw frames alone.
+pub struct Turns {
+    pace: Pace,
+    /// Which map is in use: the number of its frame where it stays until a change, else that divided by how long it stays.
+    period: Option<u64>,
+    /// The frame whose map is in use, where others are compared with it.
+    seen: FrameBuf,
+    size: (usize, usize),
+    motion: Motion,
+}
+
+/// The map that a frame is to have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Turn {
+    /// What tells this map from others of the sequence.
+    pub period: u64,
+    /// Whether it has to be made of this very frame.
+    pub new: bool,
+    /// By how many pixels the image has moved right and down since.
+    pub moved: [isize; 2],
+}
+
+impl Turns {
+    /// For a sequence.
+    pub fn new(pace: Pace) -> Self {
+        Self { pace, period: None, seen: FrameBuf::default(), size: (0, 0), motion: Motion::default() }
+    }
+
+    /// Goes on with another sequence.
+    pub fn begin_again(&mut self) {
+        self.period = None;
+    }
+
+    /// Which map a frame has.
+    pub fn of(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Turn {
+        let Pace { every, change, follow } = self.pace;
+        let size = (raw.width(), raw.height());
+        let same_size = self.size == size;
+        let period = match (change, self.period) {
+            _ if moment.alone => moment.frame_index,
+            (None, _) => moment.frame_index / every,
+            (Some(change), Some(period)) if same_size && difference(self.seen.as_ref(), raw) <= change => {
+                period
+            }
+            (Some(_), _) => moment.frame_index,
+        };
+        let new = moment.alone || self.period != Some(period) || !same_size;
+        if new {
+            (self.period, self.size) = (Some(period), size);
+            if change.is_some() {
+                self.seen.resize(raw.width(), raw.height());
+                self.seen.as_mut().copy_from(raw);
+            }
+            if follow {
+                self.motion.begin(raw);
+            }
+        }
+        let moved = if follow && !new { self.motion.since(raw) } else { [0, 0] };
+        Turn { period, new, moved }
+    }
+}
+
+/// The mean difference of all values of two frames of the same size.
+fn difference(a: Frame<'_>, b: Frame<'_>) -> f64 {
+    let rows = a.rows().zip(b.rows());
+    let sum: u64 = rows.flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    sum as f64 / (a.width() * a.height() * 3) as f64
+}
+
+/// The maps of a sequence by a method.
+pub struct Maps {
+    method: Box<dyn Saliency>,
+    by: ComponentSpec,
+    /// What messages call the method.
+    label: String,
+    key: Key,
+    /// Whether the maps have a single line of cells, once that is known.
+    line: Option<Option<Line>>,
+    /// The map that was made last: by cells as the method gave it, and for each pixel.
+    cells: Vec<f32>,
+    made: Vec<f32>,
+    /// The same where the image is by now.
+    now: Vec<f32>,
+}
+
+impl Maps {
+    /// Makes the method.
+    ///
+    /// # Errors
+    /// Where there is no such method, or it refuses its parameters.
+    pub fn new(registry: &Registry, by: &ComponentSpec, key: Key) -> Result<Self> {
+        let (method, _) = registry.saliency(&by.name, &by.parameters)?;
+        Ok(Self::from_method(method, by.clone(), key))
+    }
+
+    fn from_method(method: Box<dyn Saliency>, by: ComponentSpec, key: Key) -> Self {
+        let label = format!("saliency `{}`", by.name);
+        Self { method, by, label, key, line: None, cells: Vec::new(), made: Vec::new(), now: Vec::new() }
+    }
+
+    /// What a user should know about the maps that were made.
+    pub fn noticed(&self) -> Option<String> {
+        self.line.flatten().map(|line| line.noticed(&self.by))
+    }
+
+    /// Draws from another key.
+    pub fn set_key(&mut self, key: Key) {
+        self.key = key;
+    }
+
+    /// The map that a frame has, a value from 0 to 1 for each pixel, row by row.
+    ///
+    /// # Errors
+    /// Where the method fails.
+    pub fn of(&mut self, raw: Frame<'_>, moment: &Moment<'_>, turn: Turn) -> Result<&[f32]> {
+        if turn.new {
+            let cx = context(moment, &self.key);
+            map_into(&mut *self.method, &self.label, raw, &cx, &mut self.cells, &mut self.made)?;
+            // One that is the same everywhere says nothing about the others.
+            if self.line.is_none() && self.made.iter().any(|value| *value != self.made[0]) {
+                self.line = Some(Line::of(&self.made, raw.width()));
+            }
+        }
+        if turn.moved == [0, 0] {
+            return Ok(&self.made);
+        }
+        motion::moved(&self.made, raw.width(), turn.moved, &mut self.now);
+        Ok(&self.now)
+    }
+}
+
+/// What a map is made of that has a single line of cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Line {
+    /// One row: each column of pixels has one value.
+    Row,
+    /// One column: each row of pixels has one value.
+    Column,
+}
+
+impl Line {
+    /// What a map of a frame's size is made of, if that is a single line of cells. One that is the same everywhere may be made of any.
+    pub fn of(map: &[f32], width: usize) -> Option<Self> {
+        let constant = |values: &[f32]| values.iter().all(|value| *value == values[0]);
+        if width < 2 || map.len() <= width || constant(map) {
+            return None;
+        }
+        let rows = || map.chunks_exact(width);
+        if rows().all(|row| row == &map[..width]) {
+            Some(Self::Row)
+        } else {
+            rows().all(constant).then_some(Self::Column)
+        }
+    }
+
+    /// What a user should know about the maps of a method.
+    pub fn noticed(self, by: &ComponentSpec) -> String {
+        let text = |name: &str| by.parameters.get(name).and_then(|value| value.as_str()).unwrap_or_default();
+        let (line, what) = match self {
+            Self::Row => ("row", "near from far"),
+            Self::Column => ("column", "left from right"),
+        };
+        let layer = match text("layer") {
+            "" => "its default layer".to_owned(),
+            layer => format!("layer `{layer}`"),
+        };
+        let model = match text("model") {
+            "" => String::new(),
+            model => format!(" of model `{model}`"),
+        };
+        format!(
+            "the maps of saliency `{}` by {layer}{model} have a single {line} of cells, so they cannot tell {what}; name a layer that has \
+             several in both directions with `layer`, or use `gradient`",
+            by.name
+        )
+    }
+}
+
+/// So many values in a row has a map that is kept for later frames.
+const COLUMNS: usize = 24;
+/// Seconds between two maps that are kept, and how long they are.
+const APART: f64 = 0.25;
+const KEPT: f64 = 120.0;
+
+/// The maps that a perturbation is given: that of the frame at hand, and those of the sequence so far.
+pub struct Attended {
+    turns: Turns,
+    maps: Maps,
+    times: Vec<f64>,
+    values: Vec<f32>,
+    size: [usize; 2],
+}
+
+impl Attended {
+    /// Makes the method.
+    ///
+    /// # Errors
+    /// Where there is no such method, or it refuses its parameters.
+    pub fn new(registry: &Registry, attention: &Attention, key: Key) -> Result<Self> {
+        let (turns, maps) = (Turns::new(attention.pace()), Maps::new(registry, &attention.by, key)?);
+        Ok(Self { turns, maps, times: Vec::new(), values: Vec::new(), size: [0, 0] })
+    }
+
+    /// Goes on with another sequence, and draws from another key.
+    pub fn begin_again(&mut self, key: Key) {
+        self.turns.begin_again();
+        self.maps.set_key(key);
+        self.times.clear();
+        self.values.clear();
+    }
+
+    /// As [`Maps::noticed`].
+    pub fn noticed(&self) -> Option<String> {
+        self.maps.noticed()
+    }
+
+    /// The map of a frame, and those of the sequence so far with it.
+    ///
+    /// # Errors
+    /// Where the method fails.
+    pub fn look(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Result<(&[f32], EarlierMaps<'_>)> {
+        let turn = self.turns.of(raw, moment);
+        let now = self.maps.of(raw, moment, turn)?;
+        let (width, height) = (raw.width(), raw.height());
+        let columns = COLUMNS.min(width);
+        let size = [columns, (height * columns / width).clamp(1, height)];
+        let last = self.times.last().copied();
+        // A frame that counts for itself, another sequence, or a camera of another size.
+        if moment.alone || size != self.size || last.is_some_and(|last| moment.time < last) {
+            self.times.clear();
+            self.values.clear();
+            self.size = size;
+        }
+        if self.times.last().is_none_or(|last| moment.time - last >= APART) {
+            let cells = size[0] * size[1];
+            let old = self.times.partition_point(|time| moment.time - time > KEPT);
+            self.times.drain(..old);
+            self.values.drain(..old * cells);
+            self.times.push(moment.time);
+            reduce(now, width, size, &mut self.values);
+        }
+        let earlier = EarlierMaps::new(&self.times, &self.values, size[0], size[1])?;
+        Ok((now, earlier))
+    }
+}
+
+/// Adds the means of a map over the cells of a coarse one.
+fn reduce(values: &[f32], width: usize, [columns, rows]: [usize; 2], into: &mut Vec<f32>) {
+    let height = values.len() / width;
+    let range = |cell: usize, cells: usize, length: usize| cell * length / cells..(cell + 1) * length / cells;
+    for row in 0..rows {
+        for column in 0..columns {
+            let (across, down) = (range(column, columns, width), range(row, rows, height));
+            let count = (across.len() * down.len()) as f64;
+            let lines = down.map(|y| &values[y * width..][across.clone()]);
+            into.push((lines.flatten().map(|&value| f64::from(value)).sum::<f64>() / count) as f32);
+        }
+    }
+}
+
+/// What a method is told of a frame.
+pub fn context<'a>(moment: &Moment<'_>, key: &'a Key) -> MapContext<'a> {
+    let Moment { frame_index, time, speed, alone, .. } = *moment;
+    MapContext { speed, recorded: alone, ..MapContext::new(frame_index, time, key) }
+}
+
+/// The map of a frame by a method, brought to the size of the frame. `label` is what messages call the method.
+///
+/// # Errors
+/// Where the method fails, or a value is no number.
+pub fn map(
+    method: &mut dyn Saliency,
+    label: &str,
+    frame: Frame<'_>,
+    cx: &MapContext<'_>,
+) -> Result<Vec<f32>> {
+    let (mut cells, mut into) = (Vec::new(), Vec::new());
+    map_into(method, label, frame, cx, &mut cells, &mut into)?;
+    Ok(into)
+}
+
+/// As [`map`], with memory for the map by cells and for that of each pixel.
+fn map_into(
+    method: &mut dyn Saliency,
+    label: &str,
+    frame: Frame<'_>,
+    cx: &MapContext<'_>,
+    cells: &mut Vec<f32>,
+    into: &mut Vec<f32>,
+) -> Result<()> {
+    let size = [frame.width(), frame.height()];
+    let work = || {
+        let [width, height] = method.map_size(size[0], size[1])?;
+        cells.clear();
+        cells.resize(width * height, 0.0);
+        method.map(frame, cx, HeatmapMut::new(cells, width, height)?)?;
+        match cells.iter().all(|value| value.is_finite()) {
+            true => Ok([width, height]),
+            false => {
+                let sentence =
+                    format!("its map of frame {} holds numbers that are not finite", cx.frame_index);
+                Err(Error::new(sentence))
+            }
+        }
+    };
+    let made =
+        calls::call_at(label, Function::Map, cx.frame_index, work).map_err(|error: Error| error.at(label))?;
+    match made == size {
+        true => std::mem::swap(cells, into),
+        false => stretch(cells, made, size, into),
+    }
+    Ok(())
+}
+
+/// A map in another size, each part as large as all others.
+fn stretch(values: &[f32], [width, height]: [usize; 2], to: [usize; 2], into: &mut Vec<f32>) {
+    into.clear();
+    for row in (0..to[1]).map(|y| y * height / to[1]) {
+        into.extend((0..to[0]).map(|x| values[row * width + x * width / to[0]]));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pace(every: u64, change: Option<f64>) -> Pace {
+        Pace { every, change, follow: false }
+    }
+
+    fn shade(value: u8) -> FrameBuf {
+        FrameBuf::from_vec(vec![value; 20 * 20 * 3], 20, 20).unwrap()
+    }
+
+    fn turns(pace: Pace, shades: &[u8], alone: bool) -> Vec<(u64, bool)> {
+        let mut turns = Turns::new(pace);
+        let turn = |(at, &value): (usize, &u8)| {
+            let moment = Moment { alone, ..Moment::new(at as u64, 0.0) };
+            let turn = turns.of(shade(value).as_ref(), &moment);
+            (turn.period, turn.new)
+        };
+        shades.iter().enumerate().map(turn).collect()
+    }
+
+    #[test]
+    fn a_map_stays_for_its_frames() {
+        let found = turns(pace(3, None), &[1, 2, 3, 4, 5], false);
+        assert_eq!(found, [(0, true), (0, false), (0, false), (1, true), (1, false)]);
+        // A later period is the same whatever came before it.
+        let mut late = Turns::new(pace(3, None));
+        assert_eq!(
+            late.of(shade(9).as_ref(), &Moment::new(4, 0.0)),
+            Turn { period: 1, new: true, moved: [0, 0] }
+        );
+        // A frame that counts for itself has a map of its own.
+        assert_eq!(turns(pace(3, None), &[1, 2, 3], true), [(0, true), (1, true), (2, true)]);
+    }
+
+    #[test]
+    fn a_map_stays_until_the_frame_changes() {
+        let found = turns(pace(1, Some(10.0)), &[100, 106, 110, 111, 105], false);
+        assert_eq!(found, [(0, true), (0, false), (0, false), (3, true), (3, false)]);
+        // Slow changes add up: what counts is the distance from the map's own frame.
+        assert_eq!(turns(pace(1, Some(10.0)), &[100, 105, 111], false)[2], (2, true));
+        assert_eq!(turns(pace(1, Some(10.0)), &[100, 111, 111], true)[2], (2, true));
+    }
+
+    /// Sees brightness.
+    struct Bright;
+
+    impl Saliency for Bright {
+        fn map(&mut self, frame: Frame<'_>, _: &MapContext<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
+            for y in 0..frame.height() {
+                for (value, pixel) in out.row_mut(y).iter_mut().zip(frame.row(y).chunks_exact(3)) {
+                    *value = f32::from(pixel[0]) / 255.0;
+                }
+            }
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn the_maps_of_a_sequence_are_kept_and_those_of_single_frames_are_not() {
+        let attended = || Attended {
+            turns: Turns::new(pace(1, None)),
+            maps: Maps::from_method(
+                Box::new(Bright),
+                ComponentSpec::parse("saliency method", "bright").unwrap(),
+                Key([1; 32]),
+            ),
+            times: Vec::new(),
+            values: Vec::new(),
+            size: [0, 0],
+        };
+        let mut sequence = attended();
+        for index in 0..21 {
+            let moment = Moment::new(index, index as f64 / 20.0);
+            let (now, earlier) = sequence.look(shade(index as u8 * 10).as_ref(), &moment).unwrap();
+            assert_eq!((now.len(), now[0]), (400, index as f32 * 10.0 / 255.0));
+            assert_eq!(earlier.len(), index as usize / 5 + 1);
+            // The map in use half a second ago, as far as there was one.
+            let place = earlier.place_at(moment.time - 0.5).unwrap();
+            let expected = (index.saturating_sub(10) / 5 * 50) as f32 / 255.0;
+            let (width, height, values) = earlier.map(place);
+            assert_eq!((width, height), (20, 20));
+            assert!(values.iter().all(|value| (value - expected).abs() < 1e-6), "{index}");
+        }
+        let mut single = attended();
+        for index in 0..5 {
+            let moment = Moment::new(index, index as f64).alone();
+            let (_, earlier) = single.look(shade(index as u8).as_ref(), &moment).unwrap();
+            assert_eq!((earlier.len(), earlier.map(0).2[0]), (1, index as f32 / 255.0));
+        }
+        let wide: Vec<f32> = (0..96 * 2).map(|at| (at % 96) as f32).collect();
+        let mut coarse = Vec::new();
+        reduce(&wide, 96, [24, 1], &mut coarse);
+        assert_eq!(coarse[..2], [1.5, 5.5]);
+    }
+
+    #[test]
+    fn a_single_line_of_cells_is_noticed() {
+        assert_eq!(Line::of(&[0.1, 0.2, 0.1, 0.2], 2), Some(Line::Row));
+        assert_eq!(Line::of(&[0.1, 0.1, 0.2, 0.2], 2), Some(Line::Column));
+        assert_eq!(Line::of(&[0.1, 0.1, 0.2, 0.3], 2), None);
+        assert_eq!(Line::of(&[0.1, 0.2, 0.1, 0.3], 2), None);
+        // One that is the same everywhere may be made of any cells, and a frame of a single line has no others.
+        assert_eq!(Line::of(&[0.5; 6], 3), None);
+        assert_eq!(Line::of(&[0.1, 0.2], 2), None);
+        assert_eq!(Line::of(&[0.1, 0.2], 1), None);
+        let by = ComponentSpec::parse("saliency method", "hirescam,model=a.onnx,layer=conv_4").unwrap();
+        assert!(Line::Row.noticed(&by).starts_with(
+            "the maps of saliency `hirescam` by layer `conv_4` of model `a.onnx` have a single row of cells"
+        ));
+    }
+
+    #[test]
+    fn a_map_by_cells_is_stretched() {
+        let mut stretched = vec![7.0];
+        stretch(&[1.0, 2.0], [2, 1], [5, 2], &mut stretched);
+        assert_eq!(stretched, [1.0, 1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 1.0, 2.0, 2.0]);
+    }
+}

@@ -1,0 +1,137 @@
+//! What components there are and where they come from, as plain data: it can be sent from the process that has loaded them to
+//! one that has not.
+
+use std::path::{Path, PathBuf};
+
+use pdk_sdk::config::Config;
+use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::error::{Error, ErrorKind, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::hash;
+use crate::suggest;
+
+/// Stands before the name of a script that is part of pdk, in the place of a path.
+pub const BUILT_IN: &str = "built-in:";
+
+/// The components that were found, in order of kind and name.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Catalog {
+    entries: Vec<Entry>,
+}
+
+/// A component and where it comes from.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Entry {
+    /// What it says of itself.
+    pub description: Description,
+    /// The file that it comes from: a library or a script, or the user's file that it shows; [`BUILT_IN`] and a name where it is
+    /// a script that is part of pdk.
+    pub file: PathBuf,
+    /// The component that makes this one from a file of the user's; none where it stands for itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<String>,
+    /// The plugin that it is in; none where it is in a script, or is made from a file of the user's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plugin: Option<PluginRecord>,
+    /// BLAKE3 of a script that is part of pdk, in hexadecimal; none where there is a file to read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub blake3: Option<String>,
+}
+
+impl Entry {
+    /// A component that stands for itself, in a file.
+    pub fn new(description: Description, file: PathBuf) -> Self {
+        Self { description, file, base: None, plugin: None, blake3: None }
+    }
+
+    /// Whether it stands for a file that is part of pdk or of a plugin, and this file has the same content.
+    pub fn is_made_of(&self, file: &Path) -> bool {
+        let own = self.blake3.as_deref().unwrap_or(&self.description.blake3);
+        !own.is_empty() && hash::of(file).is_ok_and(|hash| hash == own)
+    }
+}
+
+/// What tells a plugin from others, for whoever has to find it again.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct PluginRecord {
+    /// Its name.
+    pub name: String,
+    /// Its own version.
+    pub version: String,
+    /// Where to get it; empty where it does not say.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub homepage: String,
+    /// It comes with pdk.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub built_in: bool,
+}
+
+impl Catalog {
+    /// Where a component stands, or would.
+    fn place(&self, kind: Kind, name: &str) -> std::result::Result<usize, usize> {
+        self.entries.binary_search_by(|entry| {
+            (entry.description.kind, entry.description.name.as_str()).cmp(&(kind, name))
+        })
+    }
+
+    /// Adds a component, unless there is one of its kind and name, which is returned then.
+    pub fn add(&mut self, entry: Entry) -> Option<&Entry> {
+        match self.place(entry.description.kind, &entry.description.name) {
+            Ok(place) => self.entries.get(place),
+            Err(place) => {
+                self.entries.insert(place, entry);
+                None
+            }
+        }
+    }
+
+    /// All components.
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// All components of a kind, by name.
+    pub fn of_kind(&self, kind: Kind) -> impl Iterator<Item = &Entry> + Clone {
+        self.entries.iter().filter(move |entry| entry.description.kind == kind)
+    }
+
+    /// A component by kind and name.
+    ///
+    /// # Errors
+    /// Where there is none, with what was probably meant.
+    pub fn get(&self, kind: Kind, name: &str) -> Result<&Entry> {
+        self.place(kind, name).map(|place| &self.entries[place]).map_err(|_| {
+            let known = self.of_kind(kind).map(|entry| entry.description.name.as_str());
+            let sentence = format!("there is no {kind} `{name}`; {}", suggest::hint(name, known));
+            Error::of(ErrorKind::Configuration, sentence)
+        })
+    }
+
+    /// The component that makes this one from a file of the user's; none where it stands for itself.
+    pub fn base_of(&self, entry: &Entry) -> Option<&Entry> {
+        entry.base.as_ref().and_then(|base| self.get(entry.description.kind, base).ok())
+    }
+
+    /// The component whose library or script has the code of this one.
+    pub fn code_of<'a>(&'a self, entry: &'a Entry) -> &'a Entry {
+        self.base_of(entry).unwrap_or(entry)
+    }
+
+    /// Says what is wrong with a component's name or its parameters.
+    ///
+    /// # Errors
+    /// Where there is no such component, or its description does not allow the parameters.
+    pub fn check(&self, kind: Kind, name: &str, parameters: &Map<String, Value>) -> Result<Config> {
+        Config::check(&self.get(kind, name)?.description, parameters)
+    }
+}
+
+/// The name of the component that a file of the user's becomes.
+pub fn drop_in_name(file: &Path) -> String {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
+    let fits = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+    stem.chars().map(fits).collect()
+}

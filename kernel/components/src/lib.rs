@@ -1,0 +1,26 @@
+//! Components: found, loaded, described, and made.
+//!
+//! | module | subject |
+//! |---|---|
+//! | [`installation`] | where the parts of pdk itself lie |
+//! | [`search_path`] | where components are looked for |
+//! | [`registry`] | finds components and makes instances of them; [`loader`] opens libraries, `reading` reads what they say of themselves |
+//! | [`inspection`] | opens libraries in a process that dies afterwards, before they are opened where they are needed; [`elf`] looks at the file |
+//! | [`catalog`] | what there is, as plain data that can be sent to another process |
+//! | [`modifiers`] | what every perturbation takes besides its own parameters |
+//! | [`suggest`] | the name that somebody may have meant |
+
+pub mod catalog;
+mod description;
+pub mod elf;
+pub mod hash;
+pub mod inspection;
+pub mod installation;
+pub mod loader;
+pub mod modifiers;
+mod reading;
+pub mod registry;
+pub mod search_path;
+pub mod suggest;
+
+pub use description::check as check_description;

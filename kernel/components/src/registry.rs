@@ -1,0 +1,499 @@
+//! Finds components and makes instances of them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::ErrorKind as IoErrorKind;
+use std::path::{Path, PathBuf};
+
+use pdk_sdk::abi::host::Instance;
+use pdk_sdk::config::Config;
+use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::input_files::InputFiles;
+use pdk_sdk::prelude::{Dataset, Driver, Mask, Perturbation, Saliency, Search, Simulator};
+use serde_json::{Map, Value};
+
+use crate::catalog::{BUILT_IN, Catalog, Entry, drop_in_name};
+use crate::inspection;
+use crate::installation;
+use crate::loader::Plugin;
+use crate::search_path::{self, PATH_VARIABLE, SearchPath, is_script};
+use pdk_supervise::calls::{self, Function};
+
+/// Makes components from scripts. The kernel knows no script language; whoever starts it brings one along.
+pub trait Scripts: Send + Sync {
+    /// The scripts with components that are part of pdk.
+    fn built_in(&self) -> &'static [BuiltInScript];
+
+    /// What the component in a script says of itself; none where the script is something else, such as a pipeline.
+    ///
+    /// # Errors
+    /// Where it is meant as a component and is not a valid one.
+    fn describe(&self, script: Script<'_>) -> Result<Option<Description>>;
+
+    /// Makes an instance of the component in a script, with parameters that have been checked.
+    ///
+    /// # Errors
+    /// Where it cannot be made.
+    fn create(&self, script: Script<'_>, config: &Config) -> Result<Instance>;
+}
+
+/// A script that may hold a component.
+#[derive(Debug, Clone, Copy)]
+pub enum Script<'a> {
+    /// A file.
+    File(&'a Path),
+    /// One that is part of pdk.
+    BuiltIn(&'a BuiltInScript),
+}
+
+/// A script that is part of pdk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BuiltInScript {
+    /// Its name.
+    pub name: &'static str,
+    /// Its text.
+    pub source: &'static str,
+}
+
+impl BuiltInScript {
+    /// What stands where other scripts have a path: its name with a prefix.
+    pub fn path(&self) -> PathBuf {
+        PathBuf::from(format!("{BUILT_IN}{}", self.name))
+    }
+}
+
+/// All components that were found, with what it takes to make instances of them.
+pub struct Registry {
+    catalog: Catalog,
+    /// Where the code of each component of the catalog is, by kind and name.
+    sources: Vec<((Kind, String), Source)>,
+    plugins: Vec<Plugin>,
+    scripts: Box<dyn Scripts>,
+    /// Files that were looked at.
+    seen: BTreeSet<PathBuf>,
+    /// Every folder that was looked into.
+    places: Vec<PathBuf>,
+    refused: Vec<Error>,
+    /// What plugins say and is not known here.
+    skipped: Vec<String>,
+    /// What lies beside a pipeline and cannot be used: the name that it would have had, and why.
+    passed_over: Vec<(String, String)>,
+}
+
+enum Source {
+    Plugin {
+        plugin: usize,
+        index: usize,
+    },
+    Script,
+    BuiltInScript(&'static BuiltInScript),
+    /// A file that another component makes a component of its own, by this parameter.
+    DropIn {
+        parameter: String,
+    },
+}
+
+impl Registry {
+    /// Loads everything that lies in the executable's own folder, in the given folders and in the usual places, in this
+    /// order: pdk's own, the given ones, what `PDK_PLUGIN_PATH` names, the user's plugin folder; clips and the like come
+    /// last. Where two components have the same name the first one counts, so that a name of pdk's own means the same
+    /// everywhere. What cannot be used is left out and listed by [`Registry::refused`].
+    ///
+    /// # Errors
+    /// Where a given folder does not exist or is something else, or a part of pdk itself is missing or cannot be used.
+    pub fn discover(search: &SearchPath, scripts: Box<dyn Scripts>) -> Result<Self> {
+        let given = search.plugins.iter().map(|folder| ("plugins", folder));
+        let drop_ins = search.drop_ins.iter().map(|(name, folder)| (name.as_str(), folder));
+        for (name, place) in given.chain(drop_ins) {
+            // A plugin may be named itself.
+            if let Some(mistake) = mistake(place, name == "plugins") {
+                return Err(Error::new(format!("{} {mistake} correct --{name}", place.display())));
+            }
+        }
+        // What is recorded of a run has to be found from any working directory.
+        let search = &search.absolute();
+        let mut registry = Self {
+            catalog: Catalog::default(),
+            sources: Vec::new(),
+            plugins: Vec::new(),
+            scripts,
+            seen: BTreeSet::new(),
+            places: Vec::new(),
+            refused: Vec::new(),
+            skipped: Vec::new(),
+            passed_over: Vec::new(),
+        };
+        registry.add_built_in()?;
+        for folder in &search.plugins {
+            registry.add_place(folder)?;
+        }
+        for place in std::env::var_os(PATH_VARIABLE).iter().flat_map(std::env::split_paths) {
+            if place.as_os_str().is_empty() {
+                continue; // Nothing between two separators, or in a variable that is set to nothing.
+            }
+            match mistake(&place, true) {
+                None => registry.add_place(&place)?,
+                Some(mistake) => registry.refused.push(Error::new(format!(
+                    "{PATH_VARIABLE} names {}, which {mistake} correct the variable",
+                    place.display()
+                ))),
+            }
+        }
+        if let Some(place) = search_path::user_folder() {
+            registry.add_place(&place)?;
+        }
+        for place in &search.beside {
+            registry.add_beside(place);
+        }
+        registry.add_drop_ins(search);
+        Ok(registry)
+    }
+
+    /// What there is.
+    pub fn catalog(&self) -> &Catalog {
+        &self.catalog
+    }
+
+    /// What was found but cannot be used, one sentence each.
+    pub fn refused(&self) -> &[Error] {
+        &self.refused
+    }
+
+    /// What plugins have or say that is not known here, one sentence each. They work without it.
+    pub fn skipped(&self) -> &[String] {
+        &self.skipped
+    }
+
+    /// What lies beside a pipeline and cannot be used: the name that it would have had, and why. Nobody has asked for it yet.
+    pub fn passed_over(&self) -> &[(String, String)] {
+        &self.passed_over
+    }
+
+    /// The plugins that were loaded.
+    pub fn plugins(&self) -> &[Plugin] {
+        &self.plugins
+    }
+
+    /// Makes an instance of any kind.
+    ///
+    /// # Errors
+    /// Where there is no such component, or it refuses the parameters.
+    pub fn create(
+        &self,
+        kind: Kind,
+        name: &str,
+        parameters: &Map<String, Value>,
+    ) -> Result<(Instance, Config)> {
+        let entry = self.catalog.get(kind, name)?;
+        let config = Config::check(&entry.description, parameters)?;
+        let label = format!("{kind} `{name}`");
+        let instance = match self.source(kind, name) {
+            Some(Source::Plugin { plugin, index }) => {
+                calls::call(&label, Function::New, || self.plugins[*plugin].create(*index, config.values()))
+            }
+            Some(Source::Script) => {
+                let script = Script::File(&entry.file);
+                calls::call(&label, Function::New, || self.scripts.create(script, &config))
+            }
+            Some(Source::BuiltInScript(script)) => {
+                let script = Script::BuiltIn(script);
+                calls::call(&label, Function::New, || self.scripts.create(script, &config))
+            }
+            Some(Source::DropIn { parameter }) => {
+                let base = entry.base.as_deref().unwrap_or_default();
+                self.create(kind, base, &shown(entry, &config, parameter)).map(|(instance, _)| instance)
+            }
+            None => Err(Error::new("it is in the catalog but has no source, which is a defect in pdk")),
+        };
+        let instance = instance.map_err(|error| error.at(&label))?;
+        if instance.kind() != kind {
+            return Err(Error::new(format!(
+                "{label} made a {}, which is a mistake in its plugin",
+                instance.kind()
+            )));
+        }
+        Ok((instance, config))
+    }
+
+    /// The files that an instance reads besides those that its parameters name, as far as its plugin says so.
+    ///
+    /// # Errors
+    /// If there is no such component, it refuses the parameters, or its files cannot be listed.
+    pub fn input_files(
+        &self,
+        kind: Kind,
+        name: &str,
+        parameters: &Map<String, Value>,
+    ) -> Result<Vec<InputFiles>> {
+        let entry = self.catalog.get(kind, name)?;
+        let config = Config::check(&entry.description, parameters)?;
+        let label = format!("{kind} `{name}`");
+        match self.source(kind, name) {
+            Some(Source::Plugin { plugin, index }) => calls::call(&label, Function::InputFiles, || {
+                self.plugins[*plugin].input_files(*index, config.values())
+            })
+            .map_err(|error| error.at(&label)),
+            Some(Source::DropIn { parameter }) => self.input_files(
+                kind,
+                entry.base.as_deref().unwrap_or_default(),
+                &shown(entry, &config, parameter),
+            ),
+            // A script reads no files.
+            Some(Source::Script | Source::BuiltInScript(_)) | None => Ok(Vec::new()),
+        }
+    }
+
+    fn source(&self, kind: Kind, name: &str) -> Option<&Source> {
+        let found = self.sources.iter().find(|((known, of), _)| *known == kind && of == name);
+        found.map(|(_, source)| source)
+    }
+
+    fn add_place(&mut self, place: &Path) -> Result<()> {
+        match place.is_file() {
+            true => self.add_files(vec![place.to_owned()]),
+            false => self.add_folder(place),
+        }
+    }
+
+    /// What is part of pdk, and the plugins in a folder beside its libraries. Of its own parts none may be missing: names would
+    /// mean something else then.
+    fn add_built_in(&mut self) -> Result<()> {
+        let libraries = installation::libraries()?;
+        let reasons = inspection::inspect(&libraries)?;
+        for (library, reason) in libraries.iter().zip(reasons) {
+            reason.map_or(Ok(()), Err)?;
+            self.add_library(library, true)?;
+        }
+        for script in self.scripts.built_in() {
+            let file = script.path();
+            let name = format!("script {}", file.display());
+            let describe = || self.scripts.describe(Script::BuiltIn(script));
+            if let Some(description) = calls::call(&name, Function::Load, describe)? {
+                let blake3 = blake3::hash(script.source.as_bytes()).to_hex().to_string();
+                let entry = Entry { blake3: Some(blake3), ..Entry::new(description, file) };
+                self.add(entry, Source::BuiltInScript(script));
+            }
+        }
+        self.add_folder(&installation::library_folder()?.join("plugins"))
+    }
+
+    /// Adds the libraries and scripts of a folder, by name; a folder that does not exist has none.
+    fn add_folder(&mut self, folder: &Path) -> Result<()> {
+        self.places.push(folder.to_owned());
+        let mut files = self.files_of(folder);
+        files.retain(|file| is_library(file) || is_script(file));
+        self.add_files(files)
+    }
+
+    /// Adds the scripts and drop-ins of a folder that nobody named.
+    fn add_beside(&mut self, folder: &Path) {
+        for file in self.files_of(folder).into_iter().filter(|file| is_script(file)) {
+            // A script that is no component may be there for something else, so nobody is warned.
+            let reason = match self.add_script(&file) {
+                Ok(true) => continue,
+                Ok(false) => {
+                    format!("{} is no perturbation: it returns no table with `apply`", file.display())
+                }
+                Err(error) => error.to_string(),
+            };
+            self.passed_over.push((drop_in_name(&file), reason));
+        }
+        self.places.push(folder.to_owned());
+    }
+
+    /// Adds libraries and scripts. What cannot be used is refused.
+    fn add_files(&mut self, files: Vec<PathBuf>) -> Result<()> {
+        let (scripts, libraries): (Vec<usize>, Vec<usize>) =
+            (0..files.len()).partition(|&at| is_script(&files[at]));
+        let inspected: Vec<PathBuf> = libraries.iter().map(|&at| files[at].clone()).collect();
+        let mut reasons: BTreeMap<usize, Error> = libraries
+            .into_iter()
+            .zip(inspection::inspect(&inspected)?)
+            .filter_map(|(at, reason)| Some((at, reason?)))
+            .collect();
+        for (at, file) in files.iter().enumerate() {
+            let added = match reasons.remove(&at) {
+                Some(reason) => Err(reason),
+                None if scripts.contains(&at) => self.add_script(file).map(drop),
+                None => self.add_library(file, false),
+            };
+            if let Err(error) = added {
+                self.refused.push(error);
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the components of a plugin, which may be one of pdk's own.
+    fn add_library(&mut self, file: &Path, built_in: bool) -> Result<()> {
+        let Some(file) = self.first_look(file) else { return Ok(()) };
+        let plugin = Plugin::load(&file)?;
+        let shown = file.display();
+        let sentence = |sentence: &String| format!("plugin {shown}: {sentence}");
+        self.skipped.extend(plugin.skipped.iter().map(sentence));
+        let record = plugin.record(built_in);
+        let (number, descriptions) = (self.plugins.len(), plugin.description.components.clone());
+        self.plugins.push(plugin);
+        for (index, description) in descriptions.into_iter().enumerate() {
+            let plugin = Some(record.clone());
+            let entry = Entry { plugin, ..Entry::new(description, file.clone()) };
+            self.add(entry, Source::Plugin { plugin: number, index });
+        }
+        Ok(())
+    }
+
+    /// Adds the component in a script; false where it has none.
+    fn add_script(&mut self, file: &Path) -> Result<bool> {
+        let Some(file) = self.first_look(file) else { return Ok(true) };
+        let name = format!("script {}", file.display());
+        let describe = || self.scripts.describe(Script::File(&file));
+        let Some(description) = calls::call(&name, Function::Load, describe)? else { return Ok(false) };
+        self.add(Entry::new(description, file), Source::Script);
+        Ok(true)
+    }
+
+    /// A file by its full name; none where it was looked at before.
+    fn first_look(&mut self, file: &Path) -> Option<PathBuf> {
+        let file = std::fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
+        self.seen.insert(file.clone()).then_some(file)
+    }
+
+    /// Adds the files that components ask for: in the given folders, and in those of the right name wherever plugins lie.
+    fn add_drop_ins(&mut self, search: &SearchPath) {
+        let bases: Vec<Description> =
+            self.catalog.entries().iter().map(|entry| entry.description.clone()).collect();
+        for base in bases {
+            let Some(drop_in) = &base.drop_in else { continue };
+            let given = search.drop_ins.iter().filter(|(name, _)| *name == drop_in.folder);
+            let mut folders: Vec<PathBuf> = given.map(|(_, folder)| folder.clone()).collect();
+            folders.extend(self.places.iter().map(|place| place.join(&drop_in.folder)));
+            let mut seen = BTreeSet::new();
+            let files: Vec<_> = folders.iter().flat_map(|folder| self.files_of(folder)).collect();
+            for file in files {
+                // The same folder may be looked into by several ways.
+                if !seen.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
+                    continue;
+                }
+                let ending = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+                if drop_in.endings.contains(&ending) {
+                    self.add_drop_in(&base, &drop_in.parameter, file);
+                }
+            }
+        }
+    }
+
+    /// The files of a folder by name; none where there is no such folder. One that cannot be read is refused.
+    fn files_of(&mut self, folder: &Path) -> Vec<PathBuf> {
+        let paths = std::fs::read_dir(folder)
+            .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>());
+        match paths {
+            Ok(mut files) => {
+                files.retain(|file| file.is_file());
+                files.sort();
+                files
+            }
+            Err(error) if error.kind() == IoErrorKind::NotFound => Vec::new(),
+            Err(error) => {
+                let shown = folder.display();
+                self.refused.push(Error::new(format!("the folder {shown} cannot be read ({error})")));
+                Vec::new()
+            }
+        }
+    }
+
+    fn add_drop_in(&mut self, base: &Description, parameter: &str, file: PathBuf) {
+        let shown = file.file_name().unwrap_or_default().to_string_lossy();
+        let doc = format!("{}: {shown}", base.doc);
+        let mut description = Description { name: drop_in_name(&file), doc, drop_in: None, ..base.clone() };
+        description.parameters.retain(|p| p.name != parameter);
+        description.examples.clear();
+        // It is the user's own, so it is there by name.
+        description.default = false;
+        let entry = Entry { base: Some(base.name.clone()), ..Entry::new(description, file) };
+        self.add(entry, Source::DropIn { parameter: parameter.to_owned() });
+    }
+
+    fn add(&mut self, entry: Entry, source: Source) {
+        let key = (entry.description.kind, entry.description.name.clone());
+        let file = entry.file.clone();
+        match self.catalog.add(entry) {
+            // The file that a component of pdk's own was made from, such as in a copy of pdk's scripts.
+            Some(first) if first.is_made_of(&file) => {}
+            Some(first) => {
+                let shown = file.display();
+                self.refused.push(Error::new(format!(
+                    "{} `{}` of {shown} is left out, because {} has one of the same name and comes first; rename {shown}",
+                    key.0,
+                    key.1,
+                    first.file.display(),
+                )));
+            }
+            None => self.sources.push((key, source)),
+        }
+    }
+}
+
+/// What a component that stands for a file of the user's is made from: its own values, and the file as this parameter.
+fn shown(entry: &Entry, config: &Config, parameter: &str) -> Map<String, Value> {
+    let mut parameters = config.values().clone();
+    parameters.insert(parameter.to_owned(), entry.file.to_string_lossy().into());
+    parameters
+}
+
+/// What is wrong with a place that is to be looked into, and the beginning of the remedy; nothing where it is a folder, or a file
+/// where `files` may be named too. A pipe or a device is neither.
+fn mistake(place: &Path, files: bool) -> Option<&'static str> {
+    if place.is_dir() || files && place.is_file() {
+        None
+    } else if place.exists() {
+        Some("is not a folder;")
+    } else {
+        Some("does not exist; create it or")
+    }
+}
+
+/// Whether a file is a library, by its name.
+fn is_library(file: &Path) -> bool {
+    file.extension().is_some_and(|ending| ending == std::env::consts::DLL_EXTENSION)
+}
+
+/// One function for each kind.
+macro_rules! create_functions {
+    ($($(#[$doc:meta])* $function:ident: $kind:ident as $trait:ident;)*) => {
+        impl Registry {
+            $(
+                $(#[$doc])*
+                ///
+                /// # Errors
+                /// Where there is no such component, or it refuses the parameters.
+                pub fn $function(
+                    &self,
+                    name: &str,
+                    parameters: &Map<String, Value>,
+                ) -> Result<(Box<dyn $trait>, Config)> {
+                    match self.create(Kind::$kind, name, parameters)? {
+                        (Instance::$kind(instance), config) => Ok((instance, config)),
+                        (other, _) => Err(Error::new(format!("`{name}` is a {}", other.kind()))),
+                    }
+                }
+            )*
+        }
+    };
+}
+
+create_functions! {
+    /// Makes a perturbation.
+    perturbation: Perturbation as Perturbation;
+    /// Makes a simulator.
+    simulator: Simulator as Simulator;
+    /// Makes a driver.
+    driver: Driver as Driver;
+    /// Opens a dataset.
+    dataset: Dataset as Dataset;
+    /// Makes a saliency method.
+    saliency: Saliency as Saliency;
+    /// Makes a mask.
+    mask: Mask as Mask;
+    /// Makes a search strategy.
+    search: Search as Search;
+}

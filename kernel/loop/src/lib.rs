@@ -1,0 +1,26 @@
+//! The loop: a scenario is driven, or frames of a dataset are evaluated, in a process that calls components.
+//!
+//! | module | subject |
+//! |---|---|
+//! | [`loop_process`] | the process that calls components; `engine` keeps them, `held` notes every call |
+//! | [`protocol`] | what it and those who give it work say to each other, on [`lines`] |
+//! | [`drive`] | one scenario around the loop; `judge` says when it is over and measures it, `comfort` with it |
+//! | `evaluate` | frames of datasets |
+//! | [`recorder`], [`recent`] | the trace, and the last frames of failures |
+//! | [`stages`] | how long it takes |
+//! | `environment` | what a component changed of its process, put back |
+
+mod comfort;
+pub mod drive;
+mod engine;
+mod environment;
+mod evaluate;
+mod held;
+mod judge;
+pub mod lines;
+pub mod loop_process;
+pub mod protocol;
+pub mod recent;
+pub mod recorder;
+pub mod stages;
+mod way;

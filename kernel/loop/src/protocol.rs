@@ -1,0 +1,321 @@
+//! What a session and its workers say to each other: JSON, a line a message. `docs/worker-protocol.md` is its page.
+//!
+//! The session speaks first, with [`ToWorker::Hello`]; the worker answers [`FromWorker::Ready`] and from then on gets jobs, at most
+//! as many at a time as it has slots. For each it says how far it is and, once, what it came to. It ends when its input ends.
+
+use std::path::PathBuf;
+
+use pdk_components::catalog::Catalog;
+use pdk_components::search_path::SearchPath;
+use pdk_model::component::ComponentSpec;
+use pdk_model::error::ErrorKind;
+use pdk_model::outcome::{Cause, Outcome};
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::scenario::Scenario;
+use pdk_model::search::{Candidate, Evaluated as EvaluatedCandidate, Problem};
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::Error;
+use pdk_sdk::input_files::InputFiles;
+use pdk_sdk::prelude::{Camera, Control};
+use serde::{Deserialize, Serialize};
+
+use crate::stages::Times;
+
+/// The version of the protocol. A worker of another version is refused.
+pub const VERSION: u32 = 1;
+
+/// What a worker is told.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ToWorker {
+    /// Who calls, and how scenarios are driven.
+    Hello(Hello),
+    /// Something to do.
+    Job(Box<Job>),
+}
+
+/// The first message.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Hello {
+    /// [`VERSION`].
+    pub protocol: u32,
+    /// The run's name on the topics: letters, digits, dashes and underscores.
+    pub run: String,
+    /// How long one call of a component may take, in seconds.
+    pub patience: f64,
+    /// How much memory a process with components may take, in MiB.
+    pub memory: u64,
+    /// Where components are looked for besides the usual places.
+    pub search: SearchPath,
+}
+
+/// Something to do, under a number that the session chooses.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Job {
+    /// The number, which answers carry.
+    pub number: u64,
+    /// The number of the slot that does it: no two jobs have the same at the same time, so ports may be derived from it.
+    pub slot: u32,
+    /// What to do.
+    pub work: Work,
+}
+
+/// What there is to do.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Work {
+    /// Drive a scenario.
+    Drive(Box<Drive>),
+    /// Evaluate a frame of a dataset.
+    Evaluate(EvaluateFrame),
+    /// Make a component and say what it is like.
+    Make(Make),
+    /// List the files that a component would read besides those that its parameters name. Only a worker of this machine gets it.
+    InputFiles(Make),
+    /// Take a step of a search. Only a worker of this machine gets it, which does nothing else.
+    Search(Box<SearchStep>),
+}
+
+/// A scenario to drive.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Drive {
+    /// What to drive.
+    pub scenario: Scenario,
+    /// What it is called.
+    pub name: String,
+    /// Where the trace goes, from the root; none for no trace.
+    pub trace: Option<PathBuf>,
+    /// Every how many frames an image goes into the trace; 0 for none.
+    pub images_every: u64,
+    /// In real time: which frames to skip, instead of those that the clock says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub skips: Option<Vec<Skip>>,
+    /// The saliency method whose maps of what the driver saw go into the trace with the images.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<ComponentSpec>,
+}
+
+/// Frames that were skipped in real time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Skip {
+    /// The number of the frame behind which they came.
+    pub behind: u64,
+    /// How many they were.
+    pub count: u64,
+}
+
+/// A frame of a dataset to evaluate.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct EvaluateFrame {
+    /// What the frame goes through.
+    pub evaluation: Evaluation,
+    /// The number of the frame in its dataset, from 0.
+    pub index: usize,
+}
+
+/// What every frame of a dataset goes through.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// The dataset.
+    pub dataset: ComponentSpec,
+    /// The driver under test.
+    pub driver: ComponentSpec,
+    /// Each perturbation at each level; each is applied by itself.
+    pub perturbations: Vec<AppliedPerturbation>,
+    /// What random numbers come from.
+    pub seed: u64,
+}
+
+/// A component to make.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Make {
+    /// Its kind.
+    pub kind: Kind,
+    /// Its name and parameters.
+    pub component: ComponentSpec,
+}
+
+/// A step of a search: what of it is there is done in this order.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct SearchStep {
+    /// Begin a search, which ends the one before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<StartSearch>,
+    /// Tell these results.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tell: Vec<EvaluatedCandidate>,
+    /// Ask for so many candidates.
+    #[serde(default)]
+    pub ask: usize,
+}
+
+/// A search to begin.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StartSearch {
+    /// The strategy.
+    pub strategy: ComponentSpec,
+    /// What it searches.
+    pub problem: Problem,
+    /// The key of all that it draws.
+    pub key: [u8; 32],
+}
+
+/// What a worker says.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FromWorker {
+    /// It can be given jobs.
+    Ready(Ready),
+    /// So many more frames of a job are done.
+    Progress(Progress),
+    /// A job is done.
+    Done(Done),
+    /// A component took the process along where that is no job's outcome, such as when an instance was dropped; one sentence.
+    Trouble(String),
+    /// It cannot go on, and why.
+    Failed(String),
+}
+
+/// The answer to [`Hello`].
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Ready {
+    /// [`VERSION`].
+    pub protocol: u32,
+    /// The version of pdk.
+    pub pdk: String,
+    /// How many jobs it takes at a time.
+    pub slots: u32,
+    /// The components it has.
+    pub catalog: Catalog,
+    /// What it found but cannot use, one sentence each.
+    pub refused: Vec<String>,
+    /// What lies beside the pipeline and cannot be used: the name that it would have had, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub passed_over: Vec<(String, String)>,
+}
+
+/// How far a job is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Progress {
+    /// The job.
+    pub number: u64,
+    /// Frames since the last message.
+    pub frames: u64,
+}
+
+/// What a job came to.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Done {
+    /// The job.
+    pub number: u64,
+    /// What it came to.
+    pub answer: Answer,
+}
+
+/// What a job came to.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Answer {
+    /// A scenario was driven, to whatever end.
+    Driven(Driven),
+    /// A frame was evaluated.
+    Evaluated(Evaluated),
+    /// A component was made.
+    Made(Made),
+    /// The files that a component would read were listed.
+    InputFiles(Vec<InputFiles>),
+    /// A step of a search was taken; these are the candidates that were asked for.
+    Proposed(Vec<Candidate>),
+    /// A component failed, so that there is no result.
+    Failed(Failure),
+    /// Something else failed, such as the disk: nothing is to be expected of the next job either.
+    Broken(Failure),
+}
+
+impl Answer {
+    /// Whether it is what was asked for, whatever came of the driving.
+    pub fn is_good(&self) -> bool {
+        match self {
+            Self::Driven(driven) => driven.outcome.cause != Cause::Error,
+            Self::Evaluated(_) | Self::Made(_) | Self::InputFiles(_) | Self::Proposed(_) => true,
+            Self::Failed(_) | Self::Broken(_) => false,
+        }
+    }
+}
+
+/// A scenario's outcome and what else there is to know.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Driven {
+    /// What happened.
+    pub outcome: Outcome,
+    /// Frames per second of simulation time; 0 where the simulator did not come to tell.
+    pub rate: f64,
+    /// How long the stages of the steps took.
+    pub times: Times,
+    /// What was noticed, such as a component that changed the working directory; one sentence each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+}
+
+impl Driven {
+    /// What becomes of a scenario whose process was lost after so many frames.
+    pub fn lost(kind: ErrorKind, message: String, frames: u64) -> Self {
+        let outcome = Outcome { frames, ..Outcome::of_error(kind, message) };
+        Self { outcome, rate: 0.0, times: Times::default(), warnings: Vec::new() }
+    }
+}
+
+/// What a frame gave.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Evaluated {
+    /// The name of the frame.
+    pub frame: String,
+    /// What was recorded.
+    pub truth: Control,
+    /// What the driver makes of the frame as it is.
+    pub original: Control,
+    /// What it makes of it under each perturbation.
+    pub perturbed: Vec<Control>,
+    /// Time of all perturbations together, in seconds.
+    pub perturbation_seconds: f64,
+    /// Time of all predictions together, in seconds.
+    pub driver_seconds: f64,
+}
+
+/// What a component is like once it is made.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Made {
+    /// A simulator's camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<Camera>,
+    /// The number of frames in a dataset.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames: Option<usize>,
+    /// What a driver says of itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub info: Vec<(String, String)>,
+}
+
+/// An error on its way to the session.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failure {
+    /// Its kind.
+    pub kind: ErrorKind,
+    /// Its sentence.
+    pub message: String,
+    /// The name of the frame of a dataset, where the reader came to tell it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<String>,
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Self {
+        Self { kind: error.kind(), message: error.message().to_owned(), frame: None }
+    }
+}
+
+impl From<Failure> for Error {
+    fn from(failure: Failure) -> Self {
+        Error::of(failure.kind, failure.message)
+    }
+}

@@ -1,0 +1,469 @@
+//! What was run: everything that has to be equal for two runs to be equal.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+use pdk_model::component::ComponentSpec;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::region::Region;
+use pdk_model::scenario::Scenario;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::Result;
+use pdk_sdk::input_files::InputFiles;
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use crate::inputs::{self, Tick};
+use crate::merge::Shard;
+use pdk_components::catalog::{Catalog, Entry, PluginRecord};
+use pdk_components::hash;
+
+/// The manifest of a run.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Manifest {
+    /// The version of pdk.
+    pub pdk: String,
+    /// The seed that all random numbers come from.
+    pub seed: u64,
+    /// The pipeline.
+    pub pipeline: Pipeline,
+    /// The settings of the pipeline with what was overridden.
+    pub settings: Value,
+    /// The folders that `--plugins` named.
+    #[serde(default)]
+    pub plugins: Vec<PathBuf>,
+    /// The folders that `--overlays` named.
+    #[serde(default)]
+    pub overlays: Vec<PathBuf>,
+    /// The components in use.
+    pub components: Vec<ComponentRecord>,
+    /// Models and other files that components were given.
+    pub files: Vec<FileRecord>,
+    /// The machine.
+    pub machine: Machine,
+    /// Which part of the run it is; none where it is the whole.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shard: Option<Shard>,
+}
+
+/// The pipeline of a run.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Pipeline {
+    /// The file, or the name of one that is part of pdk.
+    pub path: PathBuf,
+    /// Its text.
+    pub source: String,
+    /// The modules that it requires, with their texts, in the order in which they were first asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub modules: Vec<Module>,
+}
+
+/// A module that a pipeline requires.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Module {
+    /// As the pipeline names it.
+    pub name: String,
+    /// Its text.
+    pub source: String,
+    /// BLAKE3 of its text, in hexadecimal.
+    pub blake3: String,
+}
+
+/// A component in use.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct ComponentRecord {
+    /// Its kind.
+    pub kind: Kind,
+    /// Its name.
+    pub name: String,
+    /// The version of its algorithm.
+    pub version: u32,
+    /// The library or script that it comes from; a script that is part of pdk has `built-in:` and its name for a path.
+    pub file: FileRecord,
+    /// The plugin that the library is; none for a script.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plugin: Option<PluginRecord>,
+    /// What it decided itself when it was made, such as the library that runs a network.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub info: Vec<(String, String)>,
+}
+
+/// A file and its content, or a group of files in a folder.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct FileRecord {
+    /// The file, or the folder of a group.
+    pub path: PathBuf,
+    /// What the files of a group are; empty for a single file.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub group: String,
+    /// How many files a group has.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub count: usize,
+    /// BLAKE3 of its content, in hexadecimal; that of a group is of the names, sizes and hashes of its files.
+    pub blake3: String,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
+/// The machine of a run.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Machine {
+    /// The operating system.
+    pub system: String,
+    /// The processor's architecture.
+    pub architecture: String,
+    /// The number of processors.
+    pub processors: usize,
+}
+
+impl Manifest {
+    /// This manifest with what a recorded one of the same run says besides: its machine, and the components and files that this
+    /// one has not come to yet.
+    ///
+    /// # Errors
+    /// Where the two are not of the same run: says what differs, first the recorded value.
+    pub fn continuing(mut self, recorded: &Manifest) -> Result<Self, String> {
+        let differs = |what: &str, was: &dyn Display, is: &dyn Display| Err(differs(what, was, is));
+        if self.pdk != recorded.pdk {
+            return differs("the version of pdk", &recorded.pdk, &self.pdk);
+        }
+        if self.seed != recorded.seed {
+            return differs("the seed", &recorded.seed, &self.seed);
+        }
+        if self.shard != recorded.shard {
+            let said = |shard: Option<Shard>| shard.map_or("the whole".to_owned(), |shard| shard.to_string());
+            return differs("the part of the run", &said(recorded.shard), &said(self.shard));
+        }
+        let (was, is) = (&recorded.pipeline, &self.pipeline);
+        if was.source != is.source {
+            return Err(format!("the text of the pipeline {} is another", is.path.display()));
+        }
+        for module in &is.modules {
+            if was.modules.iter().any(|known| known.name == module.name && known.blake3 != module.blake3) {
+                return Err(format!("the text of the module {} is another", module.name));
+            }
+        }
+        // As it comes out of the file.
+        let settings = serde_json::to_string(&self.settings).and_then(|text| serde_json::from_str(&text));
+        let settings: Value = settings.map_err(|error| error.to_string())?;
+        if let Some((name, was, is)) = difference("", &recorded.settings, &settings) {
+            return differs(&format!("the setting {name}"), &was, &is);
+        }
+        if let Some(difference) = self.changed_parts(recorded, true).into_iter().next() {
+            return Err(difference);
+        }
+        self.machine = recorded.machine.clone();
+        self.components.extend(recorded.components.iter().cloned());
+        self.components.sort();
+        self.components.dedup();
+        self.files.extend(recorded.files.iter().cloned());
+        self.files.sort();
+        self.files.dedup();
+        Ok(self)
+    }
+
+    /// What is different of the components and files that both manifests have, one clause each: versions, contents, what
+    /// components say of themselves, and, where they count, the places where components lie.
+    pub fn changed_parts(&self, recorded: &Manifest, places_count: bool) -> Vec<String> {
+        let mut changed = Vec::new();
+        // A library holds many components, and its content is said to be another once.
+        let mut other_files: BTreeMap<&Path, (Vec<String>, &ComponentRecord)> = BTreeMap::new();
+        for component in &self.components {
+            let same = |c: &&ComponentRecord| c.kind == component.kind && c.name == component.name;
+            let Some(first) = recorded.components.iter().find(same) else { continue };
+            let name = format!("the {} `{}`", component.kind, component.name);
+            if first.version != component.version {
+                changed.push(differs(&format!("the version of {name}"), &first.version, &component.version));
+            }
+            if first.file.blake3 != component.file.blake3 {
+                let (names, _) =
+                    other_files.entry(&component.file.path).or_insert_with(|| (Vec::new(), first));
+                if !names.contains(&name) {
+                    names.push(name.clone());
+                }
+            }
+            if places_count && first.file.path != component.file.path {
+                let (was, is) = (first.file.path.display(), component.file.path.display());
+                changed.push(differs(&format!("the path of {name}"), &was, &is));
+            }
+            // Such as the library that runs a network. Others may come with later drives.
+            let said_again = |c: &ComponentRecord| {
+                recorded.components.iter().filter(same).any(|known| known.info == c.info)
+            };
+            if !self.components.iter().filter(same).any(said_again) {
+                let text = |info: &[(String, String)]| {
+                    info.iter().map(|(key, value)| format!("{key} {value}")).collect::<Vec<_>>().join(", ")
+                };
+                changed.push(differs(
+                    &format!("what {name} says of itself"),
+                    &format!("`{}`", text(&first.info)),
+                    &format!("`{}`", text(&component.info)),
+                ));
+            }
+        }
+        for (path, (names, first)) in other_files {
+            let (names, path) = (names.join(", "), path.display());
+            let other = first
+                .origin(&recorded.pdk)
+                .map_or_else(|| "another".to_owned(), |origin| format!("not that of {origin}"));
+            changed.push(format!("the file of {names}, {path}, is {other}"));
+        }
+        let (groups, files): (Vec<_>, Vec<_>) = self.files.iter().partition(|file| !file.group.is_empty());
+        let mut named: Vec<&Path> = Vec::new();
+        for file in files.into_iter().chain(groups) {
+            // A group adds nothing if one of its files has been named.
+            if !file.group.is_empty() && named.iter().any(|path| path.starts_with(&file.path)) {
+                continue;
+            }
+            let same = |known: &&FileRecord| known.path == file.path && known.group == file.group;
+            if let Some(difference) =
+                recorded.files.iter().find(same).and_then(|known| file.difference(known))
+            {
+                named.push(&file.path);
+                changed.push(difference);
+            }
+        }
+        changed.dedup();
+        changed
+    }
+}
+
+fn differs(what: &str, was: &dyn Display, is: &dyn Display) -> String {
+    format!("{what} was {was} and is {is}")
+}
+
+/// The first value within another that differs, with its place and both values; what is not there is null.
+pub fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value, Value)> {
+    if let (Value::Object(was), Value::Object(is)) = (was, is) {
+        let names: BTreeSet<&String> = was.keys().chain(is.keys()).collect();
+        return names.into_iter().find_map(|name| {
+            let place = if place.is_empty() { name.clone() } else { format!("{place}.{name}") };
+            let value = |table: &Map<String, Value>| table.get(name).cloned().unwrap_or_default();
+            difference(&place, &value(was), &value(is))
+        });
+    }
+    if let (Value::Array(was), Value::Array(is)) = (was, is)
+        && was.len() == is.len()
+    {
+        let mut pairs = was.iter().zip(is).enumerate();
+        return pairs.find_map(|(position, (was, is))| difference(&format!("{place}[{position}]"), was, is));
+    }
+    (was != is).then(|| (format!("`{place}`"), was.clone(), is.clone()))
+}
+
+impl ComponentRecord {
+    /// The very plugin that it was in, with its hash and where to get it; none where it was in a script. `pdk` is the version of
+    /// pdk then.
+    pub fn origin(&self, pdk: &str) -> Option<String> {
+        let PluginRecord { name, version, homepage, built_in } = self.plugin.as_ref()?;
+        let place = match homepage.as_str() {
+            _ if *built_in => format!("which came with pdk {pdk}"),
+            "" => "to be had from its author".to_owned(),
+            homepage => format!("to be had at {homepage}"),
+        };
+        Some(format!("the plugin {name} {version} (BLAKE3 {}), {place}", self.file.blake3))
+    }
+}
+
+impl Machine {
+    /// This machine.
+    pub fn this() -> Self {
+        Self {
+            system: std::env::consts::OS.to_owned(),
+            architecture: std::env::consts::ARCH.to_owned(),
+            processors: std::thread::available_parallelism().map_or(1, usize::from),
+        }
+    }
+}
+
+impl FileRecord {
+    /// Reads a file's hash.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn of(path: &Path) -> Result<Self> {
+        Ok(Self::new(path.to_owned(), hash::of(path)?))
+    }
+
+    /// A single file.
+    pub fn new(path: PathBuf, blake3: String) -> Self {
+        Self { path, group: String::new(), count: 0, blake3 }
+    }
+
+    /// How it differs from a recorded one of the same path and group, as a clause; none if it does not.
+    fn difference(&self, recorded: &Self) -> Option<String> {
+        let (path, group) = (self.path.display(), &self.group);
+        if self.blake3 == recorded.blake3 {
+            return None;
+        }
+        Some(match (group.is_empty(), recorded.count, self.count) {
+            (true, ..) => format!("the file {path} is another"),
+            (_, was, is) if was == is => format!("the {group} in {path} ({is} in all) are not the same"),
+            (_, was, is) => format!("the {group} in {path} were {was} and are {is}"),
+        })
+    }
+}
+
+/// All components that a scenario uses, with their parameters.
+pub fn components_of(scenario: &Scenario) -> Vec<(Kind, ComponentSpec)> {
+    let Scenario { simulator, driver, perturbations, .. } = scenario;
+    let mut components = vec![(Kind::Simulator, simulator.clone()), (Kind::Driver, driver.clone())];
+    components.extend(components_of_all(perturbations));
+    components
+}
+
+/// All components that perturbations use, with their parameters: masks and saliency methods besides themselves.
+pub fn components_of_all(applied: &[AppliedPerturbation]) -> Vec<(Kind, ComponentSpec)> {
+    let mut components = Vec::new();
+    for AppliedPerturbation { name, parameters, selection, attention, .. } in applied {
+        components
+            .push((Kind::Perturbation, ComponentSpec { name: name.clone(), parameters: parameters.clone() }));
+        if let Some(selection) = selection {
+            components.extend(selection.mask.iter().map(|mask| (Kind::Mask, mask.clone())));
+            components.extend(selection.by.iter().map(|by| (Kind::Saliency, by.clone())));
+        }
+        components.extend(attention.iter().map(|attention| (Kind::Saliency, attention.by.clone())));
+    }
+    components
+}
+
+/// What may be a path in the value of a parameter: a text, or each of a list, such as a program and its arguments.
+fn texts(value: &Value) -> Vec<&str> {
+    match value {
+        Value::Array(list) => list.iter().filter_map(Value::as_str).collect(),
+        value => value.as_str().into_iter().collect(),
+    }
+}
+
+/// The components and files that a run uses, collected while it is set up.
+#[derive(Debug, Default)]
+pub struct InUse {
+    components: BTreeSet<ComponentRecord>,
+    files: BTreeSet<FileRecord>,
+}
+
+impl InUse {
+    /// Notes a component with what it says of itself once it is made, and its files: those among its parameters, and the one
+    /// that a drop-in is made from.
+    ///
+    /// # Errors
+    /// Where the component does not exist, or one of its files cannot be read.
+    pub fn add(
+        &mut self,
+        catalog: &Catalog,
+        kind: Kind,
+        name: &str,
+        parameters: &Map<String, Value>,
+        info: Vec<(String, String)>,
+    ) -> Result<()> {
+        let entry = catalog.get(kind, name)?;
+        let known = self.components.iter().any(|c| c.kind == kind && c.name == name && c.info == info);
+        if !known {
+            let code = catalog.code_of(entry);
+            self.components.insert(ComponentRecord {
+                kind,
+                name: name.to_owned(),
+                version: entry.description.version,
+                file: self.hashed(code)?,
+                plugin: code.plugin.clone(),
+                info,
+            });
+        }
+        if entry.base.is_some() {
+            self.add_file(&entry.file)?;
+        }
+        for path in parameters.values().flat_map(texts).map(Path::new).filter(|path| path.is_file()) {
+            self.add_file(path)?;
+        }
+        Ok(())
+    }
+
+    /// Notes all that a scenario uses; `info` is what its driver says of itself.
+    ///
+    /// # Errors
+    /// As for [`InUse::add`].
+    pub fn add_scenario(
+        &mut self,
+        catalog: &Catalog,
+        scenario: &Scenario,
+        info: Vec<(String, String)>,
+    ) -> Result<()> {
+        let Scenario { simulator, driver, perturbations, .. } = scenario;
+        self.add(catalog, Kind::Simulator, &simulator.name, &simulator.parameters, Vec::new())?;
+        self.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
+        self.add_perturbations(catalog, perturbations)
+    }
+
+    /// Notes perturbations with their masks and the methods that choose their pixels.
+    ///
+    /// # Errors
+    /// As for [`InUse::add`].
+    pub fn add_perturbations(&mut self, catalog: &Catalog, applied: &[AppliedPerturbation]) -> Result<()> {
+        for perturbation in applied {
+            if let Some(Region::Mask(path)) = &perturbation.region {
+                self.add_file(Path::new(path))?;
+            }
+            let AppliedPerturbation { name, parameters, selection, attention, .. } = perturbation;
+            let chosen_by = selection.as_ref().and_then(|selection| selection.by.as_ref());
+            if let Some(mask) = selection.as_ref().and_then(|selection| selection.mask.as_ref()) {
+                self.add(catalog, Kind::Mask, &mask.name, &mask.parameters, Vec::new())?;
+            }
+            for by in chosen_by.into_iter().chain(attention.as_ref().map(|attention| &attention.by)) {
+                self.add(catalog, Kind::Saliency, &by.name, &by.parameters, Vec::new())?;
+            }
+            self.add(catalog, Kind::Perturbation, name, parameters, Vec::new())?;
+        }
+        Ok(())
+    }
+
+    /// Notes a file.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn add_file(&mut self, path: &Path) -> Result<()> {
+        if !self.files.iter().any(|file| file.path == path) {
+            self.files.insert(FileRecord::of(path)?);
+        }
+        Ok(())
+    }
+
+    /// Notes files that a component reads and its parameters do not name.
+    ///
+    /// # Errors
+    /// What `tick` returns, which is told how many files of a group have been read.
+    pub fn add_input_files(&mut self, groups: &[InputFiles], tick: &mut Tick<'_>) -> Result<()> {
+        for group in groups {
+            let known = |file: &FileRecord| file.path == group.folder && file.group == group.what;
+            if !self.files.iter().any(known) {
+                self.files.extend(inputs::records(group, tick)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// The record of what has a component's code. A library, which many components share, is read once.
+    fn hashed(&self, code: &Entry) -> Result<FileRecord> {
+        if let Some(blake3) = &code.blake3 {
+            return Ok(FileRecord::new(code.file.clone(), blake3.clone()));
+        }
+        let known = self.components.iter().map(|component| &component.file);
+        known
+            .clone()
+            .find(|file| file.path == code.file)
+            .cloned()
+            .map_or_else(|| FileRecord::of(&code.file), Ok)
+    }
+
+    /// The components, in order.
+    pub fn components(&self) -> Vec<ComponentRecord> {
+        self.components.iter().cloned().collect()
+    }
+
+    /// The files, in order.
+    pub fn files(&self) -> Vec<FileRecord> {
+        self.files.iter().cloned().collect()
+    }
+}

@@ -1,0 +1,162 @@
+//! The table by which a script describes its perturbation.
+//!
+//! Everything is read without calling into the script, so that a table with a hostile metatable is only a table.
+
+mod fields;
+mod parameters;
+mod records;
+
+use mlua::{Function, Table, Value};
+use pdk_sdk::config::Config;
+use pdk_sdk::describe::{Description, Temporal};
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::serde_json;
+
+use fields::{Fields, describe, finite, one_line, unreadable};
+use parameters::{MOST_ENTRIES, levels, parameters};
+use pdk_components::check_description;
+use pdk_components::suggest;
+pub use records::{CONTEXT, PARAMETER, PERTURBATION};
+
+/// What a script returned, checked.
+pub(crate) struct Declaration {
+    pub description: Description,
+    pub apply: Function,
+}
+
+/// Whether a table that a script returned is meant as a perturbation or a mask: it has what it applies, or says what that does.
+pub(crate) fn is_meant(table: &Table) -> Result<bool> {
+    let field = |name: &str| table.raw_get::<Value>(name).map_err(unreadable);
+    Ok(!field("apply")?.is_nil() || !field("mask")?.is_nil() || matches!(field("doc")?, Value::String(_)))
+}
+
+/// Checks what a script returned. `stem` is the name it has where it gives none.
+///
+/// # Errors
+/// Names the field that is missing, unknown or of the wrong type.
+pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
+    let Value::Table(table) = returned else {
+        return Err(Error::new(format!(
+            "the script returns {}, but has to return a table, as in return {{ doc = \"...\", apply = function(image, \
+             cx) ... end }}",
+            describe(returned)
+        )));
+    };
+    let mask = !table.raw_get::<Value>("mask").map_err(unreadable)?.is_nil();
+    let of = if mask { "the mask" } else { "the perturbation" };
+    let fields = Fields { table, of, record: &PERTURBATION };
+    fields.refuse_unknown()?;
+    let name = fields.optional_text("name")?.unwrap_or_else(|| stem.to_owned());
+    let describe_as = if mask { Description::mask } else { Description::perturbation };
+    let mut description = describe_as(&name, &fields.line("doc")?);
+    description.family = fields.optional_text("family")?.unwrap_or_default();
+    description.source = fields.optional_line("source")?;
+    description.mathematics = fields.optional_line("mathematics")?;
+    description.drawn_per_sequence = fields.optional_line("draws_per_sequence")?;
+    description.drawn_per_frame = fields.optional_line("draws_per_frame")?;
+    description.divergences = divergences(&fields)?;
+    if let Some(version) = fields.optional_number("version")? {
+        if !(1.0..=f64::from(u32::MAX)).contains(&version) || version.fract() != 0.0 {
+            return Err(fields.wrong("version", "a whole number of at least 1", &Value::Number(version)));
+        }
+        description.version = version as u32;
+    }
+    description.temporal = match fields.optional_text("temporal")?.as_deref() {
+        None | Some("static") => Temporal::Static,
+        Some("dynamic") => Temporal::Dynamic,
+        Some(other) => {
+            return Err(Error::new(format!(
+                "`temporal` of the perturbation is \"{other}\", but has to be \"static\" or \"dynamic\""
+            )));
+        }
+    };
+    description.default = fields.optional_boolean("default")?.unwrap_or(true);
+    if let Some(list) = fields.optional_table("parameters")? {
+        description.parameters = parameters(&list)?;
+    }
+    check_description(&description)?;
+    if let Some(values) = fields.optional_table("grows_with")? {
+        description.grows_with = grows_with(&values, &description)?;
+    }
+    if mask {
+        if !fields.get("apply")?.is_nil() {
+            return Err(Error::new(
+                "the script has both `apply` and `mask`, but is either a perturbation or a mask; leave one out",
+            ));
+        }
+        return match fields.get("mask")? {
+            Value::Function(apply) => Ok(Declaration { description, apply }),
+            other => Err(fields.wrong("mask", "a function", &other)),
+        };
+    }
+    match fields.get("apply")? {
+        Value::Function(apply) => Ok(Declaration { description, apply }),
+        Value::Nil => {
+            Err(Error::new("the perturbation has no `apply`; add apply = function(image, cx) ... end"))
+        }
+        other => Err(fields.wrong("apply", "a function", &other)),
+    }
+}
+
+/// A sentence or a list of them.
+fn divergences(fields: &Fields<'_>) -> Result<Vec<String>> {
+    let wrong = |found: &Value| fields.wrong("divergence", "a text or a list of texts", found);
+    let list = match fields.get("divergence")? {
+        Value::Nil => return Ok(Vec::new()),
+        Value::String(_) => return Ok(vec![fields.optional_line("divergence")?]),
+        Value::Table(list) => list,
+        other => return Err(wrong(&other)),
+    };
+    let count = list.raw_len();
+    if count > MOST_ENTRIES || list.pairs::<Value, Value>().count() != count {
+        return Err(wrong(&Value::Table(list)));
+    }
+    (1..=count)
+        .map(|index| match list.raw_get(index).map_err(unreadable)? {
+            Value::String(text) => one_line(text.to_string_lossy()).ok_or_else(|| {
+                Error::new(format!("`divergence` {index} of the perturbation has to be one line of text"))
+            }),
+            other => Err(wrong(&other)),
+        })
+        .collect()
+}
+
+/// Values of the perturbation's own parameters.
+fn grows_with(
+    table: &Table,
+    description: &Description,
+) -> Result<serde_json::Map<String, serde_json::Value>> {
+    let mut values = serde_json::Map::new();
+    for parameter in &description.parameters {
+        let value = match table.raw_get::<Value>(parameter.name.as_str()).map_err(unreadable)? {
+            Value::Nil => continue,
+            Value::Boolean(value) => value.into(),
+            Value::String(text) => text.to_string_lossy().into(),
+            Value::Table(list) => {
+                levels(&list, &format!("`{}` in `grows_with`", parameter.name))?.to_vec().into()
+            }
+            other => finite(&other)
+                .ok_or_else(|| {
+                    Error::new(format!(
+                        "`{}` in `grows_with` is {}, but has to be a value of that parameter",
+                        parameter.name,
+                        describe(&other)
+                    ))
+                })?
+                .into(),
+        };
+        values.insert(parameter.name.clone(), value);
+    }
+    for pair in table.pairs::<Value, Value>() {
+        let name = match pair.map_err(unreadable)?.0 {
+            Value::String(name) => name.to_string_lossy(),
+            other => describe(&other),
+        };
+        if !values.contains_key(&name) {
+            let hint = suggest::hint(&name, description.parameters.iter().map(|p| p.name.as_str()));
+            return Err(Error::new(format!("`grows_with` names no parameter with `{name}`; {hint}")));
+        }
+    }
+    Config::check(description, &values).map_err(|error| error.at("`grows_with`"))?;
+    Ok(values)
+}

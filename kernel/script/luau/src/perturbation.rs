@@ -1,0 +1,392 @@
+//! A script as a perturbation.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use mlua::{AnyUserData, Function, Lua, LuaString, Table, Value};
+use pdk_components::registry::Script;
+use pdk_components::suggest;
+use pdk_sdk::config::{Config, frame_values};
+use pdk_sdk::describe::{Description, Kind, ParameterType};
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
+use pdk_sdk::mask::Mask;
+use pdk_sdk::model::level::DEFAULT_LEVEL;
+use pdk_sdk::ops::color::grey;
+use pdk_sdk::ops::{Frame, FrameMut};
+use pdk_sdk::perturbation::{Context, Perturbation};
+use pdk_sdk::saliency::{HeatmapMut, MapContext};
+use pdk_sdk::seed::Key;
+
+use crate::absent::{self, Reached};
+use crate::chunk::LARGEST_SCRIPT;
+use crate::declaration::{self, CONTEXT, Declaration, PARAMETER, PERTURBATION};
+use crate::failure::type_of;
+use crate::image::{ImageClass, LuaImage};
+use crate::limits::Limits;
+use crate::random::{LuaRandom, RANDOM};
+use crate::sandbox::Sandbox;
+use crate::types::Declare;
+
+/// What the script of a perturbation sees besides Luau's own library, in the order of the type definition file.
+pub fn perturbation_api() -> Vec<&'static dyn Declare> {
+    vec![&PERTURBATION, &PARAMETER, &CONTEXT, &ImageClass, &RANDOM]
+}
+
+/// The text of a script.
+pub struct Source<'a> {
+    /// What errors call it.
+    script: String,
+    text: Cow<'a, [u8]>,
+    /// The name of the perturbation where the script gives none.
+    stem: &'a str,
+}
+
+impl<'a> Source<'a> {
+    /// Reads a script.
+    ///
+    /// # Errors
+    /// Where it is a file that cannot be read.
+    pub fn of(script: Script<'a>) -> Result<Self> {
+        match script {
+            Script::File(path) => Self::read(path),
+            Script::BuiltIn(script) => Ok(Self {
+                script: script.path().display().to_string(),
+                text: Cow::Borrowed(script.source.as_bytes()),
+                stem: script.name,
+            }),
+        }
+    }
+
+    /// Reads the script in a file.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn read(path: &'a Path) -> Result<Self> {
+        // The error about a script that is too large comes from where it is compiled.
+        let text = file::read(path, 16 * LARGEST_SCRIPT as u64).place(path.display())?;
+        let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+        Ok(Self { script: path.display().to_string(), text: Cow::Owned(text), stem })
+    }
+}
+
+/// What a script turned out to be.
+pub(crate) enum Returned {
+    /// It returned a table with `apply`.
+    Perturbation(Box<Declaration>),
+    /// It reached for what only pipelines have.
+    Pipeline,
+    /// It returned this.
+    Other(Value),
+}
+
+/// Reads the description of the perturbation in a script.
+///
+/// # Errors
+/// Where it is no valid script, or is something other than a perturbation.
+pub fn description(source: &Source<'_>) -> Result<Description> {
+    let machine = Machine::new(Limits::of_perturbation()?)?;
+    let declaration = machine.declare(&source.script, &source.text, source.stem)?;
+    Ok(declaration.description)
+}
+
+/// Finds out what a script is.
+///
+/// # Errors
+/// Where the script fails, or it returns a table that is meant as a perturbation and is no valid one.
+pub(crate) fn look_at(source: &Source<'_>) -> Result<Returned> {
+    let machine = Machine::new(Limits::of_perturbation()?)?;
+    machine.look_at(&source.script, &source.text, source.stem)
+}
+
+/// Makes an instance of the perturbation in a script. `config` has been checked against its description.
+///
+/// # Errors
+/// As [`description`].
+pub fn open(source: &Source<'_>, config: &Config) -> Result<LuaPerturbation> {
+    let Source { script, text, stem } = source;
+    LuaPerturbation::new(script, text, stem, config.clone(), Limits::of_perturbation()?)
+}
+
+/// A virtual machine for the script of a perturbation.
+struct Machine {
+    sandbox: Sandbox,
+    reached: Reached,
+}
+
+impl Machine {
+    fn new(limits: Limits) -> Result<Self> {
+        let mut reached = Reached::default();
+        let sandbox = Sandbox::with_api(limits, |lua| {
+            reached = absent::install(lua)?;
+            Ok(())
+        })?;
+        Ok(Self { sandbox, reached })
+    }
+
+    /// Runs a script, which may be anything.
+    fn look_at(&self, script: &str, source: &[u8], stem: &str) -> Result<Returned> {
+        let chunk = self.sandbox.load(script, source)?;
+        self.reached.forget();
+        let returned = match self.sandbox.call(script, &chunk, ()) {
+            Err(_) if self.reached.get() => return Ok(Returned::Pipeline),
+            returned => returned?,
+        };
+        match &returned {
+            Value::Table(table) if declaration::is_meant(table)? => {
+                let declaration = declaration::read(&returned, stem).map_err(|error| error.at(script))?;
+                Ok(Returned::Perturbation(Box::new(declaration)))
+            }
+            _ => Ok(Returned::Other(returned)),
+        }
+    }
+
+    /// Runs a script, which has to be a perturbation.
+    fn declare(&self, script: &str, source: &[u8], stem: &str) -> Result<Declaration> {
+        match self.look_at(script, source, stem)? {
+            Returned::Perturbation(declaration) => Ok(*declaration),
+            Returned::Pipeline => Err(Error::new(format!(
+                "is a pipeline, but a perturbation is expected here; run it with `pdk run {script}`, or move it elsewhere"
+            ))
+            .at(script)),
+            Returned::Other(returned) => declaration::read(&returned, stem).map_err(|error| error.at(script)),
+        }
+    }
+}
+
+/// A perturbation written in Lua, in a virtual machine of its own.
+pub struct LuaPerturbation {
+    pub(super) script: String,
+    description: Description,
+    config: Config,
+    pub(super) apply: Function,
+    /// The image of the latest frame, used again for frames of the same size.
+    image: Option<AnyUserData>,
+    cx: ScriptContext,
+    /// The parameters' values of the frame at hand.
+    values: Vec<f64>,
+    /// The limits before the size of the frame counts.
+    limits: Limits,
+    pub(super) sandbox: Sandbox,
+}
+
+impl LuaPerturbation {
+    /// Makes an instance from the text of a script. `script` is its name in errors, and `stem` the name of the
+    /// perturbation where the script gives none.
+    ///
+    /// # Errors
+    /// Where it is no valid script or returns something other than a perturbation.
+    pub fn new(script: &str, source: &[u8], stem: &str, config: Config, limits: Limits) -> Result<Self> {
+        let machine = Machine::new(limits)?;
+        let Declaration { description, apply } = machine.declare(script, source, stem)?;
+        let sandbox = machine.sandbox;
+        let cx = sandbox.make(script, |lua| ScriptContext::new(lua, &description, &config))?;
+        Ok(Self {
+            script: script.to_owned(),
+            description,
+            config,
+            apply,
+            image: None,
+            cx,
+            values: Vec::new(),
+            limits,
+            sandbox,
+        })
+    }
+
+    /// What the script says about itself.
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// An image of the size of `src` with its pixels.
+    fn image_of(&mut self, src: Frame<'_>) -> Result<AnyUserData> {
+        let mut latest = self.image.take();
+        if let Some(image) = &latest {
+            let pixels = image.borrow::<LuaImage>().place(&self.script)?;
+            if (pixels.width(), pixels.height()) != (src.width(), src.height()) {
+                drop(pixels);
+                latest = None;
+            }
+        }
+        self.sandbox.set_limits(&self.script, self.limits.for_frame(src.width(), src.height()))?;
+        let image = self.sandbox.make(&self.script, |lua| match latest {
+            Some(image) => {
+                image.borrow_mut::<LuaImage>()?.frame_mut()?.copy_from(src);
+                Ok(image)
+            }
+            None => {
+                let mut pixels = LuaImage::for_frames(lua, src.width(), src.height())?;
+                pixels.frame_mut()?.copy_from(src);
+                lua.create_userdata(pixels)
+            }
+        })?;
+        self.image = Some(image.clone());
+        Ok(image)
+    }
+}
+
+impl LuaPerturbation {
+    /// Lets the script change a copy of a frame.
+    fn run(&mut self, src: Frame<'_>, cx: &Context<'_>) -> Result<AnyUserData> {
+        frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
+        let image = self.image_of(src)?;
+        self.sandbox.make(&self.script, |_| self.cx.set(cx, &self.values))?;
+        let returned = self.sandbox.call(&self.script, &self.apply, (&image, &self.cx.table))?;
+        match &returned {
+            Value::Nil => {}
+            Value::UserData(returned) if *returned == image => {}
+            other => {
+                let function = if self.description.kind == Kind::Mask { "mask" } else { "apply" };
+                return Err(Error::new(format!(
+                    "`{function}` returns {}, but has to change `image` in place and return nothing",
+                    type_of(other)
+                ))
+                .at(&self.script));
+            }
+        }
+        Ok(image)
+    }
+}
+
+impl Perturbation for LuaPerturbation {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let image = self.run(src, cx)?;
+        let pixels = image.borrow::<LuaImage>().place(&self.script)?;
+        dst.copy_from(pixels.frame().place(&self.script)?);
+        Ok(())
+    }
+}
+
+/// A mask makes a picture of the frame, whose brightness says how much of each pixel is perturbed.
+impl Mask for LuaPerturbation {
+    fn weights(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
+        // Masks have no intensity; parameters that follow one have the value of the middle.
+        let context = Context::new(DEFAULT_LEVEL, cx.frame_index, cx.time, cx.key);
+        let image = self.run(frame, &context)?;
+        let pixels = image.borrow::<LuaImage>().place(&self.script)?;
+        let picture = pixels.frame().place(&self.script)?;
+        for (y, row) in picture.rows().enumerate() {
+            for (value, pixel) in out.row_mut(y).iter_mut().zip(row.chunks_exact(3)) {
+                *value = f32::from(grey(pixel[0], pixel[1], pixel[2])) / 255.0;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The table `cx`, set anew for every frame.
+struct ScriptContext {
+    table: Table,
+    intensity: LuaString,
+    frame_index: LuaString,
+    time: LuaString,
+    frame_random: (LuaString, AnyUserData),
+    sequence_random: (LuaString, AnyUserData),
+    parameters: Vec<(LuaString, ParameterValue)>,
+}
+
+/// Where the value of a parameter comes from.
+enum ParameterValue {
+    /// From the values of the frame.
+    Number,
+    /// From the configuration.
+    Fixed(Value),
+}
+
+impl ScriptContext {
+    fn new(lua: &Lua, description: &Description, config: &Config) -> mlua::Result<Self> {
+        let parameters = description.parameters.iter().map(|parameter| {
+            let value = match &parameter.kind {
+                ParameterType::Number { .. } | ParameterType::Integer { .. } => ParameterValue::Number,
+                ParameterType::Boolean => {
+                    ParameterValue::Fixed(Value::Boolean(config.boolean(&parameter.name)))
+                }
+                ParameterType::Choice { .. }
+                | ParameterType::Text
+                | ParameterType::Path
+                | ParameterType::Json => {
+                    ParameterValue::Fixed(Value::String(lua.create_string(config.text(&parameter.name))?))
+                }
+            };
+            Ok((lua.create_string(&parameter.name)?, value))
+        });
+        let random = |name| -> mlua::Result<_> {
+            let random = LuaRandom(Key::default().sequence());
+            Ok((lua.create_string(name)?, lua.create_userdata(random)?))
+        };
+        let names: Vec<String> = CONTEXT
+            .names()
+            .map(str::to_owned)
+            .chain(description.parameters.iter().map(|parameter| parameter.name.clone()))
+            .collect();
+        let table = lua.create_table()?;
+        table.set_metatable(Some(strict(lua, names)?))?;
+        Ok(Self {
+            parameters: parameters.collect::<mlua::Result<_>>()?,
+            intensity: lua.create_string("intensity")?,
+            frame_index: lua.create_string("frame_index")?,
+            time: lua.create_string("time")?,
+            frame_random: random("frame_random")?,
+            sequence_random: random("sequence_random")?,
+            table,
+        })
+    }
+
+    fn set(&self, cx: &Context<'_>, values: &[f64]) -> mlua::Result<()> {
+        let table = &self.table;
+        table.raw_set(&self.intensity, cx.intensity)?;
+        table.raw_set(&self.frame_index, cx.frame_index as f64)?;
+        table.raw_set(&self.time, cx.time)?;
+        for ((name, kind), value) in self.parameters.iter().zip(values) {
+            match kind {
+                ParameterValue::Number => table.raw_set(name, *value)?,
+                ParameterValue::Fixed(value) => table.raw_set(name, value)?,
+            }
+        }
+        self.frame_random.1.borrow_mut::<LuaRandom>()?.0 = cx.frame_random();
+        self.sequence_random.1.borrow_mut::<LuaRandom>()?.0 = cx.sequence_random();
+        for (name, random) in [&self.frame_random, &self.sequence_random] {
+            table.raw_set(name, random)?;
+        }
+        Ok(())
+    }
+}
+
+/// A metatable that refuses names which are not there: a misspelt parameter, or something left for the next frame.
+fn strict(lua: &Lua, names: Vec<String>) -> mlua::Result<Table> {
+    let metatable = lua.create_table()?;
+    metatable.raw_set(
+        "__index",
+        lua.create_function(move |_, (_, name): (Value, Value)| -> mlua::Result<Value> {
+            let wanted = match &name {
+                Value::String(name) => name.to_string_lossy(),
+                _ => String::new(),
+            };
+            let remedy = suggest::hint(&wanted, names.iter().map(String::as_str));
+            Err(mlua::Error::runtime(format!("cx has no field {}; {remedy}", text(&name))))
+        })?,
+    )?;
+    metatable.raw_set(
+        "__newindex",
+        lua.create_function(move |_, (_, name, _): (Value, Value, Value)| -> mlua::Result<()> {
+            Err(mlua::Error::runtime(format!(
+                "cx has no field {} and gets none, because a frame must not depend on those before it; use a local variable",
+                text(&name)
+            )))
+        })?,
+    )?;
+    metatable.raw_set("__metatable", false)?;
+    metatable.set_readonly(true);
+    Ok(metatable)
+}
+
+fn text(name: &Value) -> String {
+    match name {
+        Value::String(name) => format!("`{}`", name.to_string_lossy()),
+        other => format!("for {}", type_of(other)),
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -1,0 +1,196 @@
+//! What a pipeline can call: the functions of the global `pdk`.
+
+use mlua::{ExternalError, Lua, Value as LuaValue};
+use pdk_lua::types::{Declare, definitions};
+use pdk_lua::{ApiFunction, ApiTable, perturbation_api};
+use pdk_sdk::error::Error;
+use serde_json::Value;
+
+use crate::bridge::{call, frames_of, function, with_host};
+use crate::search::conduct::search;
+use crate::session_object::{SESSION, SessionObject};
+use crate::values::from_lua;
+use crate::{levels, records, statistics};
+
+/// What a pipeline can call.
+pub const API: ApiTable = ApiTable {
+    name: "pdk",
+    doc: "What a pipeline can do.",
+    functions: &[
+        ApiFunction {
+            name: "settings",
+            signature: "<T>(defaults: T) -> T",
+            doc: "Declares the settings of the pipeline with their defaults, and returns them with what `--set` puts in \
+                  their place. May be called once. `seed`, `workers`, `out`, `patience`, `memory`, `pool` and `shard` are there in every \
+                  pipeline.",
+            make: |lua| function(lua, "pdk.settings", |host, [defaults]| host.settings(defaults)),
+        },
+        ApiFunction {
+            name: "drive",
+            signature: "(request: DriveRequest) -> { Outcome }",
+            doc: "Drives scenarios in the closed loop of a simulator and a driver, and returns an outcome for each, in their \
+                  order.",
+            make: |lua| {
+                lua.create_function(|lua, request: LuaValue| {
+                    let request = frame_by_frame(lua, &request)?;
+                    let request = from_lua(&request, "pdk.drive").map_err(ExternalError::into_lua_err)?;
+                    call(lua, |host| host.drive(request))
+                })
+            },
+        },
+        ApiFunction {
+            name: "session",
+            signature: "(defaults: SessionRequest?) -> Session",
+            doc: "A session to submit scenarios to one by one, to wait for outcomes as they come, and to decide what to drive \
+                  next. All sessions of a pipeline share their workers and the record.",
+            make: |lua| {
+                lua.create_function(|lua, defaults: LuaValue| {
+                    let table = from_lua(&defaults, "pdk.session").map_err(ExternalError::into_lua_err)?;
+                    let table = if table.is_null() { Value::Array(Vec::new()) } else { table };
+                    let simulator = defaults.as_table().and_then(|table| table.raw_get("simulator").ok());
+                    let duration = defaults.as_table().and_then(|table| table.raw_get("duration").ok());
+                    let defaults = with_host(lua, |host| host.defaults().read("pdk.session", table))?;
+                    lua.create_userdata(SessionObject::new(defaults, simulator, duration))
+                })
+            },
+        },
+        ApiFunction {
+            name: "search",
+            signature: "(request: SearchRequest) -> SearchResult",
+            doc: "Searches a space for candidates whose objectives are best, or that are critical: a strategy proposes them, and a \
+                  function evaluates them, by a scenario or by itself. Writes NAME.json and NAME.csv into the record.",
+            make: |lua| lua.create_function(|lua, request: LuaValue| search(lua, &request)),
+        },
+        ApiFunction {
+            name: "evaluate",
+            signature: "(request: EvaluateRequest) -> Evaluation",
+            doc: "Perturbs the frames of a dataset and compares what the driver makes of them with the recorded ground \
+                  truth and with what it makes of the original frames.",
+            make: |lua| function(lua, "pdk.evaluate", |host, [request]| host.evaluate(request)),
+        },
+        ApiFunction {
+            name: "show",
+            signature: "(result: { Outcome } | Evaluation) -> ()",
+            doc: "Prints a table of what `drive` or `evaluate` returned.",
+            make: |lua| function(lua, "pdk.show", |host, [result]| host.show(&result).map(|()| Value::Null)),
+        },
+        ApiFunction {
+            name: "table",
+            signature: "(header: { string }, rows: { { any } }) -> ()",
+            doc: "Prints a table of texts and numbers, one list a row.",
+            make: |lua| {
+                function(lua, "pdk.table", |host, [header, rows]| {
+                    host.table(&header, &rows).map(|()| Value::Null)
+                })
+            },
+        },
+        ApiFunction {
+            name: "save",
+            signature: "(name: string, value: any) -> ()",
+            doc: "Writes a value into the run's record as a JSON file, after the first `drive`, `submit` or `evaluate`. The name \
+                  ends in `.json` and is none of the record's own files.",
+            make: |lua| {
+                function(lua, "pdk.save", |host, [name, value]| {
+                    host.save(&name, &value).map(|()| Value::Null)
+                })
+            },
+        },
+        ApiFunction {
+            name: "road",
+            signature: "(request: RoadRequest) -> Road",
+            doc: "Makes a road from angles, at random, or with a number of turns and a mean curvature. An error says where \
+                  the road would leave the map of 250 x 250 m or cross itself.",
+            make: |lua| function(lua, "pdk.road", |host, [request]| host.road(request)),
+        },
+        statistics::FAILED_SHARE,
+        statistics::MEAN,
+        statistics::MEAN_SHARE,
+        statistics::COMPARE,
+        statistics::COMPARE_INDEPENDENT,
+        statistics::GROUPS,
+        statistics::FAILING_LEVEL,
+        statistics::FAILS_AT,
+        statistics::NEXT_LEVEL,
+        ApiFunction {
+            name: "perturbations",
+            signature: "(all: boolean?) -> { string }",
+            doc: "The names of the perturbations of the default set, or of all.",
+            make: |lua| {
+                function(lua, "pdk.perturbations", |host, [all]| {
+                    Ok(host.perturbations(all == Value::Bool(true)).into())
+                })
+            },
+        },
+        ApiFunction {
+            name: "draws",
+            signature: "(perturbation: string) -> boolean",
+            doc: "Whether a perturbation draws anything at random, so that another drive of the same comes out differently.",
+            make: |lua| function(lua, "pdk.draws", |host, [name]| Ok(host.draws(&name)?.into())),
+        },
+        ApiFunction {
+            name: "path",
+            signature: "(relative: string) -> string",
+            doc: "A path that counts from the folder of the pipeline rather than from the working directory.",
+            make: |lua| {
+                function(lua, "pdk.path", |host, [relative]| match relative.as_str() {
+                    Some(relative) => Ok(host.path(relative).into()),
+                    None => Err(Error::new(format!("pdk.path takes a text, not {relative}"))),
+                })
+            },
+        },
+    ],
+};
+
+/// What scripts see, in the order of the type definition file: first perturbations, then pipelines.
+pub fn everything() -> Vec<&'static dyn Declare> {
+    let mut api = perturbation_api();
+    api.extend(records::RECORDS.iter().map(|&record| record as &dyn Declare));
+    api.push(&SESSION);
+    api.push(&API);
+    api
+}
+
+/// The type definition file for editors.
+pub fn type_definitions() -> String {
+    definitions(&everything())
+}
+
+/// A request of `pdk.drive` in which no level is a function of time any more.
+fn frame_by_frame(lua: &Lua, request: &LuaValue) -> mlua::Result<LuaValue> {
+    let Some(table) = request.as_table() else { return Ok(request.clone()) };
+    let scenarios: LuaValue = table.raw_get("scenarios")?;
+    let Some(list) = scenarios.as_table() else { return Ok(request.clone()) };
+    let evaluated = lua.create_table()?;
+    for pair in list.pairs::<LuaValue, LuaValue>() {
+        let (key, scenario) = pair?;
+        let defaults = |field: &str| table.raw_get::<LuaValue>(field);
+        let scenario = levels::evaluated(lua, &scenario, |own| frames_of(lua, own, &defaults))?;
+        evaluated.raw_set(key, scenario)?;
+    }
+    let copy = lua.create_table()?;
+    for pair in table.pairs::<LuaValue, LuaValue>() {
+        let (key, value) = pair?;
+        copy.raw_set(key, value)?;
+    }
+    copy.raw_set("scenarios", evaluated)?;
+    Ok(LuaValue::Table(copy))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `PDK_BLESS=1` writes the file anew.
+    #[test]
+    fn the_committed_types_are_up_to_date() {
+        let root =
+            std::env::var("PDK_TEST_ROOT").unwrap_or(concat!(env!("CARGO_MANIFEST_DIR"), "/../../..").into());
+        let file = std::path::Path::new(&root).join("sdk/lua/pdk.d.luau");
+        let expected = type_definitions();
+        if std::env::var_os("PDK_BLESS").is_some() {
+            std::fs::write(&file, &expected).unwrap();
+        }
+        let found = std::fs::read_to_string(&file).unwrap_or_default();
+        assert!(found == expected, "{} is stale; run the tests with PDK_BLESS=1", file.display());
+    }
+}

@@ -1,0 +1,258 @@
+//! Scenarios: checked, submitted, and what came of them.
+
+use std::collections::BTreeSet;
+
+use pdk_loop::drive::expected_frames;
+use pdk_loop::protocol::Made;
+use pdk_model::component::ComponentSpec;
+use pdk_model::outcome::Verdict;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_model::scenario::Scenario;
+use pdk_record::ledger::Line;
+use pdk_record::manifest::components_of;
+use pdk_record::settle::Settler;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_session::interrupt::{self, Wish};
+use pdk_session::session::{Reply, Submission, Ticket};
+use serde_json::{Value, json};
+
+use super::{Host, Submitted, progress};
+use crate::follow::Audience;
+
+impl Host {
+    /// Submits scenarios, after making sure that their components can be made.
+    pub(crate) fn submit(&mut self, mut submissions: Vec<Submission>) -> Result<Vec<Ticket>> {
+        let mut settler = self.settler();
+        submissions.iter_mut().for_each(|submission| settler.scenario(&mut submission.scenario));
+        for Submission { scenario, .. } in &submissions {
+            stop_if_dropped()?;
+            self.check(scenario)?;
+        }
+        self.begin()?;
+        self.open_ledger()?;
+        let mut tickets = Vec::with_capacity(submissions.len());
+        for submission in submissions {
+            stop_if_dropped()?;
+            // A simulator that cannot be made has no rate, and its scenarios no frames.
+            let simulator = submission.scenario.simulator.clone();
+            let rate =
+                self.try_to_make(Kind::Simulator, &simulator)?.camera.map_or(0.0, |camera| camera.rate);
+            let expected = expected_frames(&submission.scenario, rate);
+            if self.outcomes.len() == self.submitted.len() {
+                self.progress = progress(self.audience);
+                (self.before, self.spared) = (self.session.frames(), 0);
+            }
+            let (id, count) = (submission.scenario.id(), self.numbers.len());
+            let number = *self.numbers.entry(id).or_insert(count);
+            let name = submission.name.clone();
+            let (ticket, expected) = match self.common.shard.is_none_or(|shard| shard.has(number)) {
+                true => (self.session.submit(submission), expected),
+                false => (self.session.set_aside(), 0),
+            };
+            self.progress.add(expected);
+            self.submitted.insert(ticket, Submitted { number, id, name, expected });
+            tickets.push(ticket);
+        }
+        Ok(tickets)
+    }
+
+    /// Settles what scenarios and evaluations leave to the machine.
+    pub(super) fn settler(&mut self) -> Settler<'_> {
+        Settler { catalog: self.session.catalog(), wanted: &self.common.wanted, settled: &mut self.settled }
+    }
+
+    /// Waits for an outcome.
+    pub(crate) fn wait(&mut self, ticket: Ticket) -> Result<Value> {
+        if !self.outcomes.contains_key(&ticket) {
+            let (progress, before, spared) = (&self.progress, self.before, self.spared);
+            let mut tick = |frames: u64| progress.set(frames - before + spared);
+            let reply = self.session.wait(ticket, &mut tick);
+            self.take(ticket, reply);
+        }
+        self.row(ticket)
+    }
+
+    /// Notes that the program which submitted a scenario got its outcome, so that its failure is no failure of the run.
+    pub(crate) fn hand_over(&mut self, ticket: Ticket) {
+        self.handed_over.extend(self.submitted.get(&ticket).map(|submitted| submitted.number));
+    }
+
+    /// An outcome that was taken, as scripts see it.
+    pub(super) fn row(&self, ticket: Ticket) -> Result<Value> {
+        match (self.outcomes.get(&ticket), self.submitted.get(&ticket)) {
+            (Some(Ok(Some(line))), Some(submitted)) => Ok(outcome_row(line, submitted)),
+            (Some(Ok(None)), Some(submitted)) => Ok(row_of_elsewhere(submitted)),
+            (Some(Err(error)), _) => Err(error.clone()),
+            _ => Err(Error::new("nothing was submitted under this ticket")),
+        }
+    }
+
+    /// Waits for the next of several outcomes, as they come; none where there is none left.
+    pub(crate) fn next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<(Ticket, Result<Value>)>> {
+        let taken = self.take_next(among)?;
+        Ok(taken.map(|ticket| (ticket, self.row(ticket))))
+    }
+
+    /// Takes the next of several outcomes, as they come.
+    pub(super) fn take_next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<Ticket>> {
+        let (progress, before, spared) = (&self.progress, self.before, self.spared);
+        let mut tick = |frames: u64| progress.set(frames - before + spared);
+        let Some((ticket, reply)) = self.session.next(among, &mut tick)? else { return Ok(None) };
+        self.take(ticket, reply);
+        Ok(Some(ticket))
+    }
+
+    fn take(&mut self, ticket: Ticket, reply: Result<Reply>) {
+        let line = reply.and_then(|reply| match reply {
+            Reply::Recorded(line, known) => {
+                let driven = if known { 0 } else { line.outcome.frames };
+                let submitted = self.submitted.get(&ticket);
+                self.kept.extend(submitted.filter(|_| known).map(|submitted| submitted.number));
+                let expected = submitted.map_or(0, |submitted| submitted.expected);
+                self.spared += expected.saturating_sub(driven);
+                Ok(Some(line))
+            }
+            Reply::Elsewhere => Ok(None),
+            _ => Err(Error::new("a scenario came to something else, which is a defect in pdk")),
+        });
+        self.outcomes.insert(ticket, line);
+        if self.outcomes.len() == self.submitted.len() {
+            self.progress.finish();
+        }
+    }
+
+    /// `pdk.drive`: submits all, and waits for all.
+    pub(crate) fn drive(&mut self, request: Value) -> Result<Value> {
+        let submissions = self.defaults().drive(request)?;
+        let tickets = self.submit(submissions)?;
+        // All of them, also where one of them is an error: then nothing of this drive is still under way when the script goes on.
+        let rows: Vec<Result<Value>> = tickets.into_iter().map(|ticket| self.wait(ticket)).collect();
+        rows.into_iter().collect::<Result<_>>().map(Value::Array)
+    }
+
+    /// Frames a second of a simulator's camera.
+    pub(crate) fn rate(&mut self, simulator: &ComponentSpec) -> Result<f64> {
+        let made = self.try_to_make(Kind::Simulator, simulator)?;
+        made.camera.map(|camera| camera.rate).ok_or_else(|| {
+            Error::new(format!(
+                "the simulator `{}` did not tell its camera, so a level cannot be a function of time",
+                simulator.name
+            ))
+        })
+    }
+
+    /// What a component is like; each is made once.
+    pub(super) fn make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
+        let key = (kind, serde_json::to_string(component)?);
+        if let Some(made) = self.made.get(&key) {
+            return Ok(made.clone());
+        }
+        let made = self.session.make(kind, component)?;
+        self.made.insert(key, made.clone());
+        Ok(made)
+    }
+
+    /// As [`make`](Self::make), for a scenario: a component that cannot be made is an error at once, but one that panics, takes its
+    /// process along or does not come back is the outcome of each scenario that needs it.
+    fn try_to_make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
+        let key = (kind, serde_json::to_string(component)?);
+        if self.fatal.contains_key(&key) {
+            return Ok(Made::default());
+        }
+        match self.make(kind, component) {
+            Err(error)
+                if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late | ErrorKind::Panic)
+                    && interrupt::wish() == Wish::None =>
+            {
+                self.fatal.insert(key, error);
+                Ok(Made::default())
+            }
+            made => made,
+        }
+    }
+
+    /// Makes sure that a scenario's components can be made, and notes them.
+    fn check(&mut self, scenario: &Scenario) -> Result<()> {
+        self.try_to_make(Kind::Simulator, &scenario.simulator)?;
+        let info = self.try_to_make(Kind::Driver, &scenario.driver)?.info;
+        for component in components(&scenario.perturbations) {
+            self.try_to_make(Kind::Perturbation, &component)?;
+        }
+        for (kind, component) in components_of(scenario) {
+            self.note_files(kind, &component)?;
+        }
+        self.in_use.add_scenario(self.session.catalog(), scenario, info)
+    }
+
+    /// Notes the files that a component reads, once.
+    pub(super) fn note_files(&mut self, kind: Kind, component: &ComponentSpec) -> Result<()> {
+        let key = (kind, serde_json::to_string(component)?);
+        // One that cannot be made does not come to read anything.
+        if self.fatal.contains_key(&key) || !self.read.insert(key) {
+            return Ok(());
+        }
+        let groups = self.session.input_files(kind, component)?;
+        let bar =
+            pdk_terminal::progress(self.audience != Audience::Person, "{pos}/{len} files read, {eta} left");
+        let read = self.in_use.add_input_files(&groups, &mut |done, all| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+            match interrupt::wish() {
+                Wish::None => Ok(()),
+                Wish::Finish | Wish::Drop => Err(interrupt::error()),
+            }
+        });
+        bar.finish_and_clear();
+        read
+    }
+}
+
+/// The error of a run that the user wants to end at once. Whatever goes through many scenarios asks at each.
+pub fn stop_if_dropped() -> Result<()> {
+    match interrupt::wish() {
+        Wish::Drop => Err(interrupt::error()),
+        Wish::Finish | Wish::None => Ok(()),
+    }
+}
+
+/// What perturbations are made from.
+pub(super) fn components(applied: &[AppliedPerturbation]) -> Vec<ComponentSpec> {
+    let component = |applied: &AppliedPerturbation| ComponentSpec {
+        name: applied.name.clone(),
+        parameters: applied.parameters.clone(),
+    };
+    applied.iter().map(component).collect()
+}
+
+/// What a pipeline and the summary see of an outcome.
+pub(super) fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
+    let outcome = &line.outcome;
+    json!({
+        "number": submitted.number,
+        "id": line.id,
+        "name": submitted.name,
+        "success": outcome.success,
+        "cause": outcome.cause,
+        "verdict": outcome.cause.verdict(),
+        "error": outcome.error,
+        "time": outcome.time,
+        "frames": outcome.frames,
+        "skipped_frames": outcome.skipped_frames,
+        "progress": outcome.progress,
+        "mean_cross_track_error": outcome.mean_cross_track_error,
+        "max_cross_track_error": outcome.max_cross_track_error,
+        "measures": outcome.measures,
+        "digest": outcome.digest,
+    })
+}
+
+/// What a pipeline sees of a scenario that another part of the run drives: the fields of an outcome, which say nothing.
+fn row_of_elsewhere(submitted: &Submitted) -> Value {
+    let Submitted { number, id, name, .. } = submitted;
+    json!({
+        "number": number, "id": id, "name": name, "success": false, "cause": "elsewhere", "verdict": Verdict::Void,
+        "error": null, "time": 0.0, "frames": 0, "skipped_frames": 0, "progress": 0.0,
+        "mean_cross_track_error": 0.0, "max_cross_track_error": 0.0, "measures": null, "digest": "",
+    })
+}

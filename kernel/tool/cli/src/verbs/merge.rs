@@ -1,0 +1,40 @@
+//! `pdk merge`: the records of the parts of a run as one.
+
+use std::path::{Path, PathBuf};
+
+use pdk_notice::println;
+use pdk_record::ledger::Line;
+use pdk_record::merge::{self, Merged};
+use pdk_record::trace::reader::{self, Owner};
+use pdk_sdk::error::Result;
+use serde_json::json;
+
+use super::{Global, print_json};
+
+/// Arguments of `pdk merge`
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The folders of the records of all parts
+    #[arg(value_name = "RUN", required = true)]
+    parts: Vec<PathBuf>,
+    /// The folder of the record of the whole
+    #[arg(short, long, alias = "output", value_name = "DIR")]
+    out: PathBuf,
+}
+
+/// Puts the records together.
+pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    let check_trace = |trace: &Path, line: &Line| reader::check(trace, Owner::of(line));
+    let Merged { scenarios, frames } = merge::merge(&arguments.parts, &arguments.out, &check_trace)?;
+    if global.json {
+        return print_json(&json!({ "record": arguments.out, "scenarios": scenarios, "frames": frames }));
+    }
+    let counts = [(scenarios, "scenarios"), (frames, "evaluated frames")];
+    let counts = counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
+    println!("{} of {} parts", counts.collect::<Vec<_>>().join(" and "), arguments.parts.len());
+    println!("Record: {}", arguments.out.display());
+    println!(
+        "The command of the parts, without --shard and with --out and this folder, completes it: only scenarios in which a component failed are driven again."
+    );
+    Ok(())
+}

@@ -1,0 +1,248 @@
+//! The command line.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser, Subcommand};
+use pdk_components::inspection;
+use pdk_components::registry::Registry;
+use pdk_components::search_path::SearchPath;
+use pdk_lua::LuaScripts;
+use pdk_notice::eprintln;
+use pdk_notice::println;
+use pdk_sdk::error::{Place, Result};
+use pdk_session::connection::Pool;
+use pdk_session::interrupt;
+use pdk_session::session::{Options, Session};
+use pdk_supervise::calls;
+use pdk_supervise::supervisor::Limits;
+
+use crate::{memory, supervised};
+
+mod check;
+mod doctor;
+mod export;
+mod list;
+mod merge;
+mod network;
+mod new;
+mod perturb;
+mod plugin;
+mod preview;
+mod recorded;
+mod reference;
+mod replay;
+mod report;
+mod road;
+mod run;
+mod saliency;
+mod session;
+mod show;
+mod shrink;
+mod worker;
+
+/// Tests driving models by disturbing what their camera sees
+#[derive(Parser)]
+#[command(
+    name = "pdk",
+    version,
+    propagate_version = true,
+    after_help = "Exit codes: 0 done, 1 failed with a sentence on standard error, 2 wrong usage, \
+                  70 ended by a component, 75 ended because a component did not come back, \
+                  130 interrupted with Ctrl-C, 143 terminated."
+)]
+pub struct Cli {
+    #[command(flatten)]
+    global: Global,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+/// Options that every verb understands.
+#[derive(clap::Args)]
+pub struct Global {
+    /// Folder with further plugins and Lua perturbations; may be given several times
+    #[arg(long, global = true, value_name = "DIR")]
+    plugins: Vec<PathBuf>,
+    /// Folder with green-screen clips, each of which becomes a perturbation; may be given several times
+    #[arg(long, global = true, value_name = "DIR")]
+    overlays: Vec<PathBuf>,
+    /// Write the result to standard output as JSON
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+impl Global {
+    /// Where components are looked for besides the usual places.
+    pub fn search_path(&self) -> SearchPath {
+        let overlays = self.overlays.iter().map(|folder| ("overlays".to_owned(), folder.clone()));
+        SearchPath { plugins: self.plugins.clone(), drop_ins: overlays.collect(), beside: Vec::new() }
+    }
+
+    /// Finds all components, and says what had to be left out. They are loaded into this process.
+    pub fn registry(&self) -> Result<Registry> {
+        let search = self.search_path();
+        let registry = Registry::discover(&search, Box::new(LuaScripts::new(&search)))?;
+        for refused in registry.refused() {
+            eprintln!("pdk: warning: {refused}");
+        }
+        for skipped in registry.skipped() {
+            eprintln!("pdk: warning: {skipped}");
+        }
+        Ok(registry)
+    }
+
+    /// A session with its first worker, which says what had to be left out; `name` is that of the run on its topics.
+    pub fn session(&self, name: &str, pool: Pool, limits: Limits, search: SearchPath) -> Result<Session> {
+        let run = format!("{name}-{}", std::process::id());
+        let session = Session::start(Options { run, pool, limits, search })?;
+        for refused in session.refused() {
+            eprintln!("pdk: warning: {refused}");
+        }
+        Ok(session)
+    }
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Run a pipeline
+    Run(run::Arguments),
+    /// Perturb an image or a video
+    Perturb(perturb::Arguments),
+    /// Show what perturbations do to an image: a sheet, strips and clips
+    Preview(preview::Arguments),
+    /// Show which parts of frames matter to a driver's network: numbers and pictures
+    Saliency(saliency::Arguments),
+    /// Write the reference pages of all perturbations
+    Reference(reference::Arguments),
+    /// List the components there are
+    List(list::Arguments),
+    /// Show a component with its parameters, or the network in an ONNX file
+    Show(show::Arguments),
+    /// Write a working starting point
+    New(new::Arguments),
+    /// Check a plugin before shipping it
+    Check(check::Arguments),
+    /// Install, list and remove plugins
+    Plugin(plugin::Arguments),
+    /// Say what is installed, what is missing and what to do
+    Doctor(doctor::Arguments),
+    /// Write a page about a run: what failed, when, where and how often
+    Report(report::Arguments),
+    /// Make a road and draw it
+    Road(road::Arguments),
+    /// Drive recorded scenarios again and compare them with their record, bit for bit
+    Replay(replay::Arguments),
+    /// Make a scenario that failed as simple as it can be and still fail
+    Shrink(shrink::Arguments),
+    /// Export the record of a run for other tools
+    Export(export::Arguments),
+    /// Put the records of the parts of a run together
+    Merge(merge::Arguments),
+    /// Run a pipeline for another program, or take its calls: JSON lines on standard input and output (see docs/session-protocol.md)
+    Session(session::Arguments),
+    /// Do jobs for a session: JSON lines on standard input and output (see docs/worker-protocol.md)
+    Worker(worker::Arguments),
+    /// Open libraries, and say what came of it
+    #[command(name = inspection::VERB, hide = true)]
+    Inspect {
+        /// The libraries
+        libraries: Vec<PathBuf>,
+    },
+    /// Write the completions for a shell to standard output
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Write the manual pages to a folder
+    Man {
+        /// The folder, which is made where it is missing
+        #[arg(value_name = "DIR")]
+        folder: PathBuf,
+    },
+}
+
+impl Verb {
+    /// Whether it calls components in its own process.
+    fn calls_components(&self) -> bool {
+        match self {
+            Verb::Perturb(_) | Verb::Preview(_) | Verb::Saliency(_) | Verb::Reference(_) => true,
+            Verb::List(_) | Verb::Show(_) => true,
+            Verb::New(_) | Verb::Doctor(_) | Verb::Plugin(_) => true,
+            // Pipelines and replays leave that to workers, and `check` has processes of its own.
+            Verb::Run(_) | Verb::Replay(_) | Verb::Shrink(_) | Verb::Check(_) | Verb::Worker(_) => false,
+            Verb::Session(_) | Verb::Merge(_) => false,
+            Verb::Report(arguments) => arguments.calls_components(),
+            Verb::Road(_) | Verb::Export(_) => false,
+            Verb::Inspect { .. } | Verb::Completions { .. } | Verb::Man { .. } => false,
+        }
+    }
+}
+
+/// Runs the verb on the command line.
+pub fn main() -> ExitCode {
+    inspection::enable();
+    let cli = Cli::parse();
+    if let Err(error) = memory::watch(calls::supervised()) {
+        return failed(&error);
+    }
+    if cli.verb.calls_components() && !calls::supervised() {
+        return supervised::run().unwrap_or_else(|error| failed(&error));
+    }
+    let Cli { global, verb } = &cli;
+    let result = match verb {
+        Verb::Run(arguments) => run::run(global, arguments),
+        Verb::Perturb(arguments) => perturb::run(global, arguments),
+        Verb::Preview(arguments) => preview::run(global, arguments),
+        Verb::Saliency(arguments) => saliency::run(global, arguments),
+        Verb::Reference(arguments) => reference::run(global, arguments),
+        Verb::List(arguments) => list::run(global, arguments),
+        Verb::Show(arguments) => show::run(global, arguments),
+        Verb::New(arguments) => new::run(global, arguments),
+        Verb::Check(arguments) => check::run(global, arguments),
+        Verb::Plugin(arguments) => plugin::run(global, arguments),
+        Verb::Doctor(arguments) => doctor::run(global, arguments),
+        Verb::Report(arguments) => report::run(global, arguments),
+        Verb::Road(arguments) => road::run(global, arguments),
+        Verb::Replay(arguments) => replay::run(global, arguments),
+        Verb::Shrink(arguments) => shrink::run(global, arguments),
+        Verb::Export(arguments) => export::run(global, arguments),
+        Verb::Merge(arguments) => merge::run(global, arguments),
+        Verb::Session(arguments) => session::run(global, arguments),
+        Verb::Worker(arguments) => worker::run(arguments),
+        Verb::Inspect { libraries } => inspection::serve(libraries),
+        Verb::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "pdk", &mut script);
+            pdk_notice::bytes(&script);
+            Ok(())
+        }
+        Verb::Man { folder } => manual(folder),
+    };
+    let code = match result.and_then(|()| pdk_notice::finish()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => failed(&error),
+    };
+    // What comes now is a regular end.
+    calls::done();
+    code
+}
+
+/// Writes a manual page for `pdk` and one for each verb.
+fn manual(folder: &Path) -> Result<()> {
+    let place = || format!("cannot write the manual pages to {}", folder.display());
+    std::fs::create_dir_all(folder).place(place())?;
+    clap_mangen::generate_to(Cli::command(), folder).place(place())
+}
+
+/// Says what went wrong. An interrupted run has the exit code that the signal would have given it.
+fn failed(error: &pdk_sdk::error::Error) -> ExitCode {
+    eprintln!("pdk: error: {error}");
+    interrupt::exit_code().map_or(ExitCode::FAILURE, ExitCode::from)
+}
+
+/// Writes a JSON value to standard output.
+fn print_json(value: &serde_json::Value) -> Result<()> {
+    println!("{}", serde_json::to_string_pretty(value)?);
+    Ok(())
+}

@@ -1,0 +1,68 @@
+//! What a recorded scenario needs, for the verbs that drive it again. A record may come from anyone: nothing that it names is loaded or
+//! started unless it is installed, has been loaded before, or the user agrees.
+
+use std::path::Path;
+
+use pdk_components::search_path::SearchPath;
+use pdk_notice::eprintln;
+use pdk_replay::replay::Replay;
+use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_session::connection::Pool;
+use pdk_session::session::Session;
+use pdk_supervise::supervisor::Limits;
+
+use super::Global;
+
+/// How a record is driven again.
+pub struct Driving<'a> {
+    /// The verb, which is part of the name of the run on its topics.
+    pub verb: &'static str,
+    /// The folder of the record.
+    pub record: &'a Path,
+    /// Where workers come from.
+    pub pool: Pool,
+    /// What the processes with components are held to.
+    pub limits: Limits,
+    /// Whether the user agrees to whatever the record names.
+    pub trust: bool,
+}
+
+/// A session with all components that a record needs, also those that are only where the record has them from.
+///
+/// # Errors
+/// If the record names something that is not run without the user's word; the sentence lists all of it.
+pub fn session(global: &Global, replay: &Replay, driving: Driving<'_>) -> Result<Session> {
+    let Driving { verb, record, pool, limits, trust } = driving;
+    let start = |search| global.session(verb, pool.clone(), limits, search);
+    let said = |asks: &[String]| {
+        for asked in asks.iter().filter(|_| trust) {
+            eprintln!("pdk: warning: the record has this run: {asked}");
+        }
+    };
+    let mut search = global.search_path();
+    let mut session = start(search.clone())?;
+    let further = replay.further(session.catalog(), trust)?;
+    let mut asks = further.asks;
+    said(&asks);
+    if further.places != SearchPath::default() && (trust || asks.is_empty()) {
+        drop(session);
+        search.plugins.extend(further.places.plugins);
+        search.drop_ins.extend(further.places.drop_ins);
+        session = start(search)?;
+    }
+    let remedy = if asks.is_empty() { "" } else { ", or name the folder of what you know with --plugins" };
+    let programs = replay.programs(session.catalog());
+    said(&programs);
+    asks.extend(programs);
+    if trust || asks.is_empty() {
+        return Ok(session);
+    }
+    Err(Error::of(
+        ErrorKind::Configuration,
+        format!(
+            "the record {} would have this run with your rights: {}; if you know where the record comes from and trust it, add --trust{remedy}",
+            record.display(),
+            asks.join("; ")
+        ),
+    ))
+}

@@ -1,0 +1,187 @@
+//! `pdk replay`: drives recorded scenarios again and compares them with their record.
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use pdk_chain::view::DEFAULT_METHOD;
+use pdk_model::component::ComponentSpec;
+use pdk_notice::eprintln;
+use pdk_notice::println;
+use pdk_replay::compare::{Compared, Finding};
+use pdk_replay::replay::{Film, Replay, Replayed};
+use pdk_sdk::error::{Error, Result};
+use pdk_session::connection::Pool;
+use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
+use serde_json::{Value, json};
+
+use super::recorded::{self, Driving};
+use super::{Global, print_json};
+
+/// Arguments of `pdk replay`
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The folder of the record
+    #[arg(value_name = "RUN")]
+    record: PathBuf,
+    /// Only this scenario, by its number, its id or the beginning of that; may be given several times [default: all scenarios]
+    #[arg(long = "scenario", value_name = "N|ID")]
+    scenarios: Vec<String>,
+    /// How many scenarios are driven at the same time [default: one a processor; one for a simulator that pdk does not
+    /// start]
+    #[arg(long, value_name = "N", conflicts_with = "pool")]
+    workers: Option<NonZeroUsize>,
+    /// A command that provides workers, in the place of this machine's (see docs/worker-protocol.md)
+    #[arg(long, value_name = "COMMAND")]
+    pool: Option<String>,
+    /// How long one call of a component may take, in seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_PATIENCE.as_secs_f64())]
+    patience: f64,
+    /// How much memory a process with components may take, in MiB
+    #[arg(long, value_name = "MIB", default_value_t = DEFAULT_MEMORY, value_parser = clap::value_parser!(u64).range(1..))]
+    memory: u64,
+    /// Write a video of the scenario, of which there has to be one: original and perturbed frames and what the driver did
+    #[arg(long, value_name = "FILE.mp4")]
+    clip: Option<PathBuf>,
+    /// Show in the video what the driver's network looks at, by this saliency method [default: hirescam]
+    #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", requires = "clip", num_args = 0..=1, require_equals = true,
+          default_missing_value = DEFAULT_METHOD)]
+    saliency: Option<String>,
+    /// Load the libraries and scripts and start the programs that the record names, although they are not installed. Without it
+    /// they are listed, and nothing of the record is run
+    #[arg(long)]
+    trust: bool,
+}
+
+/// Replays and says for each scenario whether it is equal, or where it first differs.
+pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    let method = arguments.saliency.as_deref();
+    let saliency = method.map(|method| ComponentSpec::parse("saliency method", method)).transpose()?;
+    let film = arguments.clip.clone().map(|path| Film { path, saliency });
+    let replay = Replay::open(&arguments.record, &arguments.scenarios)?;
+    if let Some(clip) = &arguments.clip {
+        check_clip(clip, replay.count())?;
+    }
+    if replay.cut_off() {
+        eprintln!("pdk: warning: the last line of scenarios.jsonl is cut off, so its scenario is left out");
+    }
+    let Arguments { record, trust, .. } = arguments;
+    let driving =
+        Driving { verb: "replay", record, pool: pool(arguments), limits: limits(arguments)?, trust: *trust };
+    let mut session = recorded::session(global, &replay, driving)?;
+    let changes = replay.changes(&mut session)?;
+    for change in &changes {
+        eprintln!("pdk: warning: since the run was recorded, {change}, so the replay may come out otherwise");
+    }
+    let progress = pdk_terminal::progress(global.json, "{pos}/{len} frames, {per_sec}, {eta} left");
+    let replayed = replay.drive(session, film.as_ref(), &progress)?;
+    for warning in &replayed.warnings {
+        eprintln!("pdk: warning: {warning}");
+    }
+    match global.json {
+        true => print_json(&as_json(arguments, &replayed, &changes))?,
+        false => print(arguments, &replayed),
+    }
+    failure(&replayed).map_or(Ok(()), Err)
+}
+
+fn check_clip(clip: &Path, scenarios: usize) -> Result<()> {
+    if scenarios != 1 {
+        return Err(Error::new(format!(
+            "--clip shows one scenario, and these are {scenarios}; choose one with --scenario N"
+        )));
+    }
+    match clip.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4")) {
+        true => Ok(()),
+        false => Err(Error::new(format!("the name of the clip, {}, has to end in .mp4", clip.display()))),
+    }
+}
+
+fn limits(arguments: &Arguments) -> Result<Limits> {
+    let seconds = arguments.patience;
+    let patience = Duration::try_from_secs_f64(seconds).ok().filter(|limit| !limit.is_zero());
+    let patience = patience
+        .ok_or_else(|| Error::new(format!("--patience: {seconds} is not a positive number of seconds")))?;
+    Ok(Limits { patience, memory: arguments.memory })
+}
+
+/// Where workers come from.
+fn pool(arguments: &Arguments) -> Pool {
+    match &arguments.pool {
+        Some(command) => Pool::Command(command.clone()),
+        None => arguments.workers.map_or(Pool::Usual, |workers| Pool::Here(workers.get())),
+    }
+}
+
+fn print(arguments: &Arguments, replayed: &Replayed) {
+    for compared in &replayed.scenarios {
+        println!("{compared}");
+    }
+    let equal = replayed.scenarios.iter().filter(|compared| matches!(compared.finding, Finding::Equal));
+    let (equal, all) = (equal.count(), replayed.scenarios.len());
+    let Replayed { frames, wall_seconds, .. } = replayed;
+    let rate = *frames as f64 / wall_seconds.max(f64::MIN_POSITIVE);
+    println!("{equal} of {all} equal: {frames} frames in {wall_seconds:.1} s, {rate:.0} a second");
+    if let Some(clip) = &arguments.clip {
+        println!("Clip: {}", clip.display());
+    }
+}
+
+fn as_json(arguments: &Arguments, replayed: &Replayed, changes: &[String]) -> Value {
+    let row = |compared: &Compared| {
+        let (difference, error) = match &compared.finding {
+            Finding::Equal => (Value::Null, Value::Null),
+            Finding::Different(difference) => (json!(difference), Value::Null),
+            Finding::Unreadable(error) => (Value::Null, json!(error.to_string())),
+        };
+        json!({
+            "number": compared.number,
+            "id": compared.id,
+            "name": compared.name,
+            "frames": compared.frames,
+            "equal": matches!(compared.finding, Finding::Equal),
+            "difference": difference,
+            "error": error,
+        })
+    };
+    json!({
+        "record": arguments.record,
+        "scenarios": replayed.scenarios.iter().map(row).collect::<Vec<_>>(),
+        "frames": replayed.frames,
+        "wall_seconds": replayed.wall_seconds,
+        "changes": changes,
+        "clip": arguments.clip,
+    })
+}
+
+/// Why the replay counts as failed: scenarios that could not be compared, or ones that differ.
+fn failure(replayed: &Replayed) -> Option<Error> {
+    let all = replayed.scenarios.len();
+    let unreadable = |compared: &Compared| match &compared.finding {
+        Finding::Unreadable(error) => Some(error.to_string()),
+        _ => None,
+    };
+    let different =
+        |compared: &Compared| matches!(compared.finding, Finding::Different(_)).then(|| compared.to_string());
+    let found = |what: fn(&Compared) -> Option<String>| -> Vec<String> {
+        replayed.scenarios.iter().filter_map(what).collect()
+    };
+    let (unreadable, different) = (found(unreadable), found(different));
+    let sentence = match (unreadable.as_slice(), different.as_slice()) {
+        ([], []) => return None,
+        ([], [one]) if all == 1 => format!("it differs from the record: {one}"),
+        ([], [first, ..]) => {
+            format!("{} of {all} scenarios differ from the record; the first: {first}", different.len())
+        }
+        ([one], []) if all == 1 => one.clone(),
+        ([first, ..], []) => {
+            format!("{} of {all} scenarios could not be compared; the first: {first}", unreadable.len())
+        }
+        ([first, ..], [other, ..]) => format!(
+            "{} of {all} scenarios differ from the record and {} could not be compared; the first of these: {other}; {first}",
+            different.len(),
+            unreadable.len()
+        ),
+    };
+    Some(Error::new(sentence))
+}

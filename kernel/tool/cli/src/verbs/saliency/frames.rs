@@ -1,0 +1,173 @@
+//! The frames that maps are made of: an image, those of a folder, of a run's record, or of a dataset.
+
+use std::path::{Path, PathBuf};
+
+use pdk_components::registry::Registry;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::prelude::{Dataset, FrameBuf};
+use pdk_supervise::calls::{self, Function};
+use serde_json::Map;
+
+use super::recorded::Recorded;
+
+/// How the names of images end, and those of the files that make a dataset of a folder.
+const IMAGES: [&str; 5] = ["jpg", "jpeg", "png", "bmp", "webp"];
+const RECORDS: [&str; 3] = ["json", "csv", "catalog"];
+
+/// A frame that maps are made of.
+pub struct Shown {
+    /// Its name, which is fit for a file's.
+    pub name: String,
+    pub frame: FrameBuf,
+    /// How fast the vehicle was, in metres per second, if that is known.
+    pub speed: Option<f64>,
+    /// The number of the road on which it was recorded, if that is known.
+    pub road: Option<usize>,
+}
+
+impl Shown {
+    fn image(name: String, frame: FrameBuf) -> Self {
+        Self { name, frame, speed: None, road: None }
+    }
+}
+
+/// Images, or frames of a record or a dataset.
+pub enum Frames {
+    /// Image files, with the names of their frames.
+    Images(Vec<(String, PathBuf)>),
+    /// The frames of a record, and which of them are taken.
+    Record(Box<Recorded>, Vec<usize>),
+    /// A dataset, what messages call it, and the frames that are taken.
+    Dataset(Box<dyn Dataset>, String, Vec<usize>),
+}
+
+impl Frames {
+    /// Takes the image, or the frames of a run's record, or the images of a folder that is no dataset, or opens the dataset with the first
+    /// reader that knows it. Of a folder `count` frames are taken, spread evenly over it.
+    ///
+    /// # Errors
+    /// Where it is none of these.
+    pub fn open(registry: &Registry, path: &Path, count: Option<usize>) -> Result<Self> {
+        if !path.is_dir() {
+            return Ok(Self::Images(named(vec![path.to_owned()])));
+        }
+        if Recorded::is_one(path) {
+            let record = Recorded::open(path)?;
+            let taken = spread(record.len(), count);
+            return Ok(Self::Record(Box::new(record), taken));
+        }
+        let images = images(path)?;
+        if !images.is_empty() {
+            let taken = spread(images.len(), count).into_iter().map(|at| images[at].clone());
+            return Ok(Self::Images(named(taken.collect())));
+        }
+        let mut reasons = Vec::new();
+        for entry in registry.catalog().of_kind(Kind::Dataset) {
+            let parameters = Map::from_iter([("path".to_owned(), path.to_string_lossy().into())]);
+            match registry.dataset(&entry.description.name, &parameters) {
+                Ok((dataset, _)) => {
+                    let place = format!("dataset `{}`", path.display());
+                    let length = calls::call(&place, Function::Len, || dataset.len());
+                    if length == 0 {
+                        return Err(Error::new(format!(
+                            "{place} has no frames; name a folder that has some"
+                        )));
+                    }
+                    return Ok(Self::Dataset(dataset, place, spread(length, count)));
+                }
+                Err(error) => reasons.push(error.to_string()),
+            }
+        }
+        Err(Error::new(match reasons.is_empty() {
+            true => format!("cannot open the dataset {}: no dataset reader is installed", path.display()),
+            false => format!("cannot open the dataset {}: {}", path.display(), reasons.join("; ")),
+        }))
+    }
+
+    /// The number of frames.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Images(images) => images.len(),
+            Self::Record(_, places) | Self::Dataset(_, _, places) => places.len(),
+        }
+    }
+
+    /// A frame.
+    ///
+    /// # Errors
+    /// Where it cannot be read.
+    pub fn read(&mut self, index: usize) -> Result<Shown> {
+        match self {
+            Self::Images(images) => {
+                let (name, path) = &images[index];
+                Ok(Shown::image(name.clone(), pdk_image::read(path)?))
+            }
+            Self::Record(record, places) => record.read(places[index]),
+            Self::Dataset(dataset, place, places) => {
+                let at = places[index];
+                let name = calls::call(place, Function::Name, || dataset.name(at));
+                let entry = calls::call_at(place, Function::Read, at as u64, || dataset.read(at))?;
+                let stem = Path::new(&name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                Ok(Shown::image(stem, entry.frame))
+            }
+        }
+    }
+}
+
+/// The images in a folder, in the order of their names; none where there are also records, which make it a dataset.
+fn images(folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut images = Vec::new();
+    let place = || format!("cannot list the folder {}", folder.display());
+    for entry in std::fs::read_dir(folder).place(place())? {
+        let path = entry.place(place())?.path();
+        let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if RECORDS.contains(&ending.as_str()) {
+            return Ok(Vec::new());
+        }
+        if IMAGES.contains(&ending.as_str()) && path.is_file() {
+            images.push(path);
+        }
+    }
+    images.sort();
+    Ok(images)
+}
+
+/// Images with the names of their frames: those of the files without their endings, where that tells them apart.
+fn named(paths: Vec<PathBuf>) -> Vec<(String, PathBuf)> {
+    let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let names: Vec<String> = paths
+        .iter()
+        .map(|path| match paths.iter().filter(|other| stem(other) == stem(path)).count() {
+            1 => stem(path),
+            _ => path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        })
+        .collect();
+    names.into_iter().zip(paths).collect()
+}
+
+/// So many places of `length`, spread evenly.
+fn spread(length: usize, count: Option<usize>) -> Vec<usize> {
+    let taken = count.unwrap_or(length).clamp(1, length);
+    (0..taken).map(|at| at * length / taken).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_of_images_is_one_only_without_records() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["b.png", "a.JPG", "a.png", "notes.txt"] {
+            std::fs::write(dir.path().join(name), b"").unwrap();
+        }
+        let found = named(images(dir.path()).unwrap());
+        let names: Vec<_> = found.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["a.JPG", "a.png", "b"]);
+        std::fs::write(dir.path().join("record_1.json"), b"{}").unwrap();
+        assert!(images(dir.path()).unwrap().is_empty());
+        assert_eq!(spread(10, Some(3)), [0, 3, 6]);
+        assert_eq!((spread(2, Some(9)), spread(2, None)), (vec![0, 1], vec![0, 1]));
+    }
+}

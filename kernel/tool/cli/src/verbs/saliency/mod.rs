@@ -1,0 +1,223 @@
+//! `pdk saliency`: which parts of frames matter to a driver.
+
+mod curves;
+mod files;
+mod frames;
+mod recorded;
+
+use std::path::PathBuf;
+
+use indicatif::ProgressBar;
+use pdk_chain::maps;
+use pdk_chain::maps::Line;
+use pdk_chain::view::{self, DEFAULT_METHOD};
+use pdk_components::registry::Registry;
+use pdk_model::component::ComponentSpec;
+use pdk_model::scenario::parse_seed;
+use pdk_notice::eprintln;
+use pdk_notice::println;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::prelude::{Frame, HeatmapMut, MapContext, Saliency};
+use pdk_sdk::seed;
+use pdk_supervise::calls::{self, Function};
+use serde_json::{Value, json};
+
+use super::{Global, print_json};
+use frames::{Frames, Shown};
+
+/// Arguments of `pdk saliency`
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// The image, a folder of images, the record of a run with images, or the folder of a dataset
+    frames: PathBuf,
+    /// The driver whose view is shown: `onnx,model=FILE.onnx`, or another one that runs a network
+    #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...")]
+    driver: String,
+    /// A saliency method; may be given several times [default: hirescam]
+    #[arg(long = "with", value_name = "NAME[,PARAMETER=VALUE]...")]
+    methods: Vec<String>,
+    /// The folder to write to
+    #[arg(short, long = "out", value_name = "DIR", default_value = "saliency")]
+    output: PathBuf,
+    /// Write the numbers in the size of the frame instead of one for each cell of the layer
+    #[arg(long)]
+    full: bool,
+    /// Which number of the network is explained, by methods that explain one
+    #[arg(long, value_parser = ["steering", "throttle"], default_value = "steering")]
+    explain: String,
+    /// The speed that a network which takes one is told, in metres per second; frames of a record bring their own
+    #[arg(long, default_value_t = 8.0)]
+    speed: f64,
+    /// Only so many frames of a folder, spread evenly over it
+    #[arg(long, value_name = "N")]
+    count: Option<usize>,
+    /// Also measure how faithful each method is: how the steering changes when what it marks is taken away, and when it is all
+    /// that is left, against the same maps in other places
+    #[arg(long)]
+    curves: bool,
+    /// The seed that all random numbers come from
+    #[arg(long, value_parser = parse_seed, default_value_t = 0)]
+    seed: u64,
+}
+
+/// A method that is ready.
+struct Method {
+    /// Its name, with a number behind it where it is used several times.
+    label: String,
+    /// What messages call it.
+    place: String,
+    by: ComponentSpec,
+    /// Whether it was reported that its maps have a single line of cells.
+    warned: bool,
+    key: pdk_sdk::prelude::Key,
+    /// One that gives a number for each cell, and one that covers the frame.
+    cells: Option<Box<dyn Saliency>>,
+    frame: Box<dyn Saliency>,
+}
+
+/// Writes a map for each frame and method, and a picture of each.
+pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    let registry = global.registry()?;
+    let driver = ComponentSpec::parse("driver", &arguments.driver)?;
+    registry.catalog().check(Kind::Driver, &driver.name, &driver.parameters)?;
+    let texts = match arguments.methods.as_slice() {
+        [] => vec![DEFAULT_METHOD.to_owned()],
+        given => given.to_vec(),
+    };
+    let mut methods = Vec::new();
+    for text in &texts {
+        methods.push(method(&registry, arguments, &driver, text, &methods)?);
+    }
+    let mut frames = Frames::open(&registry, &arguments.frames, arguments.count)?;
+    std::fs::create_dir_all(&arguments.output).place(format_args!(
+        "cannot make the folder {}; choose another with -o",
+        arguments.output.display()
+    ))?;
+    let mut curves = match arguments.curves {
+        true => Some(curves::Curves::new(&registry, &driver, arguments.speed, arguments.seed, texts.len())?),
+        false => None,
+    };
+
+    let progress = pdk_terminal::progress(global.json, "{pos}/{len} frames");
+    progress.set_length(frames.len() as u64);
+    let mut written = Vec::new();
+    for index in 0..frames.len() {
+        let shown = frames.read(index)?;
+        let Shown { name, frame, speed, .. } = &shown;
+        for (place, method) in methods.iter_mut().enumerate() {
+            let at = format!("frame `{name}`");
+            let map = method.map(frame.as_ref(), index as u64, *speed).map_err(|error| error.at(&at))?;
+            if map.iter().all(|value| *value == map[0]) {
+                note(
+                    &progress,
+                    &format!("{at}: the map of {} is the same everywhere, so it marks nothing", method.place),
+                );
+            }
+            if let Some(line) = Line::of(&map, frame.width()).filter(|_| !method.warned) {
+                method.warned = true;
+                note(&progress, &line.noticed(&method.by));
+            }
+            let (numbers, width) = match arguments.full {
+                true => (map.clone(), frame.width()),
+                false => {
+                    method.map_by_cell(frame.as_ref(), index as u64, *speed).map_err(|error| error.at(&at))?
+                }
+            };
+            let stem = arguments.output.join(format!("{name}.{}", method.label));
+            let [file, picture] = ["npy", "png"].map(|ending| files::beside(&stem, ending));
+            files::write_npy(&file, &numbers, width)?;
+            files::write_picture(&picture, frame.as_ref(), &map)?;
+            written.extend([file, picture]);
+            if let Some(curves) = &mut curves {
+                curves.add(place, &shown, &map, index as u64).map_err(|error| error.at(&at))?;
+            }
+        }
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    let labels: Vec<&str> = methods.iter().map(|method| method.label.as_str()).collect();
+    if global.json {
+        let curves = curves.map(|curves| curves.to_json(&labels));
+        return print_json(&json!({ "written": written, "curves": curves }));
+    }
+    let maps = match written.len() / 2 {
+        1 => "1 map".to_owned(),
+        maps => format!("{maps} maps"),
+    };
+    println!("{maps} in {}", arguments.output.display());
+    if let Some(curves) = curves {
+        println!("{}", curves.table(&labels));
+    }
+    Ok(())
+}
+
+fn note(progress: &ProgressBar, sentence: &str) {
+    progress.suspend(|| eprintln!("pdk: warning: {sentence}"));
+}
+
+/// Makes a method for the network of the driver. What both take is what the driver has.
+fn method(
+    registry: &Registry,
+    arguments: &Arguments,
+    driver: &ComponentSpec,
+    text: &str,
+    before: &[Method],
+) -> Result<Method> {
+    let spec = ComponentSpec::parse("saliency method", text)?;
+    if spec.parameters.contains_key("size") {
+        return Err(Error::new(format!(
+            "`size` cannot be set for {} here: numbers are written for each cell, and with --full for each pixel",
+            spec.name
+        )));
+    }
+    let description = &registry.catalog().get(Kind::Saliency, &spec.name)?.description;
+    let takes = |name: &str| description.parameters.iter().any(|parameter| parameter.name == name);
+    let mut parameters = view::of_driver(registry.catalog(), driver, &spec)?.parameters;
+    let given =
+        [("explain", Value::from(arguments.explain.as_str())), ("speed", Value::from(arguments.speed))];
+    for (name, value) in given.into_iter().filter(|(name, _)| takes(name)) {
+        parameters.entry(name).or_insert(value);
+    }
+    let make = |size: &str| {
+        let mut parameters = parameters.clone();
+        if takes("size") {
+            parameters.insert("size".to_owned(), size.into());
+        }
+        registry.saliency(&spec.name, &parameters).map(|(instance, _)| instance)
+    };
+    let same = before
+        .iter()
+        .filter(|other| other.label.trim_end_matches(|c: char| c.is_ascii_digit() || c == '-') == spec.name)
+        .count();
+    Ok(Method {
+        label: if same == 0 { spec.name.clone() } else { format!("{}-{}", spec.name, same + 1) },
+        place: format!("saliency `{}`", spec.name),
+        key: seed::key(arguments.seed, &spec.name, same as u64),
+        cells: if takes("size") { Some(make("layer")?) } else { None },
+        frame: make("frame")?,
+        by: ComponentSpec { name: spec.name, parameters },
+        warned: false,
+    })
+}
+
+impl Method {
+    /// The map of a frame, as large as the frame.
+    fn map(&mut self, frame: Frame<'_>, index: u64, speed: Option<f64>) -> Result<Vec<f32>> {
+        let cx = MapContext { speed, recorded: true, ..MapContext::new(index, 0.0, &self.key) };
+        maps::map(&mut *self.frame, &self.place, frame, &cx)
+    }
+
+    /// The map of a frame, a number for each cell, with its width.
+    fn map_by_cell(&mut self, frame: Frame<'_>, index: u64, speed: Option<f64>) -> Result<(Vec<f32>, usize)> {
+        let cx = MapContext { speed, recorded: true, ..MapContext::new(index, 0.0, &self.key) };
+        let method = self.cells.as_mut().unwrap_or(&mut self.frame);
+        let work = || {
+            let [width, height] = method.map_size(frame.width(), frame.height())?;
+            let mut values = vec![0.0; width * height];
+            method.map(frame, &cx, HeatmapMut::new(&mut values, width, height)?)?;
+            Ok((values, width))
+        };
+        calls::call_at(&self.place, Function::Map, index, work).map_err(|error: Error| error.at(&self.place))
+    }
+}

@@ -1,0 +1,274 @@
+//! What perturbations look like: on one frame at each level, and over time.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use image::RgbImage;
+use indicatif::ProgressBar;
+use pdk_chain::chain::Chain;
+use pdk_chain::moment::Moment;
+use pdk_chain::view::View;
+use pdk_components::catalog::{Catalog, Entry};
+use pdk_components::registry::Registry;
+use pdk_model::component::ComponentSpec;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_sdk::config::Config;
+use pdk_sdk::describe::{Description, Kind, LEVELS, Temporal};
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::prelude::FrameBuf;
+use serde_json::{Map, Value};
+
+use crate::picture::{self, Block};
+
+/// The moment at which a perturbation is shown in seconds: those that move have begun to.
+const MOMENT: f64 = 2.0;
+
+/// Frames of a simulator per second, which say which frame belongs to a moment.
+const RATE: f64 = 30.0;
+
+/// How pictures are made.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// The seed that all random numbers come from.
+    pub seed: u64,
+    /// Width of the frame that is perturbed, in pixels: perturbations have sizes in pixels, and a simulator's frames are
+    /// small.
+    pub frame_width: u32,
+    /// Width of a picture, in pixels.
+    pub picture_width: u32,
+    /// The saliency method whose maps stand below the pictures, where they are wanted.
+    pub maps: Option<ComponentSpec>,
+}
+
+/// A perturbation that is shown, as the user names it.
+pub struct Shown {
+    /// What the perturbation says of itself.
+    pub description: Description,
+    applied: AppliedPerturbation,
+    /// Whether the user names a level, at which alone it is shown then.
+    one_level: bool,
+}
+
+impl Shown {
+    /// It at its own level, or at this one where the user names none.
+    pub fn at(&self, level: f64) -> AppliedPerturbation {
+        match self.one_level {
+            true => self.applied.clone(),
+            false => self.applied.clone().at_level(level),
+        }
+    }
+
+    /// What a row of pictures shows.
+    fn levels(&self) -> Vec<AppliedPerturbation> {
+        let count = if self.one_level { 1 } else { LEVELS };
+        (0..count).map(|level| self.at(level as f64)).collect()
+    }
+
+    fn label(&self) -> String {
+        let Description { family, temporal, default, .. } = &self.description;
+        let name = if self.one_level { self.applied.to_string() } else { self.applied.label() };
+        let temporal = if *temporal == Temporal::Dynamic { ", dynamic" } else { "" };
+        let set = if *default { "" } else { ", by name only" };
+        format!("{name}  ({family}{temporal}{set})")
+    }
+}
+
+/// The perturbations that can be shown without setting anything, or with an example of their own, by family and name: the
+/// default set with the files of the user's that are perturbations, or all.
+pub fn usable(catalog: &Catalog, all: bool) -> Vec<Description> {
+    let wanted = |entry: &&Entry| all || entry.description.default || entry.base.is_some();
+    let found = catalog.of_kind(Kind::Perturbation).filter(wanted).map(|entry| &entry.description);
+    let mut usable: Vec<Description> = found.filter(|found| settings(found).is_some()).cloned().collect();
+    usable.sort_by(|a, b| (&a.family, &a.name).cmp(&(&b.family, &b.name)));
+    usable
+}
+
+/// The perturbations to show: those that are named as for [`AppliedPerturbation::parse`], or those that are [`usable`].
+///
+/// # Errors
+/// Where one of the names is no perturbation, or what stands behind it cannot be read.
+pub fn chosen(catalog: &Catalog, named: &[String], all: bool) -> Result<Vec<Shown>> {
+    if named.is_empty() {
+        let shown = |description: Description| {
+            let parameters = settings(&description).unwrap_or_default();
+            let applied =
+                AppliedPerturbation { parameters, ..AppliedPerturbation::new(&description.name, 0.0) };
+            Shown { description, applied, one_level: false }
+        };
+        return Ok(usable(catalog, all).into_iter().map(shown).collect());
+    }
+    let shown = |text: &String| {
+        let applied = AppliedPerturbation::parse(text)?;
+        // What can be read as it is, but not as one whose levels come from elsewhere, has a level of its own.
+        let one_level = AppliedPerturbation::from_json_without_level(&text.as_str().into()).is_err();
+        let description = catalog.get(Kind::Perturbation, &applied.name)?.description.clone();
+        Ok(Shown { description, applied, one_level })
+    };
+    named.iter().map(shown).collect()
+}
+
+/// What has to be set to show a component: nothing, or else what its first example says that will do; none where it needs
+/// something of the user's.
+fn settings(description: &Description) -> Option<Map<String, Value>> {
+    let nothing = Map::new();
+    let mut all = std::iter::once(&nothing).chain(&description.examples);
+    all.find(|settings| Config::check(description, settings).is_ok()).cloned()
+}
+
+/// A frame under a perturbation at a moment.
+///
+/// # Errors
+/// Where it cannot be perturbed.
+pub fn perturbed(
+    registry: &Registry,
+    applied: &AppliedPerturbation,
+    source: &FrameBuf,
+    seed: u64,
+    time: f64,
+) -> Result<FrameBuf> {
+    let mut chain = Chain::new(registry, std::slice::from_ref(applied), seed)?;
+    let mut target = FrameBuf::new(source.width(), source.height());
+    chain.apply(source.as_ref(), target.as_mut(), &Moment::new((time * RATE).round() as u64, time))?;
+    Ok(target)
+}
+
+/// One row for each perturbation: the frame at every level, or at the one that the user names. Where a perturbation fails,
+/// its row is the error.
+pub fn rows(
+    registry: &Registry,
+    chosen: &[Shown],
+    source: &FrameBuf,
+    options: &Options,
+    progress: &ProgressBar,
+) -> Vec<Result<Block>> {
+    progress.set_length(chosen.len() as u64);
+    let next = AtomicUsize::new(0);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(chosen.len().max(1));
+    let mut rows: Vec<(usize, Result<Vec<RgbImage>>)> = std::thread::scope(|scope| {
+        let work = || {
+            let mut rows = Vec::new();
+            let mut view = options.maps.as_ref().map(|by| View::new(registry, by, options.seed));
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                let Some(shown) = chosen.get(index) else { return rows };
+                let pictures = shown.levels().into_iter().map(|applied| {
+                    let frame = perturbed(registry, &applied, source, options.seed, MOMENT)?;
+                    let picture = picture::scaled(&frame, options.picture_width);
+                    match &mut view {
+                        None => Ok(picture),
+                        Some(Ok(view)) => {
+                            let heat = view.picture(frame.as_ref(), &Moment::new(0, MOMENT).alone())?;
+                            Ok(picture::stacked(&picture, &picture::scaled(&heat, picture.width())))
+                        }
+                        Some(Err(error)) => Err(Error::of(error.kind(), error.to_string())),
+                    }
+                });
+                rows.push((index, pictures.collect()));
+                progress.inc(1);
+            }
+        };
+        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+        let join = |thread: std::thread::ScopedJoinHandle<'_, Vec<_>>| {
+            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        threads.into_iter().flat_map(join).collect()
+    });
+    rows.sort_by_key(|(index, _)| *index);
+    progress.finish_and_clear();
+    // All rows are as long as the longest, the others with paper at their ends.
+    let longest = rows.iter().flat_map(|(_, row)| row).map(Vec::len).max().unwrap_or(0);
+    let block = |(index, pictures): (usize, Result<Vec<RgbImage>>)| {
+        let mut pictures = pictures?;
+        if let Some(first) = pictures.first() {
+            let paper = RgbImage::from_pixel(first.width(), first.height(), picture::PAPER);
+            pictures.resize(longest, paper);
+        }
+        Ok(Block { label: chosen[index].label(), row: picture::row(&pictures)? })
+    };
+    rows.into_iter().map(block).collect()
+}
+
+/// Frames over time under a perturbation: `count` of them, `interval` seconds apart.
+///
+/// # Errors
+/// Where the perturbation fails.
+pub fn over_time(
+    registry: &Registry,
+    applied: &AppliedPerturbation,
+    source: &FrameBuf,
+    options: &Options,
+    count: usize,
+    interval: f64,
+) -> Result<Vec<RgbImage>> {
+    let mut chain = Chain::new(registry, std::slice::from_ref(applied), options.seed)?;
+    let mut target = FrameBuf::new(source.width(), source.height());
+    (0..count)
+        .map(|number| {
+            let time = number as f64 * interval;
+            chain.apply(
+                source.as_ref(),
+                target.as_mut(),
+                &Moment::new((time * RATE).round() as u64, time),
+            )?;
+            Ok(picture::scaled(&target, options.picture_width))
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use pdk_sdk::describe::Parameter;
+    use serde_json::json;
+
+    use super::*;
+
+    /// A catalog with fog, which everybody has, and frost, which has to be named.
+    fn catalog() -> Catalog {
+        let mut catalog = Catalog::default();
+        for (name, default) in [("fog", true), ("frost", false)] {
+            let description =
+                Description { default, ..Description::perturbation(name, "x").family("weather") };
+            catalog.add(Entry::new(description, "plugin".into()));
+        }
+        catalog
+    }
+
+    #[test]
+    fn a_level_that_is_named_is_the_only_one_shown() {
+        let levels = |text: &str| {
+            let shown = chosen(&catalog(), &[text.to_owned()], false).unwrap();
+            shown[0].levels().iter().map(|applied| applied.level.constant()).collect::<Vec<_>>()
+        };
+        let all: Vec<_> = (0..LEVELS).map(|level| Some(level as f64)).collect();
+        assert_eq!(levels("fog"), all);
+        assert_eq!(levels("fog,probability=0.5"), all);
+        assert_eq!(levels("fog@2"), [Some(2.0)]);
+        // Also where it is the one that would be taken without a name.
+        assert_eq!(levels(&format!("frost@{}", pdk_model::level::DEFAULT_LEVEL)).len(), 1);
+        assert_eq!(levels("fog,level=3,probability=0.5"), [Some(3.0)]);
+        let error = chosen(&catalog(), &["fok".to_owned()], false).err().unwrap();
+        assert!(error.message().contains("`fog`"), "{error}");
+    }
+
+    #[test]
+    fn the_default_set_and_files_of_the_users_are_shown_unless_all_are_wanted() {
+        let mut catalog = catalog();
+        let description = Description { default: false, ..Description::perturbation("sticker", "x") };
+        let base = Some("overlay".into());
+        catalog.add(Entry { base, ..Entry::new(description, "sticker.png".into()) });
+        let names = |all: bool| {
+            chosen(&catalog, &[], all).unwrap().into_iter().map(|s| s.description.name).collect::<Vec<_>>()
+        };
+        assert_eq!(names(false), ["sticker", "fog"]);
+        assert_eq!(names(true), ["sticker", "fog", "frost"]);
+    }
+
+    #[test]
+    fn what_needs_a_file_is_shown_with_its_example() {
+        let fog = Description::perturbation("fog", "Fog");
+        assert_eq!(settings(&fog), Some(Map::new()));
+        let clip = fog.parameter(Parameter::path("clip", "the clip"));
+        assert_eq!(settings(&clip), None);
+        let example = json!({"clip": "built-in:fog"});
+        assert_eq!(settings(&clip.example(example.clone())).map(Value::Object), Some(example));
+    }
+}

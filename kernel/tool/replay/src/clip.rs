@@ -1,0 +1,460 @@
+//! Films a scenario: what the camera saw and what the driver saw side by side, beside it what its network looked at where that was
+//! recorded, and below it what the vehicle did.
+
+use std::path::Path;
+
+use image::{ImageBuffer, Rgb, RgbImage, imageops};
+use pdk_loop::protocol::Driven;
+use pdk_model::outcome::Outcome;
+use pdk_model::perturbation::AppliedPerturbation;
+use pdk_preview::text::{LINE_HEIGHT, draw_in};
+use pdk_record::trace::reader::{Entry, TraceReader, read_steps};
+use pdk_record::trace::step::{ImageTopic, Step};
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::prelude::{Frame, FrameBuf};
+use pdk_video::Writer;
+
+use crate::gauge::{Gauge, fill};
+use crate::recorded::Recorded;
+
+/// Widths between which frames are shown, in pixels: smaller ones are enlarged so that there is room for text, larger ones
+/// are reduced so that two of them fit on a screen.
+const NARROWEST: u32 = 480;
+const WIDEST: u32 = 960;
+/// Frames are shown no higher than this.
+const TALLEST: u32 = 960;
+
+const MARGIN: u32 = 12;
+/// Height of the line above the frames.
+const HEADER: u32 = LINE_HEIGHT + 8;
+/// Thickness of the mark around the frames of a failure.
+const MARK: u32 = 6;
+/// Seconds before its end in which a failure is marked.
+const MARKED_SECONDS: f64 = 1.0;
+/// Seconds for which the last frame of a failure stays.
+const HELD_SECONDS: f64 = 1.0;
+
+const BACKGROUND: Rgb<u8> = Rgb([24, 26, 30]);
+const INK: Rgb<u8> = Rgb([228, 231, 235]);
+const FAILURE: Rgb<u8> = Rgb([214, 48, 49]);
+const WHITE: Rgb<u8> = Rgb([255; 3]);
+
+/// A video in the making.
+struct Film {
+    writer: Writer,
+    layout: Layout,
+    title: String,
+    perturbations: Vec<AppliedPerturbation>,
+    /// What does not change from frame to frame, with the curves as far as they have come.
+    base: RgbImage,
+    gauges: [Gauge; 4],
+    /// Frames a second.
+    rate: f64,
+    /// From when on frames are marked, in seconds, and with what; nothing where the scenario did not fail.
+    marked: Option<(f64, &'static str)>,
+    /// The picture that was written last, without a mark.
+    last: RgbImage,
+    /// The number of the next frame.
+    next: u64,
+}
+
+/// Where things are, in pixels.
+#[derive(Clone, Copy)]
+struct Layout {
+    /// Size of a shown frame.
+    shown: (u32, u32),
+    /// How many times it is enlarged; 0 where it is reduced.
+    factor: u32,
+    /// How many frames stand side by side.
+    panels: u32,
+    /// Size of the video.
+    size: (u32, u32),
+}
+
+impl Layout {
+    /// The layout for so many frames of this size side by side.
+    fn new(width: u32, height: u32, panels: u32) -> Self {
+        let (width, height) = (width.max(1), height.max(1));
+        let (shown, factor) = if width > WIDEST || height > TALLEST {
+            let scale = (f64::from(WIDEST) / f64::from(width)).min(f64::from(TALLEST) / f64::from(height));
+            ([width, height].map(|side| (f64::from(side) * scale).round().max(1.0) as u32).into(), 0)
+        } else {
+            let factor = NARROWEST.div_ceil(width).min(TALLEST / height).max(1);
+            ((width * factor, height * factor), factor)
+        };
+        // The curves need room beside narrow frames.
+        let width = (MARGIN + panels * (MARGIN + shown.0)).max(2 * NARROWEST);
+        let height = HEADER + shown.1 + MARGIN + LINE_HEIGHT + Gauge::HEIGHT + MARGIN;
+        // The encoder takes even sizes.
+        Self { shown, factor, panels, size: (width.next_multiple_of(2), height.next_multiple_of(2)) }
+    }
+
+    /// The left edge of a frame.
+    fn left(&self, panel: u32) -> u32 {
+        MARGIN + panel * (MARGIN + self.shown.0)
+    }
+
+    /// The top of the text below the frames.
+    fn text(&self) -> u32 {
+        HEADER + self.shown.1 + MARGIN / 2
+    }
+}
+
+/// Writes a video of a scenario that was driven again, from its new trace, in which every frame has its images. Where it failed,
+/// the frames of the last second are marked and the very last one stays for a second. Nothing is there until it is complete.
+///
+/// # Errors
+/// Where there are no frames, or the video cannot be written.
+pub fn film(path: &Path, recorded: &Recorded, driven: &Driven, trace: &Path) -> Result<()> {
+    let steps = read_steps(trace)?;
+    let incomplete = |step: &Step| {
+        Error::new(format!("frame {} has no pictures in the trace {}", step.sequence, trace.display()))
+    };
+    let mut film: Option<Film> = None;
+    let (mut step, mut raw, mut attention): (Option<Step>, Option<FrameBuf>, Option<FrameBuf>) =
+        (None, None, None);
+    for entry in TraceReader::open(trace)? {
+        match entry? {
+            Entry::Step(next) => {
+                if let Some(before) = step.replace(next) {
+                    return Err(incomplete(&before));
+                }
+            }
+            Entry::Image(image) if image.topic == ImageTopic::Raw => raw = Some(image.decode()?),
+            Entry::Image(image) if image.topic == ImageTopic::Attention => attention = Some(image.decode()?),
+            Entry::Image(image) => {
+                let (Some(step), Some(raw)) = (step.take(), raw.take()) else { continue };
+                let pictures: Vec<FrameBuf> =
+                    [raw, image.decode()?].into_iter().chain(attention.take()).collect();
+                if film.is_none() {
+                    film = Some(Film::start(path, recorded, driven, &steps, &pictures)?);
+                }
+                if let Some(film) = &mut film {
+                    film.step(&step, &pictures)?;
+                }
+            }
+            Entry::Event(_) | Entry::Road(_) => {}
+        }
+    }
+    match (film, step) {
+        (_, Some(step)) => Err(incomplete(&step)),
+        (Some(film), None) => film.finish(&driven.outcome),
+        (None, None) => {
+            let error = driven.outcome.error.as_deref().unwrap_or("it has no frames");
+            let (number, path) = (recorded.number, path.display());
+            Err(Error::new(format!("there is nothing to see of scenario {number} for {path}: {error}")))
+        }
+    }
+}
+
+impl Film {
+    /// Begins the video of a scenario with these steps, whose frames stand side by side as these do.
+    fn start(
+        path: &Path,
+        recorded: &Recorded,
+        driven: &Driven,
+        steps: &[Step],
+        pictures: &[FrameBuf],
+    ) -> Result<Self> {
+        let Driven { outcome, rate, .. } = driven;
+        let (width, height) = (pictures[0].width() as u32, pictures[0].height() as u32);
+        let layout = Layout::new(width, height, pictures.len() as u32);
+        let (width, height) = layout.size;
+        let writer = Writer::create(path, width as usize, height as usize, *rate)?;
+        let mut base = RgbImage::from_pixel(width, height, BACKGROUND);
+        draw_in(&mut base, layout.left(0), 4, "what the camera saw", INK);
+        if layout.panels > 2 {
+            draw_in(&mut base, layout.left(2), 4, "what its network looked at", INK);
+        }
+        let largest = |value: fn(&Step) -> f64| steps.iter().map(value).fold(0.0, |a: f64, b| a.max(b.abs()));
+        let speed = (largest(|step| step.state.speed) * 1.1).max(1.0);
+        let error = (largest(|step| step.state.cross_track_error) * 1.1).max(0.5);
+        let (top, room) = (layout.text() + LINE_HEIGHT, width - 2 * MARGIN);
+        let end = outcome.time.max(1.0 / rate);
+        let gauges = [
+            ("steering", "", -1.0, 1.0),
+            ("throttle", "", -1.0, 1.0),
+            ("speed", " m/s", 0.0, speed),
+            ("cross-track error", " m", -error, error),
+        ];
+        let mut column = 0;
+        let gauges = gauges.map(|(name, unit, from, to)| {
+            let gauge = Gauge::new(name, unit, [from, to], end, column, room, [MARGIN, top]);
+            gauge.prepare(&mut base);
+            column += 1;
+            gauge
+        });
+        // Half a millisecond allows for times that are sums of rounded frame times.
+        let marked =
+            (!outcome.success).then(|| (outcome.time - MARKED_SECONDS - 0.0005, outcome.cause.text()));
+        Ok(Self {
+            writer,
+            layout,
+            title: format!("scenario {}: {}", recorded.number, recorded.short_name()),
+            perturbations: recorded.line.scenario.perturbations.clone(),
+            last: base.clone(),
+            base,
+            gauges,
+            rate: *rate,
+            marked,
+            next: 0,
+        })
+    }
+
+    /// Adds a frame, and before it those that were skipped in real time: the one before stays.
+    fn step(&mut self, step: &Step, pictures: &[FrameBuf]) -> Result<()> {
+        let Step { sequence, state, control, .. } = step;
+        self.repeat_to(*sequence)?;
+        let values = [control.steering, control.throttle, state.speed, state.cross_track_error];
+        for (gauge, value) in self.gauges.iter_mut().zip(values) {
+            gauge.draw_curve(&mut self.base, state.time, value);
+        }
+        let seen = self.seen(state.time);
+        let picture = &mut self.last;
+        picture.copy_from_slice(&self.base);
+        for (panel, frame) in (0..self.layout.panels).zip(pictures) {
+            self.layout.show(picture, self.layout.left(panel), frame.as_ref());
+        }
+        let (left, right) = (self.layout.left(0), self.layout.left(1));
+        draw_in(picture, right, 4, &seen, INK);
+        draw_in(picture, left, self.layout.text(), &self.title, INK);
+        let clock = format!("{:.2} s    frame {sequence}", state.time);
+        draw_in(picture, right, self.layout.text(), &clock, INK);
+        for (gauge, value) in self.gauges.iter().zip(values) {
+            gauge.draw_value(picture, value);
+        }
+        self.next = sequence + 1;
+        self.write(state.time)
+    }
+
+    /// Completes the video of a scenario that came to this end.
+    fn finish(mut self, outcome: &Outcome) -> Result<()> {
+        self.repeat_to(outcome.frames + outcome.skipped_frames)?;
+        if self.marked.is_some() {
+            for _ in 0..(self.rate * HELD_SECONDS).round() as u64 {
+                self.write(outcome.time)?;
+            }
+        }
+        self.writer.finish()
+    }
+
+    /// Shows the last picture again for each frame before this one.
+    fn repeat_to(&mut self, sequence: u64) -> Result<()> {
+        // Before the first frame there is nothing to show.
+        let from = if self.next == 0 { sequence } else { self.next };
+        (from..sequence).try_for_each(|skipped| self.write(skipped as f64 / self.rate))
+    }
+
+    /// Writes the last picture as that of this time in seconds.
+    fn write(&mut self, time: f64) -> Result<()> {
+        let (width, height) = (self.last.width() as usize, self.last.height() as usize);
+        match self.marked {
+            Some((from, cause)) if time >= from => {
+                let mut picture = self.last.clone();
+                self.layout.mark(&mut picture, cause);
+                self.writer.push(Frame::new(&picture, width, height).map_err(Error::new)?)
+            }
+            _ => self.writer.push(Frame::new(&self.last, width, height).map_err(Error::new)?),
+        }
+    }
+
+    /// What stands above the perturbed frame: the perturbations with their intensities at this time.
+    fn seen(&self, time: f64) -> String {
+        let perturbation = |applied: &AppliedPerturbation| match applied.level.at(time) {
+            // Intensities that change do so by small steps.
+            Some(level) if applied.level.constant().is_none() => format!("{}@{level:.2}", applied.name),
+            Some(level) => format!("{}@{level}", applied.name),
+            None => format!("{} off", applied.name),
+        };
+        match self.perturbations.is_empty() {
+            true => "what the driver saw".to_owned(),
+            false => {
+                let perturbations: Vec<_> = self.perturbations.iter().map(perturbation).collect();
+                format!("what the driver saw: {}", perturbations.join(" + "))
+            }
+        }
+    }
+}
+
+impl Layout {
+    /// Shows a frame with its left edge there.
+    fn show(&self, picture: &mut RgbImage, left: u32, frame: Frame<'_>) {
+        let (width, height) = (frame.width() as u32, frame.height() as u32);
+        if self.factor == 0 {
+            // Frames that the loop delivers have no gaps between their rows.
+            let view =
+                frame.contiguous().and_then(|data| ImageBuffer::<Rgb<u8>, _>::from_raw(width, height, data));
+            if let Some(view) = view {
+                let reduced =
+                    imageops::resize(&view, self.shown.0, self.shown.1, imageops::FilterType::Triangle);
+                imageops::replace(picture, &reduced, i64::from(left), i64::from(HEADER));
+            }
+            return;
+        }
+        // Enlarged without smoothing: a pixel of a small camera is what the driver saw.
+        let row_length = 3 * self.size.0 as usize;
+        let factor = self.factor as usize;
+        let data: &mut [u8] = picture;
+        for (y, row) in frame.rows().enumerate() {
+            let first = (HEADER as usize + y * factor) * row_length + 3 * left as usize;
+            let length = 3 * self.shown.0 as usize;
+            let line = &mut data[first..first + length];
+            for (target, pixel) in line.chunks_exact_mut(3 * factor).zip(row.chunks_exact(3)) {
+                target.chunks_exact_mut(3).for_each(|copy| copy.copy_from_slice(pixel));
+            }
+            for copy in 1..factor {
+                data.copy_within(first..first + length, first + copy * row_length);
+            }
+        }
+    }
+
+    /// Marks a picture of the last moments before a failure.
+    fn mark(&self, picture: &mut RgbImage, cause: &str) {
+        let (width, height) = self.shown;
+        for left in (0..self.panels).map(|panel| self.left(panel)) {
+            fill(picture, [left, HEADER], [width, MARK], FAILURE);
+            fill(picture, [left, HEADER + height - MARK], [width, MARK], FAILURE);
+            fill(picture, [left, HEADER], [MARK, height], FAILURE);
+            fill(picture, [left + width - MARK, HEADER], [MARK, height], FAILURE);
+        }
+        let bottom = HEADER + height - MARK - LINE_HEIGHT - 4;
+        fill(picture, [self.left(1), bottom], [width, LINE_HEIGHT + 4], FAILURE);
+        draw_in(picture, self.left(1) + MARGIN, bottom + 2, cause, WHITE);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_loop::stages::Times;
+    use pdk_model::outcome::Cause;
+    use pdk_record::trace::writer::Trace;
+    use pdk_sdk::prelude::{Control, State};
+
+    #[test]
+    fn small_cameras_are_enlarged_and_large_ones_reduced_to_even_sizes() {
+        let layout = |width, height| Layout::new(width, height, 2);
+        assert_eq!((layout(80, 60).factor, layout(80, 60).shown), (6, (480, 360)));
+        assert_eq!((layout(321, 241).factor, layout(321, 241).shown), (2, (642, 482)));
+        assert_eq!((layout(1920, 1080).factor, layout(1920, 1080).shown), (0, (960, 540)));
+        for (width, height) in [(80, 60), (321, 241), (640, 481), (961, 333), (1920, 1080)] {
+            for panels in [2, 3] {
+                let layout = Layout::new(width, height, panels);
+                let Layout { size, shown, .. } = layout;
+                assert!(size.0 % 2 == 0 && size.1 % 2 == 0);
+                assert!(layout.left(panels - 1) + shown.0 + MARGIN <= size.0);
+            }
+        }
+    }
+
+    #[test]
+    fn frames_are_shown_pixel_by_pixel() {
+        let layout = Layout::new(240, 2, 2);
+        let data: Vec<u8> = (0..240 * 2 * 3).map(|value| (value % 251) as u8).collect();
+        let frame = Frame::new(&data, 240, 2).unwrap();
+        let mut picture = RgbImage::from_pixel(layout.size.0, layout.size.1, BACKGROUND);
+        layout.show(&mut picture, layout.left(1), frame);
+        for (x, y) in [(0, 0), (1, 1), (479, 3), (240, 2)] {
+            let shown = picture.get_pixel(layout.left(1) + x, HEADER + y).0;
+            assert_eq!(shown, frame.pixel(x as usize / 2, y as usize / 2));
+        }
+        let around =
+            [(layout.left(1) - 1, HEADER), (layout.left(1) + 480, HEADER), (layout.left(1), HEADER + 4)];
+        assert!(around.iter().all(|&(x, y)| *picture.get_pixel(x, y) == BACKGROUND));
+    }
+
+    /// Steps at four frames a second, and what the two cameras saw of each.
+    fn write_trace(path: &Path, sequences: &[u64]) {
+        let mut trace = Trace::create(path, &recorded().line.id).unwrap();
+        trace.event(0.0, false, "fast").unwrap();
+        for &sequence in sequences {
+            let state = State { time: sequence as f64 / 4.0, ..State::default() };
+            trace.step(&Step { sequence, state, control: Control::default(), frame_hash: 0 }).unwrap();
+            let data = vec![20 + 10 * sequence as u8; 64 * 16 * 3];
+            let frame = Frame::new(&data, 64, 16).unwrap();
+            for topic in [ImageTopic::Raw, ImageTopic::Perturbed] {
+                trace.image(topic, sequence, state.time, frame).unwrap();
+            }
+        }
+        trace.finish().unwrap();
+    }
+
+    fn recorded() -> Recorded {
+        let value = serde_json::json!({
+            "id": "00".repeat(16), "name": "fast", "images_every": 0, "success": false, "cause": "collision",
+            "time": 2.5, "frames": 6, "skipped_frames": 5, "progress": 0.5, "mean_cross_track_error": 0.0,
+            "max_cross_track_error": 0.0, "digest": "", "scenario": {
+                "simulator": {"name": "lane"}, "driver": {"name": "x"}, "duration": 9.0, "seed": 0,
+                "mode": "realtime",
+            },
+        });
+        Recorded { number: 3, line: serde_json::from_value(value).unwrap() }
+    }
+
+    fn driven(outcome: &Outcome) -> Driven {
+        Driven { outcome: outcome.clone(), rate: 4.0, times: Times::default(), warnings: Vec::new() }
+    }
+
+    /// For each frame of a video whether it is marked, and the brightness of what the camera saw.
+    fn watch(path: &Path) -> Vec<(bool, u8)> {
+        let mut reader = pdk_video::Reader::open_file(path).unwrap();
+        let (mut planes, mut seen) = (pdk_video::Yuv420::default(), Vec::new());
+        while reader.next(&mut planes).unwrap() {
+            let mut picture = FrameBuf::new(planes.width, planes.height);
+            planes.to_rgb(picture.as_mut());
+            let [red, green, _] = picture.as_ref().pixel(MARGIN as usize + 2, HEADER as usize + 40);
+            let [brightness, ..] = picture.as_ref().pixel(MARGIN as usize + 100, HEADER as usize + 60);
+            seen.push((red > green + 50, brightness));
+        }
+        seen
+    }
+
+    #[test]
+    fn a_failure_is_marked_and_its_last_frame_is_held() {
+        let folder = tempfile::tempdir().unwrap();
+        let (trace, video) = (folder.path().join("new.mcap"), folder.path().join("clip.mp4"));
+        write_trace(&trace, &[0, 1, 2, 5, 6, 8]);
+        let recorded = recorded();
+        let mut driven = driven(&recorded.line.outcome);
+        film(&video, &recorded, &driven, &trace).unwrap();
+        let seen = watch(&video);
+        // Frames that were skipped show the one before, also those behind the last; then the last frame stays for a second.
+        let shown = [0, 1, 2, 2, 2, 5, 6, 6, 8, 8, 8, 8, 8, 8, 8].map(|sequence: u8| 20 + 10 * sequence);
+        let brightness: Vec<u8> = seen.iter().map(|(_, brightness)| *brightness).collect();
+        assert_eq!(brightness.len(), shown.len());
+        assert!(brightness.iter().zip(shown).all(|(is, was)| is.abs_diff(was) < 6), "{brightness:?}");
+        // The failure came at 2.5 s, and the second before it begins with frame 6.
+        let marked: Vec<bool> = seen.iter().map(|(marked, _)| *marked).collect();
+        assert_eq!(marked, [[false; 6].as_slice(), &[true; 9]].concat());
+
+        driven.outcome = Outcome { success: true, cause: Cause::Finished, ..driven.outcome };
+        film(&video, &recorded, &driven, &trace).unwrap();
+        let seen = watch(&video);
+        assert_eq!(seen.len(), 11);
+        assert!(seen.iter().all(|(marked, _)| !marked));
+    }
+
+    #[test]
+    fn without_frames_there_is_no_video() {
+        let folder = tempfile::tempdir().unwrap();
+        let (trace, video) = (folder.path().join("new.mcap"), folder.path().join("clip.mp4"));
+        write_trace(&trace, &[]);
+        let recorded = recorded();
+        let mut driven = driven(&recorded.line.outcome);
+        driven.outcome.error = Some("driver `x`: it aborts".to_owned());
+        let error = film(&video, &recorded, &driven, &trace).unwrap_err().to_string();
+        let expected =
+            format!("there is nothing to see of scenario 3 for {}: driver `x`: it aborts", video.display());
+        assert_eq!(error, expected);
+        // A step without its frames is no shorter video.
+        let mut incomplete = Trace::create(&trace, &recorded.line.id).unwrap();
+        for sequence in [0, 1] {
+            let (state, control) = (State::default(), Control::default());
+            incomplete.step(&Step { sequence, state, control, frame_hash: 0 }).unwrap();
+        }
+        incomplete.finish().unwrap();
+        let error = film(&video, &recorded, &driven, &trace).unwrap_err().to_string();
+        assert!(error.starts_with("frame 0 has no pictures in the trace "), "{error}");
+        assert!(!video.exists());
+    }
+}

@@ -1,0 +1,278 @@
+//! What can be concluded, and how sure it is: perturbations in groups, the levels at which they make the driver fail, and differences
+//! to a clear view and to another driver. Roads are the unit throughout.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use pdk_statistics::CONFIDENCE;
+use pdk_statistics::Estimate;
+use pdk_statistics::groups::groups;
+use pdk_statistics::level::{FailingLevel, Trial, failing_level};
+use pdk_statistics::paired::{Paired, compare};
+use serde::Serialize;
+
+use crate::tally::{Tally, by_severity, levels};
+use crate::text::{number, percent};
+use crate::view::{Drive, Verdict};
+
+/// What a share can be.
+const SHARE: (f64, f64) = (0.0, 1.0);
+
+/// What can be concluded about a drive.
+#[derive(Debug, Serialize)]
+pub struct Conclusions {
+    /// A row for each perturbation, the worst first.
+    pub rows: Vec<Row>,
+    /// The highest level that was driven.
+    pub highest: String,
+    /// How many roads there are.
+    pub roads: usize,
+    /// What differs from another driver.
+    pub others: Vec<Other>,
+}
+
+/// A perturbation.
+#[derive(Debug, Serialize)]
+pub struct Row {
+    group: usize,
+    perturbation: String,
+    failed: String,
+    share: String,
+    interval: String,
+    stopped: usize,
+    late: usize,
+    fails_at: String,
+    level_interval: String,
+    /// Less the share that failed without perturbation on the same roads.
+    difference: Difference,
+}
+
+/// A difference as a table has it.
+#[derive(Debug, Default, Serialize)]
+struct Difference {
+    value: String,
+    interval: String,
+    effect_size: String,
+    p: String,
+}
+
+/// Another driver under the same conditions.
+#[derive(Debug, Serialize)]
+pub struct Other {
+    /// The driver that is compared with.
+    driver: String,
+    /// For each perturbation that both drove, the share that failed less that of the other.
+    rows: Vec<(String, Difference)>,
+}
+
+/// What can be concluded about a drive; `all` are those of the run.
+pub fn conclusions(drive: &Drive, all: &[Drive]) -> Conclusions {
+    let order = by_severity([drive.scenarios.as_slice()]);
+    let roads = roads(drive);
+    let trials = trials(drive);
+    let nominal = Tally::of(drive.scenarios.iter().filter(|s| s.perturbation.is_none()));
+    let shares: Vec<Vec<Option<f64>>> = order.iter().map(|(_, tally)| tally.shares(&roads)).collect();
+    let groups = groups(&shares, CONFIDENCE);
+    let highest = drive.scenarios.iter().filter_map(|s| s.level).fold(0.0, f64::max);
+    let rows = order
+        .iter()
+        .zip(&shares)
+        .zip(groups)
+        .filter(|(((_, tally), _), _)| tally.judged > 0)
+        .map(|(((name, tally), shares), group)| {
+            let found = failing_level(&on_roads(&trials, name, &roads), CONFIDENCE);
+            let estimate = tally.estimate();
+            let (fails_at, level_interval) =
+                found.map_or_else(Default::default, |found| told(&found, highest));
+            Row {
+                group,
+                perturbation: name.clone(),
+                failed: format!("{} of {}", tally.failed, tally.judged),
+                share: estimate.map_or_else(String::new, |share| percent(share.value)),
+                interval: estimate.map_or_else(String::new, |share| interval(&share, percent)),
+                stopped: tally.stopped,
+                late: tally.late,
+                fails_at,
+                level_interval,
+                difference: difference(compare(shares, &nominal.shares(&roads), SHARE, CONFIDENCE)),
+            }
+        })
+        .collect();
+    let others = all
+        .iter()
+        .filter(|other| {
+            other.driver != drive.driver && other.simulator == drive.simulator && other.mode == drive.mode
+        })
+        .map(|other| Other { driver: other.driver.clone(), rows: against(drive, other, &order) })
+        .filter(|other| !other.rows.is_empty())
+        .collect();
+    Conclusions { rows, highest: crate::text::short(highest), roads: roads.len(), others }
+}
+
+/// The roads of a drive, in a fixed order.
+pub fn roads(drive: &Drive) -> Vec<String> {
+    let roads: BTreeSet<&String> = drive.scenarios.iter().map(|scenario| &scenario.road_id).collect();
+    roads.into_iter().cloned().collect()
+}
+
+/// Drives by perturbation and road, as far as they have one level; those of each seed by themselves, which had the same luck.
+pub type Trials<'a> = BTreeMap<(&'a str, &'a str), BTreeMap<u64, Vec<Trial>>>;
+
+/// The trials of a drive.
+pub fn trials(drive: &Drive) -> Trials<'_> {
+    let mut trials = Trials::new();
+    for scenario in drive.scenarios.iter().filter(|scenario| scenario.verdict != Verdict::Void) {
+        if let (Some(perturbation), Some(level)) = (&scenario.perturbation, scenario.level) {
+            let trial = Trial { level, failed: scenario.verdict.failed() };
+            let on_road = trials.entry((perturbation, &scenario.road_id)).or_default();
+            on_road.entry(scenario.seed).or_default().push(trial);
+        }
+    }
+    trials
+}
+
+/// Those of a perturbation on each of these roads, with each of their seeds.
+pub fn on_roads(trials: &Trials<'_>, perturbation: &str, roads: &[String]) -> Vec<Vec<Vec<Trial>>> {
+    let on_road = |road: &String| {
+        let of_seeds = trials.get(&(perturbation, road.as_str())).into_iter().flat_map(BTreeMap::values);
+        of_seeds.cloned().collect()
+    };
+    roads.iter().map(on_road).collect()
+}
+
+/// What two drivers differ by, over the roads that both drove.
+fn against(drive: &Drive, other: &Drive, order: &[(String, Tally)]) -> Vec<(String, Difference)> {
+    let both = [drive.scenarios.as_slice(), other.scenarios.as_slice()];
+    // Levels that one of them was not driven at may be known by those that it was.
+    let levels = levels(both);
+    let tallies = |drive: &Drive| {
+        let mut tallies: BTreeMap<String, Tally> = BTreeMap::new();
+        for scenario in &drive.scenarios {
+            if let Some(name) = &scenario.perturbation {
+                tallies.entry(name.clone()).or_insert_with(|| Tally::over(&levels)).add(scenario);
+            }
+        }
+        tallies
+    };
+    let (ours, theirs, roads) = (tallies(drive), tallies(other), roads(drive));
+    let row = |(name, _): &(String, Tally)| {
+        let (ours, theirs) = (ours.get(name)?.shares(&roads), theirs.get(name)?.shares(&roads));
+        let paired = compare(&ours, &theirs, SHARE, CONFIDENCE)?;
+        Some((name.clone(), difference(Some(paired))))
+    };
+    order.iter().filter_map(row).collect()
+}
+
+fn interval(estimate: &Estimate, written: fn(f64) -> String) -> String {
+    format!("{} to {}", written(estimate.low), written(estimate.high))
+}
+
+/// A failing level and its interval.
+pub fn told(found: &FailingLevel, highest: f64) -> (String, String) {
+    let of = |level: Option<f64>| match level {
+        Some(level) => number(level),
+        None => format!("above {}", crate::text::short(highest)),
+    };
+    let level = found.level.map_or("never".to_owned(), number);
+    let interval = match found.low {
+        Some(_) => format!("{} to {}", of(found.low), of(found.high)),
+        None => of(None),
+    };
+    (level, interval)
+}
+
+fn difference(paired: Option<Paired>) -> Difference {
+    let Some(Paired { difference, effect_size, p, .. }) = paired else { return Difference::default() };
+    let signed =
+        |share: f64| format!("{:+.0} %", share * 100.0).replace("-0 %", "0 %").replace("+0 %", "0 %");
+    Difference {
+        value: signed(difference.value),
+        interval: interval(&difference, |share| format!("{:.0} %", share * 100.0)),
+        effect_size: format!("{effect_size:.2}"),
+        p: if p < 0.001 { "< 0.001".to_owned() } else { format!("{p:.3}") },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::Scenario;
+
+    /// Ten roads, five levels: the perturbation `name` fails from a level on.
+    fn drive(driver: &str, fails: &[(&str, f64)]) -> Drive {
+        let mut scenarios = Vec::new();
+        for road in 0..10 {
+            let at = |name: Option<&str>, level: f64, failed: bool| Scenario {
+                perturbation: name.map(str::to_owned),
+                level: name.map(|_| level),
+                road_id: road.to_string(),
+                verdict: if failed { Verdict::Unsafe } else { Verdict::Passed },
+                time: 5.0,
+                ..Scenario::default()
+            };
+            scenarios.push(at(None, 0.0, false));
+            for (name, from) in fails {
+                scenarios.extend((0..5).map(f64::from).map(|level| at(Some(name), level, level >= *from)));
+            }
+        }
+        Drive { simulator: "lane".into(), driver: driver.into(), scenarios, ..Drive::default() }
+    }
+
+    #[test]
+    fn those_that_never_fail_share_a_group_and_say_how_often_they_may() {
+        let drive = drive("a", &[("fog", 2.0), ("rain", 9.0), ("snow", 9.0)]);
+        let found = conclusions(&drive, std::slice::from_ref(&drive));
+        let told: Vec<_> = found
+            .rows
+            .iter()
+            .map(|row| (row.group, row.perturbation.as_str(), row.fails_at.as_str(), row.interval.as_str()))
+            .collect();
+        assert_eq!(told[0].0, 1);
+        assert_eq!((told[0].1, told[0].2), ("fog", "1.50"));
+        assert_eq!(told[1], (2, "rain", "never", "0 % to 28 %"));
+        assert_eq!((told[2].0, told[2].1), (2, "snow"));
+        assert_eq!(found.rows[1].level_interval, "above 4");
+        assert_eq!(
+            (found.rows[0].difference.value.as_str(), found.rows[0].difference.effect_size.as_str()),
+            ("+60 %", "1.00")
+        );
+        assert_eq!(found.rows[1].difference.value, "0 %");
+        assert_eq!((found.roads, found.highest.as_str(), found.others.len()), (10, "4", 0));
+    }
+
+    #[test]
+    fn a_bisection_that_only_went_on_where_drives_failed_says_no_more_than_all_levels() {
+        // Of three repeats on each road one fails, from level 2 on.
+        let mut scenarios = Vec::new();
+        for (road, seed) in (0..8).flat_map(|road| (0..3).map(move |seed| (road, seed))) {
+            let levels: &[f64] = if seed == 0 { &[4.0, 0.0, 2.0, 1.0] } else { &[4.0] };
+            scenarios.extend(levels.iter().map(|&level| Scenario {
+                perturbation: Some("fog".into()),
+                level: Some(level),
+                road_id: road.to_string(),
+                seed,
+                verdict: if seed == 0 && level >= 2.0 { Verdict::Unsafe } else { Verdict::Passed },
+                time: 5.0,
+                ..Scenario::default()
+            }));
+        }
+        let drive = Drive { simulator: "lane".into(), driver: "a".into(), scenarios, ..Drive::default() };
+        let found = conclusions(&drive, std::slice::from_ref(&drive));
+        let row = &found.rows[0];
+        assert_eq!((row.failed.as_str(), row.share.as_str()), ("16 of 48", "20 %"));
+        assert_eq!((row.fails_at.as_str(), row.level_interval.as_str()), ("never", "above 4"));
+    }
+
+    #[test]
+    fn drivers_are_compared_where_both_drove() {
+        let (a, b) = (drive("a", &[("fog", 2.0), ("rain", 9.0)]), drive("b", &[("fog", 3.0)]));
+        let all = [a, b];
+        let found = conclusions(&all[0], &all);
+        assert_eq!(found.others.len(), 1);
+        assert_eq!((found.others[0].driver.as_str(), found.others[0].rows.len()), ("b", 1));
+        let (name, difference) = &found.others[0].rows[0];
+        assert_eq!(
+            (name.as_str(), difference.value.as_str(), difference.p.as_str()),
+            ("fog", "+20 %", "< 0.001")
+        );
+    }
+}

@@ -1,0 +1,121 @@
+//! Reads a record as a whole.
+
+use std::collections::HashSet;
+use std::io::{Read as _, Seek, SeekFrom};
+use std::path::Path;
+
+use pdk_record::directory::{MANIFEST, PERFORMANCE, RESULTS, RunDirectory, SCENARIOS, SUMMARY};
+use pdk_record::ledger::{self, Line};
+use pdk_sdk::error::{Error, Place, Result};
+use pdk_sdk::file;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use super::clips::clip_folder;
+use super::setup::{setup, title};
+use super::times::Performance;
+use super::{closed_loop, offline, search, traces};
+use crate::view::{Drive, Run};
+
+/// Failures whose last frames are shown.
+const SHOWN_FAILURES: usize = 6;
+
+/// What was read.
+#[derive(Debug)]
+pub struct Read {
+    /// What the page is about.
+    pub run: Run,
+    /// What could not be read, although the page does without it; one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Reads all that the page in this file says about a run.
+///
+/// # Errors
+/// Where the folder holds no record, the record is damaged, or nothing was recorded yet.
+pub fn read(folder: &Path, page: &Path) -> Result<Read> {
+    let directory = RunDirectory::open(folder)?;
+    let manifest = directory
+        .manifest()?
+        .ok_or_else(|| Error::new(format!("{} lost its {MANIFEST} while it was read", folder.display())))?;
+    // An offline run has no ledger.
+    let (lines, cut_off) = match folder.join(SCENARIOS).is_file() {
+        true => ledger::read(&directory)?,
+        false => (Vec::new(), false),
+    };
+    let evaluations = offline::read(&directory)?;
+    let searches = search::read(&directory, folder, &lines)?;
+    if lines.is_empty() && evaluations.is_empty() && searches.is_empty() {
+        return Err(Error::new(format!(
+            "the record in {} holds no scenario and no result yet; wait for the first, or run the pipeline again",
+            folder.display()
+        )));
+    }
+    let unfinished = unfinished(&directory, &lines, cut_off, evaluations.len())?;
+    let mut drives = closed_loop::drives(&lines, folder, &clip_folder(folder, page)?);
+    let warnings = traces::add(&directory, &lines, &mut drives, SHOWN_FAILURES);
+    let performance: Option<Performance> = json(&directory, PERFORMANCE)?;
+    let run = Run {
+        title: title(&manifest),
+        folder: folder.display().to_string(),
+        started: performance.as_ref().map(|performance| performance.started_unix_seconds),
+        unfinished,
+        setup: setup(&manifest),
+        drives,
+        evaluations,
+        searches,
+        drive_times: performance.as_ref().and_then(Performance::drive),
+        evaluate_times: performance.as_ref().map(Performance::evaluations).unwrap_or_default(),
+    };
+    Ok(Read { run, warnings })
+}
+
+/// How many scenarios a page is about.
+pub fn scenarios(run: &Run) -> usize {
+    run.drives.iter().map(|drive: &Drive| drive.scenarios.len()).sum()
+}
+
+/// A JSON file of the record; none where it is not there.
+fn json<T: DeserializeOwned>(directory: &RunDirectory, name: &str) -> Result<Option<T>> {
+    let path = directory.path().join(name);
+    let Some((mut file, _)) = file::open_if_there(&path).place(path.display())? else { return Ok(None) };
+    let mut text = Vec::new();
+    file.read_to_end(&mut text).place(path.display())?;
+    serde_json::from_slice(&text).map(Some).place(path.display())
+}
+
+/// How the record shows that its run did not come to the end: the summary is written last, and knows all lines.
+fn unfinished(
+    directory: &RunDirectory,
+    lines: &[Line],
+    cut_off: bool,
+    evaluations: usize,
+) -> Result<Option<String>> {
+    let what = "What is said here is about the part that was recorded.";
+    for (name, cut_off) in
+        [(SCENARIOS, cut_off), (RESULTS, ends_within_a_line(&directory.path().join(RESULTS)))]
+    {
+        if cut_off {
+            return Ok(Some(format!("The last line of {name} is cut off and left out. {what}")));
+        }
+    }
+    let summary: Option<Value> = json(directory, SUMMARY)?;
+    let Some(summary) = summary else {
+        return Ok(Some(format!("It has no {SUMMARY}: it was ended early or is still going on. {what}")));
+    };
+    let known = |field: &str| summary[field].as_array().map_or(&[][..], Vec::as_slice);
+    // A scenario that was asked for several times has one line, and an outcome each time.
+    let ids: HashSet<&str> = known("outcomes").iter().filter_map(|outcome| outcome["id"].as_str()).collect();
+    let same = lines.iter().all(|line| ids.contains(line.id.to_string().as_str()))
+        && known("evaluations").len() == evaluations;
+    Ok((!same).then(|| format!("Its {SUMMARY} does not know all that was recorded. {what}")))
+}
+
+/// Whether a file ends within a line.
+fn ends_within_a_line(path: &Path) -> bool {
+    let mut last = [b'\n'];
+    let Ok((mut file, _)) = file::open(path) else { return false };
+    let read = file.seek(SeekFrom::End(-1)).and_then(|_| file.read_exact(&mut last));
+    // One that is empty has no line.
+    read.is_ok() && last != [b'\n']
+}

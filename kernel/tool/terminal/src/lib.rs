@@ -1,0 +1,18 @@
+//! What a terminal shows of work that is under way.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// A progress bar on standard error with these numbers behind it; nothing where nobody reads along or it is no terminal.
+pub fn progress(quiet: bool, numbers: &str) -> ProgressBar {
+    let target = match quiet {
+        true => ProgressDrawTarget::hidden(),
+        // Draws nothing where standard error is no terminal.
+        false => ProgressDrawTarget::stderr(),
+    };
+    let bar = ProgressBar::with_draw_target(None, target);
+    if let Ok(style) = ProgressStyle::with_template(&format!("{{elapsed_precise}} [{{wide_bar}}] {numbers}"))
+    {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
+}

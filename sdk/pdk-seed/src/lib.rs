@@ -1,0 +1,13 @@
+//! Where all random numbers of pdk come from.
+//!
+//! The seed of a run gives each scenario its seed ([`of_scenario`]), a scenario's seed gives each component in it a [`Key`] ([`key`]), and
+//! a key gives any number of streams of [`Random`] numbers (ChaCha8). Nothing is drawn from a clock, a counter or an order, so the same
+//! seed gives the same numbers on every machine, whatever else is drawn beside them.
+
+#![forbid(unsafe_code)]
+
+mod derive;
+mod stream;
+
+pub use derive::{key, of_frame, of_scenario};
+pub use stream::{Key, Random, normal_quantile};
