@@ -4,7 +4,7 @@
     python3 tests/record/verify.py RECORD...
 
 It computes the id, the checksum and the digest of every line, reads every trace to its end, and compares the hashes of what the manifest
-quotes. It ends with exit code 1 and a sentence if anything differs.
+quotes. If anything differs, it prints a sentence and ends with exit code 1.
 """
 
 import json
