@@ -7,3 +7,8 @@ pub mod hypervolume;
 pub mod point;
 pub mod ranking;
 pub mod tree;
+
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -57,3 +57,8 @@ pub mod zoom;
 
 pub use frame::{Frame, FrameBuf, FrameError, FrameMut};
 pub use random::{Key, Random};
+
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
