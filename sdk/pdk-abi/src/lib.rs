@@ -40,3 +40,8 @@ pub const VERSION: u64 = 1;
 
 /// The name of the object that a plugin exports: its [`Header`].
 pub const SYMBOL: &str = "pdk_plugin";
+
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -91,3 +91,8 @@ pub fn random_road(seed: u64, purpose: &str) -> Result<Vec<[f64; 3]>> {
 pub fn ends(state: &State, criteria: &FailureCriteria) -> bool {
     state.collision || state.finished || criteria.departed(state)
 }
+
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

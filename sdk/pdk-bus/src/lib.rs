@@ -58,3 +58,8 @@ pub use service::monotonic_nanoseconds;
 pub use sweep::{sweep, sweep_run};
 pub use tap::{RunTopics, SlotTopics, Tap};
 pub use topics::{FrameLoan, FrameSample};
+
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

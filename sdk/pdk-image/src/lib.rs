@@ -174,6 +174,11 @@ pub fn write(path: &Path, frame: Frame<'_>) -> Result<()> {
     file::write(path, &encoded.into_inner()).place(&place)
 }
 
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 #[cfg(test)]
 mod tests {
     use super::*;

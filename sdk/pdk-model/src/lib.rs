@@ -23,3 +23,8 @@ pub mod search;
 pub mod selection;
 pub mod state;
 pub mod text;
+
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -55,3 +55,8 @@ pub mod white_balance;
 pub mod zoom;
 
 pub use frame::{Frame, FrameBuf, FrameError, FrameMut};
+
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -115,6 +115,11 @@ pub fn distance(a: Point, b: Point) -> f64 {
     (dx * dx + dz * dz).sqrt()
 }
 
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 #[cfg(test)]
 mod tests {
     use super::*;

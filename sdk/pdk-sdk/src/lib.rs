@@ -1,37 +1,4 @@
-//! What a pdk plugin is written against.
-//!
-//! A plugin is a dynamic library that carries components: perturbations, simulators, drivers, saliency methods,
-//! search strategies and dataset readers. An author writes a plain Rust type for each, implements the trait of
-//! its kind, and lists the types in one [`export!`]:
-//!
-//! ```
-//! use pdk_sdk::prelude::*;
-//!
-//! /// Mirrors the frame left to right.
-//! struct Mirror;
-//!
-//! impl Component for Mirror {
-//!     fn description() -> Description {
-//!         Description::perturbation("mirror", "Mirrors the frame left to right").family("example")
-//!     }
-//!     fn new(_config: &Config) -> Result<Self> {
-//!         Ok(Mirror)
-//!     }
-//! }
-//!
-//! impl Perturbation for Mirror {
-//!     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, _cx: &Context<'_>) -> Result<()> {
-//!         for y in 0..src.height() {
-//!             for x in 0..src.width() {
-//!                 dst.set_pixel(x, y, src.pixel(src.width() - 1 - x, y));
-//!             }
-//!         }
-//!         Ok(())
-//!     }
-//! }
-//!
-//! pdk_sdk::export! { perturbations: [Mirror] }
-//! ```
+#![doc = include_str!("../README.md")]
 //!
 //! The SDK takes care of the rest: the interface that crosses the library boundary and its version check, panics
 //! (they become errors inside the plugin and never reach the host), parameter checks, and the [`testing`] kit. The values

@@ -11,3 +11,8 @@ mod stream;
 
 pub use derive::{key, of_frame, of_scenario};
 pub use stream::{Key, Random, normal_quantile};
+
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

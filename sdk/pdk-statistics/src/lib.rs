@@ -54,3 +54,8 @@ mod signs;
 pub mod tree;
 
 pub use estimate::{CONFIDENCE, Estimate};
+
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -16,3 +16,8 @@ pub use assembly::has_assembly;
 pub use convert::Yuv420;
 pub use reader::{Container, Input, Opened, Reader, container, only_h264};
 pub use writer::Writer;
+
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -60,7 +60,8 @@ pub fn frame<'a>(py: Python<'_>, array: &'a PyReadonlyArray3<'_, u8>) -> PyResul
     // SAFETY: from its first value to its last an array is one allocation, which the borrow keeps, and `stride` was found to be
     // that of its rows. As for every function of numpy, it is up to the caller not to write to it from another thread.
     let bytes = unsafe { std::slice::from_raw_parts(array.data(), length) };
-    Frame::with_stride(bytes, width, height, stride).map_err(|error| raise(py, &pdk_sdk::error::Error::new(error)))
+    Frame::with_stride(bytes, width, height, stride)
+        .map_err(|error| raise(py, &pdk_sdk::error::Error::new(error)))
 }
 
 /// A new array of this shape, all of which has to be written.

@@ -52,6 +52,8 @@ fn what_the_documents_point_to_is_there() {
         "docs/session-protocol.md",
         "docs/worker-protocol.md",
         "docs/python.md",
+        "docs/record.md",
+        "docs/STYLE.md",
         "docs/generative.md",
         "docs/simulators/beamng.md",
         "docs/simulators/carla.md",
@@ -59,6 +61,12 @@ fn what_the_documents_point_to_is_there() {
         "docs/simulators/udacity.md",
     ] {
         check_links(&repository().join(name));
+    }
+    for part in std::fs::read_dir(repository().join("sdk")).unwrap() {
+        let readme = part.unwrap().path().join("README.md");
+        if readme.is_file() {
+            check_links(&readme);
+        }
     }
 }
 
