@@ -59,6 +59,11 @@ mod tests {
     /// Tells the child which ending is its own.
     const ENDING: &str = "MISBEHAVE_TEST_ENDING";
 
+    /// The path of a test of this module, as the program takes it: without the name of the program.
+    fn path_of(test: &str) -> String {
+        format!("{}::{test}", module_path!().split_once("::").unwrap().1)
+    }
+
     #[test]
     fn every_ending_is_the_one_that_it_is_called() {
         if let Ok(name) = std::env::var(ENDING) {
@@ -73,7 +78,7 @@ mod tests {
             ("quit", None),
         ] {
             let mut child = Command::new(std::env::current_exe().unwrap());
-            child.args(["--exact", "ending::tests::every_ending_is_the_one_that_it_is_called"]);
+            child.arg("--exact").arg(path_of("every_ending_is_the_one_that_it_is_called"));
             let status =
                 child.env(ENDING, name).stdout(Stdio::null()).stderr(Stdio::null()).status().unwrap();
             assert_eq!(status.signal(), signal, "{name}");

@@ -146,10 +146,15 @@ mod tests {
     /// Tells the child what to do to itself.
     const WAY: &str = "MISBEHAVE_TEST_WAY";
 
+    /// The path of a test of this module, as the program takes it: without the name of the program.
+    fn path_of(test: &str) -> String {
+        format!("{}::{test}", module_path!().split_once("::").unwrap().1)
+    }
+
     /// A process that does this to itself, and then tells how it is.
     fn command(way: &str) -> Command {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", "--nocapture", "process::tests::every_way_does_what_it_is_called"]);
+        command.args(["--exact", "--nocapture", &path_of("every_way_does_what_it_is_called")]);
         command.env(WAY, way).env_remove("LC_ALL");
         command
     }
