@@ -97,7 +97,8 @@ def made(record):
     manifest = json.loads((record / "manifest.json").read_text())
     engines = set()
     for line in (record / "scenarios.jsonl").open():
-        engines.add(json.loads(line)["scenario"]["driver"]["parameters"]["engine"])
+        driver = json.loads(line)["scenario"]["driver"]
+        engines.add(driver.get("parameters", {}).get("engine", "no network"))
     versions = {component["name"]: component["version"] for component in manifest["components"]}
     fields = {key: manifest[key] for key in ("pdk", "seed", "settings", "machine")}
     return {**fields, "engines": sorted(engines), "components": versions}
