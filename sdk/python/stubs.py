@@ -9,6 +9,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import textwrap
 from pathlib import Path
 
@@ -56,8 +57,10 @@ def main():
 
 def described(executable):
     """The descriptions of pdk's own perturbations."""
-    alone = {**os.environ, "XDG_DATA_HOME": "/nonexistent", "PDK_PLUGIN_PATH": ""}
-    listed = subprocess.run([executable, "list", "perturbation", "--json"], env=alone, stdout=subprocess.PIPE, check=True)
+    command = [executable, "list", "perturbation", "--json"]
+    with tempfile.TemporaryDirectory() as nothing:
+        alone = {**os.environ, "XDG_DATA_HOME": nothing, "PDK_PLUGIN_PATH": ""}
+        listed = subprocess.run(command, env=alone, stdout=subprocess.PIPE, check=True)
     return [entry["description"] for entry in json.loads(listed.stdout)]
 
 

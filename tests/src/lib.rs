@@ -21,6 +21,7 @@ pub mod stand_in;
 pub mod tried;
 
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 pub use process::{Finished, Pdk};
 
@@ -103,6 +104,12 @@ pub fn real_data(name: &str) -> Option<PathBuf> {
         eprintln!("skipped: no real data at {} (set PDK_TEST_DATA)", root.join(name).display());
     }
     found
+}
+
+/// A path at which nothing exists while the tests run. A fixed path would not do, because somebody may have created it.
+pub fn nothing() -> &'static Path {
+    static NOTHING: LazyLock<PathBuf> = LazyLock::new(|| temp().path().join("nothing"));
+    &NOTHING
 }
 
 /// A temporary folder that is removed when it is dropped.

@@ -14,8 +14,7 @@ use pdk_record::trace::step::{Digest, Step};
 use pdk_record::trace::writer::Trace;
 use serde_json::Value;
 
-/// No record of a test takes longer to come to what is waited for.
-const LIMIT: Duration = Duration::from_secs(120);
+use crate::process::LIMIT;
 
 /// The trace of a scenario, of which this is the line in `scenarios.jsonl`.
 ///
@@ -160,7 +159,7 @@ pub fn lines(path: &Path) -> usize {
 /// Waits until a record has so many scenarios, or the process that writes it has ended.
 ///
 /// # Panics
-/// Where neither happens in two minutes.
+/// If neither happens within [`LIMIT`].
 pub fn wait_for_scenarios(child: &mut Child, record: &Path, count: usize) {
     wait_for_lines(child, &record.join(SCENARIOS), count);
 }
@@ -168,7 +167,7 @@ pub fn wait_for_scenarios(child: &mut Child, record: &Path, count: usize) {
 /// Waits until a file has so many lines, or the process that writes it has ended.
 ///
 /// # Panics
-/// Where neither happens in two minutes.
+/// If neither happens within [`LIMIT`].
 pub fn wait_for_lines(child: &mut Child, path: &Path, count: usize) {
     let started = Instant::now();
     while lines(path) < count && child.try_wait().unwrap().is_none() {

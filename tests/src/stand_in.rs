@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::built;
+use crate::process::LIMIT;
 
 /// A stand-in, which ends when this is dropped.
 pub struct StandIn {
@@ -67,7 +68,7 @@ pub fn listen(port: u16) -> TcpListener {
     loop {
         match TcpListener::bind(("127.0.0.1", port)) {
             Ok(listener) => return listener,
-            Err(error) => assert!(began.elapsed() < Duration::from_secs(5), "port {port}: {error}"),
+            Err(error) => assert!(began.elapsed() < LIMIT, "port {port}: {error}"),
         }
         std::thread::sleep(Duration::from_millis(10));
     }

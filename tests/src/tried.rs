@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use crate::process::{Finished, Pdk, json_lines, pipeline};
+use crate::process::{Finished, LIMIT, Pdk, json_lines, pipeline};
 use crate::processes::{BusFolder, comes_true};
 use crate::stand_in::{free_ports, program};
 use crate::{repository, temp};
@@ -62,7 +62,7 @@ pub fn run_at(bus: &BusFolder, source: &str, settings: &[(&str, &str)]) -> Tried
     let began = Instant::now();
     let finished = command.run();
     let took = began.elapsed();
-    assert!(comes_true(Duration::from_secs(5), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
     assert!(bus.left().is_empty(), "{:?}", bus.left());
     let tried = Tried { finished, took, lines: lines_of(&out) };
     if std::env::var_os("PDK_SHOW").is_some() {

@@ -172,8 +172,8 @@ mod tests {
             message(start("echo 'clip.mkv: Invalid data found' >&2; exit 1")),
             "ffmpeg cannot decode it whole: clip.mkv: Invalid data found"
         );
-        let absent =
-            Ffmpeg::start(Path::new("/nonexistent/ffmpeg"), Path::new("clip.mkv"), "Matroska or WebM");
+        let folder = tempfile::tempdir().unwrap();
+        let absent = Ffmpeg::start(&folder.path().join("ffmpeg"), Path::new("clip.mkv"), "Matroska or WebM");
         assert_eq!(
             message(absent),
             "it is Matroska or WebM, which needs the program ffmpeg, and there is none on the PATH; install ffmpeg, or \

@@ -2,12 +2,14 @@
 
 import os
 import subprocess
+import tempfile
 
 import numpy
 import pytest
 
-# Nothing of the user's.
-os.environ["XDG_DATA_HOME"] = "/nonexistent"
+# Nothing of the user's: the folder is empty, and is removed at the end.
+NOTHING = tempfile.TemporaryDirectory()
+os.environ["XDG_DATA_HOME"] = NOTHING.name
 os.environ.pop("PDK_PLUGIN_PATH", None)
 
 import pdk  # noqa: E402

@@ -7,6 +7,7 @@ use pdk_tests::{Pdk, repository, temp};
 
 /// The trained drivers come to the end of a road of the study in every light, with and without a vehicle ahead.
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_trained_drivers_keep_the_lane_and_their_distance() {
     let folder = temp();
     let source = r#"

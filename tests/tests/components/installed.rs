@@ -36,6 +36,7 @@ fn user(home: &Path, arguments: &[&str]) -> Pdk {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_new_plugin_is_built_checked_installed_and_used() {
     let home = temp();
     let home = home.path();
@@ -82,6 +83,7 @@ fn a_new_plugin_is_built_checked_installed_and_used() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_new_simulator_and_a_new_driver_drive_together_and_a_replay_says_where_to_get_them() {
     let home = temp();
     let home = home.path();
@@ -146,6 +148,7 @@ fn a_new_simulator_and_a_new_driver_drive_together_and_a_replay_says_where_to_ge
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn a_new_adapter_drives_the_simulator_of_its_test() {
     let home = temp();
     let home = home.path();

@@ -218,13 +218,13 @@ fn who_hangs_or_ends_the_process_is_named_and_the_run_goes_on() {
         (
             "hang_in_apply",
             "late",
-            "has not come back for 2 s (the limit is raised with --set patience=SECONDS)",
+            "has not come back for 1 s (the limit is raised with --set patience=SECONDS)",
         ),
         ("exit_in_apply", "lost", "ended the process with exit code 0 (a component has to return an error"),
         ("segfault_in_apply", "lost", "was ended by signal 11 (SIGSEGV, memory that it may not use)"),
         ("abort_in_apply", "lost", "was ended by signal 6 (SIGABRT, it aborted)"),
     ] {
-        let run = three_scenarios("perturbation", how, &[("perturbation.at", "7"), ("patience", "2")]);
+        let run = three_scenarios("perturbation", how, &[("perturbation.at", "7"), ("patience", "1")]);
         let who = format!("in `apply` at frame 7 {said}");
         says(&run, 1, &["1 of 3 scenarios", "scenario 1 `second`: perturbation `misbehave@0", &who]);
         assert_eq!(causes(&run), ["finished", "error", "finished"], "{how}");
@@ -238,7 +238,7 @@ fn who_hangs_or_ends_the_process_is_named_and_the_run_goes_on() {
     for (who, how) in
         [("driver", "exit_in_drive"), ("simulator", "hang_in_frame"), ("simulator", "exit_in_act")]
     {
-        let run = three_scenarios(who, how, &[("patience", "2")]);
+        let run = three_scenarios(who, how, &[("patience", "1")]);
         let function = how.split_once("_in_").unwrap().1;
         says(&run, 1, &["3 of 3 scenarios", &format!("{who} `misbehave` in `{function}` at frame 0 ")]);
         assert_eq!(causes(&run), ["error"; 3], "{who} {how}");
@@ -385,7 +385,7 @@ fn offline_a_panic_costs_the_frame_at_hand_only() {
 
 #[test]
 fn check_finds_every_misbehaviour() {
-    let report = Pdk::new(["check", "--json", "--patience", "1.5"]).arg(test_library("misbehave")).run();
+    let report = Pdk::new(["check", "--json", "--patience", "0.7"]).arg(test_library("misbehave")).run();
     assert_eq!(report.code, Some(1), "{}", report.stderr);
     let json = report.json();
     assert_eq!(json["components"].as_array().unwrap().len(), 6);
@@ -403,7 +403,7 @@ fn check_finds_every_misbehaviour() {
             name if good || name.contains("_camera\"") => "",
             name if name.contains("panic_in") => "panicked",
             name if name.contains("exit_in") => "the plugin ended the process (exit status: 0)",
-            name if name.contains("hang_in") => "has not come back for 1.5 s",
+            name if name.contains("hang_in") => "has not come back for 0.7 s",
             _ => "",
         };
         assert!(failure.as_str().unwrap_or_default().contains(expected), "{name}: {failure}");

@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
 
 use pdk_tests::process::{json_lines, pipeline};
 use pdk_tests::{Pdk, pictures, repository, temp};
@@ -421,14 +420,12 @@ fn a_pipeline_that_fails_says_where() {
 fn a_script_that_runs_away_is_stopped() {
     let folder = temp();
     let run = |source: &str| Pdk::new(["run"]).arg(pipeline(folder.path(), source)).folder(folder.path());
-    let started = Instant::now();
     run("while true do end")
         .env("PDK_SCRIPT_SECONDS", "0.2")
         .fail(1, &["pipeline.lua:1", "0.2 s", "PDK_SCRIPT_SECONDS"]);
     run("pcall(function() while true do end end)\nwhile true do end")
         .env("PDK_SCRIPT_SECONDS", "0.2")
         .fail(1, &["0.2 s"]);
-    assert!(started.elapsed() < Duration::from_secs(20));
     run("local t = {} while true do table.insert(t, string.rep('x', 1000000) .. #t) end")
         .env("PDK_SCRIPT_SECONDS", "30")
         .env("PDK_SCRIPT_MEGABYTES", "32")

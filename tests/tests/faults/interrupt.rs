@@ -1,11 +1,12 @@
 //! Ctrl-C, TERM and scripts that do not end: what is in flight is finished, what is recorded is whole, and goes on later.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::Child;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use pdk_tests::process::{json_file, json_lines, pipeline};
+use pdk_tests::process::{LIMIT, json_file, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true, ended_within, signal};
 use pdk_tests::records::{assert_equal, files, lines, partial, wait_for_lines, wait_for_scenarios};
 use pdk_tests::{Pdk, datasets, temp};
@@ -41,21 +42,19 @@ fn run(script: &Path, out: &Path) -> Pdk {
     Pdk::new(["run", "--workers", "2", "--out"]).arg(out).arg(script)
 }
 
-/// Waits for the end of a run that was told to end; the exit code, what it said as its error, and how long it took.
+/// Waits for the end of a run that was told to end; the exit code, and what it reported as its error.
 #[track_caller]
-fn end(mut child: Child, limit: Duration) -> (Option<i32>, Vec<String>, Duration) {
-    let started = Instant::now();
-    let status = ended_within(&mut child, limit);
+fn end(mut child: Child) -> (Option<i32>, Vec<String>) {
+    let status = ended_within(&mut child, LIMIT);
     if status.is_none() {
         child.kill().unwrap();
     }
-    let took = started.elapsed();
     let output = child.wait_with_output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
-    let status = status.unwrap_or_else(|| panic!("it has not ended after {} s: {stderr}", limit.as_secs()));
+    let status = status.unwrap_or_else(|| panic!("it has not ended after {} s: {stderr}", LIMIT.as_secs()));
     let said =
         stderr.lines().filter_map(|line| line.strip_prefix("pdk: error: ")).map(str::to_owned).collect();
-    (status.code(), said, took)
+    (status.code(), said)
 }
 
 /// Makes sure that a record that was broken off has a whole trace for each line, and nothing else. How many lines it has.
@@ -95,7 +94,7 @@ fn the_first_interrupt_lets_what_is_in_flight_finish() {
         wait_for_scenarios(&mut child, &out, 4);
         signal(&child, Signal::INT);
         let at_signal = lines(&out.join("scenarios.jsonl"));
-        let (code, said, _) = end(child, Duration::from_secs(60));
+        let (code, said) = end(child);
         assert_eq!(code, Some(130), "{name}: {said:?}");
         assert_eq!(said.len(), 1, "{name}: {said:?}");
         assert!(said[0].contains(SAID), "{name}: {said:?}");
@@ -107,11 +106,7 @@ fn the_first_interrupt_lets_what_is_in_flight_finish() {
         );
         let summary = json_file(&out.join("summary.json"));
         assert_eq!(summary["outcomes"].as_array().unwrap().len(), recorded, "{name}: {summary}");
-        assert!(
-            comes_true(Duration::from_secs(2), || bus.processes().is_empty()),
-            "{name}: {:?}",
-            bus.processes()
-        );
+        assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{name}: {:?}", bus.processes());
         assert_eq!(bus.left(), Vec::<PathBuf>::new(), "{name}");
         let ran = run(&script, &out).succeed();
         let kept = format!("{recorded} of 24 scenarios were in the record already");
@@ -144,8 +139,8 @@ fn the_second_interrupt_and_term_drop_what_is_in_flight() {
         let out = folder.path().join(name);
         let mut child = run(&script, &out).misbehave().env(variable, value).spawn();
         wait_for_scenarios(&mut child, &out, 4);
-        // Both workers are at it.
-        std::thread::sleep(Duration::from_millis(700));
+        // Both workers are at it: the traces of the short scenarios are whole by now.
+        assert!(comes_true(LIMIT, || partial(&out).len() == 2), "{name}: {:?}", partial(&out));
         if code == 130 {
             signal(&child, Signal::INT);
             assert!(
@@ -156,17 +151,13 @@ fn the_second_interrupt_and_term_drop_what_is_in_flight() {
         } else {
             signal(&child, Signal::TERM);
         }
-        let (found, said, took) = end(child, Duration::from_secs(30));
+        let (found, said) = end(child);
         assert_eq!(found, Some(code), "{name}: {said:?}");
         assert!(said.len() == 1 && said[0].contains(SAID), "{name}: {said:?}");
-        assert!(took < Duration::from_secs(8), "{name}: it took {} s", took.as_secs_f64());
+        // What was dropped has no line, as it would have if the run had waited until its patience with the driver was over.
         assert_eq!(is_whole(&out), 4);
         assert!(out.join("summary.json").is_file());
-        assert!(
-            comes_true(Duration::from_secs(3), || bus.processes().is_empty()),
-            "{name}: {:?}",
-            bus.processes()
-        );
+        assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{name}: {:?}", bus.processes());
         assert_eq!(bus.left(), Vec::<PathBuf>::new(), "{name}");
     }
     // What is there is what a run has that was never interrupted.
@@ -187,7 +178,7 @@ fn a_run_that_has_hardly_begun_can_be_ended() {
         let child = run(&script, &out).env(variable, value).spawn();
         std::thread::sleep(Duration::from_millis(number * 25));
         signal(&child, sent);
-        let (found, said, _) = end(child, Duration::from_secs(20));
+        let (found, said) = end(child);
         // Before it watches for signals, they end it like any program.
         assert!(
             found == Some(code) && said.len() == 1 || found.is_none() && said.is_empty(),
@@ -198,7 +189,7 @@ fn a_run_that_has_hardly_begun_can_be_ended() {
             assert!(found.is_none() || partial(&out).is_empty(), "{number}: {:?}", partial(&out));
         }
     }
-    assert!(comes_true(Duration::from_secs(3), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
     assert_eq!(bus.left(), Vec::<PathBuf>::new());
 }
 
@@ -221,9 +212,9 @@ fn what_is_dropped_keeps_what_an_earlier_process_recorded() {
         let mut child =
             Pdk::new(["run", "--workers", workers, "--out"]).arg(&out).arg(&script).misbehave().spawn();
         wait_for_scenarios(&mut child, &out, 1);
-        assert!(comes_true(Duration::from_secs(60), || !partial(&out).is_empty()), "nothing is driven");
+        assert!(comes_true(LIMIT, || !partial(&out).is_empty()), "nothing is driven");
         signal(&child, Signal::TERM);
-        let (code, said, _) = end(child, Duration::from_secs(30));
+        let (code, said) = end(child);
         assert_eq!(code, Some(143), "{said:?}");
         assert_eq!(is_whole(&out), 1);
         let mut found = files(&out);
@@ -247,7 +238,7 @@ fn a_terminated_run_goes_on() {
         let mut child = run(&script, &out).spawn();
         wait_for_scenarios(&mut child, &out, count);
         signal(&child, Signal::TERM);
-        let (code, said, _) = end(child, Duration::from_secs(30));
+        let (code, said) = end(child);
         assert_eq!(code, Some(143), "{said:?}");
         assert!((count..24).contains(&is_whole(&out)));
     }
@@ -260,25 +251,24 @@ fn a_script_that_does_not_end_is_ended() {
     let folder = temp();
     let endless = pipeline(
         folder.path(),
-        "local count = 0\nlocal function spin()\n  while true do\n    count = count + 1\n  end\nend\nspin()\n",
+        "local count = 0\nlocal function spin()\n  while true do\n    count = count + 1\n  end\nend\npdk.table({ 'begun' }, {}) spin()\n",
     );
     for (sent, code) in [(Signal::INT, 130), (Signal::TERM, 143)] {
-        let child = run(&endless, &folder.path().join("never")).spawn();
-        std::thread::sleep(Duration::from_millis(1500));
+        let mut child = run(&endless, &folder.path().join("never")).spawn();
+        // The table shows that the script is at work.
+        let mut output = BufReader::new(child.stdout.take().unwrap()).lines();
+        assert!(output.any(|line| line.unwrap().contains("begun")));
         signal(&child, sent);
-        let (found, said, took) = end(child, Duration::from_secs(20));
+        let (found, said) = end(child);
         assert_eq!(found, Some(code), "{said:?}");
         assert!(said.len() == 1 && said[0].contains("the run was interrupted"), "{said:?}");
-        assert!(took < Duration::from_secs(5), "it took {} s", took.as_secs_f64());
     }
     // By its own time limit, with the line at which it was.
-    let started = Instant::now();
     let said = run(&endless, &folder.path().join("limit"))
         .env("PDK_SCRIPT_SECONDS", "1")
         .fail(1, &["pipeline.lua:"]);
     assert!(["pipeline.lua:3", "pipeline.lua:4"].iter().any(|line| said.contains(line)), "{said}");
     assert!(said.contains("1 s") && said.contains("PDK_SCRIPT_SECONDS"), "{said}");
-    assert!(started.elapsed() < Duration::from_secs(15));
 
     // The time that scenarios take is not the script's.
     let patient = pipeline(
@@ -338,7 +328,7 @@ fn an_evaluation_that_is_killed_or_interrupted_goes_on() {
         wait_for_lines(&mut child, &results, count);
         if number == 1 {
             signal(&child, Signal::INT);
-            let (code, said, _) = end(child, Duration::from_secs(30));
+            let (code, said) = end(child);
             assert_eq!(code, Some(130), "{said:?}");
             assert!(said.len() == 1 && said[0].contains(SAID), "{said:?}");
         } else {

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-use pdk_tests::process::pipeline;
+use pdk_tests::process::{LIMIT, pipeline};
 use pdk_tests::processes::{self, BusFolder, Process, comes_true, ended_within, shared_memory};
 use pdk_tests::random::Random;
 use pdk_tests::records::{difference, files, lines, partial};
@@ -268,7 +268,7 @@ fn round(setting: &Setting, random: &mut Random, met: &mut Met) -> Result<(), St
     if !left.is_empty() {
         return fail(format!("left in the folder for temporary files: {left:?}"));
     }
-    if !comes_true(Duration::from_secs(2), || bus.processes().is_empty()) {
+    if !comes_true(LIMIT, || bus.processes().is_empty()) {
         return fail(format!("left processes: {:?}", bus.processes()));
     }
     if !bus.left().is_empty() {

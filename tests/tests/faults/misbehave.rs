@@ -144,7 +144,7 @@ struct Ran {
 
 fn run(folder: &Path, script: &Path, name: &str, set: &[(&str, &str)]) -> Ran {
     let out = folder.join(name);
-    let mut command = Pdk::new(["run", "--workers", "2", "--out"]).arg(&out).arg(script).misbehave();
+    let mut command = Pdk::new(["run", "--out"]).arg(&out).arg(script).misbehave().set("workers", 2);
     for (key, value) in set {
         command = command.set(key, value);
     }
@@ -245,7 +245,9 @@ fn whoever_panics_or_ends_the_process_has_a_line_that_says_so() {
 
 #[test]
 fn whoever_does_not_come_back_has_a_line_that_says_so() {
-    drive(&in_every_function(&[("hang", "late", "has not come back for 1 s")]), &[("patience", "1")]);
+    // A worker that waits for what hangs has nothing to do, so there may be more of them.
+    let set = [("patience", "1"), ("workers", "6")];
+    drive(&in_every_function(&[("hang", "late", "has not come back for 1 s")]), &set);
 }
 
 #[test]

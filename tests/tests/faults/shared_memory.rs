@@ -1,6 +1,6 @@
 //! Another program writes nonsense into the shared memory of a run, again and again: it costs scenarios, and never the run.
 //!
-//! `PDK_DAMAGE` sets the number of rounds, and `PDK_DAMAGE_SEED` where their bytes are drawn from.
+//! `PDK_DAMAGE` sets how many damages are done, and `PDK_DAMAGE_SEED` where their bytes are drawn from.
 
 use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom, Write};
@@ -8,7 +8,7 @@ use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::process::{LIMIT, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true, ended_within, shared_memory};
 use pdk_tests::random::Random;
 use pdk_tests::{Pdk, temp};
@@ -19,6 +19,10 @@ const SCENARIOS: usize = 24;
 const HANGS: Duration = Duration::from_secs(120);
 /// Between one damage and the next.
 const PAUSE: Duration = Duration::from_millis(15);
+/// Damages to be done if nobody says how many. A run lasts for some tens of them, or for fewer on a quick machine, which then needs more runs.
+const DAMAGES: usize = 40;
+/// More runs than this are not needed even if each is damaged only once.
+const MOST_ROUNDS: usize = 2 * DAMAGES;
 
 const SOURCE: &str = r#"
     local scenarios = {}
@@ -54,7 +58,7 @@ fn damage(path: &Path, random: &mut Random) -> bool {
 #[test]
 fn nonsense_in_shared_memory_costs_scenarios_and_never_the_run() {
     let number = |name: &str| std::env::var(name).ok().map(|text| text.parse::<usize>().unwrap());
-    let rounds = number("PDK_DAMAGE").unwrap_or(2);
+    let wanted = number("PDK_DAMAGE").unwrap_or(DAMAGES);
     let mut random = Random::new(number("PDK_DAMAGE_SEED").unwrap_or(1) as u64);
     let folder = temp();
     let script = pipeline(folder.path(), SOURCE);
@@ -62,7 +66,9 @@ fn nonsense_in_shared_memory_costs_scenarios_and_never_the_run() {
         let (variable, value) = bus.variable();
         Pdk::new(["run", "--workers", "2", "--out"]).arg(out).arg(&script).env(variable, value)
     };
-    for round in 0..rounds {
+    let (mut round, mut done) = (0, 0);
+    while round < 2 || done < wanted {
+        assert!(round < MOST_ROUNDS.max(wanted), "only {done} damages in {round} runs");
         let bus = BusFolder::new();
         let out = folder.path().join(format!("damaged-{round}"));
         let mut child = run(&out, &bus).spawn();
@@ -79,7 +85,6 @@ fn nonsense_in_shared_memory_costs_scenarios_and_never_the_run() {
         let status = ended_within(&mut child, HANGS).unwrap();
         let output = child.wait_with_output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr);
-        assert!(damages >= 5, "round {round}: only {damages} damages, so nothing was tried");
         // 1 where scenarios were lost.
         assert!(
             matches!(status.code(), Some(0 | 1)),
@@ -94,8 +99,9 @@ fn nonsense_in_shared_memory_costs_scenarios_and_never_the_run() {
         let behind = folder.path().join(format!("behind-{round}"));
         run(&behind, &bus).set("scenarios", 2).succeed();
         assert!(json_lines(&behind.join("scenarios.jsonl")).iter().all(|line| line["cause"] != "error"));
-        assert!(comes_true(Duration::from_secs(2), || bus.processes().is_empty()), "{:?}", bus.processes());
+        assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
         assert!(bus.left().is_empty(), "round {round}: left {:?}", bus.left());
         assert!(shared_memory(&buses).is_empty(), "round {round}: left {:?}", shared_memory(&buses));
+        (round, done) = (round + 1, done + damages);
     }
 }

@@ -146,6 +146,7 @@ const FRAMES: &str = r#"
 "#;
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_default_map_beats_itself_in_other_places_on_every_network() {
     let folder = temp();
     let record = folder.path().join("record");

@@ -18,8 +18,14 @@ use pdk_sdk::prelude::{Control, FrameBuf, Scenario};
 use pdk_tests::real_data;
 use serde_json::{Map, Value};
 
-/// Intensities from 0 to 4 in steps of a quarter.
-const STEPS: usize = 16;
+/// What is looked at.
+struct Look {
+    frames: Vec<FrameBuf>,
+    /// The steps in which the intensity goes from 0 to 4.
+    steps: usize,
+    /// At most so many moments of what moves.
+    moments: usize,
+}
 
 /// A step may fall back by this share of the whole range: chance, and levels that cannot be told apart.
 const TOLERANCE: f64 = 0.02;
@@ -41,7 +47,7 @@ const SEVERITIES: &str = "imagenet_c";
 /// Moves of the whole picture: the squared difference grows, but structure is lost all at once and comes back by chance.
 const MOVES: &[&str] = &["reflection_filter", "scale_image", "shear_image", "translate_image"];
 
-fn frames(registry: &Registry) -> Vec<FrameBuf> {
+fn simulated_frames(registry: &Registry) -> Vec<FrameBuf> {
     let size = [("width", 200), ("height", 150)].map(|(name, size)| (name.to_owned(), Value::from(size)));
     let (mut simulator, _) = registry.simulator("lane", &Map::from_iter(size)).unwrap();
     let mut frames = Vec::new();
@@ -54,11 +60,6 @@ fn frames(registry: &Registry) -> Vec<FrameBuf> {
             simulator.act(Control { steering: 0.0, throttle: 0.3 }).unwrap();
         }
         frames.push(frame);
-    }
-    for name in ["road/solidYellowLeft.jpg", "road/whiteCarLaneSwitch.jpg"] {
-        if let Some(file) = real_data(name) {
-            frames.push(picture::to_frame(picture::scaled(&pdk_image::read(&file).unwrap(), 240)).unwrap());
-        }
     }
     frames
 }
@@ -74,23 +75,24 @@ fn perturbed(registry: &Registry, shown: &Shown, level: f64, source: &FrameBuf, 
 }
 
 /// Frames at which a perturbation is looked at: some where it moves, and shows then. Lightning does not strike always.
-fn moments(registry: &Registry, shown: &Shown, source: &FrameBuf) -> Vec<u64> {
+fn moments(registry: &Registry, shown: &Shown, look: &Look) -> Vec<u64> {
+    let source = &look.frames[0];
     let shows = |moment: &u64| perturbed(registry, shown, 4.0, source, *moment) != *source;
     match shown.description.temporal {
         Temporal::Static => vec![40],
-        Temporal::Dynamic => (40..600).step_by(55).filter(shows).take(3).collect(),
+        Temporal::Dynamic => (40..600).step_by(55).filter(shows).take(look.moments).collect(),
     }
 }
 
 /// Mean squared difference and loss of structural similarity at each intensity, over all frames and, for what moves, some
 /// moments.
-fn strengths(registry: &Registry, shown: &Shown, frames: &[FrameBuf]) -> [Vec<f64>; 2] {
-    let moments = moments(registry, shown, &frames[0]);
+fn strengths(registry: &Registry, shown: &Shown, look: &Look) -> [Vec<f64>; 2] {
+    let moments = moments(registry, shown, look);
     let mut strengths = [Vec::new(), Vec::new()];
-    for step in 0..=STEPS {
-        let level = 4.0 * step as f64 / STEPS as f64;
+    for step in 0..=look.steps {
+        let level = 4.0 * step as f64 / look.steps as f64;
         let mut sums = [0.0, 0.0];
-        for source in frames {
+        for source in &look.frames {
             for &moment in &moments {
                 let target = perturbed(registry, shown, level, source, moment);
                 sums[0] += mean_squared_difference(source.as_ref(), target.as_ref());
@@ -110,23 +112,45 @@ fn grows(values: &[f64], every: usize, unnoticeable: f64) -> bool {
 }
 
 /// What is wrong with the strength of a perturbation.
-fn fault(registry: &Registry, shown: &Shown, frames: &[FrameBuf]) -> Option<String> {
+fn fault(registry: &Registry, shown: &Shown, look: &Look) -> Option<String> {
     let name = shown.description.name.as_str();
-    let [squares, structure] = strengths(registry, shown, frames);
+    let [squares, structure] = strengths(registry, shown, look);
     if squares.iter().all(|&square| square == 0.0) {
         return Some(format!("{name} changes nothing"));
     }
-    let every = if BETWEEN_LEVELS.iter().any(|(other, _)| *other == name) { STEPS / 4 } else { 1 };
-    let unnoticeable = UNNOTICEABLE * frames.len() as f64;
+    let every = if BETWEEN_LEVELS.iter().any(|(other, _)| *other == name) { look.steps / 4 } else { 1 };
+    let unnoticeable = UNNOTICEABLE * look.frames.len() as f64;
     let squares_grow = grows(&squares, every, 0.0);
     let structure_falls = MOVES.contains(&name) || grows(&structure, every, unnoticeable);
     (!squares_grow || !structure_falls).then(|| format!("{name}: {squares:.1?} {structure:.3?}"))
 }
 
 #[test]
-fn strength_grows_with_the_intensity() {
-    let registry = Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap();
-    let frames = frames(&registry);
+fn strength_grows_from_level_to_level() {
+    let registry = registry();
+    let frames = simulated_frames(&registry);
+    check(&registry, &Look { frames, steps: 4, moments: 1 });
+}
+
+#[test]
+#[ignore = "long: .ci/run runs it"]
+fn strength_grows_between_levels_and_on_photographs() {
+    let registry = registry();
+    let mut frames = simulated_frames(&registry);
+    for name in ["road/solidYellowLeft.jpg", "road/whiteCarLaneSwitch.jpg"] {
+        if let Some(file) = real_data(name) {
+            frames.push(picture::to_frame(picture::scaled(&pdk_image::read(&file).unwrap(), 240)).unwrap());
+        }
+    }
+    check(&registry, &Look { frames, steps: 16, moments: 3 });
+}
+
+fn registry() -> Registry {
+    Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap()
+}
+
+/// Checks all perturbations.
+fn check(registry: &Registry, look: &Look) {
     let mut perturbations = preview::chosen(registry.catalog(), &[], true).unwrap();
     perturbations.retain(|shown| shown.description.family != SEVERITIES);
     assert!(perturbations.len() > 10, "only {} perturbations were found", perturbations.len());
@@ -136,7 +160,7 @@ fn strength_grows_with_the_intensity() {
         for _ in 0..std::thread::available_parallelism().map_or(1, Into::into) {
             scope.spawn(|| {
                 while let Some(shown) = perturbations.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let fault = fault(&registry, shown, &frames);
+                    let fault = fault(registry, shown, look);
                     wrong.lock().unwrap().extend(fault);
                 }
             });

@@ -17,6 +17,7 @@ fn between<'a>(text: &'a str, from: &str, to: &str) -> &'a str {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_readme_shows_what_the_quickstart_prints() {
     let folder = temp();
     let ran = Pdk::new(["run", "quickstart", "--out"]).arg(folder.path().join("record")).succeed();
@@ -35,6 +36,7 @@ fn the_readme_shows_what_the_quickstart_prints() {
 }
 
 #[test]
+#[ignore = "long: .ci/run runs it"]
 fn the_readme_shows_what_its_session_finds() {
     let readme = read("README.md");
     let source = between(&readme, "```lua\nlocal session", "```\n");

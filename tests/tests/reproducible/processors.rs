@@ -67,6 +67,7 @@ impl Emulator {
 
 #[test]
 #[cfg(target_arch = "x86_64")]
+#[ignore = "long: .ci/run runs it"]
 fn a_network_drives_the_same_on_every_processor_of_its_class_and_is_refused_on_others() {
     let folder = temp();
     let folder = folder.path();

@@ -7,7 +7,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use pdk_bus::{Message, Tap, Topic};
-use pdk_tests::process::{json_file, json_lines, pipeline};
+use pdk_tests::process::{LIMIT, json_file, json_lines, pipeline};
 use pdk_tests::records::trace;
 use pdk_tests::{Pdk, repository, temp};
 use serde_json::json;
@@ -391,7 +391,7 @@ fn long_run(folder: &Path, name: &str) -> (Pdk, std::path::PathBuf) {
 fn wait_for(what: &str, mut holds: impl FnMut() -> bool) {
     let started = Instant::now();
     while !holds() {
-        assert!(started.elapsed() < Duration::from_secs(30), "{what} did not come");
+        assert!(started.elapsed() < LIMIT, "{what} did not come");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
@@ -414,10 +414,10 @@ fn another_process_taps_the_frames_while_they_are_driven() {
     // Components are called in processes of their own.
     assert!(processes[0] != processes[1] && !processes.contains(&child.id()), "{processes:?}");
     for topic in [Topic::Raw, Topic::Perturbed] {
-        let mut tap = Tap::open(&run, 1, topic, Duration::from_secs(10)).unwrap();
+        let mut tap = Tap::open(&run, 1, topic, LIMIT).unwrap();
         let mut before: Option<pdk_bus::FrameHeader> = None;
         for _ in 0..30 {
-            let Some(Message::Frame(frame)) = tap.receive(Duration::from_secs(10)).unwrap() else {
+            let Some(Message::Frame(frame)) = tap.receive(LIMIT).unwrap() else {
                 panic!("no frame came");
             };
             let header = *frame.header();
@@ -431,10 +431,8 @@ fn another_process_taps_the_frames_while_they_are_driven() {
             before = Some(header);
         }
     }
-    let mut tap = Tap::open(&run, 0, Topic::State, Duration::from_secs(10)).unwrap();
-    assert!(
-        matches!(tap.receive(Duration::from_secs(10)).unwrap(), Some(Message::State(_, state)) if state.speed > 1.0)
-    );
+    let mut tap = Tap::open(&run, 0, Topic::State, LIMIT).unwrap();
+    assert!(matches!(tap.receive(LIMIT).unwrap(), Some(Message::State(_, state)) if state.speed > 1.0));
     child.kill().unwrap();
     child.wait().unwrap();
 }

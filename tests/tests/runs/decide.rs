@@ -8,15 +8,16 @@ use pdk_tests::records::{assert_equal, files, lines, wait_for_scenarios};
 use pdk_tests::{Pdk, temp};
 use serde_json::Value;
 
-/// Looks for the level at which the driver of the quickstart fails under fog on its road.
+/// Looks for the level at which a driver fails, if the picture is moved, on the road of the quickstart.
 const BISECTION: &str = r#"
-    local session = pdk.session({ simulator = "lane", driver = "dave2", duration = 40, images_every = 0 })
+    local simulator = { name = "lane", width = 80, height = 60 }
+    local session = pdk.session({ simulator = simulator, driver = "lane_keeper", duration = 40, images_every = 0 })
     local road = { angles = { 0, 12, -18, 10, 20, -15, -8, 0 }, segment = 25 }
     local low, high = 0, 4
     local way = {}
-    for step = 1, 7 do
+    for step = 1, 12 do
         local level = (low + high) / 2
-        local ticket = session:submit({ name = "step " .. step, road = road, perturbations = { { name = "fog_filter", level = level } } })
+        local ticket = session:submit({ name = "step " .. step, road = road, perturbations = { { name = "translate_image", level = level } } })
         assert(session:pending() == 1)
         local outcome = session:wait(ticket)
         assert(session:pending() == 0 and outcome.name == "step " .. step)
@@ -42,11 +43,11 @@ fn a_bisection_that_is_killed_takes_the_same_way() {
     run(&script, &whole).succeed();
     let way = json_file(&whole.join("way.json"));
     let steps = way["way"].as_array().unwrap();
-    assert_eq!(steps.len(), 7);
+    assert_eq!(steps.len(), 12);
     // It did decide: both ways were taken, and what it came to follows from the outcomes.
     let failed = steps.iter().filter(|step| step["success"] == false).count();
-    assert!((1..7).contains(&failed), "{way:#}");
-    assert_eq!(way["high"].as_f64().unwrap() - way["low"].as_f64().unwrap(), 4.0 / 128.0);
+    assert!((1..12).contains(&failed), "{way:#}");
+    assert_eq!(way["high"].as_f64().unwrap() - way["low"].as_f64().unwrap(), 4.0 / 4096.0);
     let recorded = json_lines(&whole.join("scenarios.jsonl"));
     let levels = |list: &[Value], pointer: &str| -> Vec<f64> {
         list.iter().map(|value| value.pointer(pointer).unwrap().as_f64().unwrap()).collect()
@@ -66,7 +67,7 @@ fn a_bisection_that_is_killed_takes_the_same_way() {
     let before = lines(&out.join("scenarios.jsonl"));
     let ran = run(&script, &out).succeed();
     assert!(
-        ran.stdout.contains(&format!("{before} of 7 scenarios were in the record already")),
+        ran.stdout.contains(&format!("{before} of 12 scenarios were in the record already")),
         "{}",
         ran.stdout
     );

@@ -3,10 +3,9 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use pdk_record::trace::reader::{Entry, TraceReader};
-use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::process::{LIMIT, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, Process, comes_true, ended_within};
 use pdk_tests::records::{assert_equal, files, partial, trace, wait_for_scenarios};
 use pdk_tests::{Pdk, datasets, temp};
@@ -82,7 +81,11 @@ fn a_pool_that_does_not_speak_as_it_should_is_a_sentence() {
     fail(1, &changed("\"slots\":1", "\"slots\":0"), &["no slots", "at least one"]);
     fail(2, "exit 3", &["ended before it was ready", "exit status: 3"]);
     fail(3, "kill -9 $$", &["ended before it was ready", "signal: 9"]);
-    fail(4, "/nonexistent/pool 3", &["ended before it was ready", "exit status: 127"]);
+    fail(
+        4,
+        &format!("'{}' 3", pdk_tests::nothing().display()),
+        &["ended before it was ready", "exit status: 127"],
+    );
     fail(5, "echo hello; cat > /dev/null", &["says what is not a message"]);
     fail(6, "echo '{\"ready\": 7}'; cat > /dev/null", &["says what is not a message"]);
     // One that takes its worker for whatever is there.
@@ -98,7 +101,7 @@ fn a_pool_that_does_not_speak_as_it_should_is_a_sentence() {
     }
     let said = run(&script, &folder.path().join("both")).args(["--pool", ""]).env(name, value).run();
     assert_eq!(said.code, Some(0), "an empty command means no pool: {}", said.stderr);
-    assert!(comes_true(Duration::from_secs(2), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
     assert_eq!(bus.left(), Vec::<PathBuf>::new());
 }
 
@@ -169,15 +172,11 @@ fn what_a_lost_slot_was_at_is_done_again() {
             assert!(!found.is_empty(), "no {name} in {:?}", bus.processes());
             found[0].signal(Signal::KILL);
         }
-        let status = ended_within(&mut child, Duration::from_secs(60)).unwrap();
+        let status = ended_within(&mut child, LIMIT).unwrap();
         let output = child.wait_with_output().unwrap();
         assert!(status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
         assert_equal(&out, &expected);
-        assert!(
-            comes_true(Duration::from_secs(2), || bus.processes().is_empty()),
-            "{name}: {:?}",
-            bus.processes()
-        );
+        assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{name}: {:?}", bus.processes());
         assert_eq!(bus.left(), Vec::<PathBuf>::new(), "{name}");
     }
 }
@@ -203,7 +202,7 @@ fn a_scenario_over_which_workers_are_lost_again_and_again_has_a_line_that_says_s
     for _ in 0..3 {
         // It is at the scenario as soon as there is the beginning of a trace of this process.
         let mut at_work = None;
-        let found = comes_true(Duration::from_secs(30), || {
+        let found = comes_true(LIMIT, || {
             let processes = bus.processes();
             let names: Vec<String> = partial(&out).iter().map(|path| path.display().to_string()).collect();
             at_work = processes.iter().find_map(|process| {
@@ -219,7 +218,7 @@ fn a_scenario_over_which_workers_are_lost_again_and_again_has_a_line_that_says_s
         worker.signal(Signal::KILL);
         killed.insert(worker.id);
     }
-    let status = ended_within(&mut child, Duration::from_secs(60)).unwrap();
+    let status = ended_within(&mut child, LIMIT).unwrap();
     let output = child.wait_with_output().unwrap();
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert_eq!(status.code(), Some(1), "{stderr}");
@@ -237,6 +236,6 @@ fn a_scenario_over_which_workers_are_lost_again_and_again_has_a_line_that_says_s
     // Both have a trace, and nothing else is left.
     let traces: Vec<PathBuf> = files(&out).into_keys().filter(|path| path.starts_with("traces")).collect();
     assert_eq!((traces.len(), partial(&out)), (2, Vec::<PathBuf>::new()), "{traces:?}");
-    assert!(comes_true(Duration::from_secs(2), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
     assert_eq!(bus.left(), Vec::<PathBuf>::new());
 }

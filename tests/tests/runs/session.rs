@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
 
-use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::process::{LIMIT, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true, ended_within};
 use pdk_tests::records::trace;
 use pdk_tests::{Finished, Pdk, built, temp};
@@ -167,7 +167,7 @@ fn very_many_equal_scenarios_are_ended_by_a_signal() {
     kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
     // What it says from here on is of no interest, but has to be read.
     let rest = std::thread::spawn(move || std::io::copy(&mut output, &mut std::io::sink()));
-    let ended = ended_within(&mut child, Duration::from_secs(30));
+    let ended = ended_within(&mut child, LIMIT);
     if ended.is_none() {
         child.kill().unwrap();
     }
@@ -186,7 +186,7 @@ fn a_program_that_is_gone_takes_its_run_along() {
     let finished = session(&out, &[json!({"defaults": shared}), long]).env(variable, value).run();
     assert_eq!(finished.code, Some(1), "{}", finished.stderr);
     assert!(finished.stderr.contains("the run was interrupted"), "{}", finished.stderr);
-    assert!(comes_true(Duration::from_secs(5), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
     assert!(bus.left().is_empty(), "{:?}", bus.left());
     // The same for a pipeline in Lua.
     let script = pipeline(
@@ -225,7 +225,7 @@ fn ctrl_c_lets_what_is_under_way_finish() {
     for failure in [&refused["failed"], &end["end"]["failure"]] {
         assert!(failure["message"].as_str().unwrap().contains("interrupted"), "{refused} {end}");
     }
-    assert_eq!(ended_within(&mut child, Duration::from_secs(20)).unwrap().code(), Some(130));
+    assert_eq!(ended_within(&mut child, LIMIT).unwrap().code(), Some(130));
     assert_eq!(json_lines(&out.join("scenarios.jsonl")).len(), 1);
 }
 

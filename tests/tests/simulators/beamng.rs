@@ -9,7 +9,7 @@ use std::time::Duration;
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::prelude::{Control, Scenario, State};
 use pdk_tests::beamng::{BeamNgGame, Fault, Setup};
-use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::process::{LIMIT, json_lines, pipeline};
 use pdk_tests::processes::{comes_true, ended_within, signal};
 use pdk_tests::stand_in::free_ports;
 use pdk_tests::{Pdk, temp, tried};
@@ -158,7 +158,7 @@ fn one_that_is_not_there_is_waited_for_and_said() {
     simulator["start_seconds"] = json!(1);
     let tried = tried::run(PIPELINE, &[("simulator", &simulator.to_string())]);
     tried.says(1, &["BeamNG.tech is not at 127.0.0.1:", "it was tried for 1 s", "`launch`"]);
-    assert!(tried.lines.is_empty() && tried.took < Duration::from_secs(40), "{:?}", tried.took);
+    assert!(tried.lines.is_empty(), "{:?}", tried.lines);
 }
 
 #[test]
@@ -212,7 +212,7 @@ fn one_that_hangs_ends_the_run() {
     let tried = tried::run(PIPELINE, &[("simulator", &beamng(game.port()))]);
     // It still hangs when it is connected to again.
     tried.says(1, &["simulator `beamng`", "has not answered `Hello` within 3 s"]);
-    assert!(tried.lines.is_empty() && tried.took < Duration::from_secs(60), "{:?}", tried.took);
+    assert!(tried.lines.is_empty(), "{:?}", tried.lines);
 }
 
 #[test]
@@ -234,7 +234,7 @@ fn one_that_comes_back_is_used_again() {
     let game = BeamNgGame::start(Setup::default());
     let port = game.port();
     let back = std::thread::spawn(move || {
-        assert!(comes_true(Duration::from_secs(60), || game.steps() >= 12));
+        assert!(comes_true(LIMIT, || game.steps() >= 12));
         drop(game);
         std::thread::sleep(Duration::from_secs(5));
         BeamNgGame::start(Setup { port, ..Setup::default() })
@@ -254,7 +254,7 @@ fn two_clients_at_once_do_not_meet() {
     let folder = temp();
     let game = BeamNgGame::start(Setup::default());
     let mut first = run(folder.path(), "first", &beamng(game.port())).set("more", 400).spawn();
-    assert!(comes_true(Duration::from_secs(60), || game.steps() >= 12));
+    assert!(comes_true(LIMIT, || game.steps() >= 12));
     // Another run of pdk leaves it alone.
     let second = tried::run(PIPELINE, &[("simulator", &beamng(game.port()))]);
     second.says(1, &["another process of pdk", &format!("port {}", game.port()), "set `port`"]);
@@ -265,9 +265,9 @@ fn two_clients_at_once_do_not_meet() {
     let mut length = [0; 4];
     other.read_exact(&mut length).unwrap();
     let before = game.steps();
-    assert!(comes_true(Duration::from_secs(60), || game.steps() > before + 100));
+    assert!(comes_true(LIMIT, || game.steps() > before + 100));
     signal(&first, Signal::INT);
-    assert_eq!(ended_within(&mut first, Duration::from_secs(60)).unwrap().code(), Some(130));
+    assert_eq!(ended_within(&mut first, LIMIT).unwrap().code(), Some(130));
     let outcomes = outcomes(folder.path(), "first");
     assert!(outcomes.iter().all(|outcome| outcome["cause"] != "error"), "{outcomes:?}");
     assert!(outcomes.len() > 2, "{outcomes:?}");

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use pdk_tests::carla::{CarlaServer, Fault, Setup};
-use pdk_tests::process::{json_file, json_lines, pipeline};
+use pdk_tests::process::{LIMIT, json_file, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true, ended_within, signal};
 use pdk_tests::stand_in::free_ports;
 use pdk_tests::tried::{self, Tried};
@@ -367,24 +367,19 @@ fn an_interrupted_run_leaves_the_server_as_it_was() {
         let mut child = run.env(name, value).spawn();
         let began = Instant::now();
         while server.calls().iter().filter(|call| *call == "tick_cue").count() < 30 {
-            assert!(began.elapsed() < Duration::from_secs(60), "it does not drive");
+            assert!(began.elapsed() < LIMIT, "it does not drive");
             std::thread::sleep(Duration::from_millis(5));
         }
         for one in &signals {
             signal(&child, *one);
             std::thread::sleep(Duration::from_millis(100));
         }
-        let status = ended_within(&mut child, Duration::from_secs(20)).expect("it ends");
+        let status = ended_within(&mut child, LIMIT).expect("it ends");
         assert_eq!(status.code(), Some(code), "{signals:?}");
+        let gone = comes_true(LIMIT, || bus.processes().is_empty());
+        assert!(gone, "{signals:?}: {:?}", bus.processes());
         let began = Instant::now();
-        while !bus.processes().is_empty() {
-            assert!(began.elapsed() < Duration::from_secs(15), "{signals:?}: {:?}", bus.processes());
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        let began = Instant::now();
-        while server.is_synchronous() && began.elapsed() < Duration::from_secs(3) {
-            std::thread::sleep(Duration::from_millis(10));
-        }
+        comes_true(LIMIT, || !server.is_synchronous());
         println!("{signals:?}: put back after {:.1} s", began.elapsed().as_secs_f64());
         assert_left_as_it_was(&server);
     }
@@ -449,7 +444,7 @@ fn a_server_that_breaks_in_mid_scenario_is_said() {
         let server = CarlaServer::start(Setup { fault: Some((fault, 15)), ..Setup::default() });
         let broken = wrong(&simulator(server.port(), json!({})));
         // Whatever it did, it goes on by itself, and has nothing of pdk in it: one that only hung hears that later.
-        assert!(comes_true(Duration::from_secs(5), || !server.is_synchronous()), "{fault:?}");
+        assert!(comes_true(LIMIT, || !server.is_synchronous()), "{fault:?}");
         assert_left_as_it_was(&server);
         // A connection that was lost is made again, and the scenario driven again: the server breaks only once.
         if broken.error().is_empty() {
@@ -500,12 +495,12 @@ fn two_runs_do_not_share_a_server() {
         .spawn();
     let began = Instant::now();
     while !server.calls().iter().any(|call| call == "tick_cue") {
-        assert!(began.elapsed() < Duration::from_secs(60), "it does not drive");
+        assert!(began.elapsed() < LIMIT, "it does not drive");
         std::thread::sleep(Duration::from_millis(5));
     }
     wrong(&simulator(server.port(), json!({}))).says(1, &["another process of pdk"]);
     signal(&first, Signal::INT);
-    assert!(ended_within(&mut first, Duration::from_secs(60)).is_some());
+    assert!(ended_within(&mut first, LIMIT).is_some());
     assert_left_as_it_was(&server);
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::process::{LIMIT, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true, ended_within};
 use pdk_tests::tried::{self, Tried, python};
 use pdk_tests::{Pdk, repository, target_folder, temp};
@@ -112,7 +112,6 @@ fn one_that_fails_ends_its_scenario_with_that_cause() {
             (&json!(kind), &json!(10)),
             "{fault}"
         );
-        assert!(run.took < Duration::from_secs(60), "{fault}: {:?}", run.took);
     }
 }
 
@@ -162,7 +161,6 @@ service.publisher_builder().initial_max_slice_len(100_000_000).create()
         );
         run.says(1, &["the driver `python3", "other.py` ended (exit status: 1), and wrote last:", says]);
         assert_eq!((run.causes(), run.kind()), (vec!["error"], "lost"));
-        assert!(run.took < Duration::from_secs(60), "{:?}", run.took);
     }
 }
 
@@ -196,7 +194,7 @@ fn two_at_once_are_said() {
     let drivers = [0, 1].map(|_| shared(&bus, folder.path(), "none"));
     // Both are there when the first frame comes: each leaves a mark, and then needs a moment to connect.
     let begun = || drivers.iter().all(|driver| folder.path().join(format!("mark-{}", driver.id())).exists());
-    assert!(comes_true(Duration::from_secs(30), begun));
+    assert!(comes_true(LIMIT, begun));
     std::thread::sleep(Duration::from_secs(2));
     let driver = json!({"name": "process", "exchange": "shared"}).to_string();
     let out = folder.path().join("out");
@@ -205,6 +203,8 @@ fn two_at_once_are_said() {
         .arg(&out)
         .arg(pipeline(folder.path(), SOURCE))
         .set("driver", driver)
+        // So many that both have connected before the last one.
+        .set("scenarios", 40)
         .env(variable, place)
         .run();
     end(drivers);
@@ -232,10 +232,10 @@ fn one_that_comes_back_serves_what_follows() {
         .set("driver", driver)
         .env(variable, place)
         .spawn();
-    assert_eq!(ended_within(&mut first, Duration::from_secs(60)).unwrap().code(), Some(3));
+    assert_eq!(ended_within(&mut first, LIMIT).unwrap().code(), Some(3));
     std::thread::sleep(Duration::from_secs(5));
     let second = shared(&bus, folder.path(), "die");
-    let status = ended_within(&mut run, Duration::from_secs(60));
+    let status = ended_within(&mut run, LIMIT);
     end([first, second]);
     assert_eq!(status.unwrap().code(), Some(1));
     // The scenario in which it died has that outcome, and the next one waited until it was back.

@@ -1,8 +1,6 @@
 //! Simulators in another process, and everything that can go wrong. Skipped where Python has not what they need.
 
-use std::time::Duration;
-
-use pdk_tests::process::{json_lines, pipeline};
+use pdk_tests::process::{LIMIT, json_lines, pipeline};
 use pdk_tests::processes::{BusFolder, comes_true};
 use pdk_tests::tried::python;
 use pdk_tests::{Finished, Pdk, repository, temp};
@@ -81,7 +79,7 @@ fn run(fault: &str) -> (Finished, Vec<Value>) {
     let command = Pdk::new(["run", "--workers", "1", "--out"]).arg(&out).arg(pipeline(folder.path(), SOURCE));
     let command = command.set("simulator", simulator).env("PYTHONPATH", repository().join("sdk/python"));
     let finished = command.env(variable, place).run();
-    assert!(comes_true(Duration::from_secs(5), || bus.processes().is_empty()), "{:?}", bus.processes());
+    assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
     assert!(bus.left().is_empty(), "{:?}", bus.left());
     let lines = out.join("scenarios.jsonl");
     (finished, if lines.exists() { json_lines(&lines) } else { Vec::new() })

@@ -7,8 +7,9 @@ use std::net::{TcpListener, TcpStream};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use pdk_tests::process::pipeline;
+use pdk_tests::process::{LIMIT, pipeline};
 use pdk_tests::processes::comes_true;
+use pdk_tests::records::partial;
 use pdk_tests::stand_in::{StandIn, free_ports};
 use pdk_tests::tried::{self, Tried};
 use pdk_tests::{Pdk, pictures, real_data, temp};
@@ -118,7 +119,7 @@ fn one_that_says_nothing_holds_up_nobody() {
     let port = free_ports(1);
     let silent = std::thread::spawn(move || {
         let mut kept = Vec::new();
-        comes_true(Duration::from_secs(20), || {
+        comes_true(LIMIT, || {
             kept.extend(TcpStream::connect(("127.0.0.1", port)).ok());
             kept.len() == 3
         });
@@ -171,7 +172,7 @@ fn one_that_hangs_ends_the_run() {
     let _stand_in = StandIn::start("udacity", port, &["--rate", "40", "--fault", "hang", "--at", "1"]);
     let run = run(&simulator, &[]);
     run.says(1, &["simulator `udacity`", "has not connected within 3 s"]);
-    assert!(run.lines.is_empty() && run.took < Duration::from_secs(40), "{:?} {:?}", run.lines, run.took);
+    assert!(run.lines.is_empty(), "{:?}", run.lines);
 }
 
 #[test]
@@ -197,7 +198,7 @@ fn one_that_does_not_come_is_waited_for_and_said() {
     // A browser looks in meanwhile.
     let browser = std::thread::spawn(move || {
         let mut answer = String::new();
-        assert!(comes_true(Duration::from_secs(20), || {
+        assert!(comes_true(LIMIT, || {
             let Ok(mut stream) = TcpStream::connect(("127.0.0.1", port)) else { return false };
             let request = "GET /index.html HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
                            Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
@@ -209,7 +210,7 @@ fn one_that_does_not_come_is_waited_for_and_said() {
     });
     let run = run(&simulator, &[]);
     run.says(1, &["has not connected within 4 s; something else tried to", "`launch`"]);
-    assert!(run.lines.is_empty() && run.took < Duration::from_secs(40), "{:?}", run.took);
+    assert!(run.lines.is_empty(), "{:?}", run.lines);
     assert!(browser.join().unwrap().starts_with("HTTP/1.1 400"));
 }
 
@@ -235,10 +236,11 @@ fn nobody_else_can_connect() {
         let table = std::fs::read_to_string("/proc/net/tcp").unwrap();
         table.lines().find(|line| line.contains(&wanted) && line.contains(" 0A ")).map(str::to_owned)
     };
-    assert!(comes_true(Duration::from_secs(20), || listening().is_some()));
+    assert!(comes_true(LIMIT, || listening().is_some()));
     assert!(listening().unwrap().contains("0100007F:"), "{:?}", listening());
     // Another simulator that wants to have it too is refused, and the drive goes on.
-    std::thread::sleep(Duration::from_secs(2));
+    let out = folder.path().join("out");
+    assert!(comes_true(LIMIT, || !partial(&out).is_empty()), "it does not drive");
     let second = StandIn::start("udacity", port, &["--rate", "40"]);
     let status = child.wait().unwrap();
     let mut said = String::new();
