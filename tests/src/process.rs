@@ -48,6 +48,14 @@ impl Pdk {
             self.command.env_remove(variable);
         }
         self.command.env("XDG_DATA_HOME", crate::nothing()).stdin(Stdio::null());
+        // A shell starts what it runs in the background with SIGINT ignored, and every child inherits that.
+        // SAFETY: between fork and exec, `signal` is safe to call and touches no memory.
+        unsafe {
+            self.command.pre_exec(|| {
+                libc::signal(libc::SIGINT, libc::SIG_DFL);
+                Ok(())
+            });
+        }
         self
     }
 

@@ -8,7 +8,7 @@ use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;
 use pdk_sdk::input_files::InputFiles;
 
-use crate::manifest::FileRecord;
+use crate::files::FileRecord;
 
 /// Groups of so many files at most have a record of each file too, so that a difference is named.
 const FEW: usize = 64;

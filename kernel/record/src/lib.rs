@@ -6,16 +6,19 @@
 //! |---|---|
 //! | [`directory`] | the folder of a run |
 //! | [`ledger`] | one line an outcome, append-only, on [`lines`] |
-//! | [`manifest`] | what was run; `inputs` makes one hash of the files of a dataset and the like |
+//! | [`manifest`] | what was run, with the [`files`] that it read; `inputs` makes one hash of the files of a dataset and the like |
+//! | [`shard`] | the parts of a run |
 //! | [`settle`] | what a scenario leaves to the machine, put into it |
-//! | [`merge`] | runs in parts, and their records put together |
+//! | [`merge`] | the records of all parts of a run put together |
 //! | [`trace`] | what happened in a scenario, frame by frame |
 
 pub mod directory;
+pub mod files;
 mod inputs;
 pub mod ledger;
 pub mod lines;
 pub mod manifest;
 pub mod merge;
 pub mod settle;
+pub mod shard;
 pub mod trace;

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
+use pdk_components::catalog::{Catalog, Entry, PluginRecord};
 use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::region::Region;
@@ -14,10 +15,9 @@ use pdk_sdk::input_files::InputFiles;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::files::FileRecord;
 use crate::inputs::{self, Tick};
-use crate::merge::Shard;
-use pdk_components::catalog::{Catalog, Entry, PluginRecord};
-use pdk_components::hash;
+use crate::shard::Shard;
 
 /// The manifest of a run.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -87,25 +87,6 @@ pub struct ComponentRecord {
     /// What it decided itself when it was made, such as the library that runs a network.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub info: Vec<(String, String)>,
-}
-
-/// A file and its content, or a group of files in a folder.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct FileRecord {
-    /// The file, or the folder of a group.
-    pub path: PathBuf,
-    /// What the files of a group are; empty for a single file.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
-    pub group: String,
-    /// How many files a group has.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub count: usize,
-    /// BLAKE3 of its content, in hexadecimal; that of a group is of the names, sizes and hashes of its files.
-    pub blake3: String,
-}
-
-fn is_zero(count: &usize) -> bool {
-    *count == 0
 }
 
 /// The machine of a run.
@@ -276,34 +257,6 @@ impl Machine {
             architecture: std::env::consts::ARCH.to_owned(),
             processors: std::thread::available_parallelism().map_or(1, usize::from),
         }
-    }
-}
-
-impl FileRecord {
-    /// Reads a file's hash.
-    ///
-    /// # Errors
-    /// Where it cannot be read.
-    pub fn of(path: &Path) -> Result<Self> {
-        Ok(Self::new(path.to_owned(), hash::of(path)?))
-    }
-
-    /// A single file.
-    pub fn new(path: PathBuf, blake3: String) -> Self {
-        Self { path, group: String::new(), count: 0, blake3 }
-    }
-
-    /// How it differs from a recorded one of the same path and group, as a clause; none if it does not.
-    fn difference(&self, recorded: &Self) -> Option<String> {
-        let (path, group) = (self.path.display(), &self.group);
-        if self.blake3 == recorded.blake3 {
-            return None;
-        }
-        Some(match (group.is_empty(), recorded.count, self.count) {
-            (true, ..) => format!("the file {path} is another"),
-            (_, was, is) if was == is => format!("the {group} in {path} ({is} in all) are not the same"),
-            (_, was, is) => format!("the {group} in {path} were {was} and are {is}"),
-        })
     }
 }
 

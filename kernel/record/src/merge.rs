@@ -6,10 +6,9 @@ use std::fmt;
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use pdk_model::scenario::ScenarioId;
-use pdk_sdk::error::{Error, ErrorKind, Place, Result};
+use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use serde::{Deserialize, Serialize};
 
@@ -17,52 +16,7 @@ use crate::directory::{MANIFEST, RESULTS, RunDirectory, SHARD};
 use crate::ledger::{self, Ledger, Line};
 use crate::lines::Lines;
 use crate::manifest::Manifest;
-
-/// The most parts that a run may have.
-const MOST: usize = 100_000;
-
-/// A part of a run: every `of`-th scenario, and every `of`-th frame of an evaluation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Shard {
-    /// Which part it is, from 1.
-    pub index: usize,
-    /// How many parts there are.
-    pub of: usize,
-}
-
-impl Shard {
-    /// Whether a scenario belongs to the part, by its number in the run, from 0; or a frame, by its number in the evaluation.
-    pub fn has(&self, number: usize) -> bool {
-        number % self.of == self.index - 1
-    }
-
-    /// Those of so many scenarios or frames that belong to the part.
-    pub fn own(self, all: usize) -> impl Iterator<Item = usize> {
-        (self.index - 1..all).step_by(self.of)
-    }
-}
-
-impl fmt::Display for Shard {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}/{}", self.index, self.of)
-    }
-}
-
-impl FromStr for Shard {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        let parsed =
-            text.split_once('/').and_then(|(index, of)| Some((index.parse().ok()?, of.parse().ok()?)));
-        match parsed {
-            Some((index, of)) if (1..=of).contains(&index) && of <= MOST => Ok(Self { index, of }),
-            _ => Err(Error::of(
-                ErrorKind::Configuration,
-                format!("`{text}` is no part of a run; write 1/8 to 8/8 for eight parts, of {MOST} at most"),
-            )),
-        }
-    }
-}
+use crate::shard::Shard;
 
 /// What the record of a part says of the whole, once the part has come to its end.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -286,26 +240,5 @@ fn link(from: &Path, to: &Path) -> std::io::Result<()> {
     match fs::hard_link(from, to) {
         Ok(()) => Ok(()),
         Err(_) => fs::copy(from, to).map(drop),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_scenario_belongs_to_one_part() {
-        let parts: Vec<Shard> = (1..=4).map(|index| format!("{index}/4").parse().unwrap()).collect();
-        for number in 0..40 {
-            assert_eq!(parts.iter().filter(|part| part.has(number)).count(), 1);
-        }
-        for part in parts {
-            assert!(part.own(40).eq((0..40).filter(|number| part.has(*number))));
-            assert_eq!(part.own(0).count(), 0);
-        }
-        for wrong in ["", "1", "0/4", "5/4", "1/0", "a/b", "1/4/4", "-1/4", "1/1000000"] {
-            let error = wrong.parse::<Shard>().unwrap_err();
-            assert!(error.message().contains("is no part of a run"), "{wrong}");
-        }
     }
 }

@@ -11,7 +11,7 @@ use pdk_sdk::prelude::{Error, ErrorKind, Result};
 use rmpv::Value;
 
 use crate::messages::{Messages, field};
-use crate::simulator::Options;
+use crate::options::Options;
 
 /// Its name in the game.
 pub const NAME: &str = "pdk_camera";

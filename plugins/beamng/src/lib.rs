@@ -7,6 +7,7 @@
 
 mod camera;
 mod messages;
+mod options;
 mod scenery;
 mod session;
 mod simulator;

@@ -9,8 +9,8 @@ use rmpv::Value;
 
 use crate::camera;
 use crate::messages::{LONGEST, Messages, field, three};
+use crate::options::Options;
 use crate::scenery;
-use crate::simulator::Options;
 
 /// The names of what is put into the game.
 const NAME: &str = "pdk";

@@ -15,6 +15,7 @@ mod camera;
 mod collisions;
 mod episode;
 mod ground;
+mod options;
 mod rpc;
 mod sensors;
 mod server;

@@ -11,8 +11,8 @@ use crate::axes::Transform;
 use crate::blueprint::{Actor, Blueprints, ROLE};
 use crate::camera::Camera;
 use crate::collisions::Collisions;
+use crate::options::Options;
 use crate::server::{Server, Version};
-use crate::simulator::Options;
 use crate::stream::Token;
 use crate::value::{element, text};
 

@@ -1,7 +1,6 @@
 //! Where the pixels of a row lie on the road.
 
 use crate::field::{Field, Located, Place};
-use crate::room::{AWAY, RoadPlaces};
 use crate::section;
 use crate::simd::{BLOCK, vectorised};
 
@@ -32,6 +31,40 @@ impl Line {
     fn extent(&self, x: f32, z: f32) -> f32 {
         let Self { across, along, .. } = self;
         (x * across[0] + z * across[1]).abs() + (x * along[0] + z * along[1]).abs()
+    }
+}
+
+/// Where the pixels of a row lie on the road, in whole blocks.
+#[derive(Debug, PartialEq)]
+pub struct RoadPlaces {
+    /// Distance to the right of the middle of the road in metres; [`AWAY`] where that is not known.
+    pub offset: Vec<f32>,
+    /// Distance along it.
+    pub along: Vec<f32>,
+    /// How far a pixel extends across the road, and along it.
+    pub wide: Vec<f32>,
+    pub deep: Vec<f32>,
+    /// How much of the sun is taken, 0 to 1.
+    pub shade: Vec<f32>,
+    /// Whether any pixel of a block lies near the road.
+    pub near: Vec<bool>,
+}
+
+/// The distance from the road of what is far from it, in metres.
+pub const AWAY: f32 = 1e6;
+
+impl RoadPlaces {
+    /// Room for so many pixels in whole blocks.
+    pub fn new(pixels: usize) -> Self {
+        let room = || vec![0.0; pixels];
+        Self {
+            offset: room(),
+            along: room(),
+            wide: room(),
+            deep: room(),
+            shade: room(),
+            near: vec![false; pixels / BLOCK],
+        }
     }
 }
 
@@ -180,8 +213,7 @@ vectorised! {
 mod tests {
     use super::*;
     use crate::road::Road;
-    use crate::room::Room;
-    use crate::simd::portably;
+    use crate::simd::{padded, portably};
 
     #[test]
     fn places_in_between_are_those_of_the_field_on_every_processor() {
@@ -201,9 +233,10 @@ mod tests {
                 pixel_width: pixel_width as f32,
             };
             let located = || {
-                let mut room = Room::new(200);
-                locate(&field, &line, &mut room.asked, &mut room.places);
-                room.places
+                let width = padded(200);
+                let (mut asked, mut places) = (Asked::new(width), RoadPlaces::new(width));
+                locate(&field, &line, &mut asked, &mut places);
+                places
             };
             let places = located();
             assert_eq!(places, portably(located));

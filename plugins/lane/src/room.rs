@@ -1,7 +1,7 @@
 //! Room for one row of pixels, so that drawing allocates nothing; and from values to bytes.
 
-use crate::places::Asked;
-use crate::simd::{BLOCK, padded, vectorised};
+use crate::places::{Asked, RoadPlaces};
+use crate::simd::{padded, vectorised};
 
 /// Values along one row of pixels, in whole blocks.
 #[derive(Debug)]
@@ -32,25 +32,6 @@ pub struct Room {
     pub damage: Vec<f32>,
 }
 
-/// Where the pixels of a row lie on the road, in whole blocks.
-#[derive(Debug, PartialEq)]
-pub struct RoadPlaces {
-    /// Distance to the right of the middle of the road in metres; [`AWAY`] where that is not known.
-    pub offset: Vec<f32>,
-    /// Distance along it.
-    pub along: Vec<f32>,
-    /// How far a pixel extends across the road, and along it.
-    pub wide: Vec<f32>,
-    pub deep: Vec<f32>,
-    /// How much of the sun is taken, 0 to 1.
-    pub shade: Vec<f32>,
-    /// Whether any pixel of a block lies near the road.
-    pub near: Vec<bool>,
-}
-
-/// The distance from the road of what is far from it, in metres.
-pub const AWAY: f32 = 1e6;
-
 impl Room {
     /// Room for rows of so many pixels.
     pub fn new(width: usize) -> Self {
@@ -58,14 +39,7 @@ impl Room {
         let room = || vec![0.0; width];
         Self {
             numbers: (0..width).map(|i| i as f32).collect(),
-            places: RoadPlaces {
-                offset: room(),
-                along: room(),
-                wide: room(),
-                deep: room(),
-                shade: room(),
-                near: vec![false; width / BLOCK],
-            },
+            places: RoadPlaces::new(width),
             asked: Asked::new(width),
             colours: std::array::from_fn(|_| room()),
             rough: room(),

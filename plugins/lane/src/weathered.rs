@@ -2,7 +2,8 @@
 
 use crate::damage;
 use crate::light::Light;
-use crate::room::{RoadPlaces, Room, byte};
+use crate::places::RoadPlaces;
+use crate::room::{Room, byte};
 use crate::section::{self, Section};
 use crate::simd::{BLOCK, vectorised};
 use crate::terrain::Strip;

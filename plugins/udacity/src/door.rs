@@ -13,6 +13,7 @@ use tungstenite::http::{Method, StatusCode};
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Message, WebSocket};
 
+use crate::client::Client;
 use crate::http::{Request, Visitor};
 use crate::polling::{Session, opening};
 
@@ -21,13 +22,6 @@ pub const LONGEST: usize = 64 << 20;
 /// How long a client may take to say what it wants, and how many may be about to at the same time.
 const HANDSHAKE: Duration = Duration::from_secs(5);
 const ROOM: usize = 16;
-
-/// A client with a WebSocket, which has been greeted.
-pub struct Client {
-    pub socket: WebSocket<TcpStream>,
-    /// Whether it speaks version 4 of Engine.IO, in which the server sends the pings.
-    pub newer: bool,
-}
 
 /// Whoever is at the door.
 #[derive(Default)]

@@ -4,6 +4,7 @@
 //! what it speaks is version 3: it is greeted without asking, sends pings itself, and never says hello. [`server`] speaks that, as
 //! soon as [`door`] has let the simulator in, [`event`] reads what comes, [`number`] copes with the ways in which computers around the world write numbers, and [`simulator`] drives.
 
+mod client;
 mod clock;
 mod door;
 mod event;

@@ -9,7 +9,7 @@ use pdk_adapter::Deadline;
 use tungstenite::http::{Method, StatusCode};
 use tungstenite::{Message, WebSocket};
 
-use crate::door::Client;
+use crate::client::Client;
 use crate::http::{Request, Visitor};
 
 /// What answers a request for packets when there are none.

@@ -9,7 +9,8 @@ use pdk_adapter::{Deadline, Station};
 use pdk_sdk::prelude::{Error, ErrorKind, Result};
 use tungstenite::{Message, Utf8Bytes, WebSocket};
 
-use crate::door::{Client, Door, LONGEST};
+use crate::client::Client;
+use crate::door::{Door, LONGEST};
 use crate::event::{self, Packet};
 use crate::polling::connected;
 

@@ -4,8 +4,9 @@ use std::collections::HashSet;
 
 use pdk_sdk::error::Result;
 
+use crate::attributes::{int, ints};
 use crate::graph::Graph;
-use crate::proto::{AttributeProto, NodeProto, attribute_type};
+use crate::proto::{AttributeProto, NodeProto};
 use crate::site::Site;
 use crate::tensor::{Element, Tensor, elements};
 use crate::window::Window;
@@ -16,22 +17,6 @@ pub(crate) struct Builder {
     /// The values whose gradient is needed.
     pub wanted: HashSet<String>,
     count: usize,
-}
-
-/// An attribute that is a whole number.
-pub(crate) fn int(name: &str, value: i64) -> AttributeProto {
-    AttributeProto {
-        name: name.to_owned(),
-        i: Some(value),
-        r#type: attribute_type::INT,
-        ..Default::default()
-    }
-}
-
-/// An attribute of whole numbers.
-pub(crate) fn ints(name: &str, values: impl IntoIterator<Item = usize>) -> AttributeProto {
-    let ints = values.into_iter().map(|value| value as i64).collect();
-    AttributeProto { name: name.to_owned(), ints, r#type: attribute_type::INTS, ..Default::default() }
 }
 
 impl Builder {
@@ -49,7 +34,7 @@ impl Builder {
         loop {
             self.count += 1;
             let name = format!("gradient/{}/{operator}", self.count);
-            if !self.graph.contains(&name) {
+            if !self.graph.values.contains(&name) {
                 return name;
             }
         }
@@ -80,7 +65,7 @@ impl Builder {
     /// Adds a constant.
     pub fn constant(&mut self, tensor: &Tensor) -> Result<String> {
         let name = self.name("constant");
-        self.graph.add_initializer(tensor.to_proto(&name))?;
+        self.graph.values.add_initializer(tensor.to_proto(&name))?;
         Ok(name)
     }
 

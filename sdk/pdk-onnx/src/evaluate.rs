@@ -35,7 +35,8 @@ impl Graph {
             }
             let inputs: Vec<Option<&Tensor>> =
                 node.input.iter().map(|name| known.get(name.as_str()).map(AsRef::as_ref)).collect();
-            let outputs = (operator.evaluate)(&Site::new(self, node), &inputs).place(describe(node))?;
+            let outputs =
+                (operator.shapes.evaluate)(&Site::new(&self.values, node), &inputs).place(describe(node))?;
             for (name, tensor) in node.output.iter().zip(outputs) {
                 if !names.contains(name.as_str()) {
                     known.insert(name, Cow::Owned(tensor));

@@ -70,7 +70,7 @@ pub fn looks(graph: &Graph, image: &str, height: usize, width: usize) -> HashMap
     for node in graph.nodes() {
         for output in node.output.iter().filter(|output| !output.is_empty()) {
             // What cannot be followed is left out: its cells have no place on the image.
-            let looks = follow(&Site::new(graph, node), &known).ok().flatten();
+            let looks = follow(&Site::new(&graph.values, node), &known).ok().flatten();
             if let Some(looks) = looks.filter(|looks| looks.iter().any(Option::is_some)) {
                 known.insert(output.clone(), looks);
             }

@@ -84,7 +84,7 @@ pub fn gradients_of_sum(
     }
     for node in graph.nodes().iter().rev() {
         if node.output.iter().any(|output| known.contains_key(output)) {
-            pass_through(&Site::new(graph, node), &mut builder, &mut known)
+            pass_through(&Site::new(&graph.values, node), &mut builder, &mut known)
                 .map_err(|error| error.at(format!("the gradient of {}", describe(node))))?;
         }
     }
@@ -163,7 +163,7 @@ fn ancestors<'a>(graph: &'a Graph, target: &str) -> HashSet<&'a str> {
     let needed = graph.needed(&[target], &HashSet::new());
     let nodes = graph.nodes().iter().zip(needed).filter(|(_, needed)| *needed).map(|(node, _)| node);
     let values = nodes.flat_map(|node| node.input.iter().chain(&node.output)).map(String::as_str);
-    values.chain(graph.name(target)).filter(|name| !name.is_empty()).collect()
+    values.chain(graph.values.name(target)).filter(|name| !name.is_empty()).collect()
 }
 
 /// The shape of a value of 32-bit or 64-bit floats.

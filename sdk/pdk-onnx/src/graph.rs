@@ -5,50 +5,11 @@ use std::sync::Arc;
 
 use pdk_sdk::error::{Error, Result};
 
-use crate::operators;
-use crate::proto::{GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto, ValueInfoProto};
+use crate::proto::{GraphProto, ModelProto, NodeProto, OperatorSetIdProto, ValueInfoProto};
+use crate::shapes::Shapes;
 use crate::site::Site;
-use crate::tensor::{Element, Tensor, dims, elements};
-
-/// The type and shape of a value.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Fact {
-    /// The type of its elements.
-    pub element: Element,
-    /// Its shape.
-    pub shape: Vec<usize>,
-}
-
-impl Fact {
-    /// A fact.
-    pub fn new(element: Element, shape: Vec<usize>) -> Self {
-        Self { element, shape }
-    }
-}
-
-/// What is known about a value.
-#[derive(Clone)]
-struct Value {
-    /// Type and shape, or why they are not known.
-    fact: Result<Fact>,
-    /// Its elements, where they are few and do not depend on the inputs.
-    constant: Option<Arc<Tensor>>,
-    source: Source,
-}
-
-/// Where a value comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Source {
-    /// It is an input of the graph.
-    Input,
-    /// It is a constant: its place among the initializers.
-    Initializer(usize),
-    /// A node computes it: the node's place.
-    Node(usize),
-}
-
-/// Constants of at most this many elements are kept as numbers, since others may follow from them, such as shapes.
-const SMALL: usize = 1 << 12;
+use crate::tensor::{Element, Tensor, elements};
+use crate::values::{Fact, SMALL, Source, Value, Values};
 
 /// A graph whose values are known by type and shape.
 #[derive(Clone)]
@@ -56,23 +17,24 @@ pub struct Graph {
     ir_version: i64,
     imports: Vec<OperatorSetIdProto>,
     functions: Vec<Vec<u8>>,
-    opset: i64,
     inputs: Vec<ValueInfoProto>,
     outputs: Vec<String>,
     nodes: Vec<NodeProto>,
-    initializers: Vec<TensorProto>,
     sparse: Vec<Vec<u8>>,
     /// What the file declares about values whose operator is not known here.
     declared: HashMap<String, Fact>,
-    values: HashMap<String, Value>,
+    /// What is known of an operator, by a node that has it.
+    shapes: fn(&NodeProto) -> Option<&'static Shapes>,
+    /// What is known of every value.
+    pub(crate) values: Values,
 }
 
 impl Graph {
-    /// Reads the graph of a model. A batch that is left open is one.
+    /// Reads the graph of a model, whose operators `shapes` knows. A batch that is left open is one.
     ///
     /// # Errors
     /// Where the graph contradicts itself, or an input leaves more than its batch open.
-    pub fn new(model: ModelProto) -> Result<Self> {
+    pub(crate) fn with(model: ModelProto, shapes: fn(&NodeProto) -> Option<&'static Shapes>) -> Result<Self> {
         let proto = model.graph.unwrap_or_default();
         let own = |domain: &str| domain.is_empty() || domain == "ai.onnx";
         let opset =
@@ -86,57 +48,32 @@ impl Graph {
             ir_version: model.ir_version.max(4),
             imports: model.opset_import,
             functions: model.functions,
-            opset,
             inputs,
             outputs: proto.output.iter().map(|output| output.name.clone()).collect(),
             declared: declared(&proto),
             sparse: proto.sparse_initializer,
             nodes: Vec::with_capacity(proto.node.len()),
-            initializers: Vec::new(),
-            values: HashMap::new(),
+            shapes,
+            values: Values::new(opset),
         };
         for input in graph.inputs.clone() {
             let fact = input_fact(&input)?;
-            graph.define(&input.name, Value { fact: Ok(fact), constant: None, source: Source::Input })?;
+            graph
+                .values
+                .define(&input.name, Value { fact: Ok(fact), constant: None, source: Source::Input })?;
         }
         for tensor in proto.initializer {
-            graph.add_initializer(tensor)?;
+            graph.values.add_initializer(tensor)?;
         }
         for node in proto.node {
             graph.add_node(node)?;
         }
         for output in &graph.outputs {
-            if !graph.values.contains_key(output) {
+            if !graph.values.contains(output) {
                 return Err(Error::new(format!("nothing computes its output `{output}`")));
             }
         }
         Ok(graph)
-    }
-
-    fn define(&mut self, name: &str, value: Value) -> Result<()> {
-        match self.values.insert(name.to_owned(), value) {
-            None => Ok(()),
-            Some(_) => Err(Error::new(format!("two values are called `{name}`"))),
-        }
-    }
-
-    /// Adds a constant.
-    ///
-    /// # Errors
-    /// Where its shape makes no sense, or its name is taken.
-    pub(crate) fn add_initializer(&mut self, tensor: TensorProto) -> Result<()> {
-        let place = |error: Error| error.at(format!("its weights `{}`", tensor.name));
-        let shape = dims(&tensor).map_err(place)?;
-        let small = elements(&shape).map_err(place)? <= SMALL && tensor.data_location == 0;
-        let constant = match small && tensor.data_type != 8 {
-            true => Some(Arc::new(Tensor::from_proto(&tensor).map_err(place)?)),
-            false => None,
-        };
-        let fact = Ok(Fact::new(Element(tensor.data_type), shape));
-        let source = Source::Initializer(self.initializers.len());
-        self.define(&tensor.name, Value { fact, constant, source })?;
-        self.initializers.push(tensor);
-        Ok(())
     }
 
     /// Adds a node; everything that goes in has to be there.
@@ -145,7 +82,7 @@ impl Graph {
     /// Where something that goes in is not there, or a name is taken.
     pub(crate) fn add_node(&mut self, node: NodeProto) -> Result<()> {
         for input in node.input.iter().filter(|input| !input.is_empty()) {
-            if !self.values.contains_key(input) {
+            if !self.values.contains(input) {
                 let node = describe(&node);
                 return Err(Error::new(format!("{node} needs `{input}`, which nothing before it computes")));
             }
@@ -159,7 +96,7 @@ impl Graph {
                 (Err(error), None) => Err(error.clone()),
                 (Ok(_), None) => Err(Error::new(format!("{} has an output too many", describe(&node)))),
             };
-            self.define(output, Value { fact, constant: None, source })?;
+            self.values.define(output, Value { fact, constant: None, source })?;
         }
         if let Ok(facts) = &facts {
             self.fold(&node, facts);
@@ -174,10 +111,11 @@ impl Graph {
         for input in node.input.iter().filter(|input| !input.is_empty()) {
             self.fact(input)?;
         }
-        let operator = operators::find(node).ok_or_else(|| {
+        let operator = (self.shapes)(node).ok_or_else(|| {
             Error::new(format!("the shape of what {} computes is not known", describe(node)))
         })?;
-        let facts = (operator.infer)(&Site::new(self, node)).map_err(|error| error.at(describe(node)))?;
+        let facts =
+            (operator.infer)(&Site::new(&self.values, node)).map_err(|error| error.at(describe(node)))?;
         for fact in &facts {
             elements(&fact.shape).map_err(|error| error.at(describe(node)))?;
         }
@@ -186,28 +124,26 @@ impl Graph {
 
     /// Keeps what a node computes, where that follows from small constants alone.
     fn fold(&mut self, node: &NodeProto, facts: &[Fact]) {
-        let Some(operator) = operators::find(node) else { return };
+        let Some(operator) = (self.shapes)(node) else { return };
         if facts.iter().any(|fact| fact.shape.iter().product::<usize>() > SMALL) {
             return;
         }
-        let inputs: Vec<_> = node.input.iter().map(|name| self.values.get(name)?.constant.clone()).collect();
+        let inputs = self.values.constants(&node.input);
         let known = node.input.iter().zip(&inputs).all(|(name, tensor)| name.is_empty() || tensor.is_some());
         if !known && !operator.needs_only_shapes {
             return;
         }
         let inputs: Vec<Option<&Tensor>> = inputs.iter().map(Option::as_deref).collect();
         // What cannot be computed is no constant, and whoever needs one says so.
-        let Ok(tensors) = (operator.evaluate)(&Site::new(self, node), &inputs) else { return };
+        let Ok(tensors) = (operator.evaluate)(&Site::new(&self.values, node), &inputs) else { return };
         for (name, tensor) in node.output.iter().zip(tensors) {
-            if let Some(value) = self.values.get_mut(name) {
-                value.constant = Some(Arc::new(tensor));
-            }
+            self.values.keep(name, tensor);
         }
     }
 
     /// The version of ONNX's operator set.
     pub fn opset(&self) -> i64 {
-        self.opset
+        self.values.opset
     }
 
     /// What goes in, without weights.
@@ -225,47 +161,25 @@ impl Graph {
         &self.nodes
     }
 
-    /// Whether there is a value of this name.
-    pub fn contains(&self, name: &str) -> bool {
-        self.values.contains_key(name)
-    }
-
-    /// The name of a value, as long as the graph lives.
-    pub(crate) fn name(&self, name: &str) -> Option<&str> {
-        self.values.get_key_value(name).map(|(name, _)| name.as_str())
-    }
-
     /// Type and shape of a value.
     ///
     /// # Errors
-    /// Where there is no such value, or why they are not known.
+    /// If there is no such value, or why they are not known.
     pub fn fact(&self, name: &str) -> Result<&Fact> {
-        match self.values.get(name) {
-            Some(value) => value.fact.as_ref().map_err(Clone::clone),
-            None => Err(Error::new(format!("there is no value `{name}`"))),
-        }
+        self.values.fact(name)
     }
 
-    /// The elements of a value; nothing where they depend on the inputs, or are many and are not in the file.
+    /// The elements of a value; none if they depend on the inputs, or are many and are not in the file.
     ///
     /// # Errors
-    /// Where the constant in the file contradicts itself.
+    /// If the constant in the file contradicts itself.
     pub fn constant(&self, name: &str) -> Result<Option<Arc<Tensor>>> {
-        match self.values.get(name) {
-            Some(Value { constant: Some(tensor), .. }) => Ok(Some(tensor.clone())),
-            Some(Value { source: Source::Initializer(place), .. }) => {
-                let tensor = Tensor::from_proto(&self.initializers[*place]);
-                tensor
-                    .map(|tensor| Some(Arc::new(tensor)))
-                    .map_err(|error| error.at(format!("its weights `{name}`")))
-            }
-            _ => Ok(None),
-        }
+        self.values.constant(name)
     }
 
     /// Where a value comes from.
     pub fn source(&self, name: &str) -> Option<Source> {
-        self.values.get(name).map(|value| value.source)
+        self.values.source(name)
     }
 
     /// The nodes that are needed to compute these values from the inputs and from `given`.
@@ -284,7 +198,7 @@ impl Graph {
 
     /// The values that change when `name` changes, itself among them.
     pub(crate) fn dependents(&self, name: &str) -> HashSet<&str> {
-        let mut dependents = HashSet::from_iter(self.name(name));
+        let mut dependents = HashSet::from_iter(self.values.name(name));
         for node in &self.nodes {
             if node.input.iter().any(|input| dependents.contains(input.as_str())) {
                 dependents.extend(node.output.iter().map(String::as_str).filter(|output| !output.is_empty()));
@@ -321,7 +235,7 @@ impl Graph {
             .chain(outputs.iter().copied())
             .collect();
         let initializers =
-            self.initializers.iter().filter(|tensor| whole || used.contains(tensor.name.as_str()));
+            self.values.initializers.iter().filter(|tensor| whole || used.contains(tensor.name.as_str()));
         let output = outputs.iter().map(|name| {
             let fact = self.fact(name)?;
             Ok(ValueInfoProto::tensor(name, fact.element.0, &fact.shape))

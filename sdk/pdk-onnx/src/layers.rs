@@ -5,7 +5,8 @@ use std::collections::HashSet;
 use pdk_sdk::error::{Error, Result};
 
 use crate::field::{ImageAxis, Look, Looks, looks};
-use crate::graph::{Graph, Source};
+use crate::graph::Graph;
+use crate::values::Source;
 
 /// The input that is the image.
 #[derive(Debug, Clone, Copy)]

@@ -1,11 +1,11 @@
 #![doc = include_str!("../README.md")]
 //!
-//! [`model`] reads files, [`graph`] knows the type and shape of each value, [`gradient`] walks the graph backwards,
+//! [`model`] reads files, [`graph`] knows the type and shape of each of its [`values`], [`gradient`] walks the graph backwards,
 //! [`operators`] holds a file for each operator or family with its rules, and [`evaluate`] computes values plainly in 64-bit
 //! floats, as the reference. [`field`] tells where on the image a cell of a layer looks.
 
+mod attributes;
 mod builder;
-
 mod evaluate;
 pub mod field;
 pub mod gradient;
@@ -14,12 +14,15 @@ pub mod layers;
 pub mod model;
 mod operators;
 pub mod proto;
+mod shapes;
 mod site;
 pub mod tensor;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
+pub mod values;
 mod window;
 
 pub use gradient::{Gradients, Target, gradients, gradients_of_sum};
-pub use graph::{Fact, Graph};
+pub use graph::Graph;
 pub use tensor::{Element, Tensor};
+pub use values::Fact;

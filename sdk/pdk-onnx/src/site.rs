@@ -4,24 +4,24 @@ use std::sync::Arc;
 
 use pdk_sdk::error::{Error, Result};
 
-use crate::graph::{Fact, Graph};
 use crate::proto::{AttributeProto, NodeProto};
 use crate::tensor::Tensor;
+use crate::values::{Fact, Values};
 
 /// A node in its graph.
 pub(crate) struct Site<'a> {
-    pub graph: &'a Graph,
+    pub values: &'a Values,
     pub node: &'a NodeProto,
 }
 
 impl<'a> Site<'a> {
-    pub fn new(graph: &'a Graph, node: &'a NodeProto) -> Self {
-        Self { graph, node }
+    pub fn new(values: &'a Values, node: &'a NodeProto) -> Self {
+        Self { values, node }
     }
 
     /// The version of ONNX's operator set.
     pub fn opset(&self) -> i64 {
-        self.graph.opset()
+        self.values.opset
     }
 
     /// The name of what goes in at a place; nothing where it is left out.
@@ -42,7 +42,7 @@ impl<'a> Site<'a> {
 
     /// Type and shape of what goes in.
     pub fn fact(&self, place: usize) -> Result<&'a Fact> {
-        self.graph.fact(self.input(place)?)
+        self.values.fact(self.input(place)?)
     }
 
     /// The shape of what goes in.
@@ -52,13 +52,13 @@ impl<'a> Site<'a> {
 
     /// The shape of what comes out first.
     pub fn output_shape(&self) -> Result<&'a [usize]> {
-        Ok(&self.graph.fact(self.output(0)?)?.shape)
+        Ok(&self.values.fact(self.output(0)?)?.shape)
     }
 
     /// The elements of what goes in, which may not depend on the image; nothing where it is left out.
     pub fn constant(&self, place: usize) -> Result<Option<Arc<Tensor>>> {
         let Some(name) = self.optional(place) else { return Ok(None) };
-        match self.graph.constant(name)? {
+        match self.values.constant(name)? {
             Some(tensor) => Ok(Some(tensor)),
             None => Err(Error::new(format!("its input `{name}` has to be a constant, but is computed"))),
         }

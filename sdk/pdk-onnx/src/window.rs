@@ -2,7 +2,7 @@
 
 use pdk_sdk::error::{Error, Result};
 
-use crate::builder::{int, ints};
+use crate::attributes::{int, ints};
 use crate::proto::AttributeProto;
 use crate::site::Site;
 use crate::tensor::for_each_position;

@@ -7,7 +7,8 @@
 //!
 //! | module | subject |
 //! |---|---|
-//! | [`share`] | the share of drives that failed |
+//! | [`share`] | the share of drives that failed, with one drive a road |
+//! | [`drives`] | the same with any number of drives a road |
 //! | [`mean`] | a mean over roads |
 //! | [`paired`] | differences between two conditions on the same roads |
 //! | [`independent`] | differences between two samples that have nothing to do with each other |
@@ -40,6 +41,7 @@
 
 pub mod all_pairs;
 mod bootstrap;
+pub mod drives;
 pub mod estimate;
 pub mod groups;
 pub mod hypervolume;

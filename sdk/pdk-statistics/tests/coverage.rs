@@ -4,10 +4,11 @@
 
 use pdk_seed::{Key, Random};
 use pdk_statistics::CONFIDENCE;
+use pdk_statistics::drives::{Drives, share_over_roads};
 use pdk_statistics::level::{Bisection, Trial, failing_level};
 use pdk_statistics::mean::over_roads;
 use pdk_statistics::paired::compare;
-use pdk_statistics::share::{Drives, share, share_over_roads};
+use pdk_statistics::share::share;
 
 /// Roads from easy to hard.
 #[derive(Clone, Copy)]

@@ -5,12 +5,14 @@ use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::reader::Input;
-
 /// Steps that an index of any file may take besides those for its bytes.
 const BASE: u64 = 1 << 20;
 /// The largest index is not larger than this in bytes, each of which may take a step.
 const LARGEST: u64 = 1 << 26;
+
+/// Reads from a file or from memory.
+pub trait Input: Read + Seek {}
+impl<T: Read + Seek> Input for T {}
 
 /// Reads and seeks so many times.
 pub struct Bounded {

@@ -13,8 +13,9 @@ mod turn;
 mod writer;
 
 pub use assembly::has_assembly;
+pub use bounded::Input;
 pub use convert::Yuv420;
-pub use reader::{Container, Input, Opened, Reader, container, only_h264};
+pub use reader::{Container, Opened, Reader, container, only_h264};
 pub use writer::Writer;
 
 // The example in the README compiles.

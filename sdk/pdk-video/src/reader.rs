@@ -1,7 +1,7 @@
 //! Decodes H.264 from MP4 files.
 
 use std::collections::VecDeque;
-use std::io::{BufReader, Read, Seek};
+use std::io::BufReader;
 use std::path::Path;
 
 use mp4::{MediaType, Mp4Reader, TrackType};
@@ -11,7 +11,7 @@ use openh264::formats::YUVSource;
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
-use crate::bounded::Bounded;
+use crate::bounded::{Bounded, Input};
 use crate::convert::Yuv420;
 use crate::index::{CUT_OFF, check_boxes, check_samples};
 use crate::timing::Timing;
@@ -21,10 +21,6 @@ use crate::turn::{quarter_turns, turn};
 const PROFILES: [u8; 4] = [66, 77, 88, 100];
 /// Goes before every unit of a stream that is not in a container (ITU-T H.264, annex B).
 const START_CODE: [u8; 4] = [0, 0, 0, 1];
-
-/// Reads from a file or from memory.
-pub trait Input: Read + Seek {}
-impl<T: Read + Seek> Input for T {}
 
 /// What became of opening a file.
 pub enum Opened {

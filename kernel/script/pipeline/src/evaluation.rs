@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use pdk_loop::protocol::{EvaluateFrame, Evaluated, Evaluation, Failure};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_record::lines::Lines;
-use pdk_record::merge::Shard;
+use pdk_record::shard::Shard;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::Control;
 use pdk_session::session::{Reply, Session};

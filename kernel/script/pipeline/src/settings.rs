@@ -7,7 +7,7 @@ use std::time::Duration;
 use pdk_components::suggest;
 use pdk_model::scenario::parse_seed;
 use pdk_model::text::{parse_json, parse_value};
-use pdk_record::merge::Shard;
+use pdk_record::shard::Shard;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::connection::Pool;
 use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};

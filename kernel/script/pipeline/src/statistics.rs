@@ -3,12 +3,12 @@
 use pdk_lua::ApiFunction;
 use pdk_sdk::error::{Error, Result};
 use pdk_statistics::CONFIDENCE;
+use pdk_statistics::drives::{Drives, share_over_roads};
 use pdk_statistics::groups;
 use pdk_statistics::independent;
 use pdk_statistics::level::{self, Bisection, Trial};
 use pdk_statistics::mean;
 use pdk_statistics::paired;
-use pdk_statistics::share::{Drives, share_over_roads};
 use serde_json::{Value, json};
 
 use crate::bridge::function;

@@ -2,11 +2,11 @@
 
 use pdk_sdk::error::Result;
 
-use super::{Operator, Parts, Rule, given};
+use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
-use crate::graph::Fact;
 use crate::site::Site;
 use crate::tensor::{Tensor, broadcast};
+use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
     Operator::new("Add", infer, |site, inputs| binary(site, inputs, |a, b| a + b), Rule::First(add)),
@@ -102,7 +102,7 @@ fn pow(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let base = site.input(0)?;
     let element = b.element(base)?;
     if b.wants(site, 0) {
-        let (exponent, less) = match site.graph.constant(site.input(1)?)? {
+        let (exponent, less) = match site.values.constant(site.input(1)?)? {
             // Where the exponent is 0 the gradient is 0, also at 0, whose power -1 is infinite.
             Some(exponent) => {
                 let less = exponent.values.iter().map(|&e| if e == 0.0 { 0.0 } else { e - 1.0 }).collect();

@@ -3,11 +3,11 @@
 use pdk_sdk::error::{Error, Result};
 
 use super::max_pool::{pooled, window};
-use super::{Operator, Parts, Rule, given};
+use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
-use crate::graph::Fact;
 use crate::site::Site;
 use crate::tensor::Tensor;
+use crate::values::Fact;
 use crate::window::Window;
 
 pub const OPERATORS: &[Operator] = &[

@@ -2,11 +2,11 @@
 
 use pdk_sdk::error::{Error, Result};
 
-use super::{Operator, Parts, Rule, given};
+use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
-use crate::graph::Fact;
 use crate::site::Site;
 use crate::tensor::{Tensor, broadcast};
+use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
     Operator::new("Where", infer_where, evaluate_where, Rule::First(gradient_where)),

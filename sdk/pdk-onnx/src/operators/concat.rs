@@ -2,11 +2,12 @@
 
 use pdk_sdk::error::{Error, Result};
 
-use super::{Operator, Parts, Rule, given};
+use super::operator::{Operator, Parts, Rule, given};
+use crate::attributes::int;
 use crate::builder::Builder;
-use crate::graph::Fact;
 use crate::site::{Site, axis};
 use crate::tensor::Tensor;
+use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
     Operator::new("Concat", infer_concat, evaluate_concat, Rule::First(gradient_concat)),
@@ -119,7 +120,7 @@ fn gradient_split(site: &Site<'_>, b: &mut Builder, g: &[Option<String>]) -> Res
     });
     let parts = parts.collect::<Result<Vec<_>>>()?;
     let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
-    Ok(vec![(0, b.node("Concat", &parts, vec![crate::builder::int("axis", axis as i64)])?)])
+    Ok(vec![(0, b.node("Concat", &parts, vec![int("axis", axis as i64)])?)])
 }
 
 #[cfg(test)]

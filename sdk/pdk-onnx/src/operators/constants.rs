@@ -2,10 +2,10 @@
 
 use pdk_sdk::error::{Error, Result};
 
-use super::{Operator, Rule, given};
-use crate::graph::Fact;
+use super::operator::{Operator, Rule, given};
 use crate::site::Site;
 use crate::tensor::{Element, Tensor, elements};
+use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
     Operator::new(
@@ -15,14 +15,10 @@ pub const OPERATORS: &[Operator] = &[
         Rule::Zero,
     ),
     Operator::new("ConstantOfShape", |site| Ok(vec![of_shape(site)?.0]), evaluate_of_shape, Rule::Zero),
-    Operator {
-        needs_only_shapes: true,
-        ..Operator::new("Shape", |site| fact_of(shape(site)?), |site, _| Ok(vec![shape(site)?]), Rule::Zero)
-    },
-    Operator {
-        needs_only_shapes: true,
-        ..Operator::new("Size", |site| fact_of(size(site)?), |site, _| Ok(vec![size(site)?]), Rule::Zero)
-    },
+    Operator::new("Shape", |site| fact_of(shape(site)?), |site, _| Ok(vec![shape(site)?]), Rule::Zero)
+        .needing_shapes_alone(),
+    Operator::new("Size", |site| fact_of(size(site)?), |site, _| Ok(vec![size(site)?]), Rule::Zero)
+        .needing_shapes_alone(),
     Operator::new("Range", infer_range, evaluate_range, Rule::Zero),
 ];
 

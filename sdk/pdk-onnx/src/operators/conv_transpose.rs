@@ -2,11 +2,12 @@
 
 use pdk_sdk::error::Result;
 
-use super::{Operator, Parts, Rule, conv, given};
+use super::conv;
+use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
-use crate::graph::Fact;
 use crate::site::Site;
 use crate::tensor::Tensor;
+use crate::values::Fact;
 use crate::window::Window;
 
 pub const OPERATORS: &[Operator] = &[Operator::new("ConvTranspose", infer, evaluate, Rule::First(gradient))];

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use pdk_sdk::error::Result;
 
-use super::{Operator, Parts, Rule, given, same};
+use super::operator::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;
 use crate::site::Site;
 use crate::tensor::Tensor;

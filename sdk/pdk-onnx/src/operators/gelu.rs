@@ -5,7 +5,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use pdk_sdk::error::Result;
 
 use super::functions::{each, times};
-use super::{Operator, Parts, Rule, same};
+use super::operator::{Operator, Parts, Rule, same};
 use crate::builder::Builder;
 use crate::site::Site;
 use crate::tensor::Tensor;

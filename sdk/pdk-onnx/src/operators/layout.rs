@@ -3,11 +3,11 @@
 
 use pdk_sdk::error::{Error, Result};
 
-use super::{Operator, Parts, Rule, given, reshape_back, reshaped, same};
+use super::operator::{Operator, Parts, Rule, given, reshape_back, reshaped, same};
 use crate::builder::Builder;
-use crate::graph::Fact;
 use crate::site::{Site, axes, axis};
 use crate::tensor::{Element, Tensor, elements};
+use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
     Operator::new(

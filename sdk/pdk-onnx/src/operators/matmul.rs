@@ -2,11 +2,11 @@
 
 use pdk_sdk::error::{Error, Result};
 
-use super::{Operator, Parts, Rule, given};
+use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
-use crate::graph::Fact;
 use crate::site::Site;
 use crate::tensor::{Tensor, broadcast, shape_text};
+use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[Operator::new("MatMul", infer, evaluate, Rule::First(gradient))];
 

@@ -6,11 +6,11 @@
 
 use pdk_sdk::error::{Error, Result};
 
-use super::{Operator, Parts, Rule, given};
+use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
-use crate::graph::Fact;
 use crate::site::Site;
 use crate::tensor::{Element, Tensor};
+use crate::values::Fact;
 use crate::window::{Window, lengths};
 
 pub const OPERATORS: &[Operator] = &[Operator::new("MaxPool", infer, evaluate, Rule::First(gradient))];

@@ -17,6 +17,7 @@ pub(crate) mod layout;
 mod matmul;
 pub(crate) mod max_pool;
 mod normalization;
+mod operator;
 pub(crate) mod pad;
 mod reduce;
 pub(crate) mod resize;
@@ -24,51 +25,11 @@ pub(crate) mod slice;
 mod softmax;
 mod steps;
 
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::Result;
 
-use crate::builder::Builder;
-use crate::graph::Fact;
-use crate::proto::NodeProto;
-use crate::site::Site;
-use crate::tensor::Tensor;
-
-/// Gradients by the place of the input that they belong to.
-pub(crate) type Parts = Vec<(usize, String)>;
-
-/// From a node to type and shape of each of its outputs.
-pub(crate) type Infer = fn(&Site<'_>) -> Result<Vec<Fact>>;
-
-/// From a node and what goes in to what comes out.
-pub(crate) type Evaluate = fn(&Site<'_>, &[Option<&Tensor>]) -> Result<Vec<Tensor>>;
-
-/// What is known about an operator.
-pub(crate) struct Operator {
-    pub name: &'static str,
-    /// Type and shape of what it computes.
-    pub infer: Infer,
-    /// What it computes from these inputs.
-    pub evaluate: Evaluate,
-    pub gradient: Rule,
-    /// Whether it computes from the shape of its input alone.
-    pub needs_only_shapes: bool,
-}
-
-/// How gradients pass an operator: from those of what it computes to those of what goes in.
-#[derive(Clone, Copy)]
-pub(crate) enum Rule {
-    /// What it computes is constant, or constant in steps.
-    Zero,
-    /// From the gradient of its first output; it has none with respect to the others.
-    First(fn(&Site<'_>, &mut Builder, &str) -> Result<Parts>),
-    /// From the gradient of each output.
-    Each(fn(&Site<'_>, &mut Builder, &[Option<String>]) -> Result<Parts>),
-}
-
-impl Operator {
-    const fn new(name: &'static str, infer: Infer, evaluate: Evaluate, gradient: Rule) -> Self {
-        Self { name, infer, evaluate, gradient, needs_only_shapes: false }
-    }
-}
+use crate::graph::Graph;
+use crate::proto::{ModelProto, NodeProto};
+pub(crate) use operator::{Operator, Rule};
 
 static FAMILIES: [&[Operator]; 21] = [
     arithmetic::OPERATORS,
@@ -100,27 +61,13 @@ pub(crate) fn find(node: &NodeProto) -> Option<&'static Operator> {
     FAMILIES.iter().copied().flatten().find(|operator| own && operator.name == node.op_type)
 }
 
-/// The tensor at a place.
-fn given<'a>(inputs: &[Option<&'a Tensor>], place: usize) -> Result<&'a Tensor> {
-    inputs
-        .get(place)
-        .copied()
-        .flatten()
-        .ok_or_else(|| Error::new(format!("its input {} is missing", place + 1)))
-}
-
-/// The facts of an operator that leaves type and shape as they are.
-fn same(site: &Site<'_>) -> Result<Vec<Fact>> {
-    Ok(vec![site.fact(0)?.clone()])
-}
-
-/// The input in the shape that comes out.
-fn reshaped(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tensor>> {
-    let input = given(inputs, 0)?;
-    Ok(vec![Tensor { shape: site.output_shape()?.to_vec(), ..input.clone() }])
-}
-
-/// The gradient of an operator that changes the shape alone.
-fn reshape_back(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
-    Ok(vec![(0, b.reshape(g, site.shape(0)?)?)])
+// Here and not in `graph`, which does not know the operators: their gradients add nodes to graphs.
+impl Graph {
+    /// Reads the graph of a model. A batch that is left open is one.
+    ///
+    /// # Errors
+    /// If the graph contradicts itself, or an input leaves more than its batch open.
+    pub fn new(model: ModelProto) -> Result<Self> {
+        Self::with(model, |node| find(node).map(|operator| &operator.shapes))
+    }
 }

@@ -2,11 +2,11 @@
 
 use pdk_sdk::error::{Error, Result};
 
-use super::{Operator, Parts, Rule, given, same};
+use super::operator::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;
-use crate::graph::Fact;
 use crate::site::{Site, axis};
 use crate::tensor::{Tensor, for_each_position};
+use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
     Operator::new("BatchNormalization", same, evaluate_batch, Rule::First(gradient_batch)),

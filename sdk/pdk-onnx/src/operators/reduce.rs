@@ -2,11 +2,11 @@
 
 use pdk_sdk::error::Result;
 
-use super::{Operator, Parts, Rule, given};
+use super::operator::{Operator, Parts, Rule, given};
 use crate::builder::Builder;
-use crate::graph::Fact;
 use crate::site::{Site, axes};
 use crate::tensor::Tensor;
+use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
     Operator::new(

@@ -2,7 +2,7 @@
 
 use pdk_sdk::error::Result;
 
-use super::{Operator, Parts, Rule, given, same};
+use super::operator::{Operator, Parts, Rule, given, same};
 use crate::builder::Builder;
 use crate::site::{Site, axis};
 use crate::tensor::Tensor;

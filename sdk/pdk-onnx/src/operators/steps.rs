@@ -2,11 +2,12 @@
 
 use pdk_sdk::error::Result;
 
+use super::arithmetic;
 use super::functions::each;
-use super::{Operator, Rule, arithmetic, same};
-use crate::graph::Fact;
+use super::operator::{Operator, Rule, same};
 use crate::site::Site;
 use crate::tensor::{Element, Tensor};
+use crate::values::Fact;
 
 pub const OPERATORS: &[Operator] = &[
     Operator::new("Equal", infer, |site, inputs| holds(site, inputs, |a, b| a == b), Rule::Zero),

@@ -14,7 +14,7 @@ use pdk_components::suggest;
 use pdk_lua::perturbation::Source;
 use pdk_notice::println;
 use pdk_pipeline::table::table;
-use pdk_record::manifest::FileRecord;
+use pdk_record::files::FileRecord;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::{Value, json};

@@ -9,7 +9,7 @@ use pdk_notice::println;
 use pdk_pipeline::follow::Audience;
 use pdk_pipeline::run::{self, Options};
 use pdk_pipeline::settings::{Common, Override};
-use pdk_record::merge::Shard;
+use pdk_record::shard::Shard;
 use pdk_sdk::error::Result;
 use serde_json::json;
 

@@ -22,7 +22,7 @@ use pdk_statistics::mean;
 use pdk_supervise::calls::{self, Function};
 use serde_json::{Value, json};
 
-use super::frames::Shown;
+use super::shown::Shown;
 
 /// Shares of the frame that are taken away or put back, from one step to the whole.
 const STEPS: usize = 20;

@@ -5,32 +5,16 @@ use std::path::{Path, PathBuf};
 use pdk_components::registry::Registry;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
-use pdk_sdk::prelude::{Dataset, FrameBuf};
+use pdk_sdk::prelude::Dataset;
 use pdk_supervise::calls::{self, Function};
 use serde_json::Map;
 
 use super::recorded::Recorded;
+use super::shown::Shown;
 
 /// How the names of images end, and those of the files that make a dataset of a folder.
 const IMAGES: [&str; 5] = ["jpg", "jpeg", "png", "bmp", "webp"];
 const RECORDS: [&str; 3] = ["json", "csv", "catalog"];
-
-/// A frame that maps are made of.
-pub struct Shown {
-    /// Its name, which is fit for a file's.
-    pub name: String,
-    pub frame: FrameBuf,
-    /// How fast the vehicle was, in metres per second, if that is known.
-    pub speed: Option<f64>,
-    /// The number of the road on which it was recorded, if that is known.
-    pub road: Option<usize>,
-}
-
-impl Shown {
-    fn image(name: String, frame: FrameBuf) -> Self {
-        Self { name, frame, speed: None, road: None }
-    }
-}
 
 /// Images, or frames of a record or a dataset.
 pub enum Frames {

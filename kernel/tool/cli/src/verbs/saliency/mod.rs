@@ -4,6 +4,7 @@ mod curves;
 mod files;
 mod frames;
 mod recorded;
+mod shown;
 
 use std::path::PathBuf;
 
@@ -24,7 +25,8 @@ use pdk_supervise::calls::{self, Function};
 use serde_json::{Value, json};
 
 use super::{Global, print_json};
-use frames::{Frames, Shown};
+use frames::Frames;
+use shown::Shown;
 
 /// Arguments of `pdk saliency`
 #[derive(clap::Args)]

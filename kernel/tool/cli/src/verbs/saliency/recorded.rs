@@ -8,7 +8,7 @@ use pdk_record::trace::reader::{Entry, Owner, TraceImage, TraceReader};
 use pdk_record::trace::step::ImageTopic;
 use pdk_sdk::error::{Error, Result};
 
-use super::frames::Shown;
+use super::shown::Shown;
 
 /// The recorded frames of a run.
 pub struct Recorded {
