@@ -70,6 +70,14 @@ pub struct Module {
     pub blake3: String,
 }
 
+impl Module {
+    /// A module with this text.
+    pub fn new(name: String, source: String) -> Self {
+        let blake3 = blake3::hash(source.as_bytes()).to_hex().to_string();
+        Self { name, source, blake3 }
+    }
+}
+
 /// A component in use.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct ComponentRecord {

@@ -14,7 +14,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use mlua::{Function, LightUserData, Lua, LuaString, RegistryKey, Table, Value, ffi};
 use pdk_components::registry::BuiltInScript;
-use pdk_record::manifest::Module;
 
 use crate::chunk;
 use crate::failure::type_of;
@@ -27,6 +26,15 @@ const DEEPEST: usize = 32;
 #[derive(Clone)]
 pub struct Modules(Arc<Mutex<State>>);
 
+/// A module that was asked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Loaded {
+    /// As the script names it.
+    pub name: String,
+    /// The text that was run.
+    pub source: String,
+}
+
 struct State {
     places: Places,
     /// Where relative names of a file begin, by its name in Luau. Not in here: the pipeline.
@@ -34,7 +42,7 @@ struct State {
     /// Every module that was found, by its file.
     modules: HashMap<PathBuf, Entry>,
     /// In the order in which they were first asked for.
-    loaded: Vec<Module>,
+    loaded: Vec<Loaded>,
     /// Those that are being run, the outermost first.
     running: Vec<PathBuf>,
     /// Whether a virtual machine has them.
@@ -99,7 +107,7 @@ impl Modules {
     }
 
     /// The modules that were asked for, in the order in which they first were.
-    pub fn loaded(&self) -> Vec<Module> {
+    pub fn loaded(&self) -> Vec<Loaded> {
         self.state().loaded.clone()
     }
 
@@ -181,8 +189,7 @@ impl State {
         self.bases.insert(format!("@{}", found.shown).into_bytes(), base);
         let entry = Entry { name: found.name.clone(), chunk: chunk.clone(), value: None };
         self.modules.insert(found.file.clone(), entry);
-        let blake3 = blake3::hash(source.as_bytes()).to_hex().to_string();
-        self.loaded.push(Module { name: found.name.clone(), source, blake3 });
+        self.loaded.push(Loaded { name: found.name.clone(), source });
         Ok(chunk)
     }
 }

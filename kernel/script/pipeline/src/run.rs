@@ -100,7 +100,9 @@ pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
     })?;
     sandbox.stop_when(stop);
     let loaded = modules.clone();
-    let host = start(script, Box::new(move || loaded.loaded()), options)?;
+    let recorded =
+        move || loaded.loaded().into_iter().map(|module| Module::new(module.name, module.source)).collect();
+    let host = start(script, Box::new(recorded), options)?;
     sandbox.lua().set_app_data(host);
     let result = sandbox
         .load(&name, source.as_bytes())
