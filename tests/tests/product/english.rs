@@ -15,9 +15,9 @@ struct Pattern {
 }
 
 const PATTERNS: [Pattern; 10] = [
-    // "There is no driver `x`" is good English, "it is no driver" is not.
-    Pattern { unless_after: &["there"], ..pattern("is no ", "write `is not a`") },
-    Pattern { unless_after: &["there"], ..pattern("are no ", "write `are not`") },
+    // "There is no driver `x`" and "it is no longer used" are good English, "it is no driver" is not.
+    Pattern { unless_after: &["there"], unless_before: &["longer"], ..pattern("is no ", "write `is not a`") },
+    Pattern { unless_after: &["there"], unless_before: &["longer"], ..pattern("are no ", "write `are not`") },
     Pattern { unless_before: &["that"], ..pattern("so many", "write `this many` or a noun with its number") },
     pattern("none where", "write `none if`"),
     pattern("nothing where", "write `nothing if`"),
@@ -35,7 +35,7 @@ const fn pattern(text: &'static str, remedy: &'static str) -> Pattern {
 
 /// The files and folders whose texts keep to the rules. `docs/STYLE.md` is missing because it quotes what it rules out, and
 /// `docs/reference` because it is written from the components' descriptions.
-const DOCUMENTS: [&str; 18] = [
+const DOCUMENTS: [&str; 17] = [
     "README.md",
     "CONTRIBUTING.md",
     "SECURITY.md",
@@ -53,7 +53,6 @@ const DOCUMENTS: [&str; 18] = [
     "docs/session-protocol.md",
     "docs/speed.md",
     "sdk",
-    "tests/golden",
 ];
 
 #[test]
@@ -109,7 +108,8 @@ fn findings(text: &str) -> Vec<(usize, &'static Pattern)> {
             let last = before.split_whitespace().next_back().unwrap_or_default().to_lowercase();
             let next = after.split_whitespace().next().unwrap_or_default();
             let in_a_word = before.ends_with(char::is_alphanumeric);
-            if !in_a_word && !pattern.unless_after.contains(&&*last) && !pattern.unless_before.contains(&next) {
+            if !in_a_word && !pattern.unless_after.contains(&&*last) && !pattern.unless_before.contains(&next)
+            {
                 // Sentences have as many bytes as the text.
                 found.push((text[..start].matches('\n').count() + 1, pattern));
             }
@@ -126,8 +126,11 @@ fn sentences(text: &str) -> String {
     for line in text.split_inclusive('\n') {
         let fence = line.trim_start().starts_with("```");
         in_block ^= fence;
+        // Code in a sentence ends with its paragraph at the latest.
+        in_code &= !line.trim().is_empty();
         if line.starts_with("<!-- ") {
-            generated = !line.starts_with("<!-- end of ") && text.contains(&line.replace("<!-- ", "<!-- end of "));
+            generated =
+                !line.starts_with("<!-- end of ") && text.contains(&line.replace("<!-- ", "<!-- end of "));
         }
         for sign in line.chars() {
             in_code ^= sign == '`' && !fence && !in_block;
