@@ -1,4 +1,4 @@
-"""Measures pdk beside other libraries, in one run on one thread, and writes the tables of docs/speed.md and README.md.
+"""Measures pdk beside other libraries, in one run on one thread, and writes docs/speed.md.
 
     cargo build --release && cargo run --release -p pdk-dist -- --profile release --no-package --wheel
     python -m venv venv && venv/bin/pip install -r tests/speed/requirements.txt target/pdk-dist/pdk-*.whl
@@ -48,6 +48,9 @@ def keep_memory():
 keep_memory()
 
 ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs/speed.md"
+#: Around the table of the loop, which can be measured alone.
+MARKS = ("<!-- loop -->\n", "<!-- end of loop -->")
 LEVELS = range(5)
 BUDGET = 0.04  # Seconds for a figure.
 LONG = 0.25  # Seconds; what takes longer is measured once.
@@ -518,7 +521,7 @@ def table(figures, size):
     return "\n".join(lines) + "\n"
 
 
-def page(figures):
+def page(figures, loop):
     versions = f"numpy {np.__version__}, OpenCV {cv2.__version__}"
     for package in ("albumentations", "imagecorruptions"):
         try:
@@ -529,13 +532,21 @@ def page(figures):
     failed = f" Not measured, because it failed: {'; '.join(figures['failed'])}." if figures["failed"] else ""
     text = "# Speed\n\n*Written by `tests/speed/compare.py --write`; changes here are lost.*\n\n" + summary(figures)
     text += f"""
-All in one run on one thread of one machine: medians of the thread's processor time, of frames after the first few (textures and
-clips are prepared once and kept, and so is the memory of arrays). {versions}.{failed}
+All figures come from one run on one thread of one machine. They are medians of the thread's processor time, for frames after the first few
+(pdk prepares textures and clips once and keeps them, and the memory of arrays too). {versions}.{failed}
 
-Perturbations that draw where things sit once per sequence keep what they drew, where others draw for every frame; "drawn anew" is
-with `draws=per_frame`. The others do the nearest thing to pdk's that they have, at parameters as near as they allow: some do less
-work, some more. What changes hue, saturation and value is compared with albumentations' `HueSaturationValue`, grey with the
-saturation of its `ColorJitter`, which blends with grey too. imagecorruptions is compared with pdk's suite of the same corruptions, `imagenet_c_...`. {note}
+Some perturbations draw the places of things once per sequence and keep them, while other libraries draw for every frame; "drawn anew" means
+`draws=per_frame`. The other libraries do the nearest thing to pdk's perturbation that they have, with parameters as near as they allow: some do less
+work, some more. Perturbations that change hue, saturation and value are compared with albumentations' `HueSaturationValue`, and grey with the
+saturation of its `ColorJitter`, which also blends with grey. imagecorruptions is compared with pdk's suite of the same corruptions, `imagenet_c_...`. {note}
+
+## The closed loop
+
+By the clock, on two cores:
+
+<!-- loop -->
+{loop}
+<!-- end of loop -->
 
 ## Where pdk is slower
 
@@ -546,21 +557,20 @@ saturation of its `ColorJitter`, which blends with grey too. imagecorruptions is
 
 
 def write(figures, options):
-    (ROOT / "docs/speed.md").write_text(page(figures))
-    in_readme("speed", summary(figures))
-    if not options.without_loop:
-        in_readme("loop", closed_loop(figures))
+    # Without a measurement of the loop, its table stays as it is.
+    loop = between_marks(PAGE.read_text()) if options.without_loop else closed_loop(figures)
+    PAGE.write_text(page(figures, loop))
 
 
-def in_readme(what, table):
-    """Puts another table between the marks of `what`."""
-    readme = ROOT / "README.md"
-    readme.write_text(between(readme.read_text(), what, table))
+def between_marks(text):
+    """The table of the loop in the page."""
+    start, end = MARKS
+    return text.split(start)[1].split(f"\n{end}")[0]
 
 
-def between(text, what, table):
-    """The text with another table between the marks of `what`."""
-    start, end = f"<!-- {what} -->\n", f"<!-- end of {what} -->"
+def with_loop(text, table):
+    """The page with another table of the loop."""
+    start, end = MARKS
     head, rest = text.split(start)
     return f"{head}{start}{table}\n{end}{rest.split(end)[1]}"
 
@@ -575,7 +585,7 @@ def main():
     parser.add_argument("--json", help="where all figures go as JSON")
     parser.add_argument("--without-loop", action="store_true", help="leave out the loop, which is measured by the clock and needs a quiet machine")
     parser.add_argument("--only-loop", action="store_true", help="measure nothing but the loop")
-    parser.add_argument("--write", action="store_true", help="write docs/speed.md and the tables in README.md")
+    parser.add_argument("--write", action="store_true", help="write docs/speed.md, or with --only-loop the table in it")
     options = parser.parse_args()
     if options.write and (options.only or options.levels != list(LEVELS)):
         parser.error("--write needs every perturbation and every level: leave out --only and --levels")
@@ -583,7 +593,7 @@ def main():
         table = closed_loop(measure_loop())
         print(table)
         if options.write:
-            in_readme("loop", table)
+            PAGE.write_text(with_loop(PAGE.read_text(), table))
         return
     figures = measure(options)
     if options.json:

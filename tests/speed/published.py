@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 
 PACKAGE = "perturbationdrive"
-NOTE = """Of the published tool its functions are measured, without the class around them. Overlays are keyed and scaled once, as it does,
-and its videos are replaced by drawn ones of 640x480."""
+NOTE = """The functions of the published tool are measured without the class around them. Overlays are keyed and scaled once, as in the published
+tool, and drawn videos of 640x480 replace its own."""
 PICTURES = 20  # of a drawn video
 
 

@@ -1,5 +1,5 @@
 //! What every perturbation takes besides its own parameters: one list, from which the help, `pdk show`, the reference, the
-//! README and the types for editors tell of it.
+//! guide and the types for editors are written.
 
 /// Something that can be set for every perturbation, on the command line as `NAME,MODIFIER=VALUE`.
 pub struct Modifier {

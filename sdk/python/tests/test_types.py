@@ -38,7 +38,7 @@ DataLoader: Any
 
 def examples():
     """The examples in Python of a document, each with the line on which it begins."""
-    for name in ("README.md", "docs/python.md"):
+    for name in ("docs/guide/perturb.md", "docs/python.md"):
         text = (REPOSITORY / name).read_text()
         for found in re.finditer(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
             yield name, text[: found.start()].count("\n") + 1, found.group(1)

@@ -13,11 +13,12 @@ fn the_reference_is_up_to_date() {
 
 /// `PDK_BLESS=1` writes the table anew.
 #[test]
-fn the_readme_tells_of_the_modifiers() {
+fn the_guide_lists_the_modifiers() {
     const MARKS: [&str; 2] = ["<!-- modifiers -->\n", "<!-- end of modifiers -->"];
-    let file = repository().join("README.md");
+    let file = repository().join("docs/guide/perturb.md");
     let text = std::fs::read_to_string(&file).unwrap();
-    let [start, end] = MARKS.map(|mark| text.find(mark).unwrap_or_else(|| panic!("README.md: no {mark}")));
+    let [start, end] =
+        MARKS.map(|mark| text.find(mark).unwrap_or_else(|| panic!("docs/guide/perturb.md: no {mark}")));
     let (found, expected) = (&text[start + MARKS[0].len()..end], modifiers::markdown());
     if std::env::var_os("PDK_BLESS").is_some() {
         let before = &text[..start + MARKS[0].len()];
@@ -25,7 +26,7 @@ fn the_readme_tells_of_the_modifiers() {
     } else {
         assert_eq!(
             found, expected,
-            "the table of modifiers in README.md is stale; run this with PDK_BLESS=1"
+            "the table of modifiers in docs/guide/perturb.md is stale; run this with PDK_BLESS=1"
         );
     }
 }
@@ -40,27 +41,13 @@ fn every_perturbation_has_its_picture() {
 
 #[test]
 fn what_the_documents_point_to_is_there() {
-    for name in [
-        "README.md",
-        "ARCHITECTURE.md",
-        "CONTRIBUTING.md",
-        "CHANGELOG.md",
-        "docs/speed.md",
-        "docs/adapter.md",
-        "docs/external-drivers.md",
-        "docs/external-simulators.md",
-        "docs/session-protocol.md",
-        "docs/worker-protocol.md",
-        "docs/python.md",
-        "docs/record.md",
-        "docs/STYLE.md",
-        "docs/generative.md",
-        "docs/simulators/beamng.md",
-        "docs/simulators/carla.md",
-        "docs/simulators/donkey.md",
-        "docs/simulators/udacity.md",
-    ] {
+    for name in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md"] {
         check_links(&repository().join(name));
+    }
+    for folder in ["docs", "docs/guide", "docs/simulators"] {
+        for page in std::fs::read_dir(repository().join(folder)).unwrap() {
+            check_links(&page.unwrap().path());
+        }
     }
     for part in std::fs::read_dir(repository().join("sdk")).unwrap() {
         let readme = part.unwrap().path().join("README.md");
@@ -188,20 +175,41 @@ fn every_fault_is_tried_with_every_simulator_and_with_drivers_outside() {
     }
 }
 
-/// Checks the relative links of a page of Markdown.
+/// Checks the relative links of a page of Markdown, with the headings that they lead to.
 fn check_links(page: &Path) {
     let (Some(folder), true) = (page.parent(), page.extension().is_some_and(|ending| ending == "md")) else {
         return;
     };
     let text = std::fs::read_to_string(page).unwrap_or_else(|e| panic!("{}: {e}", page.display()));
-    for target in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
-        let target = target.split('#').next().unwrap_or_default();
-        if target.is_empty() || target.starts_with("http") {
+    for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+        if link.starts_with("http") {
             continue;
         }
-        let file = folder.join(target);
+        let (target, heading) = link.split_once('#').unwrap_or((link, ""));
+        let file = if target.is_empty() { page.to_owned() } else { folder.join(target) };
         assert!(file.exists(), "{} points to {target}, which is not there", page.display());
+        if !heading.is_empty() {
+            let there = headings(&std::fs::read_to_string(&file).unwrap());
+            assert!(there.iter().any(|found| found == heading), "{}: no heading for {link}", page.display());
+        }
     }
+}
+
+/// The headings of a page, as links name them.
+fn headings(text: &str) -> Vec<String> {
+    let mut in_code = false;
+    let mut headings = Vec::new();
+    for line in text.lines() {
+        in_code ^= line.starts_with("```");
+        if let (false, Some((hashes, heading))) = (in_code, line.split_once(' '))
+            && !hashes.is_empty()
+            && hashes.chars().all(|sign| sign == '#')
+        {
+            let kept = heading.chars().filter(|&sign| sign.is_alphanumeric() || " -_".contains(sign));
+            headings.push(kept.collect::<String>().to_lowercase().replace(' ', "-"));
+        }
+    }
+    headings
 }
 
 #[test]

@@ -4,6 +4,8 @@
 
 mod cli;
 mod documents;
+mod english;
+mod guide;
 mod installation;
 mod python;
 mod shown;

@@ -37,15 +37,16 @@ fn the_readme_shows_what_the_quickstart_prints() {
 
 #[test]
 #[ignore = "long: .ci/run runs it"]
-fn the_readme_shows_what_its_session_finds() {
-    let readme = read("README.md");
-    let source = between(&readme, "```lua\nlocal session", "```\n");
-    let said =
-        between(&readme[readme.find("local session").unwrap()..], "```\n\n```\n", "\n```\n").to_owned();
-    let folder = temp();
-    let script = pipeline(folder.path(), &format!("local session{source}"));
-    let ran = Pdk::new(["run", "--out"]).arg(folder.path().join("record")).arg(script).succeed();
-    assert!(ran.stderr.contains(&said), "README.md shows {said:?}, but it says {}", ran.stderr);
+fn the_guide_shows_what_its_sessions_find() {
+    for name in ["docs/guide/pipelines.md", "docs/guide/statistics.md"] {
+        let page = read(name);
+        let source = between(&page, "```lua\nlocal session", "```\n");
+        let shown = between(&page[page.find("local session").unwrap()..], "```\n\n```\n", "\n```\n");
+        let folder = temp();
+        let script = pipeline(folder.path(), &format!("local session{source}"));
+        let ran = Pdk::new(["run", "--out"]).arg(folder.path().join("record")).arg(script).succeed();
+        assert!(ran.stderr.contains(shown), "{name} shows {shown:?}, but it prints {}", ran.stderr);
+    }
 }
 
 #[test]
