@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`installation`] | where the parts of pdk itself lie |
 //! | [`search_path`] | where components are looked for |
-//! | [`registry`] | finds components and makes instances of them; [`loader`] opens libraries, `reading` reads what they say of themselves |
+//! | [`registry`] | finds components and makes instances of them; [`loader`] loads plugins, `door` opens their libraries and proves that they fit, `reading` reads what they say of themselves |
 //! | [`inspection`] | opens libraries in a process that dies afterwards, before they are opened where they are needed; [`elf`] looks at the file |
 //! | [`catalog`] | what there is, as plain data that can be sent to another process |
 //! | [`modifiers`] | what every perturbation takes besides its own parameters |
@@ -12,6 +12,7 @@
 
 pub mod catalog;
 mod description;
+mod door;
 pub mod elf;
 pub mod hash;
 pub mod inspection;

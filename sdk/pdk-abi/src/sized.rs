@@ -1,12 +1,9 @@
-//! What may grow at its end: every structure here begins with its size and crosses by pointer.
-//!
-//! Functions of an instance take its object first, and last the sink for the sentence of an error. Functions that were added
-//! later than the first version are null in the table of an older plugin; the others are not.
+//! The values of a call, which may grow at their end: every structure here begins with its size and crosses by pointer.
 
 use core::ffi::c_void;
 
 use crate::declare::sized;
-use crate::fixed::{Status, Text};
+use crate::fixed::Text;
 
 sized! {
     /// Takes bytes of unknown number from the other side, in one or several pieces.
@@ -15,37 +12,6 @@ sized! {
         pub context: *mut c_void,
         /// Takes the next bytes.
         pub write: Option<unsafe extern "C" fn(context: *mut c_void, bytes: Text)>,
-    }
-
-    /// The functions of a plugin.
-    pub struct Plugin {
-        /// Describes the plugin and its components, as a JSON object.
-        pub describe: Option<unsafe extern "C" fn(description: *const Sink, error: *const Sink) -> Status>,
-        /// Makes an instance of the component with this place in the description, from its parameters as a JSON object.
-        pub create: Option<unsafe extern "C" fn(
-            index: usize,
-            parameters: Text,
-            into: *mut Instance,
-            error: *const Sink,
-        ) -> Status>,
-        /// The files that an instance of the component with this place, made from these parameters, reads besides those that the
-        /// parameters name: a JSON list. Null in the first plugins.
-        pub input_files: Option<unsafe extern "C" fn(
-            index: usize,
-            parameters: Text,
-            files: *const Sink,
-            error: *const Sink,
-        ) -> Status>,
-    }
-
-    /// An instance of a component.
-    pub struct Instance {
-        /// One of the numbers of [`kind`](crate::kind).
-        pub kind: u64,
-        /// The instance, for its functions alone.
-        pub object: *mut c_void,
-        /// The table of the functions of this kind; it lives as long as the library is loaded.
-        pub functions: *const c_void,
     }
 
     /// A frame to read: RGB, a byte each, rows from top to bottom.
@@ -110,20 +76,6 @@ sized! {
         pub travelled: f64,
     }
 
-    /// The functions of a perturbation.
-    pub struct PerturbationFunctions {
-        /// Ends the instance.
-        pub drop: Option<unsafe extern "C" fn(object: *mut c_void)>,
-        /// Writes the perturbed `source` to `target`, which has the same size.
-        pub apply: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            source: *const Frame,
-            target: *const FrameMut,
-            context: *const PerturbationContext,
-            error: *const Sink,
-        ) -> Status>,
-    }
-
     /// Size and rate of a simulator's camera.
     pub struct Camera {
         /// Pixels in a row.
@@ -162,79 +114,6 @@ sized! {
         pub throttle: f64,
     }
 
-    /// The functions of a simulator.
-    pub struct SimulatorFunctions {
-        /// Ends the instance.
-        pub drop: Option<unsafe extern "C" fn(object: *mut c_void)>,
-        /// Size and rate of the camera.
-        pub camera: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            into: *mut Camera,
-            error: *const Sink,
-        ) -> Status>,
-        /// Puts the vehicle at the start of a scenario, a JSON object; `slot` is the number of the worker, from 0.
-        pub reset: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            scenario: Text,
-            slot: u32,
-            into: *mut State,
-            error: *const Sink,
-        ) -> Status>,
-        /// Writes what the camera sees now, and tells the state that belongs to it.
-        pub frame: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            target: *const FrameMut,
-            into: *mut State,
-            error: *const Sink,
-        ) -> Status>,
-        /// Applies a control, moves on by one frame, and tells the state after that.
-        pub act: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            control: *const Control,
-            into: *mut State,
-            error: *const Sink,
-        ) -> Status>,
-        /// The centre line of the driven lane: a JSON list of `[x, height, z]` in metres.
-        pub waypoints: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            waypoints: *const Sink,
-            error: *const Sink,
-        ) -> Status>,
-        /// What the simulator has told of itself by now: a JSON list of `[name, value]`. Null in the first plugins.
-        pub info: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            info: *const Sink,
-            error: *const Sink,
-        ) -> Status>,
-        /// What the simulator can tell apart in its frames: a JSON list of names, empty where it labels nothing.
-        pub label_names: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            names: *const Sink,
-            error: *const Sink,
-        ) -> Status>,
-        /// Writes for each pixel of the frame that was rendered last the place of what it shows among those names, row by row.
-        pub labels: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            into: *mut u8,
-            length: usize,
-            error: *const Sink,
-        ) -> Status>,
-        /// Says before a scenario what will be asked for besides frames: numbers of [`annotation`](crate::annotation), added up.
-        pub annotate: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            annotations: u64,
-            error: *const Sink,
-        ) -> Status>,
-        /// Writes for each pixel of the frame that was rendered last its distance along the optical axis in metres, row by row;
-        /// infinite for the sky.
-        pub depth: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            into: *mut f32,
-            length: usize,
-            error: *const Sink,
-        ) -> Status>,
-    }
-
     /// What a driver knows besides the frame.
     pub struct DriveContext {
         /// The number of the frame in its sequence, from 0.
@@ -243,28 +122,6 @@ sized! {
         pub time: f64,
         /// The vehicle's speed in metres per second; not a number where it is not known.
         pub speed: f64,
-    }
-
-    /// The functions of a driver.
-    pub struct DriverFunctions {
-        /// Ends the instance.
-        pub drop: Option<unsafe extern "C" fn(object: *mut c_void)>,
-        /// Forgets everything about earlier frames.
-        pub reset: Option<unsafe extern "C" fn(object: *mut c_void, error: *const Sink) -> Status>,
-        /// Decides what to do.
-        pub drive: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            frame: *const Frame,
-            context: *const DriveContext,
-            into: *mut Control,
-            error: *const Sink,
-        ) -> Status>,
-        /// What was decided when the instance was made: a JSON list of `[name, value]`.
-        pub info: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            info: *const Sink,
-            error: *const Sink,
-        ) -> Status>,
     }
 
     /// The size of a saliency map.
@@ -299,68 +156,6 @@ sized! {
         pub height: usize,
     }
 
-    /// The functions of a saliency method.
-    pub struct SaliencyFunctions {
-        /// Ends the instance.
-        pub drop: Option<unsafe extern "C" fn(object: *mut c_void)>,
-        /// The size of the map of a frame of this size.
-        pub map_size: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            width: usize,
-            height: usize,
-            into: *mut MapSize,
-            error: *const Sink,
-        ) -> Status>,
-        /// Writes the map of a frame, which has the size that `map_size` told.
-        pub map: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            frame: *const Frame,
-            context: *const MapContext,
-            map: *const Heatmap,
-            error: *const Sink,
-        ) -> Status>,
-    }
-
-    /// The functions of a mask.
-    pub struct MaskFunctions {
-        /// Ends the instance.
-        pub drop: Option<unsafe extern "C" fn(object: *mut c_void)>,
-        /// Writes how much of each pixel of a frame is to be perturbed; the map is as large as the frame.
-        pub weights: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            frame: *const Frame,
-            context: *const MapContext,
-            map: *const Heatmap,
-            error: *const Sink,
-        ) -> Status>,
-    }
-
-    /// The functions of a search strategy.
-    pub struct SearchFunctions {
-        /// Ends the instance.
-        pub drop: Option<unsafe extern "C" fn(object: *mut c_void)>,
-        /// Begins a search: what for, and where, is a JSON object; `key` is the origin of all random numbers, 32 bytes.
-        pub start: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            problem: Text,
-            key: Text,
-            error: *const Sink,
-        ) -> Status>,
-        /// Proposes up to `count` candidates: a JSON list.
-        pub ask: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            count: usize,
-            candidates: *const Sink,
-            error: *const Sink,
-        ) -> Status>,
-        /// Learns how candidates did: a JSON list.
-        pub tell: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            results: Text,
-            error: *const Sink,
-        ) -> Status>,
-    }
-
     /// What was recorded with a frame.
     pub struct Entry {
         /// Pixels in a row.
@@ -373,33 +168,6 @@ sized! {
         pub throttle: f64,
         /// Seconds since the first frame.
         pub time: f64,
-    }
-
-    /// The functions of a dataset reader.
-    pub struct DatasetFunctions {
-        /// Ends the instance.
-        pub drop: Option<unsafe extern "C" fn(object: *mut c_void)>,
-        /// The number of frames.
-        pub length: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            into: *mut u64,
-            error: *const Sink,
-        ) -> Status>,
-        /// The name of a frame.
-        pub name: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            index: u64,
-            name: *const Sink,
-            error: *const Sink,
-        ) -> Status>,
-        /// Reads a frame: RGB, a byte each, rows from top to bottom without gaps.
-        pub read: Option<unsafe extern "C" fn(
-            object: *mut c_void,
-            index: u64,
-            into: *mut Entry,
-            pixels: *const Sink,
-            error: *const Sink,
-        ) -> Status>,
     }
 }
 

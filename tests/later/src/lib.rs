@@ -1,16 +1,17 @@
 //! A plugin as a later SDK of the same version of the interface would make it: its structures and tables are longer than those
 //! that pdk knows, it has a component of another kind, and its description says more. It is written against the interface alone.
 //!
-//! Its driver steers by what it was given. Where pdk had not left alone what it does not know, the numbers would be others.
+//! Its driver steers by what it was given. If pdk touched what it does not know, the numbers would be others.
+
+pub mod interface;
 
 use std::ffi::c_void;
 
-use pdk_abi::{
-    Frame, Header, Instance, Plugin, Prefix, Sink, Status, Text, VERSION, empty, kind, load, status, store,
-};
-
-/// The kind `horn`, which pdk does not know.
-const HORN: u64 = 99;
+use abi_stable::library::{CheckTypeLayout, LibHeader, RootModuleResult};
+use abi_stable::prefix_type::{PrefixRefTrait, WithMetadata};
+use abi_stable::std_types::ROk;
+use interface::{DriverFunctions, DriverFunctionsRef, Plugin, PluginRef};
+use pdk_abi::{Frame, Instance, Prefix, Sink, Status, Text, empty, load, status, store};
 
 /// Describes the component of the unknown kind first, so that places count.
 const DESCRIPTION: &str = r#"{
@@ -47,22 +48,6 @@ struct LaterContext {
     daylight: f64,
 }
 
-/// The functions of a plugin, with one more.
-#[repr(C)]
-#[derive(Clone, Copy)]
-struct LaterPlugin {
-    known: Plugin,
-    forget: unsafe extern "C" fn(),
-}
-
-/// The functions of a driver, with one more.
-#[repr(C)]
-#[derive(Clone, Copy)]
-struct LaterFunctions {
-    known: pdk_abi::DriverFunctions,
-    explain: unsafe extern "C" fn(),
-}
-
 // SAFETY: `repr(C)` with the size first, no padding, and every value is a number.
 unsafe impl Prefix for LaterControl {}
 // SAFETY: as above.
@@ -75,28 +60,32 @@ unsafe extern "C" fn unknown() {
     std::process::abort();
 }
 
+/// Never called, because there is no such component.
+unsafe extern "C" fn never<F>(_: usize, _: Text, _: *mut F, _: *const Sink) -> Status {
+    std::process::abort();
+}
+
+/// It has no files.
+unsafe extern "C" fn input_files(_: usize, _: Text, files: *const Sink, _: *const Sink) -> Status {
+    // SAFETY: the host lends the sink for this call.
+    unsafe { load(files, empty()).put(b"[]") };
+    DONE
+}
+
 unsafe extern "C" fn describe(description: *const Sink, _error: *const Sink) -> Status {
     // SAFETY: the host lends the sink for this call.
     unsafe { load(description, empty()).put(DESCRIPTION.as_bytes()) };
     DONE
 }
 
-unsafe extern "C" fn create(
+unsafe extern "C" fn driver(
     index: usize,
     parameters: Text,
-    into: *mut Instance,
+    into: *mut Instance<DriverFunctionsRef>,
     error: *const Sink,
 ) -> Status {
-    static FUNCTIONS: LaterFunctions = LaterFunctions {
-        known: pdk_abi::DriverFunctions {
-            size: size_of::<LaterFunctions>(),
-            drop: Some(end),
-            reset: Some(reset),
-            drive: Some(drive),
-            info: Some(info),
-        },
-        explain: unknown,
-    };
+    const FUNCTIONS: &WithMetadata<DriverFunctions> =
+        &WithMetadata::new(DriverFunctions { drop: end, reset, drive, info, explain: unknown });
     // SAFETY: the host lends the parameters for this call.
     let parameters = String::from_utf8_lossy(unsafe { parameters.bytes() });
     if index != 1 || !parameters.contains(r#""tint":"red""#) {
@@ -106,11 +95,10 @@ unsafe extern "C" fn create(
         // A way to fail that pdk does not know.
         return Status { code: 99 };
     }
-    let kind = if index == 0 { HORN } else { kind::DRIVER };
     let object = Box::into_raw(Box::new(0_u64)).cast();
-    let functions = (&raw const FUNCTIONS).cast();
+    let functions = Some(DriverFunctionsRef(FUNCTIONS.static_as_prefix()));
     // SAFETY: the host lends it for this call.
-    unsafe { store(Instance { kind, object, functions, ..empty() }, into) };
+    unsafe { into.write(Instance { object, functions }) };
     DONE
 }
 
@@ -153,17 +141,26 @@ unsafe extern "C" fn info(_object: *mut c_void, info: *const Sink, _error: *cons
     DONE
 }
 
-static PLUGIN: LaterPlugin = LaterPlugin {
-    known: Plugin {
-        size: size_of::<LaterPlugin>(),
-        describe: Some(describe),
-        create: Some(create),
-        input_files: None,
-    },
-    forget: unknown,
-};
+extern "C" fn root_module() -> RootModuleResult {
+    const PLUGIN: &WithMetadata<Plugin> = &WithMetadata::new(Plugin {
+        describe,
+        perturbation: never,
+        simulator: never,
+        driver,
+        saliency: never,
+        search: never,
+        dataset: never,
+        input_files,
+        mask: never,
+        horn: never,
+        forget: unknown,
+    });
+    // SAFETY: whoever takes it compares the layout in the header first.
+    ROk(unsafe { PluginRef(PLUGIN.static_as_prefix()).to_prefix_ref().cast() })
+}
 
-// SAFETY: the name is part of the interface and no other crate in a plugin uses it.
+// SAFETY: the name is that of abi_stable's header, and nothing else in this library uses it. The constructor returns this root module.
 #[unsafe(no_mangle)]
 #[allow(non_upper_case_globals)]
-static pdk_plugin: Header = Header { version: VERSION, plugin: (&raw const PLUGIN).cast() };
+static _1as_0lib_1header_0root_bmodule_bloader: LibHeader =
+    unsafe { LibHeader::from_constructor::<PluginRef>(root_module, CheckTypeLayout::Yes) };

@@ -117,6 +117,11 @@ fn simulator_and_driver_of_the_first_sdk_get_all_that_they_are_given() {
         simulator.act(Control::default()).unwrap();
     }
     assert!(simulator.frame(frame.as_mut()).unwrap().finished);
+    // Functions that came later are as if it had nothing to say.
+    assert!(simulator.info().is_empty() && simulator.label_names().is_empty());
+    simulator.annotate(Annotations { labels: true, depth: true });
+    assert!(simulator.depth(&mut []).unwrap_err().message().contains("how far away"));
+    assert!(simulator.labels(&mut []).unwrap_err().message().contains("has no function `labels`"));
 
     let (mut driver, _) = registry.driver("frozen", &parameters(json!({ "gain": 2.0 }))).unwrap();
     assert_eq!(driver.info(), [("made with".to_owned(), "the first SDK".to_owned())]);

@@ -416,8 +416,25 @@ fn check_finds_every_misbehaviour() {
     assert!(describe.stdout.contains("FAIL loading the plugin") && describe.stdout.contains("panicked"));
 }
 
-/// Files that are no plugins, with a part of the sentence about each.
-fn no_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
+/// With this the header of a plugin begins; behind it follows the version of abi_stable.
+const MAGIC: &[u8] = b"abi stable library for Rust     ";
+
+/// How a header has version 0 of abi_stable with this minor number.
+fn version(minor: u32) -> Vec<u8> {
+    [0, minor].map(u32::to_le_bytes).concat()
+}
+
+/// Bytes with others in all places where these are, of which there is one at least.
+fn replaced(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    let places: Vec<_> = (0..bytes.len()).filter(|&place| bytes[place..].starts_with(from)).collect();
+    assert!(!places.is_empty());
+    places.into_iter().for_each(|place| bytes[place..place + to.len()].copy_from_slice(to));
+    bytes
+}
+
+/// Files that are not plugins of this version, with a part of the sentence about each.
+fn not_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
     let file = |name: &str, content: &[u8]| {
         let path = folder.join(name);
         fs::write(&path, content).unwrap();
@@ -429,6 +446,29 @@ fn no_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
             test_library("stranger"),
             "was built for version 2 of the plugin interface, but this pdk has version 1; get a newer pdk, or ",
         ),
+        (
+            test_library("altered"),
+            "has other functions than version 1 of the plugin interface at `driver.functions.reset`; build it again",
+        ),
+        (
+            test_library("former"),
+            "was built with a pdk-sdk of before the first release, whose plugins had another form; build it again",
+        ),
+        (
+            file("header.so", &replaced(&whole, MAGIC, b"abi-stable")),
+            "is damaged: its header is not one of abi_stable; build or copy it again",
+        ),
+        (
+            file(
+                "next.so",
+                &replaced(&whole, &[MAGIC, &version(11)].concat(), &[MAGIC, &version(12)].concat()),
+            ),
+            "was built with abi_stable 0.12, but this pdk has 0.11; build it again",
+        ),
+        (
+            file("other.so", &replaced(&whole, b"pdk_plugin", b"abc_plugin")),
+            "is not a pdk plugin, but one of another program (`abc_plugin`)",
+        ),
         (file("text.so", b"this is not a library\n"), "is not a library"),
         (file("empty.so", b""), "is not a library"),
         (file("head.so", &whole[..100]), "is cut off"),
@@ -437,7 +477,7 @@ fn no_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
     ];
     let libc = ["/lib/x86_64-linux-gnu/libc.so.6", "/lib64/libc.so.6", "/lib/aarch64-linux-gnu/libc.so.6"];
     match libc.iter().map(Path::new).find(|path| path.exists()) {
-        Some(libc) => files.push((libc.to_owned(), "is not a pdk plugin")),
+        Some(libc) => files.push((libc.to_owned(), "is not a pdk plugin: it has no header of abi_stable")),
         None => eprintln!("skipped: no libc.so.6 in the usual places"),
     }
     files
@@ -446,7 +486,7 @@ fn no_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
 #[test]
 fn files_that_are_no_plugins_are_refused_with_one_sentence_each() {
     let folder = temp();
-    for (file, part) in no_plugins(folder.path()) {
+    for (file, part) in not_plugins(folder.path()) {
         let listed = Pdk::new(["list", "driver", "--plugins"]).arg(&file).succeed();
         let warnings: Vec<_> = listed.stderr.lines().collect();
         assert_eq!(warnings.len(), 1, "{}: {}", file.display(), listed.stderr);

@@ -3,11 +3,17 @@
 use std::cell::RefCell;
 use std::ffi::c_void;
 
-use pdk_abi::{Header, Sink, Status, Text, empty, kind, load, status};
+use pdk_abi::abi_stable::StableAbi;
+use pdk_abi::abi_stable::reexports::True;
+use pdk_abi::{
+    DatasetFunctionsRef, DriverFunctionsRef, MaskFunctionsRef, PerturbationFunctionsRef, PluginRef,
+    SaliencyFunctionsRef, SearchFunctionsRef, SimulatorFunctionsRef, Sink, Status, Text, empty, status,
+};
 use pdk_ops::{Frame, FrameBuf, FrameMut};
 use pdk_seed::Key;
 
 use super::convert::{self, Crosses};
+use crate::SDK_VERSION;
 use crate::dataset::{Dataset, Entry};
 use crate::describe::Kind;
 use crate::driver::{Control, DriveContext, Driver};
@@ -22,30 +28,17 @@ use crate::simulator::{Annotations, Camera, Scenario, Simulator, State, no_depth
 /// The functions of a plugin.
 #[derive(Clone, Copy)]
 pub struct Module {
-    describe: unsafe extern "C" fn(*const Sink, *const Sink) -> Status,
-    create: unsafe extern "C" fn(usize, Text, *mut pdk_abi::Instance, *const Sink) -> Status,
-    input_files: Option<unsafe extern "C" fn(usize, Text, *const Sink, *const Sink) -> Status>,
+    plugin: PluginRef,
 }
 
 impl Module {
-    /// The functions behind a header of this version of the interface.
+    /// The functions of a root module.
     ///
     /// # Safety
-    /// The header is what a library exports under [`pdk_abi::SYMBOL`], and the library is never unloaded.
-    ///
-    /// # Errors
-    /// Where it lacks a function.
-    pub unsafe fn behind(header: &Header) -> Result<Self> {
-        if header.plugin.is_null() {
-            return Err(Error::of(ErrorKind::Nonsense, "has no table of functions; build it again"));
-        }
-        // SAFETY: the caller's promise.
-        let plugin = unsafe { load(header.plugin, empty()) };
-        Ok(Self {
-            describe: needed(plugin.describe, "describe")?,
-            create: needed(plugin.create, "create")?,
-            input_files: plugin.input_files,
-        })
+    /// It is the root module of a library whose layout has been checked and that is never unloaded, and its functions do what
+    /// [`pdk_abi`] says.
+    pub unsafe fn of(plugin: PluginRef) -> Self {
+        Self { plugin }
     }
 
     /// What the plugin says of itself, as JSON: see [`PluginDescription`](super::PluginDescription).
@@ -54,30 +47,16 @@ impl Module {
     /// Where it cannot describe itself.
     pub fn describe(&self) -> Result<String> {
         // SAFETY: both sinks live through the call.
-        collect(|description, error| unsafe { (self.describe)(description, error) })
+        collect(|description, error| unsafe { (self.plugin.describe())(description, error) })
     }
 
-    /// Makes an instance of the component with this place in the description, from its parameters as a JSON object.
-    ///
-    /// # Errors
-    /// Where the component refuses the parameters or panics, or fails at once, such as a simulator that has no camera.
-    pub fn create(&self, index: usize, parameters: &str) -> Result<Instance> {
-        let mut raw = empty::<pdk_abi::Instance>();
-        // SAFETY: everything lives through the call.
-        call(|error| unsafe { (self.create)(index, Text::new(parameters.as_bytes()), &mut raw, error) })?;
-        // SAFETY: the plugin has made it just now, and nothing else has it.
-        unsafe { instance(raw) }
-    }
-}
-
-impl Module {
     /// The files that an instance of the component with this place reads besides those that the parameters name, a JSON object; none
     /// from a plugin that cannot say.
     ///
     /// # Errors
     /// If they cannot be listed.
     pub fn input_files(&self, index: usize, parameters: &str) -> Result<Vec<InputFiles>> {
-        let Some(function) = self.input_files else { return Ok(Vec::new()) };
+        let Some(function) = self.plugin.input_files() else { return Ok(Vec::new()) };
         let parameters = Text::new(parameters.as_bytes());
         // SAFETY: everything lives through the call.
         let listed = collect(|files, error| unsafe { function(index, parameters, files, error) })?;
@@ -85,64 +64,77 @@ impl Module {
     }
 }
 
-/// An instance of a component of any kind.
-pub enum Instance {
-    /// A perturbation.
-    Perturbation(Box<dyn Perturbation>),
-    /// A simulator.
-    Simulator(Box<dyn Simulator>),
-    /// A driver.
-    Driver(Box<dyn Driver>),
-    /// A saliency method.
-    Saliency(Box<dyn Saliency>),
-    /// A mask.
-    Mask(Box<dyn Mask>),
-    /// A search strategy.
-    Search(Box<dyn Search>),
-    /// A dataset reader.
-    Dataset(Box<dyn Dataset>),
-}
+/// A function of a root module that makes instances with these functions.
+type Make<F> = unsafe extern "C" fn(usize, Text, *mut pdk_abi::Instance<F>, *const Sink) -> Status;
 
-impl Instance {
-    /// The kind of the component.
-    pub fn kind(&self) -> Kind {
-        match self {
-            Instance::Perturbation(_) => Kind::Perturbation,
-            Instance::Simulator(_) => Kind::Simulator,
-            Instance::Driver(_) => Kind::Driver,
-            Instance::Saliency(_) => Kind::Saliency,
-            Instance::Mask(_) => Kind::Mask,
-            Instance::Search(_) => Kind::Search,
-            Instance::Dataset(_) => Kind::Dataset,
+/// Declares, for each kind, what an instance is here, and how it is made.
+macro_rules! instances {
+    ($($(#[$doc:meta])* $kind:ident: $make:ident, $table:ident => $host:ident;)*) => {
+        /// An instance of a component of any kind.
+        pub enum Instance {
+            $($(#[$doc])* $kind(Box<dyn $kind>),)*
         }
-    }
+
+        impl Instance {
+            /// The kind of the component.
+            pub fn kind(&self) -> Kind {
+                match self {
+                    $(Instance::$kind(_) => Kind::$kind,)*
+                }
+            }
+        }
+
+        impl Module {
+            /// Makes an instance of the component of this kind with this place in the description, from its parameters as a JSON object.
+            ///
+            /// # Errors
+            /// If the component refuses the parameters or panics, or fails at once, such as a simulator that has no camera.
+            pub fn create(&self, kind: Kind, index: usize, parameters: &str) -> Result<Instance> {
+                Ok(match kind {
+                    $(Kind::$kind => {
+                        // A plugin of an SDK that did not have the kind yet has no such function.
+                        let make: Option<Make<pdk_abi::$table>> = self.plugin.$make().into();
+                        let (pointer, functions) = make_instance(needed(make, stringify!($make))?, index, parameters)?;
+                        let object = Object { pointer, functions, drop: functions.drop() };
+                        Instance::$kind(Box::new($host::new(object)?))
+                    })*
+                })
+            }
+        }
+    };
 }
 
-/// Turns what a plugin made into the trait of its kind.
-///
-/// # Safety
-/// A plugin of this version of the interface made it, and nothing else has it.
-unsafe fn instance(raw: pdk_abi::Instance) -> Result<Instance> {
-    if raw.functions.is_null() {
-        return Err(Error::of(ErrorKind::Nonsense, "its plugin made an instance without functions"));
-    }
-    // SAFETY: the table of an instance is that of its kind.
-    unsafe {
-        Ok(match raw.kind {
-            kind::PERTURBATION => Instance::Perturbation(Box::new(HostPerturbation::new(&raw)?)),
-            kind::SIMULATOR => Instance::Simulator(Box::new(HostSimulator::new(&raw)?)),
-            kind::DRIVER => Instance::Driver(Box::new(HostDriver::new(&raw)?)),
-            kind::SALIENCY => Instance::Saliency(Box::new(HostSaliency::new(&raw)?)),
-            kind::MASK => Instance::Mask(Box::new(HostMask::new(&raw)?)),
-            kind::SEARCH => Instance::Search(Box::new(HostSearch::new(&raw)?)),
-            kind::DATASET => Instance::Dataset(Box::new(HostDataset::new(&raw)?)),
-            other => {
-                let sentence =
-                    format!("its plugin made an instance of kind {other}, which this pdk does not know");
-                return Err(Error::of(ErrorKind::Nonsense, sentence));
-            }
-        })
-    }
+instances! {
+    /// A perturbation.
+    Perturbation: perturbation, PerturbationFunctionsRef => HostPerturbation;
+    /// A simulator.
+    Simulator: simulator, SimulatorFunctionsRef => HostSimulator;
+    /// A driver.
+    Driver: driver, DriverFunctionsRef => HostDriver;
+    /// A saliency method.
+    Saliency: saliency, SaliencyFunctionsRef => HostSaliency;
+    /// A mask.
+    Mask: mask, MaskFunctionsRef => HostMask;
+    /// A search strategy.
+    Search: search, SearchFunctionsRef => HostSearch;
+    /// A dataset reader.
+    Dataset: dataset, DatasetFunctionsRef => HostDataset;
+}
+
+/// Calls a function that makes instances.
+fn make_instance<F: StableAbi<IsNonZeroType = True>>(
+    make: Make<F>,
+    index: usize,
+    parameters: &str,
+) -> Result<(*mut c_void, F)> {
+    let mut made = pdk_abi::Instance { object: std::ptr::null_mut(), functions: None };
+    let parameters = Text::new(parameters.as_bytes());
+    // SAFETY: everything lives through the call.
+    call(|error| unsafe { make(index, parameters, &mut made, error) })?;
+    let functions = made
+        .functions
+        .ok_or_else(|| Error::of(ErrorKind::Nonsense, "its plugin made an instance without functions"))?;
+    Ok((made.object, functions))
 }
 
 /// Makes a call; where it fails, the plugin leaves its sentence in the sink.
@@ -166,115 +158,37 @@ fn collect(work: impl FnOnce(*const Sink, *const Sink) -> Status) -> Result<Stri
         .map_err(|_| Error::of(ErrorKind::Nonsense, "it answered with a text that is not UTF-8"))
 }
 
-/// A function that every plugin of this version has.
+/// A function that was added after the first version, where there is no way without it.
 fn needed<F>(function: Option<F>, name: &str) -> Result<F> {
     function.ok_or_else(|| {
-        Error::of(ErrorKind::Nonsense, format!("its plugin has no function `{name}`; build it again"))
+        let sentence =
+            format!("its plugin has no function `{name}`; build it again with pdk-sdk {SDK_VERSION}");
+        Error::of(ErrorKind::Nonsense, sentence)
     })
 }
 
 /// An instance in a plugin, which ends with this.
-struct Object {
+struct Object<F> {
     pointer: *mut c_void,
+    functions: F,
     drop: unsafe extern "C" fn(*mut c_void),
 }
 
 // SAFETY: the interface has instances used by one thread at a time, not always by the same one.
-unsafe impl Send for Object {}
+unsafe impl<F> Send for Object<F> {}
 
-impl Drop for Object {
+impl<F> Drop for Object<F> {
     fn drop(&mut self) {
         // SAFETY: the plugin made it, and it is not used after this.
         unsafe { (self.drop)(self.pointer) };
     }
 }
 
-/// Declares the host's side of a kind: the object and the functions of its table, all of which are there.
-macro_rules! host {
-    ($($name:ident: $table:ident { $($function:ident: fn($($argument:ty),*);)* })*) => {
-        $(
-            struct $name {
-                object: Object,
-                $($function: unsafe extern "C" fn(*mut c_void, $($argument),*) -> Status,)*
-            }
-
-            impl $name {
-                /// # Safety
-                /// The instance is of this kind, and nothing else has it.
-                unsafe fn of(raw: &pdk_abi::Instance) -> Result<Self> {
-                    // SAFETY: the caller's promise.
-                    let table = unsafe { load(raw.functions.cast::<pdk_abi::$table>(), empty()) };
-                    let object = Object { pointer: raw.object, drop: needed(table.drop, "drop")? };
-                    Ok(Self { object, $($function: needed(table.$function, stringify!($function))?,)* })
-                }
-            }
-        )*
-    };
-}
-
-host! {
-    PerturbationCalls: PerturbationFunctions {
-        apply: fn(
-            *const pdk_abi::Frame,
-            *const pdk_abi::FrameMut,
-            *const pdk_abi::PerturbationContext,
-            *const Sink
-        );
-    }
-    SimulatorCalls: SimulatorFunctions {
-        camera: fn(*mut pdk_abi::Camera, *const Sink);
-        reset: fn(Text, u32, *mut pdk_abi::State, *const Sink);
-        frame: fn(*const pdk_abi::FrameMut, *mut pdk_abi::State, *const Sink);
-        act: fn(*const pdk_abi::Control, *mut pdk_abi::State, *const Sink);
-        waypoints: fn(*const Sink, *const Sink);
-    }
-    DriverCalls: DriverFunctions {
-        reset: fn(*const Sink);
-        drive: fn(
-            *const pdk_abi::Frame,
-            *const pdk_abi::DriveContext,
-            *mut pdk_abi::Control,
-            *const Sink
-        );
-        info: fn(*const Sink, *const Sink);
-    }
-    SaliencyCalls: SaliencyFunctions {
-        map_size: fn(usize, usize, *mut pdk_abi::MapSize, *const Sink);
-        map: fn(
-            *const pdk_abi::Frame,
-            *const pdk_abi::MapContext,
-            *const pdk_abi::Heatmap,
-            *const Sink
-        );
-    }
-    MaskCalls: MaskFunctions {
-        weights: fn(
-            *const pdk_abi::Frame,
-            *const pdk_abi::MapContext,
-            *const pdk_abi::Heatmap,
-            *const Sink
-        );
-    }
-    SearchCalls: SearchFunctions {
-        start: fn(Text, Text, *const Sink);
-        ask: fn(usize, *const Sink, *const Sink);
-        tell: fn(Text, *const Sink);
-    }
-    DatasetCalls: DatasetFunctions {
-        length: fn(*mut u64, *const Sink);
-        name: fn(u64, *const Sink, *const Sink);
-        read: fn(u64, *mut pdk_abi::Entry, *const Sink, *const Sink);
-    }
-}
-
-struct HostPerturbation(PerturbationCalls);
+struct HostPerturbation(Object<PerturbationFunctionsRef>);
 
 impl HostPerturbation {
-    /// # Safety
-    /// The instance is a perturbation, and nothing else has it.
-    unsafe fn new(raw: &pdk_abi::Instance) -> Result<Self> {
-        // SAFETY: the caller's promise.
-        unsafe { PerturbationCalls::of(raw) }.map(Self)
+    fn new(object: Object<PerturbationFunctionsRef>) -> Result<Self> {
+        Ok(Self(object))
     }
 }
 
@@ -299,39 +213,26 @@ impl Perturbation for HostPerturbation {
             ..empty()
         };
         let (source, target) = (convert::frame(src), convert::frame_mut(&mut dst));
-        let Self(PerturbationCalls { object, apply }) = self;
+        let Object { pointer, functions, .. } = self.0;
         // SAFETY: the frames and all slices live through the call.
-        call(|error| unsafe { apply(object.pointer, &source, &target, &context, error) })
+        call(|error| unsafe { functions.apply()(pointer, &source, &target, &context, error) })
     }
 }
 
 struct HostSimulator {
     /// Behind a cell, because an instance is used by one at a time.
-    calls: RefCell<SimulatorCalls>,
-    /// None in a plugin of an SDK that did not have it yet.
-    info: Option<unsafe extern "C" fn(*mut c_void, *const Sink, *const Sink) -> Status>,
-    labels: Option<LabelFunction>,
-    annotate: Option<unsafe extern "C" fn(*mut c_void, u64, *const Sink) -> Status>,
-    depth: Option<unsafe extern "C" fn(*mut c_void, *mut f32, usize, *const Sink) -> Status>,
+    object: RefCell<Object<SimulatorFunctionsRef>>,
     label_names: Vec<String>,
     camera: Camera,
     waypoints: Vec<[f64; 3]>,
 }
 
-/// Writes labels; plugins of before there were any do not have it.
-type LabelFunction = unsafe extern "C" fn(*mut c_void, *mut u8, usize, *const Sink) -> Status;
-
 impl HostSimulator {
-    /// # Safety
-    /// The instance is a simulator, and nothing else has it.
-    unsafe fn new(raw: &pdk_abi::Instance) -> Result<Self> {
-        // SAFETY: the caller's promise.
-        let calls = unsafe { SimulatorCalls::of(raw) }?;
-        // SAFETY: as above.
-        let table = unsafe { load(raw.functions.cast::<pdk_abi::SimulatorFunctions>(), empty()) };
+    fn new(object: Object<SimulatorFunctionsRef>) -> Result<Self> {
+        let Object { pointer, functions, .. } = object;
         let mut camera = empty::<pdk_abi::Camera>();
         // SAFETY: everything lives through the call.
-        call(|error| unsafe { (calls.camera)(calls.object.pointer, &mut camera, error) })?;
+        call(|error| unsafe { functions.camera()(pointer, &mut camera, error) })?;
         let camera = Camera::from_raw(camera);
         let usable = |length: u32| (1..=1 << 14).contains(&length);
         if !usable(camera.width) || !usable(camera.height) || !(0.01..=100_000.0).contains(&camera.rate) {
@@ -341,34 +242,32 @@ impl HostSimulator {
             );
             return Err(Error::of(ErrorKind::Nonsense, sentence));
         }
-        let label_names = match table.label_names {
+        let label_names = match functions.label_names() {
             None => Vec::new(),
             Some(label_names) => {
                 // SAFETY: both sinks live through the call.
-                let names = collect(|text, error| unsafe { label_names(calls.object.pointer, text, error) })?;
+                let names = collect(|text, error| unsafe { label_names(pointer, text, error) })?;
                 serde_json::from_str(&names)?
             }
         };
-        Ok(Self {
-            calls: RefCell::new(calls),
-            info: table.info,
-            labels: table.labels,
-            annotate: table.annotate,
-            depth: table.depth,
-            label_names,
-            camera,
-            waypoints: Vec::new(),
-        })
+        Ok(Self { object: RefCell::new(object), label_names, camera, waypoints: Vec::new() })
+    }
+
+    /// The instance and its functions, for one call.
+    fn object(&mut self) -> (*mut c_void, SimulatorFunctionsRef) {
+        let Object { pointer, functions, .. } = self.object.get_mut();
+        (*pointer, *functions)
     }
 
     /// Makes a call that answers with a state.
     #[inline]
     fn state(
         &mut self,
-        work: impl FnOnce(&SimulatorCalls, *mut pdk_abi::State, *const Sink) -> Status,
+        work: impl FnOnce(*mut c_void, SimulatorFunctionsRef, *mut pdk_abi::State, *const Sink) -> Status,
     ) -> Result<State> {
+        let (pointer, functions) = self.object();
         let mut state = State::default().raw();
-        call(|error| work(self.calls.get_mut(), &mut state, error))?;
+        call(|error| work(pointer, functions, &mut state, error))?;
         Ok(State::from_raw(state))
     }
 }
@@ -385,12 +284,12 @@ impl Simulator for HostSimulator {
         let scenario = serde_json::to_string(&Scenario { perturbations: Vec::new(), ..scenario.clone() })?;
         let scenario = Text::new(scenario.as_bytes());
         // SAFETY: everything lives through the call.
-        let state = self.state(|calls, into, error| unsafe {
-            (calls.reset)(calls.object.pointer, scenario, slot, into, error)
+        let state = self.state(|pointer, functions, into, error| unsafe {
+            functions.reset()(pointer, scenario, slot, into, error)
         })?;
-        let SimulatorCalls { object, waypoints, .. } = self.calls.get_mut();
+        let (pointer, functions) = self.object();
         // SAFETY: as above.
-        let road = collect(|text, error| unsafe { waypoints(object.pointer, text, error) })?;
+        let road = collect(|text, error| unsafe { functions.waypoints()(pointer, text, error) })?;
         self.waypoints = serde_json::from_str(&road).map_err(|error| {
             Error::of(ErrorKind::Nonsense, format!("its waypoints are no list of [x, height, z] ({error})"))
         })?;
@@ -400,13 +299,17 @@ impl Simulator for HostSimulator {
     fn frame(&mut self, mut into: FrameMut<'_>) -> Result<State> {
         let target = convert::frame_mut(&mut into);
         // SAFETY: everything lives through the call.
-        self.state(|calls, into, error| unsafe { (calls.frame)(calls.object.pointer, &target, into, error) })
+        self.state(|pointer, functions, into, error| unsafe {
+            functions.frame()(pointer, &target, into, error)
+        })
     }
 
     fn act(&mut self, control: Control) -> Result<State> {
         let control = control.raw();
         // SAFETY: everything lives through the call.
-        self.state(|calls, into, error| unsafe { (calls.act)(calls.object.pointer, &control, into, error) })
+        self.state(|pointer, functions, into, error| unsafe {
+            functions.act()(pointer, &control, into, error)
+        })
     }
 
     fn waypoints(&self) -> Vec<[f64; 3]> {
@@ -414,10 +317,10 @@ impl Simulator for HostSimulator {
     }
 
     fn info(&self) -> Vec<(String, String)> {
-        let Some(info) = self.info else { return Vec::new() };
-        let calls = self.calls.borrow_mut();
+        let object = self.object.borrow_mut();
+        let Some(info) = object.functions.info() else { return Vec::new() };
         // SAFETY: both sinks live through the call.
-        let told = collect(|text, error| unsafe { info(calls.object.pointer, text, error) });
+        let told = collect(|text, error| unsafe { info(object.pointer, text, error) });
         // It is for people only, so that without it nothing is lost.
         told.ok().and_then(|told| serde_json::from_str(&told).ok()).unwrap_or_default()
     }
@@ -427,59 +330,55 @@ impl Simulator for HostSimulator {
     }
 
     fn labels(&mut self, into: &mut [u8]) -> Result<()> {
-        let labels = needed(self.labels, "labels")?;
+        let (pointer, functions) = self.object();
+        let labels = needed(functions.labels(), "labels")?;
         // SAFETY: everything lives through the call.
-        call(|error| unsafe {
-            labels(self.calls.get_mut().object.pointer, into.as_mut_ptr(), into.len(), error)
-        })
+        call(|error| unsafe { labels(pointer, into.as_mut_ptr(), into.len(), error) })
     }
 
     fn annotate(&mut self, annotations: Annotations) {
-        let Some(annotate) = self.annotate else { return };
+        let (pointer, functions) = self.object();
+        let Some(annotate) = functions.annotate() else { return };
         let annotations = convert::annotations(annotations);
         // SAFETY: everything lives through the call. What a simulator does not take, it refuses when it is asked for it.
-        let _ = call(|error| unsafe { annotate(self.calls.get_mut().object.pointer, annotations, error) });
+        let _ = call(|error| unsafe { annotate(pointer, annotations, error) });
     }
 
     fn depth(&mut self, into: &mut [f32]) -> Result<()> {
-        let Some(depth) = self.depth else { return Err(no_depth()) };
+        let (pointer, functions) = self.object();
+        let Some(depth) = functions.depth() else { return Err(no_depth()) };
         // SAFETY: everything lives through the call.
-        call(|error| unsafe {
-            depth(self.calls.get_mut().object.pointer, into.as_mut_ptr(), into.len(), error)
-        })
+        call(|error| unsafe { depth(pointer, into.as_mut_ptr(), into.len(), error) })
     }
 }
 
 struct HostDriver {
-    calls: DriverCalls,
+    object: Object<DriverFunctionsRef>,
     info: Vec<(String, String)>,
 }
 
 impl HostDriver {
-    /// # Safety
-    /// The instance is a driver, and nothing else has it.
-    unsafe fn new(raw: &pdk_abi::Instance) -> Result<Self> {
-        // SAFETY: the caller's promise.
-        let calls = unsafe { DriverCalls::of(raw) }?;
+    fn new(object: Object<DriverFunctionsRef>) -> Result<Self> {
+        let Object { pointer, functions, .. } = object;
         // SAFETY: both sinks live through the call.
-        let info = collect(|text, error| unsafe { (calls.info)(calls.object.pointer, text, error) })?;
-        Ok(Self { calls, info: serde_json::from_str(&info)? })
+        let info = collect(|text, error| unsafe { functions.info()(pointer, text, error) })?;
+        Ok(Self { object, info: serde_json::from_str(&info)? })
     }
 }
 
 impl Driver for HostDriver {
     fn reset(&mut self) -> Result<()> {
-        let DriverCalls { object, reset, .. } = &self.calls;
+        let Object { pointer, functions, .. } = self.object;
         // SAFETY: the sink lives through the call.
-        call(|error| unsafe { reset(object.pointer, error) })
+        call(|error| unsafe { functions.reset()(pointer, error) })
     }
 
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
-        let DriverCalls { object, drive, .. } = &self.calls;
+        let Object { pointer, functions, .. } = self.object;
         let (frame, context) = (convert::frame(frame), cx.raw());
         let mut control = Control::default().raw();
         // SAFETY: everything lives through the call.
-        call(|error| unsafe { drive(object.pointer, &frame, &context, &mut control, error) })?;
+        call(|error| unsafe { functions.drive()(pointer, &frame, &context, &mut control, error) })?;
         Ok(Control::from_raw(control))
     }
 
@@ -488,23 +387,20 @@ impl Driver for HostDriver {
     }
 }
 
-struct HostSaliency(SaliencyCalls);
+struct HostSaliency(Object<SaliencyFunctionsRef>);
 
 impl HostSaliency {
-    /// # Safety
-    /// The instance is a saliency method, and nothing else has it.
-    unsafe fn new(raw: &pdk_abi::Instance) -> Result<Self> {
-        // SAFETY: the caller's promise.
-        unsafe { SaliencyCalls::of(raw) }.map(Self)
+    fn new(object: Object<SaliencyFunctionsRef>) -> Result<Self> {
+        Ok(Self(object))
     }
 }
 
 impl Saliency for HostSaliency {
     fn map_size(&mut self, width: usize, height: usize) -> Result<[usize; 2]> {
-        let Self(SaliencyCalls { object, map_size, .. }) = self;
+        let Object { pointer, functions, .. } = self.0;
         let mut size = empty::<pdk_abi::MapSize>();
         // SAFETY: everything lives through the call.
-        call(|error| unsafe { map_size(object.pointer, width, height, &mut size, error) })?;
+        call(|error| unsafe { functions.map_size()(pointer, width, height, &mut size, error) })?;
         if !(1..=width).contains(&size.width) || !(1..=height).contains(&size.height) {
             let sentence = format!(
                 "its map of a frame of {width}x{height} has {}x{} values, but has to have 1x1 at least and {width}x{height} at most",
@@ -516,91 +412,81 @@ impl Saliency for HostSaliency {
     }
 
     fn map(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
-        let Self(SaliencyCalls { object, map, .. }) = self;
+        let Object { pointer, functions, .. } = self.0;
         let frame = convert::frame(frame);
         let context = convert::map_context(cx);
         let (width, height) = (out.width(), out.height());
         let heatmap = pdk_abi::Heatmap { values: out.values_mut().as_mut_ptr(), width, height, ..empty() };
         // SAFETY: everything lives through the call.
-        call(|error| unsafe { map(object.pointer, &frame, &context, &heatmap, error) })
+        call(|error| unsafe { functions.map()(pointer, &frame, &context, &heatmap, error) })
     }
 }
 
-struct HostMask(MaskCalls);
+struct HostMask(Object<MaskFunctionsRef>);
 
 impl HostMask {
-    /// # Safety
-    /// The instance is a mask, and nothing else has it.
-    unsafe fn new(raw: &pdk_abi::Instance) -> Result<Self> {
-        // SAFETY: the caller's promise.
-        unsafe { MaskCalls::of(raw) }.map(Self)
+    fn new(object: Object<MaskFunctionsRef>) -> Result<Self> {
+        Ok(Self(object))
     }
 }
 
 impl Mask for HostMask {
     fn weights(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, mut out: HeatmapMut<'_>) -> Result<()> {
-        let Self(MaskCalls { object, weights }) = self;
+        let Object { pointer, functions, .. } = self.0;
         let (frame, context) = (convert::frame(frame), convert::map_context(cx));
         let (width, height) = (out.width(), out.height());
         let heatmap = pdk_abi::Heatmap { values: out.values_mut().as_mut_ptr(), width, height, ..empty() };
         // SAFETY: everything lives through the call.
-        call(|error| unsafe { weights(object.pointer, &frame, &context, &heatmap, error) })
+        call(|error| unsafe { functions.weights()(pointer, &frame, &context, &heatmap, error) })
     }
 }
 
-struct HostSearch(SearchCalls);
+struct HostSearch(Object<SearchFunctionsRef>);
 
 impl HostSearch {
-    /// # Safety
-    /// The instance is a search strategy, and nothing else has it.
-    unsafe fn new(raw: &pdk_abi::Instance) -> Result<Self> {
-        // SAFETY: the caller's promise.
-        unsafe { SearchCalls::of(raw) }.map(Self)
+    fn new(object: Object<SearchFunctionsRef>) -> Result<Self> {
+        Ok(Self(object))
     }
 }
 
 impl Search for HostSearch {
     fn start(&mut self, problem: &Problem, key: &Key) -> Result<()> {
-        let Self(SearchCalls { object, start, .. }) = self;
+        let Object { pointer, functions, .. } = self.0;
         let problem = serde_json::to_string(problem)?;
         let (problem, key) = (Text::new(problem.as_bytes()), Text::new(&key.0));
         // SAFETY: everything lives through the call.
-        call(|error| unsafe { start(object.pointer, problem, key, error) })
+        call(|error| unsafe { functions.start()(pointer, problem, key, error) })
     }
 
     fn ask(&mut self, n: usize) -> Result<Vec<Candidate>> {
-        let Self(SearchCalls { object, ask, .. }) = self;
+        let Object { pointer, functions, .. } = self.0;
         // SAFETY: both sinks live through the call.
-        let candidates = collect(|text, error| unsafe { ask(object.pointer, n, text, error) })?;
+        let candidates = collect(|text, error| unsafe { functions.ask()(pointer, n, text, error) })?;
         Ok(serde_json::from_str(&candidates)?)
     }
 
     fn tell(&mut self, results: &[Evaluated]) -> Result<()> {
-        let Self(SearchCalls { object, tell, .. }) = self;
+        let Object { pointer, functions, .. } = self.0;
         let results = serde_json::to_string(results)?;
         // SAFETY: everything lives through the call.
-        call(|error| unsafe { tell(object.pointer, Text::new(results.as_bytes()), error) })
+        call(|error| unsafe { functions.tell()(pointer, Text::new(results.as_bytes()), error) })
     }
 }
 
 struct HostDataset {
     /// Behind a cell, because an instance is used by one at a time.
-    calls: RefCell<DatasetCalls>,
+    object: RefCell<Object<DatasetFunctionsRef>>,
     len: usize,
 }
 
 impl HostDataset {
-    /// # Safety
-    /// The instance is a dataset reader, and nothing else has it.
-    unsafe fn new(raw: &pdk_abi::Instance) -> Result<Self> {
-        // SAFETY: the caller's promise.
-        let calls = unsafe { DatasetCalls::of(raw) }?;
+    fn new(object: Object<DatasetFunctionsRef>) -> Result<Self> {
         let mut length = 0;
         // SAFETY: everything lives through the call.
-        call(|error| unsafe { (calls.length)(calls.object.pointer, &mut length, error) })?;
+        call(|error| unsafe { object.functions.length()(object.pointer, &mut length, error) })?;
         let len = usize::try_from(length)
             .map_err(|_| Error::of(ErrorKind::Nonsense, format!("it says that it has {length} frames")))?;
-        Ok(Self { calls: RefCell::new(calls), len })
+        Ok(Self { object: RefCell::new(object), len })
     }
 }
 
@@ -610,20 +496,21 @@ impl Dataset for HostDataset {
     }
 
     fn name(&self, index: usize) -> String {
-        let calls = self.calls.borrow_mut();
+        let object = self.object.borrow_mut();
         // SAFETY: both sinks live through the call.
-        let name =
-            collect(|text, error| unsafe { (calls.name)(calls.object.pointer, index as u64, text, error) });
+        let name = collect(|text, error| unsafe {
+            object.functions.name()(object.pointer, index as u64, text, error)
+        });
         name.unwrap_or_else(|_| format!("frame {index}"))
     }
 
     fn read(&mut self, index: usize) -> Result<Entry> {
-        let calls = self.calls.get_mut();
+        let Object { pointer, functions, .. } = *self.object.get_mut();
         let mut entry = empty::<pdk_abi::Entry>();
         let mut pixels = Vec::new();
         let sink = convert::sink(&mut pixels);
         // SAFETY: everything lives through the call.
-        call(|error| unsafe { (calls.read)(calls.object.pointer, index as u64, &mut entry, &sink, error) })?;
+        call(|error| unsafe { functions.read()(pointer, index as u64, &mut entry, &sink, error) })?;
         let pdk_abi::Entry { width, height, steering, throttle, time, .. } = entry;
         Ok(Entry {
             frame: FrameBuf::from_vec(pixels, width, height).map_err(Error::new)?,

@@ -1,21 +1,23 @@
 //! What stays as it is for as long as the version is the same, because it is passed by value.
 
-use crate::declare::fixed;
+use abi_stable::StableAbi;
 
-fixed! {
-    /// Bytes of the side that passes them, for the time of the call: text is UTF-8.
-    pub struct Text {
-        /// The first byte.
-        pub data: *const u8,
-        /// The number of bytes.
-        pub length: usize,
-    }
+/// Bytes of the side that passes them, for the time of the call: text is UTF-8.
+#[repr(C)]
+#[derive(Clone, Copy, StableAbi)]
+pub struct Text {
+    /// The first byte.
+    pub data: *const u8,
+    /// The number of bytes.
+    pub length: usize,
+}
 
-    /// How a call went. Where it failed, the sentence is in the sink for errors.
-    pub struct Status {
-        /// One of the numbers of [`status`]; another one says no more than that it failed.
-        pub code: u64,
-    }
+/// How a call went. If it failed, the sentence is in the sink for errors.
+#[repr(C)]
+#[derive(Clone, Copy, StableAbi)]
+pub struct Status {
+    /// One of the numbers of [`status`]; another one says no more than that it failed.
+    pub code: u64,
 }
 
 impl Text {
@@ -54,23 +56,5 @@ pub mod status {
         pub const CONFIGURATION = 5;
         /// It panicked: the instance is of no more use.
         pub const PANIC = 6;
-    }
-}
-
-/// The kinds of components. A host says of a kind that it does not know that it leaves it out.
-pub mod kind {
-    crate::declare::numbers! {
-        /// Changes a frame: [`PerturbationFunctions`](crate::PerturbationFunctions).
-        pub const PERTURBATION = 1;
-        /// Renders frames and moves the vehicle: [`SimulatorFunctions`](crate::SimulatorFunctions).
-        pub const SIMULATOR = 2;
-        /// Looks at a frame and steers: [`DriverFunctions`](crate::DriverFunctions).
-        pub const DRIVER = 3;
-        /// Says which pixels matter to a driver: [`SaliencyFunctions`](crate::SaliencyFunctions).
-        pub const SALIENCY = 4;
-        /// Proposes scenarios and learns from outcomes: [`SearchFunctions`](crate::SearchFunctions).
-        pub const SEARCH = 5;
-        /// Reads recorded frames: [`DatasetFunctions`](crate::DatasetFunctions).
-        pub const DATASET = 6;
     }
 }

@@ -1,40 +1,41 @@
-//! What crosses the boundary between pdk and a plugin: plain C layouts and numbers, and nothing else.
+//! What crosses the boundary between pdk and a plugin.
 //!
 //! Authors and users never meet this crate: the SDK makes it into traits on both sides. It has a version of its own, so that a
-//! plugin stays usable for as long as that is the same, whatever becomes of pdk and its SDK. What may change without a new
-//! version, and how, is told in `docs/abi.md`; `src/layout.rs` fails where something else has changed.
+//! plugin stays usable for as long as the major version is the same, whatever becomes of pdk and its SDK. `docs/abi.md` says what may
+//! change without a new version, and how.
 //!
-//! 1. A plugin is a dynamic library that exports one object, a [`Header`], under the name [`SYMBOL`]. A host reads its version
-//!    first, and nothing else where that is not its own.
-//! 2. Behind it lies a [`Plugin`]: one function describes the plugin and its components, one makes instances.
-//! 3. An [`Instance`] is a pointer for the plugin, and a table of the functions of its [`kind`].
+//! 1. A plugin is a dynamic library with a header and a root module of [abi_stable]. The root module is [`Plugin`]: one function
+//!    describes the plugin and its components, and there is one for each kind that makes instances.
+//! 2. An [`Instance`] is a pointer for the plugin, and the table of the functions of its kind.
+//! 3. abi_stable proves that the tables and functions of a library are those of the host, when the library is opened. Tables may
+//!    grow at their end.
+//! 4. The values of a call cross by pointer, in structures that begin with their size and may grow at their end, which abi_stable
+//!    cannot do. Whoever reads one takes as much as both sides know ([`load`]), and whoever fills one in writes no more than that
+//!    ([`store`]). What the other side does not know keeps a neutral value. `src/layout.rs` fails if they change in another way.
 //!
-//! Every structure but [`Header`], [`Text`] and [`Status`] begins with its size and crosses by pointer. Whoever reads one takes as much
-//! as both sides know ([`load`]), and whoever fills one in writes no more than that ([`store`]); what the other side does not
-//! know keeps a value that says nothing. Descriptions, configuration and whatever is no concern of a single frame cross as JSON.
-//! Memory is never handed over: who has a text or pixels of unknown length to give writes them to a [`Sink`] of the other side.
+//! Descriptions, configuration and whatever does not concern a single frame cross as JSON. Memory is never handed over: a side that
+//! has a text or pixels of unknown length to give writes them to a [`Sink`] of the other side.
 //!
-//! An instance is used by one thread at a time, not always by the same one. A function must not unwind.
-
-#![cfg_attr(not(test), no_std)]
+//! An instance is used by one thread at a time, not always by the same one.
 
 mod declare;
 mod fixed;
-mod header;
+mod functions;
 mod prefix;
 mod sized;
 
-pub use fixed::{Status, Text, kind, status};
-pub use header::Header;
+pub use abi_stable;
+pub use fixed::{Status, Text, status};
+pub use functions::{
+    DatasetFunctions, DatasetFunctionsRef, DriverFunctions, DriverFunctionsRef, Instance,
+    PerturbationFunctions, PerturbationFunctionsRef, Plugin, PluginRef, SaliencyFunctions,
+    SaliencyFunctionsRef, SearchFunctions, SearchFunctionsRef, SimulatorFunctions, SimulatorFunctionsRef,
+};
 pub use prefix::{Prefix, empty, load, store};
 pub use sized::{
-    Camera, Control, DatasetFunctions, DriveContext, DriverFunctions, Entry, Frame, FrameMut, Heatmap,
-    Instance, MapContext, MapSize, PerturbationContext, PerturbationFunctions, Plugin, SaliencyFunctions,
-    SearchFunctions, SimulatorFunctions, Sink, State, state_flag,
+    Camera, Control, DriveContext, Entry, Frame, FrameMut, Heatmap, MapContext, MapSize, PerturbationContext,
+    Sink, State, state_flag,
 };
 
-/// The version of the interface. A host takes the plugins of its own version.
+/// The version of the interface, which is the major version of this package. A host takes the plugins of its own version.
 pub const VERSION: u64 = 1;
-
-/// The name of the object that a plugin exports: its [`Header`].
-pub const SYMBOL: &str = "pdk_plugin";

@@ -16,44 +16,26 @@
 macro_rules! export {
     ($($kind:ident: [$($component:ty),* $(,)?]),* $(,)?) => {
         const _: () = {
-            use $crate::abi::pdk_abi::{Header, Instance, Plugin, Sink, Status, Text, VERSION};
-            use $crate::abi::plugin::{Package, Registration};
+            use $crate::abi::plugin::{Exported, LibHeader, Package, Registration, header};
 
-            static PACKAGE: Package = Package {
-                name: env!("CARGO_PKG_NAME"),
-                version: env!("CARGO_PKG_VERSION"),
-                homepage: env!("CARGO_PKG_HOMEPAGE"),
-                repository: env!("CARGO_PKG_REPOSITORY"),
-            };
+            struct Components;
 
-            static TABLE: &[Registration] = &[$($($crate::abi::plugin::$kind::<$component>()),*),*];
+            impl Exported for Components {
+                const PACKAGE: Package = Package {
+                    name: env!("CARGO_PKG_NAME"),
+                    version: env!("CARGO_PKG_VERSION"),
+                    homepage: env!("CARGO_PKG_HOMEPAGE"),
+                    repository: env!("CARGO_PKG_REPOSITORY"),
+                };
 
-            unsafe extern "C" fn describe(description: *const Sink, error: *const Sink) -> Status {
-                // SAFETY: the host lends both for this call.
-                unsafe { $crate::abi::plugin::describe(&PACKAGE, TABLE, description, error) }
+                const TABLE: &'static [Registration] = &[$($($crate::abi::plugin::$kind::<$component>()),*),*];
             }
 
-            unsafe extern "C" fn create(
-                index: usize,
-                parameters: Text,
-                into: *mut Instance,
-                error: *const Sink,
-            ) -> Status {
-                // SAFETY: the host lends all of it for this call.
-                unsafe { $crate::abi::plugin::create(TABLE, index, parameters, into, error) }
-            }
-
-            // SAFETY: the name is part of the interface and no other crate in a plugin uses it.
+            // What `abi_stable::export_root_module` writes, which this edition of Rust does not take.
+            // SAFETY: the name is that of abi_stable's header, and no other crate in a plugin uses it.
             #[unsafe(no_mangle)]
             #[allow(non_upper_case_globals)]
-            pub static pdk_plugin: Header = Header {
-                version: VERSION,
-                plugin: &Plugin {
-                    size: ::core::mem::size_of::<Plugin>(),
-                    describe: Some(describe),
-                    create: Some(create),
-                },
-            };
+            pub static _1as_0lib_1header_0root_bmodule_bloader: LibHeader = header::<Components>();
         };
     };
 }

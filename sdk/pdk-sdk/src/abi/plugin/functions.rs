@@ -2,14 +2,12 @@
 
 use std::ffi::c_void;
 
-use pdk_abi::{
-    DatasetFunctions, DriverFunctions, Instance, MaskFunctions, PerturbationFunctions, SaliencyFunctions,
-    SearchFunctions, SimulatorFunctions, Sink, Status, Text, empty, kind, load, store,
-};
+use pdk_abi::abi_stable::prefix_type::WithMetadata;
+use pdk_abi::{Instance, Sink, Status, Text, empty, load, store};
 use pdk_seed::Key;
 
-use super::guard::Guarded;
-use super::{Registration, finish, put};
+use super::guard::{Guarded, guard};
+use super::{Exported, Registration, configured, finish, put};
 use crate::abi::convert::{self, Crosses};
 use crate::component::Component;
 use crate::config::Config;
@@ -22,42 +20,85 @@ use crate::saliency::{HeatmapMut, Saliency};
 use crate::search::Search;
 use crate::simulator::Simulator;
 
-/// Makes the table line of a component; one function for each kind. Its functions take the host's pointers, which live through
-/// the call, and the instance that was made here, which the host lends to one call at a time.
+/// Makes, for each kind, the table line of a component and the function of the root module that makes instances. The functions of a table
+/// take the host's pointers, which live through the call, and the instance that was made here, which the host lends to one call at a
+/// time.
 macro_rules! registrations {
-    ($($registration:ident: $bound:ident, $kind:ident, $table:ident { $($function:ident),* };)*) => {
+    ($($registration:ident: $bound:ident, $make:ident, $table:ident as $table_ref:ident { $($function:ident),* };)*) => {
+        /// The functions of an instance, by its kind.
+        #[derive(Clone, Copy)]
+        pub enum Functions {
+            $(
+                #[doc = concat!("Those of a ", stringify!($make), ".")]
+                $bound(pdk_abi::$table_ref),
+            )*
+        }
+
         $(
             /// The table line of a component of this kind.
             pub const fn $registration<T: Component + $bound + 'static>() -> Registration {
-                fn create<T: Component + $bound + 'static>(
-                    config: &Config,
-                    names: Vec<String>,
-                ) -> Result<Instance> {
-                    let object = Box::into_raw(Box::new(Guarded::new(T::new(config)?, names))).cast();
-                    let functions: &'static $table = const {
-                        &$table {
-                            size: size_of::<$table>(),
-                            drop: Some(end::<T>),
-                            $($function: Some($registration::$function::<T>),)*
-                        }
-                    };
-                    let functions = std::ptr::from_ref(functions).cast();
-                    Ok(Instance { kind: kind::$kind, object, functions, ..empty() })
+                let functions = const {
+                    &WithMetadata::new(pdk_abi::$table {
+                        drop: end::<T>,
+                        $($function: $registration::$function::<T>,)*
+                    })
+                };
+                Registration {
+                    describe: T::description,
+                    create: create::<T>,
+                    functions: Functions::$bound(pdk_abi::$table_ref(functions.static_as_prefix())),
+                    input_files: T::input_files,
                 }
-                Registration { describe: T::description, create: create::<T>, input_files: T::input_files }
             }
         )*
+
+        /// The functions of the root module that make instances.
+        pub(super) mod make {
+            use super::*;
+            $(
+                pub unsafe extern "C" fn $make<P: Exported>(
+                    index: usize,
+                    parameters: Text,
+                    into: *mut Instance<pdk_abi::$table_ref>,
+                    error: *const Sink,
+                ) -> Status {
+                    let made = guard(|| {
+                        // SAFETY: the host lends the parameters for this call.
+                        let configured = unsafe { configured(P::TABLE, index, parameters) };
+                        let (registration, description, config) = configured?;
+                        let Functions::$bound(functions) = registration.functions else {
+                            let sentence = format!(concat!("component number {} is not a ", stringify!($make)), index);
+                            return Err(Error::of(ErrorKind::Nonsense, sentence));
+                        };
+                        let names = description.parameters.into_iter().map(|p| p.name).collect();
+                        let object = (registration.create)(&config, names)?;
+                        // SAFETY: the host lends it for this call.
+                        unsafe { into.write(Instance { object, functions: Some(functions) }) };
+                        Ok(())
+                    });
+                    // SAFETY: the host lends the sink for this call.
+                    unsafe { finish(made, error) }
+                }
+            )*
+        }
     };
 }
 
 registrations! {
-    perturbations: Perturbation, PERTURBATION, PerturbationFunctions { apply };
-    simulators: Simulator, SIMULATOR, SimulatorFunctions { camera, reset, frame, act, waypoints, info, label_names, labels, annotate, depth };
-    drivers: Driver, DRIVER, DriverFunctions { reset, drive, info };
-    saliencies: Saliency, SALIENCY, SaliencyFunctions { map_size, map };
-    masks: Mask, MASK, MaskFunctions { weights };
-    searches: Search, SEARCH, SearchFunctions { start, ask, tell };
-    datasets: Dataset, DATASET, DatasetFunctions { length, name, read };
+    perturbations: Perturbation, perturbation, PerturbationFunctions as PerturbationFunctionsRef { apply };
+    simulators: Simulator, simulator, SimulatorFunctions as SimulatorFunctionsRef {
+        camera, reset, frame, act, waypoints, info, label_names, labels, annotate, depth
+    };
+    drivers: Driver, driver, DriverFunctions as DriverFunctionsRef { reset, drive, info };
+    saliencies: Saliency, saliency, SaliencyFunctions as SaliencyFunctionsRef { map_size, map };
+    masks: Mask, mask, MaskFunctions as MaskFunctionsRef { weights };
+    searches: Search, search, SearchFunctions as SearchFunctionsRef { start, ask, tell };
+    datasets: Dataset, dataset, DatasetFunctions as DatasetFunctionsRef { length, name, read };
+}
+
+/// Makes an instance.
+fn create<T: Component + 'static>(config: &Config, names: Vec<String>) -> Result<*mut c_void> {
+    Ok(Box::into_raw(Box::new(Guarded::new(T::new(config)?, names))).cast())
 }
 
 /// Ends an instance.

@@ -1,0 +1,247 @@
+//! The functions of a plugin and of each kind of component, in tables of abi_stable (its "prefix types").
+//!
+//! A library carries a description of these tables, and a host compares it with its own before it calls anything: names, order, and the
+//! types of all parameters. `last_prefix_field` marks the last function of the first version; it never moves. Functions behind it were
+//! added later: a plugin of before does not have them, and the host gets `None`. The names of parameters are compared as well.
+//!
+//! Functions of an instance take its object first, and last the sink for the sentence of an error. A function must not unwind.
+
+use core::ffi::c_void;
+
+use abi_stable::StableAbi;
+use abi_stable::library::RootModule;
+use abi_stable::reexports::True;
+use abi_stable::sabi_types::VersionStrings;
+
+use crate::fixed::{Status, Text};
+use crate::sized::{
+    Camera, Control, DriveContext, Entry, Frame, FrameMut, Heatmap, MapContext, MapSize, PerturbationContext,
+    Sink, State,
+};
+
+/// The functions of a plugin: one that describes it, and for each kind one that makes instances.
+///
+/// Those that make instances take the place of the component in the description and its parameters as a JSON object.
+#[repr(C)]
+#[derive(StableAbi)]
+#[sabi(kind(Prefix(prefix_ref = PluginRef, prefix_fields = PluginPrefix)))]
+pub struct Plugin {
+    /// Describes the plugin and its components, as a JSON object.
+    pub describe: unsafe extern "C" fn(description: *const Sink, error: *const Sink) -> Status,
+    /// Makes a perturbation, which changes frames.
+    pub perturbation: unsafe extern "C" fn(
+        index: usize,
+        parameters: Text,
+        into: *mut Instance<PerturbationFunctionsRef>,
+        error: *const Sink,
+    ) -> Status,
+    /// Makes a simulator, which renders frames and moves the vehicle.
+    pub simulator: unsafe extern "C" fn(
+        index: usize,
+        parameters: Text,
+        into: *mut Instance<SimulatorFunctionsRef>,
+        error: *const Sink,
+    ) -> Status,
+    /// Makes a driver, which looks at a frame and steers.
+    pub driver: unsafe extern "C" fn(
+        index: usize,
+        parameters: Text,
+        into: *mut Instance<DriverFunctionsRef>,
+        error: *const Sink,
+    ) -> Status,
+    /// Makes a saliency method, which says which pixels matter to a driver.
+    pub saliency: unsafe extern "C" fn(
+        index: usize,
+        parameters: Text,
+        into: *mut Instance<SaliencyFunctionsRef>,
+        error: *const Sink,
+    ) -> Status,
+    /// Makes a search strategy, which proposes scenarios and learns from outcomes.
+    pub search: unsafe extern "C" fn(
+        index: usize,
+        parameters: Text,
+        into: *mut Instance<SearchFunctionsRef>,
+        error: *const Sink,
+    ) -> Status,
+    /// Makes a dataset reader, which reads recorded frames.
+    #[sabi(last_prefix_field)]
+    pub dataset: unsafe extern "C" fn(
+        index: usize,
+        parameters: Text,
+        into: *mut Instance<DatasetFunctionsRef>,
+        error: *const Sink,
+    ) -> Status,
+}
+
+impl RootModule for PluginRef {
+    abi_stable::declare_root_module_statics! {PluginRef}
+    // By this name a host tells plugins of pdk from those of other programs.
+    const BASE_NAME: &'static str = "pdk_plugin";
+    const NAME: &'static str = Self::BASE_NAME;
+    const VERSION_STRINGS: VersionStrings = abi_stable::package_version_strings!();
+}
+
+/// An instance of a component, as a plugin hands it over.
+#[repr(C)]
+#[derive(StableAbi)]
+pub struct Instance<F>
+where
+    F: StableAbi<IsNonZeroType = True>,
+{
+    /// The instance, for its functions alone.
+    pub object: *mut c_void,
+    /// The functions of its kind, which live as long as the library is loaded. A host sets it to `None` before the call.
+    pub functions: Option<F>,
+}
+
+/// The functions of a perturbation.
+#[repr(C)]
+#[derive(StableAbi)]
+#[sabi(kind(Prefix(prefix_ref = PerturbationFunctionsRef, prefix_fields = PerturbationFunctionsPrefix)))]
+pub struct PerturbationFunctions {
+    /// Ends the instance.
+    pub drop: unsafe extern "C" fn(object: *mut c_void),
+    /// Writes the perturbed `source` to `target`, which has the same size.
+    #[sabi(last_prefix_field)]
+    pub apply: unsafe extern "C" fn(
+        object: *mut c_void,
+        source: *const Frame,
+        target: *const FrameMut,
+        context: *const PerturbationContext,
+        error: *const Sink,
+    ) -> Status,
+}
+
+/// The functions of a simulator.
+#[repr(C)]
+#[derive(StableAbi)]
+#[sabi(kind(Prefix(prefix_ref = SimulatorFunctionsRef, prefix_fields = SimulatorFunctionsPrefix)))]
+pub struct SimulatorFunctions {
+    /// Ends the instance.
+    pub drop: unsafe extern "C" fn(object: *mut c_void),
+    /// Size and rate of the camera.
+    pub camera: unsafe extern "C" fn(object: *mut c_void, into: *mut Camera, error: *const Sink) -> Status,
+    /// Puts the vehicle at the start of a scenario, a JSON object; `slot` is the number of the worker, from 0.
+    pub reset: unsafe extern "C" fn(
+        object: *mut c_void,
+        scenario: Text,
+        slot: u32,
+        into: *mut State,
+        error: *const Sink,
+    ) -> Status,
+    /// Writes what the camera sees now, and tells the state that belongs to it.
+    pub frame: unsafe extern "C" fn(
+        object: *mut c_void,
+        target: *const FrameMut,
+        into: *mut State,
+        error: *const Sink,
+    ) -> Status,
+    /// Applies a control, moves on by one frame, and tells the state after that.
+    pub act: unsafe extern "C" fn(
+        object: *mut c_void,
+        control: *const Control,
+        into: *mut State,
+        error: *const Sink,
+    ) -> Status,
+    /// The centre line of the driven lane: a JSON list of `[x, height, z]` in metres.
+    #[sabi(last_prefix_field)]
+    pub waypoints:
+        unsafe extern "C" fn(object: *mut c_void, waypoints: *const Sink, error: *const Sink) -> Status,
+}
+
+/// The functions of a driver.
+#[repr(C)]
+#[derive(StableAbi)]
+#[sabi(kind(Prefix(prefix_ref = DriverFunctionsRef, prefix_fields = DriverFunctionsPrefix)))]
+pub struct DriverFunctions {
+    /// Ends the instance.
+    pub drop: unsafe extern "C" fn(object: *mut c_void),
+    /// Forgets everything about earlier frames.
+    pub reset: unsafe extern "C" fn(object: *mut c_void, error: *const Sink) -> Status,
+    /// Decides what to do.
+    pub drive: unsafe extern "C" fn(
+        object: *mut c_void,
+        frame: *const Frame,
+        context: *const DriveContext,
+        into: *mut Control,
+        error: *const Sink,
+    ) -> Status,
+    /// What was decided when the instance was made: a JSON list of `[name, value]`.
+    #[sabi(last_prefix_field)]
+    pub info: unsafe extern "C" fn(object: *mut c_void, info: *const Sink, error: *const Sink) -> Status,
+}
+
+/// The functions of a saliency method.
+#[repr(C)]
+#[derive(StableAbi)]
+#[sabi(kind(Prefix(prefix_ref = SaliencyFunctionsRef, prefix_fields = SaliencyFunctionsPrefix)))]
+pub struct SaliencyFunctions {
+    /// Ends the instance.
+    pub drop: unsafe extern "C" fn(object: *mut c_void),
+    /// The size of the map of a frame of this size.
+    pub map_size: unsafe extern "C" fn(
+        object: *mut c_void,
+        width: usize,
+        height: usize,
+        into: *mut MapSize,
+        error: *const Sink,
+    ) -> Status,
+    /// Writes the map of a frame, which has the size that `map_size` told.
+    #[sabi(last_prefix_field)]
+    pub map: unsafe extern "C" fn(
+        object: *mut c_void,
+        frame: *const Frame,
+        context: *const MapContext,
+        map: *const Heatmap,
+        error: *const Sink,
+    ) -> Status,
+}
+
+/// The functions of a search strategy.
+#[repr(C)]
+#[derive(StableAbi)]
+#[sabi(kind(Prefix(prefix_ref = SearchFunctionsRef, prefix_fields = SearchFunctionsPrefix)))]
+pub struct SearchFunctions {
+    /// Ends the instance.
+    pub drop: unsafe extern "C" fn(object: *mut c_void),
+    /// Begins a search: what for, and where, is a JSON object; `key` is the origin of all random numbers, 32 bytes.
+    pub start:
+        unsafe extern "C" fn(object: *mut c_void, problem: Text, key: Text, error: *const Sink) -> Status,
+    /// Proposes up to `count` candidates: a JSON list.
+    pub ask: unsafe extern "C" fn(
+        object: *mut c_void,
+        count: usize,
+        candidates: *const Sink,
+        error: *const Sink,
+    ) -> Status,
+    /// Learns how candidates did: a JSON list.
+    #[sabi(last_prefix_field)]
+    pub tell: unsafe extern "C" fn(object: *mut c_void, results: Text, error: *const Sink) -> Status,
+}
+
+/// The functions of a dataset reader.
+#[repr(C)]
+#[derive(StableAbi)]
+#[sabi(kind(Prefix(prefix_ref = DatasetFunctionsRef, prefix_fields = DatasetFunctionsPrefix)))]
+pub struct DatasetFunctions {
+    /// Ends the instance.
+    pub drop: unsafe extern "C" fn(object: *mut c_void),
+    /// The number of frames.
+    pub length: unsafe extern "C" fn(object: *mut c_void, into: *mut u64, error: *const Sink) -> Status,
+    /// The name of a frame.
+    pub name: unsafe extern "C" fn(
+        object: *mut c_void,
+        index: u64,
+        name: *const Sink,
+        error: *const Sink,
+    ) -> Status,
+    /// Reads a frame: RGB, a byte each, rows from top to bottom without gaps.
+    #[sabi(last_prefix_field)]
+    pub read: unsafe extern "C" fn(
+        object: *mut c_void,
+        index: u64,
+        into: *mut Entry,
+        pixels: *const Sink,
+        error: *const Sink,
+    ) -> Status,
+}

@@ -1,0 +1,55 @@
+//! The root module of a plugin, and the header by which abi_stable finds it.
+
+pub use pdk_abi::abi_stable::library::LibHeader;
+use pdk_abi::abi_stable::library::{CheckTypeLayout, RootModuleResult};
+use pdk_abi::abi_stable::marker_type::ErasedPrefix;
+use pdk_abi::abi_stable::prefix_type::{PrefixRefTrait, WithMetadata};
+use pdk_abi::abi_stable::std_types::ROk;
+use pdk_abi::{Plugin, PluginRef, Sink, Status};
+
+use super::functions::make;
+use super::{Exported, Package, finish, guard, put};
+use crate::SDK_VERSION;
+use crate::abi::PluginDescription;
+
+/// The header of a plugin, with the layout of everything in its root module.
+pub const fn header<P: Exported>() -> LibHeader {
+    // SAFETY: the constructor returns this root module.
+    unsafe { LibHeader::from_constructor::<PluginRef>(root_module::<P>, CheckTypeLayout::Yes) }
+}
+
+extern "C" fn root_module<P: Exported>() -> RootModuleResult {
+    let plugin = const {
+        &WithMetadata::new(Plugin {
+            describe: describe::<P>,
+            perturbation: make::perturbation::<P>,
+            simulator: make::simulator::<P>,
+            driver: make::driver::<P>,
+            saliency: make::saliency::<P>,
+            search: make::search::<P>,
+            dataset: make::dataset::<P>,
+        })
+    };
+    let plugin = PluginRef(plugin.static_as_prefix()).to_prefix_ref();
+    // SAFETY: whoever takes it compares the layout in the header first.
+    ROk(unsafe { plugin.cast::<ErasedPrefix>() })
+}
+
+unsafe extern "C" fn describe<P: Exported>(description: *const Sink, error: *const Sink) -> Status {
+    let described = guard::guard(|| {
+        let Package { name, version, homepage, repository } = P::PACKAGE;
+        let homepage = if homepage.is_empty() { repository } else { homepage };
+        let described = PluginDescription {
+            name: name.to_owned(),
+            version: version.to_owned(),
+            sdk: SDK_VERSION.to_owned(),
+            homepage: homepage.to_owned(),
+            components: P::TABLE.iter().map(|registration| (registration.describe)()).collect(),
+        };
+        // SAFETY: the host lends the sink for this call.
+        unsafe { put(description, &serde_json::to_string(&described)?) };
+        Ok(())
+    });
+    // SAFETY: as above.
+    unsafe { finish(described, error) }
+}
