@@ -27,7 +27,8 @@ use serde_json::{Map, Value};
 use crate::evaluation::Results;
 use crate::follow::{Audience, Progress};
 use crate::requests::Defaults;
-use crate::settings::{self, COMMON, Common, Override};
+use crate::run_settings::{RUN_SETTINGS, RunSettings, Setting};
+use crate::settings::{self, Override};
 use crate::{road, table, tables};
 
 pub use summary::Summary;
@@ -64,7 +65,7 @@ pub struct Host {
     strategist: Option<Session>,
     /// How many searches were begun.
     searches: u64,
-    common: Common,
+    common: RunSettings,
     overrides: Vec<Override>,
     audience: Audience,
     settings: Option<Value>,
@@ -147,7 +148,7 @@ pub struct Parts {
     /// Where components are looked for.
     pub search: SearchPath,
     /// The settings that every pipeline has.
-    pub common: Common,
+    pub common: RunSettings,
     /// What `--set` puts in the place of the pipeline's own settings.
     pub overrides: Vec<Override>,
     /// Who follows the run.
@@ -202,7 +203,8 @@ impl Host {
         if self.settings.is_some() {
             return Err(Error::new("pdk.settings may be called once; put all settings into one table"));
         }
-        if let Some((name, meaning)) = COMMON.iter().find(|(name, _)| defaults.get(name).is_some()) {
+        let set = RUN_SETTINGS.iter().find(|setting| defaults.get(setting.name).is_some());
+        if let Some(Setting { name, meaning, .. }) = set {
             return Err(Error::new(format!(
                 "`{name}` is a setting that every pipeline has ({meaning}); leave it out of pdk.settings"
             )));

@@ -18,13 +18,14 @@ use crate::api::API;
 use crate::follow::Audience;
 use crate::host::{Finished, Host, Parts};
 use crate::naming::run_name;
-use crate::settings::{Common, Override};
+use crate::run_settings::RunSettings;
+use crate::settings::Override;
 
 /// How a pipeline is run.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// The settings that every pipeline has.
-    pub common: Common,
+    pub common: RunSettings,
     /// What the command line sets besides, in order.
     pub overrides: Vec<Override>,
     /// Where components are looked for besides the usual places.
@@ -130,7 +131,7 @@ pub(crate) fn start(
     let session = Session::start(SessionOptions {
         run: run_name(&path),
         pool: options.common.pool(),
-        limits: options.common.limits,
+        limits: options.common.limits(),
         search: search.clone(),
     })?;
     for refused in session.refused() {

@@ -166,6 +166,10 @@ impl Dispatch {
             Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
             Answer::InputFiles(files) => self.finish(number, Ok(Reply::InputFiles(files))),
             Answer::Proposed(candidates) => self.finish(number, Ok(Reply::Proposed(candidates))),
+            // A pool has given the scenario up.
+            Answer::Failed(failure) if matches!(task.work, Work::Drive(_)) => {
+                return self.done(number, Answer::Driven(Driven::lost(failure.kind, failure.message, 0)));
+            }
             Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
             Answer::Broken(failure) => return Err(failure.into()),
         }

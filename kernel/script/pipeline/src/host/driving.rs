@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use pdk_loop::drive::expected_frames;
 use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
-use pdk_model::outcome::Verdict;
+use pdk_model::described::value;
+use pdk_model::outcome::{Outcome, Verdict};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
 use pdk_record::ledger::Line;
@@ -59,7 +60,7 @@ impl Host {
 
     /// Settles what scenarios and evaluations leave to the machine.
     pub(super) fn settler(&mut self) -> Settler<'_> {
-        Settler { catalog: self.session.catalog(), wanted: &self.common.wanted, settled: &mut self.settled }
+        Settler { catalog: self.session.catalog(), wanted: self.common.wanted(), settled: &mut self.settled }
     }
 
     /// Waits for an outcome.
@@ -227,32 +228,24 @@ pub(super) fn components(applied: &[AppliedPerturbation]) -> Vec<ComponentSpec> 
 
 /// What a pipeline and the summary see of an outcome.
 pub(super) fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
-    let outcome = &line.outcome;
-    json!({
-        "number": submitted.number,
-        "id": line.id,
-        "name": submitted.name,
-        "success": outcome.success,
-        "cause": outcome.cause,
-        "verdict": outcome.cause.verdict(),
-        "error": outcome.error,
-        "time": outcome.time,
-        "frames": outcome.frames,
-        "skipped_frames": outcome.skipped_frames,
-        "progress": outcome.progress,
-        "mean_cross_track_error": outcome.mean_cross_track_error,
-        "max_cross_track_error": outcome.max_cross_track_error,
-        "measures": outcome.measures,
-        "digest": outcome.digest,
-    })
+    row(submitted, value(&line.outcome.cause), line.outcome.cause.verdict(), &line.outcome)
 }
 
 /// What a pipeline sees of a scenario that another part of the run drives: the fields of an outcome, which say nothing.
 fn row_of_elsewhere(submitted: &Submitted) -> Value {
+    row(submitted, "elsewhere".into(), Verdict::Void, &Outcome::default())
+}
+
+fn row(submitted: &Submitted, cause: Value, verdict: Verdict, outcome: &Outcome) -> Value {
     let Submitted { number, id, name, .. } = submitted;
-    json!({
-        "number": number, "id": id, "name": name, "success": false, "cause": "elsewhere", "verdict": Verdict::Void,
-        "error": null, "time": 0.0, "frames": 0, "skipped_frames": 0, "progress": 0.0,
-        "mean_cross_track_error": 0.0, "max_cross_track_error": 0.0, "measures": null, "digest": "",
-    })
+    let mut row = json!({"number": number, "id": id, "name": name});
+    for (field, own) in outcome.values().into_iter().filter(|(field, _)| !field.luau_type.is_empty()) {
+        row[field.name] = own;
+        // What follows from the cause stands behind it.
+        if field.name == "cause" {
+            row[field.name] = cause.clone();
+            row["verdict"] = value(&verdict);
+        }
+    }
+    row
 }

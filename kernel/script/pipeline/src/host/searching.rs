@@ -43,7 +43,7 @@ impl Host {
                 None => Session::start(Options {
                     run: format!("{}-search{number}", run_name(&self.pipeline.path)),
                     pool: Pool::Here(1),
-                    limits: self.common.limits,
+                    limits: self.common.limits(),
                     search: self.search.clone(),
                 })?,
             }),
