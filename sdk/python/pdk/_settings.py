@@ -41,20 +41,30 @@ class RunSettings(TypedDict, total=False):
 class SessionSettings(RunSettings, total=False):
     """What can be set for a session: also what its scenarios have if they do not say it themselves."""
 
-    #: The time limit in seconds of simulation time; 30 if it is left out.
-    duration: float | None
-
-    #: What counts as a failure. What it leaves out is the default.
-    failure: Mapping[str, Any] | None
-
     #: The simulator.
     simulator: str | Mapping[str, Any] | None
 
     #: The driver under test.
     driver: str | Mapping[str, Any] | None
 
+    #: The time limit in seconds of simulation time; 30 if it is left out.
+    duration: float | None
+
+    #: What counts as a failure. What it leaves out is the default.
+    failure: Mapping[str, Any] | None
+
     #: Every how many frames an image goes into the trace: 6 if it is left out, 0 for none. Of a scenario that fails, the last frame goes there too, and those one and two seconds before if no image of them is there.
     images_every: int | None
 
     #: Whether the simulator waits for the driver (`lockstep`), as it does if this is left out and it can, or goes on by the clock (`realtime`).
     mode: str | None
+
+
+#: What every perturbation takes besides its level and its own parameters, with its type.
+MODIFIERS = {
+    "probability": 'float',
+    "region": 'Mapping[str, Any] | Sequence[float]',
+    "where": 'Mapping[str, Any]',
+    "attention": 'str | Mapping[str, Any]',
+    "draws": 'Literal["per_frame", "per_sequence"]',
+}

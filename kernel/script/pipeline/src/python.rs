@@ -1,6 +1,7 @@
 //! The keyword arguments of the Python package, written from what can be set for every run and what scenarios share.
 
 use pdk_model::described::Field;
+use pdk_model::perturbation::MODIFIERS;
 
 use crate::records::SESSION_REQUEST;
 use crate::run_settings::RUN_SETTINGS;
@@ -24,7 +25,12 @@ pub fn module() -> String {
     for field in SESSION_REQUEST.fields {
         text += &format!("\n    #: {}\n    {}: {} | None\n", field.doc, field.name, python_type(field));
     }
-    text
+    text += "\n\n#: What every perturbation takes besides its level and its own parameters, with its type.\nMODIFIERS = {\n";
+    // The level is a parameter of its own in Python.
+    for modifier in MODIFIERS.iter().filter(|modifier| modifier.name != "level") {
+        text += &format!("    \"{}\": '{}',\n", modifier.name, modifier.python);
+    }
+    text + "}\n"
 }
 
 /// The type in Python that a type in Luau stands for.
