@@ -370,7 +370,7 @@ impl Dispatch {
             task.began = false;
             (task.given, task.heard) = (Instant::now(), Instant::now());
             let connection = &mut self.connections[place];
-            let job = Job { number, slot: connection.first_slot + slot as u32, work: task.work.clone() };
+            let job = Job::new(number, connection.first_slot + slot as u32, task.work.clone());
             connection.give(slot, &job);
         }
         Ok(())
