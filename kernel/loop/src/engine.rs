@@ -14,9 +14,10 @@ use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Camera, Candidate, Dataset, Driver, Key, Search, Simulator};
 use pdk_supervise::calls::Function;
 
-use crate::drive::{Fault, Instances, Run, Witnesses};
+use crate::drive::{Instances, Run, Witnesses};
 use crate::environment::Environment;
 use crate::evaluate::Evaluator;
+use crate::fault::Fault;
 use crate::held::{Held, keep};
 use crate::protocol::{
     Answer, Drive, Driven, Failure, Hello, Job, Made, Make, SearchStep, StartSearch, Work,

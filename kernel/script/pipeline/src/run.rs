@@ -16,7 +16,7 @@ use pdk_session::session::{Options as SessionOptions, Session};
 
 use crate::api::API;
 use crate::follow::Audience;
-use crate::host::{Finished, Host, Parts};
+use crate::host::{Finished, Host, Setup};
 use crate::naming::run_name;
 use crate::run_settings::RunSettings;
 use crate::settings::Override;
@@ -137,8 +137,7 @@ pub(crate) fn start(
     for refused in session.refused() {
         eprintln!("pdk: warning: {refused}");
     }
-    Ok(Host::new(Parts {
-        session,
+    let setup = Setup {
         pipeline: Pipeline { path, source, modules: Vec::new() },
         modules,
         given,
@@ -146,7 +145,8 @@ pub(crate) fn start(
         common: options.common,
         overrides: options.overrides,
         audience: options.audience,
-    }))
+    };
+    Ok(Host::new(session, setup))
 }
 
 /// What ends a script that computes when the user wants an end.
