@@ -7,6 +7,7 @@
 import argparse
 import json
 import os
+import runpy
 import subprocess
 import sys
 import tempfile
@@ -33,14 +34,8 @@ ByLevel: TypeAlias = float | Sequence[float]
 MODIFIERS: tuple[str, ...]
 '''
 
-# What every perturbation takes besides; the documentation says what they mean.
-MODIFIERS = {
-    "probability": "float",
-    "region": "Mapping[str, Any] | Sequence[float]",
-    "where": "Mapping[str, Any]",
-    "attention": "str | Mapping[str, Any]",
-    "draws": 'Literal["per_frame", "per_sequence"]',
-}
+# What every perturbation takes besides, with its type; the documentation says what it means.
+MODIFIERS = runpy.run_path(str(FILE.with_name("_settings.py")))["MODIFIERS"]
 
 
 def main():

@@ -76,6 +76,7 @@ mod tests {
     use super::*;
     use pdk_model::component::ComponentSpec;
     use pdk_model::perturbation::AppliedPerturbation;
+    use pdk_model::text::parse_value;
 
     fn plugin(components: Vec<Description>) -> std::result::Result<(), String> {
         let plugin = PluginDescription { components, ..PluginDescription::default() };
@@ -116,11 +117,11 @@ mod tests {
     /// The names that are refused are those that a pipeline takes from the table before the parameters.
     #[test]
     fn keys_of_a_pipeline_are_no_parameters() {
-        let value = json!({
-            "name": "fog", "level": 1, "probability": 0.5, "region": [0, 0, 1, 1], "where": {"top": 1}, "attention": 3, "draws": "per_frame",
-            "s": 1
-        });
-        for (key, value) in value.as_object().unwrap() {
+        let mut table = json!({ "name": "fog", "s": 1 });
+        for modifier in MODIFIERS {
+            table[modifier.name] = parse_value(modifier.examples[0]).unwrap();
+        }
+        for (key, value) in table.as_object().unwrap() {
             let table = json!({ "name": "fog", key: value });
             let parameter = || Parameter::number(key, 1.0, "x");
             let taken =

@@ -14,9 +14,10 @@ use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::prelude::{Camera, Candidate, Dataset, Driver, Key, Search, Simulator};
 use pdk_supervise::calls::Function;
 
-use crate::drive::{Fault, Instances, Run, Witnesses};
+use crate::drive::{Instances, Run, Witnesses};
 use crate::environment::Environment;
 use crate::evaluate::Evaluator;
+use crate::fault::Fault;
 use crate::held::{Held, keep};
 use crate::protocol::{
     Answer, Drive, Driven, Failure, Hello, Job, Made, Make, SearchStep, StartSearch, Work,
@@ -79,7 +80,7 @@ impl<'a> Engine<'a> {
 
     /// Does a job. `progress` is told of every frame.
     pub fn work(&mut self, job: &Job, progress: &mut dyn FnMut(u64)) -> Answer {
-        if let Err(error) = check(&job.work) {
+        if let Err(error) = check(job) {
             return Answer::Broken(error.into());
         }
         let answer = match &job.work {
@@ -320,10 +321,22 @@ fn topics<'a>(
     Ok(bus)
 }
 
-/// Refuses what no session of pdk asks for: levels that are not on the scale, and criteria of failure that nothing can meet.
-fn check(work: &Work) -> Result<()> {
-    let perturbations = match work {
+/// Refuses what no session of this pdk asks for: a scenario with fields that are not known here, levels that are not on the scale, and
+/// criteria of failure that nothing can meet.
+fn check(job: &Job) -> Result<()> {
+    let perturbations = match &job.work {
         Work::Drive(drive) => {
+            let id = drive.scenario.id();
+            if let Some(asked) = job.scenario.filter(|asked| *asked != id) {
+                return Err(Error::of(
+                    ErrorKind::Configuration,
+                    format!(
+                        "the session's scenario {asked} is {id} for this worker, whose pdk {} does not know all of its fields; use the same pdk at \
+                         both ends",
+                        env!("CARGO_PKG_VERSION")
+                    ),
+                ));
+            }
             drive.scenario.failure.check()?;
             &drive.scenario.perturbations
         }

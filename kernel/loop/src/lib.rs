@@ -4,21 +4,27 @@
 //! |---|---|
 //! | [`loop_process`] | the process that calls components; `engine` keeps them, `held` notes every call |
 //! | [`protocol`] | what it and those who give it work say to each other, on [`lines`] |
-//! | [`drive`] | one scenario around the loop; `judge` says when it is over and measures it, `comfort` with it |
+//! | [`drive`] | one scenario around the loop, on `motion`, `annotated`, `pace` and `pictures`; `fault` says whose an error is |
+//! | `judge` | says when a scenario is over and measures it, `comfort` with it |
 //! | `evaluate` | frames of datasets |
 //! | [`recorder`], [`recent`] | the trace, and the last frames of failures |
 //! | [`stages`] | how long it takes |
 //! | `environment` | what a component changed of its process, put back |
 
+mod annotated;
 mod comfort;
 pub mod drive;
 mod engine;
 mod environment;
 mod evaluate;
+mod fault;
 mod held;
 mod judge;
 pub mod lines;
 pub mod loop_process;
+mod motion;
+mod pace;
+mod pictures;
 pub mod protocol;
 pub mod recent;
 pub mod recorder;

@@ -11,7 +11,7 @@ use pdk_model::component::ComponentSpec;
 use pdk_model::error::ErrorKind;
 use pdk_model::outcome::{Cause, Outcome};
 use pdk_model::perturbation::AppliedPerturbation;
-use pdk_model::scenario::Scenario;
+use pdk_model::scenario::{Scenario, ScenarioId};
 use pdk_model::search::{Candidate, Evaluated as EvaluatedCandidate, Problem};
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::Error;
@@ -21,7 +21,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::stages::Times;
 
-/// The version of the protocol. A worker of another version is refused.
+/// The version of the protocol. Both ends have to have the same one; within a version new fields may come, which the other end leaves
+/// out. `docs/worker-protocol.md` says what else is a new version.
 pub const VERSION: u32 = 1;
 
 /// What a worker is told.
@@ -56,8 +57,23 @@ pub struct Job {
     pub number: u64,
     /// The number of the slot that does it: no two jobs have the same at the same time, so ports may be derived from it.
     pub slot: u32,
+    /// The id of the scenario that is to be driven, as the session understands it. A worker that understands it otherwise, because it
+    /// does not know a field, does not drive it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenario: Option<ScenarioId>,
     /// What to do.
     pub work: Work,
+}
+
+impl Job {
+    /// A job for a slot.
+    pub fn new(number: u64, slot: u32, work: Work) -> Self {
+        let scenario = match &work {
+            Work::Drive(drive) => Some(drive.scenario.id()),
+            _ => None,
+        };
+        Self { number, slot, scenario, work }
+    }
 }
 
 /// What there is to do.

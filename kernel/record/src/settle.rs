@@ -22,7 +22,7 @@ pub struct Settler<'a> {
     /// The components of this machine.
     pub catalog: &'a Catalog,
     /// Options that the user wants in the place of defaults, by parameter, such as `engine`.
-    pub wanted: &'a BTreeMap<String, String>,
+    pub wanted: BTreeMap<&'static str, &'a str>,
     /// What was settled so far: each parameter with each of its values.
     pub settled: &'a mut Vec<(String, String)>,
 }
@@ -61,7 +61,7 @@ impl Settler<'_> {
             entry.description.parameters.iter().filter(|parameter| !parameter.stands_for.is_empty());
         for parameter in settled {
             let given = parameters.shift_remove(&parameter.name);
-            let wanted = || self.wanted.get(&parameter.name).map(|option| Value::from(option.as_str()));
+            let wanted = || self.wanted.get(parameter.name.as_str()).map(|option| Value::from(*option));
             let option = given.or_else(wanted).unwrap_or_else(|| parameter.default.clone());
             let meaning = option.as_str().and_then(|option| parameter.stands_for.get(option));
             let value = meaning.map_or(option.clone(), |meaning| Value::from(meaning.as_str()));
@@ -130,10 +130,10 @@ mod tests {
         catalog
     }
 
-    fn settle(scenario: &mut Scenario, wanted: &[(&str, &str)]) -> Vec<(String, String)> {
-        let wanted = wanted.iter().map(|(name, option)| ((*name).to_owned(), (*option).to_owned())).collect();
+    fn settle(scenario: &mut Scenario, wanted: &[(&'static str, &str)]) -> Vec<(String, String)> {
+        let wanted = wanted.iter().copied().collect();
         let mut settled = Vec::new();
-        Settler { catalog: &catalog(), wanted: &wanted, settled: &mut settled }.scenario(scenario);
+        Settler { catalog: &catalog(), wanted, settled: &mut settled }.scenario(scenario);
         settled
     }
 

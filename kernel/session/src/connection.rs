@@ -7,6 +7,7 @@ use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::Sender;
 use std::time::{Duration, Instant};
 
+use pdk_notice::eprintln;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_supervise::supervisor::kill_group;
 
@@ -164,11 +165,11 @@ impl Connection {
         }
         let version = env!("CARGO_PKG_VERSION");
         if ready.pdk != version {
-            return Err(Error::new(format!(
-                "{} is of pdk {}, and this is pdk {version}; results could differ, so use the same pdk at both ends",
+            eprintln!(
+                "pdk: warning: {} is of pdk {}, and this is pdk {version}; it is used, but results may differ from those of this pdk",
                 pool.name(),
                 ready.pdk
-            )));
+            );
         }
         if ready.slots == 0 {
             return Err(Error::new(format!(

@@ -90,18 +90,12 @@ pub fn describe() -> Description {
             default: "generated_track".into(),
             ..Parameter::text("scene", "scene to load").only_for("build", "current")
         })
-        .parameter(Parameter::integer("width", 320, "width of the frames").range(1.0, 4096.0).unit("px"))
-        .parameter(Parameter::integer("height", 240, "height of the frames").range(1.0, 4096.0).unit("px"))
+        .camera([320, 240], 1.0..=4096.0)
         .parameter(Parameter::choice(
             "encoding",
             &["jpg", "png"],
             "how frames are sent: jpg is smaller, png without loss",
-        ))
-        .parameter(
-            Parameter::number("rate", 20.0, "frames that the simulator sends in a second")
-                .range(1.0, 1000.0)
-                .unit("Hz"),
-        );
+        ));
     for (name, _, unit, doc) in CAMERA {
         description =
             description.parameter(Parameter::number(name, 0.0, doc).range(-360.0, 360.0).unit(unit));
@@ -153,11 +147,7 @@ impl Options {
     /// Where the colour is none, or `launch` no list of texts.
     pub fn read(config: &Config) -> Result<Self> {
         let build = Build::named(config.text("build"));
-        let camera = Camera {
-            width: config.integer("width") as u32,
-            height: config.integer("height") as u32,
-            rate: config.number("rate"),
-        };
+        let camera = config.camera();
         let mut camera_fields: Vec<_> =
             CAMERA.iter().map(|(name, field, ..)| (*field, config.number(name).to_string())).collect();
         camera_fields.extend([

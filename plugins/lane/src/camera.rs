@@ -1,25 +1,12 @@
 //! The camera: where it is mounted, and how pixels and points of the ground belong together.
 
+use pdk_sdk::camera::Mounting;
+
 /// How far the camera sits ahead of the vehicle's centre, in metres.
 pub const AHEAD_OF_CENTRE: f64 = 0.5;
 
-/// How a camera is mounted and how wide it sees.
-#[derive(Debug, Clone, Copy)]
-pub struct Mounting {
-    /// Height above the road in metres.
-    pub height: f64,
-    /// The angle by which it looks down, in degrees.
-    pub pitch: f64,
-    /// The angle that a row of its pixels covers, in degrees.
-    pub field_of_view: f64,
-}
-
-impl Default for Mounting {
-    /// Behind the windscreen of a car.
-    fn default() -> Self {
-        Self { height: 1.35, pitch: 8.0, field_of_view: 75.0 }
-    }
-}
+/// Behind the windscreen of a car.
+pub const MOUNTING: Mounting = Mounting { field_of_view: 75.0, height: 1.35, pitch: 8.0 };
 
 /// A pinhole camera over flat ground, for one frame size.
 #[derive(Debug, Clone, Copy)]
@@ -114,7 +101,7 @@ mod tests {
 
     #[test]
     fn ground_and_project_are_inverse() {
-        let camera = Projection::new(320, 240, Mounting::default());
+        let camera = Projection::new(320, 240, MOUNTING);
         for y in [100.5, 150.5, 239.5] {
             let row = camera.ground(y).unwrap();
             let right = (250.5 - camera.centre_x) * row.pixel_width;
@@ -126,7 +113,7 @@ mod tests {
 
     #[test]
     fn the_horizon_divides_ground_from_sky() {
-        let camera = Projection::new(320, 240, Mounting::default());
+        let camera = Projection::new(320, 240, MOUNTING);
         let horizon = camera.horizon_on(0.0);
         assert!((90.0..92.0).contains(&horizon));
         assert!(camera.ground(horizon - 0.1).is_none());
@@ -137,13 +124,12 @@ mod tests {
     #[test]
     fn the_mounting_moves_the_horizon_and_the_ground() {
         let camera = |mounting| Projection::new(320, 240, mounting);
-        let level = camera(Mounting { pitch: 0.0, ..Mounting::default() });
+        let level = camera(Mounting { pitch: 0.0, ..MOUNTING });
         assert_eq!(level.horizon_on(0.0), 120.0);
-        let [low, high] = [1.0, 2.0]
-            .map(|height| camera(Mounting { height, ..Mounting::default() }).ground(200.5).unwrap());
+        let [low, high] =
+            [1.0, 2.0].map(|height| camera(Mounting { height, ..MOUNTING }).ground(200.5).unwrap());
         assert!((high.ahead / low.ahead - 2.0).abs() < 1e-12);
-        let [narrow, wide] =
-            [60.0, 90.0].map(|field_of_view| camera(Mounting { field_of_view, ..Mounting::default() }));
+        let [narrow, wide] = [60.0, 90.0].map(|field_of_view| camera(Mounting { field_of_view, ..MOUNTING }));
         assert!((wide.focal - 160.0).abs() < 1e-9 && narrow.focal > wide.focal);
     }
 }

@@ -7,7 +7,7 @@
 
 use pdk_sdk::prelude::Frame;
 
-use crate::camera::{Mounting, Projection};
+use crate::camera::{MOUNTING, Projection};
 use crate::section;
 
 /// Nearest and farthest distance at which lines are looked for, ahead of the camera, and the step between, in metres.
@@ -77,7 +77,7 @@ pub struct LaneFinder {
 impl LaneFinder {
     /// A finder for frames of this size.
     pub fn new(width: usize, height: usize) -> Self {
-        let projection = Projection::new(width, height, Mounting::default());
+        let projection = Projection::new(width, height, MOUNTING);
         let mut rows: Vec<Row> = Vec::new();
         for step in 0..=((FARTHEST - NEAREST) / STEP) as usize {
             let y = projection.row_of(NEAREST + step as f64 * STEP);

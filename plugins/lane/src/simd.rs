@@ -11,34 +11,7 @@ pub fn padded(pixels: usize) -> usize {
     pixels.div_ceil(BLOCK) * BLOCK
 }
 
-/// Defines a function that is compiled for AVX2 as well: `fn NAME / AVX2 (arguments) { body }`.
-macro_rules! vectorised {
-    ($(#[$attribute:meta])* $visibility:vis fn $name:ident / $avx2:ident
-     ($($argument:ident: $type:ty),* $(,)?) $body:block) => {
-        $(#[$attribute])*
-        #[allow(clippy::too_many_arguments)]
-        $visibility fn $name($($argument: $type),*) {
-            #[inline(always)]
-            #[allow(clippy::too_many_arguments)]
-            fn portable($($argument: $type),*) $body
-
-            #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx2")]
-            #[allow(clippy::too_many_arguments)]
-            fn $avx2($($argument: $type),*) {
-                portable($($argument),*)
-            }
-
-            #[cfg(target_arch = "x86_64")]
-            if $crate::simd::has_avx2() {
-                // SAFETY: the processor has AVX2, which is all that this version asks for.
-                return unsafe { $avx2($($argument),*) };
-            }
-            portable($($argument),*)
-        }
-    };
-}
-pub(crate) use vectorised;
+pub(crate) use pdk_sdk::ops::vectorised;
 
 /// Whether the versions for AVX2 are to be used.
 #[cfg(target_arch = "x86_64")]

@@ -3,7 +3,7 @@
 use pdk_sdk::prelude::*;
 
 use crate::autopilot::Autopilot;
-use crate::camera::{AHEAD_OF_CENTRE, Mounting, Projection};
+use crate::camera::{AHEAD_OF_CENTRE, MOUNTING, Projection};
 use crate::conditions::{self, Conditions};
 use crate::delay::Delay;
 use crate::labels::Label;
@@ -64,43 +64,10 @@ struct Drive {
 
 impl Component for Lane {
     fn description() -> Description {
-        let mounting = Mounting::default();
         let description = Description::simulator("lane", "A two-lane road through grassland, built in: nothing to install")
             .version(3)
-            .parameter(
-                Parameter::integer("width", 320, "width of the camera's frames")
-                    .range(1.0, 4096.0)
-                    .unit("px"),
-            )
-            .parameter(
-                Parameter::integer("height", 160, "height of the camera's frames")
-                    .range(1.0, 4096.0)
-                    .unit("px"),
-            )
-            .parameter(
-                Parameter::number("rate", 20.0, "frames per second of simulation time")
-                    .range(1.0, 1000.0)
-                    .unit("Hz"),
-            )
-            .parameter(
-                Parameter::number(
-                    "field_of_view",
-                    mounting.field_of_view,
-                    "angle that the frame's width covers",
-                )
-                .range(20.0, 130.0)
-                .unit("degrees"),
-            )
-            .parameter(
-                Parameter::number("camera_height", mounting.height, "height of the camera above the road")
-                    .range(0.3, 4.0)
-                    .unit("m"),
-            )
-            .parameter(
-                Parameter::number("camera_pitch", mounting.pitch, "angle by which the camera looks down")
-                    .range(-10.0, 25.0)
-                    .unit("degrees"),
-            )
+            .camera([320, 160], 1.0..=4096.0)
+            .mounting(MOUNTING, 0.3..=4.0, -10.0..=25.0)
             .parameter(
                 Parameter::number("speed_limit", 20.0, "speed that the vehicle never exceeds")
                     .range(0.1, 50.0)
@@ -148,11 +115,7 @@ impl Component for Lane {
     }
 
     fn new(config: &Config) -> Result<Self> {
-        let camera = Camera {
-            width: config.integer("width") as u32,
-            height: config.integer("height") as u32,
-            rate: config.number("rate"),
-        };
+        let camera = config.camera();
         let conditions = Conditions::new(config)?;
         let (initial_speed, speed_limit) = (conditions.fixed("initial_speed"), config.number("speed_limit"));
         if initial_speed > speed_limit {
@@ -164,11 +127,7 @@ impl Component for Lane {
         // The texture is the same in all scenarios; what differs between them comes from the scenario's seed.
         let mut random = pdk_sdk::seed::key(0, "lane texture", 0).sequence();
         let markings = Markings::named(config.text("markings"));
-        let mounting = Mounting {
-            height: config.number("camera_height"),
-            pitch: config.number("camera_pitch"),
-            field_of_view: config.number("field_of_view"),
-        };
+        let mounting = config.mounting();
         let size = [camera.width as usize, camera.height as usize];
         let projection = Projection::new(size[0], size[1], mounting);
         let setting = sensor::Setting {

@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     fn terrain(heights: &[(f64, f64)], along: f64) -> (Terrain, Projection) {
-        let projection = Projection::new(320, 160, Default::default());
+        let projection = Projection::new(320, 160, crate::camera::MOUNTING);
         let path = Path::of((0..=400).map(|z| [0.0, f64::from(z)]).collect());
         let profile = Profile::through(heights).unwrap();
         let mut terrain = Terrain::new(160);

@@ -259,7 +259,7 @@ fn sky_is_above_and_asphalt_between_the_lines_below() {
     let [r, g, b] = frame.pixel(160, 220);
     assert!(r.abs_diff(g) < 12 && g.abs_diff(b) < 12 && (50..130).contains(&r), "{r} {g} {b}");
     // Where the white line has to be, on the row that shows the ground 5 m ahead.
-    let projection = crate::camera::Projection::new(320, 240, Default::default());
+    let projection = crate::camera::Projection::new(320, 240, crate::camera::MOUNTING);
     let [x, y, _] = projection.project(1.9, 5.0, 0.0).unwrap();
     assert!(sum(x as usize, y as usize) > 600, "no line at {x:.0}, {y:.0}");
     assert!(sum(x as usize - 20, y as usize) < 400);

@@ -46,22 +46,16 @@ impl Component for Process {
             "process",
             "A program of yours, in any language, that gets controls and gives states and pictures through shared memory",
         );
-        let pixels =
-            |name, default, doc| Parameter::integer(name, default, doc).range(8.0, 8192.0).unit("px");
-        Options::describe(description, "simulator")
-            .parameter(pixels("width", 320, "width of the camera's pictures"))
-            .parameter(pixels("height", 240, "height of the camera's pictures"))
-            .parameter(
-                Parameter::number("rate", 20.0, "pictures per second of simulation time")
-                    .range(1.0, 1000.0)
-                    .unit("1/s"),
-            )
+        Options::describe(description, "simulator").camera([320, 240], 8.0..=8192.0)
     }
 
     fn new(config: &Config) -> Result<Self> {
-        let pixels = |name| u32::try_from(config.integer(name)).unwrap_or_default();
-        let camera = Camera { width: pixels("width"), height: pixels("height"), rate: config.number("rate") };
-        Ok(Self { options: Options::read(config)?, camera, program: None, drive: Drive::default() })
+        Ok(Self {
+            options: Options::read(config)?,
+            camera: config.camera(),
+            program: None,
+            drive: Drive::default(),
+        })
     }
 
     fn input_files(config: &Config) -> Result<Vec<InputFiles>> {

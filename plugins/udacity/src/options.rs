@@ -55,19 +55,7 @@ pub fn describe() -> Description {
                 "the build that takes roads, or the one that Udacity has published",
             ));
     Settings::describe(description, 4567, 1)
-        .parameter(
-            Parameter::integer("width", 320, "width of the frames that it sends")
-                .range(1.0, 4096.0)
-                .unit("px"),
-        )
-        .parameter(
-            Parameter::integer("height", 160, "height of the frames that it sends")
-                .range(1.0, 4096.0)
-                .unit("px"),
-        )
-        .parameter(
-            Parameter::number("rate", 20.0, "frames that it sends in a second").range(1.0, 1000.0).unit("Hz"),
-        )
+        .camera([320, 160], 1.0..=4096.0)
         .parameter(
             Parameter::number(
                 "lane_departure",
@@ -102,11 +90,7 @@ impl Options {
         Ok(Self {
             settings: Settings::read("the Udacity simulator", config)?,
             build: if config.text("build") == "stock" { Build::Stock } else { Build::RoadGenerating },
-            camera: Camera {
-                width: config.integer("width") as u32,
-                height: config.integer("height") as u32,
-                rate: config.number("rate"),
-            },
+            camera: config.camera(),
             lane_departure: config.number("lane_departure"),
             settle: config.number("settle_seconds"),
             standing_speed: config.number("standing_speed"),

@@ -1,5 +1,6 @@
 //! A camera that the adapter itself fixes to the vehicle, for simulators that have cameras wherever one is wanted.
 
+use pdk_sdk::camera::Mounting;
 use pdk_sdk::prelude::{Camera, Config, Description, Parameter};
 
 /// Where a camera is fixed to the vehicle, and what it delivers.
@@ -22,26 +23,7 @@ impl Mount {
     /// in metres, where the user does not say.
     pub fn describe(description: Description, ahead: f64, height: f64) -> Description {
         description
-            .parameter(
-                Parameter::integer("width", 320, "width of the camera's frames")
-                    .range(1.0, 4096.0)
-                    .unit("px"),
-            )
-            .parameter(
-                Parameter::integer("height", 160, "height of the camera's frames")
-                    .range(1.0, 4096.0)
-                    .unit("px"),
-            )
-            .parameter(
-                Parameter::number("rate", 20.0, "frames per second of simulation time")
-                    .range(1.0, 1000.0)
-                    .unit("Hz"),
-            )
-            .parameter(
-                Parameter::number("field_of_view", 90.0, "angle that the frame's width covers")
-                    .range(20.0, 130.0)
-                    .unit("degrees"),
-            )
+            .camera([320, 160], 1.0..=4096.0)
             .parameter(
                 Parameter::number(
                     "camera_ahead",
@@ -51,31 +33,13 @@ impl Mount {
                 .range(-10.0, 10.0)
                 .unit("m"),
             )
-            .parameter(
-                Parameter::number("camera_height", height, "height of the camera above the road")
-                    .range(0.3, 10.0)
-                    .unit("m"),
-            )
-            .parameter(
-                Parameter::number("camera_pitch", 5.0, "angle by which the camera looks down")
-                    .range(-30.0, 90.0)
-                    .unit("degrees"),
-            )
+            .mounting(Mounting { field_of_view: 90.0, height, pitch: 5.0 }, 0.3..=10.0, -30.0..=90.0)
     }
 
     /// Reads the parameters.
     pub fn read(config: &Config) -> Self {
-        Self {
-            camera: Camera {
-                width: config.integer("width") as u32,
-                height: config.integer("height") as u32,
-                rate: config.number("rate"),
-            },
-            field_of_view: config.number("field_of_view"),
-            ahead: config.number("camera_ahead"),
-            height: config.number("camera_height"),
-            pitch: config.number("camera_pitch"),
-        }
+        let Mounting { field_of_view, height, pitch } = config.mounting();
+        Self { camera: config.camera(), field_of_view, ahead: config.number("camera_ahead"), height, pitch }
     }
 }
 

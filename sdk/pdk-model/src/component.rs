@@ -12,7 +12,7 @@ use crate::text::{parse_value, split_outside_brackets};
 pub const ENGINE: &str = "engine";
 
 /// A component with the parameters that the user sets.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ComponentSpec {
     /// The component's name.
     pub name: String,

@@ -11,6 +11,7 @@ pub mod camera;
 pub mod canonical;
 pub mod component;
 pub mod control;
+pub mod described;
 pub mod error;
 pub mod failure;
 pub mod level;

@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::described::described;
 use crate::error::ErrorKind;
 
 /// How a scenario ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
     /// The end of the road was reached: the only success.
@@ -19,6 +20,7 @@ pub enum Cause {
     /// The time limit came before the end of the road.
     TimeOut,
     /// A component failed; nothing can be said about the driver.
+    #[default]
     Error,
 }
 
@@ -71,75 +73,63 @@ impl Cause {
     }
 }
 
-/// What came of a scenario.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Outcome {
-    /// Whether the end of the road was reached.
-    pub success: bool,
-    /// How it ended.
-    pub cause: Cause,
-    /// What failed, where a component did.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub error: Option<String>,
-    /// In which way it failed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub error_kind: Option<ErrorKind>,
-    /// Simulation time at the end in seconds.
-    pub time: f64,
-    /// Frames that were driven.
-    pub frames: u64,
-    /// Frames that the driver did not see, because it was still at work on an earlier one.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub skipped_frames: u64,
-    /// The share of the road that was driven, 0 to 1.
-    pub progress: f64,
-    /// Mean of the absolute cross-track error over all frames, in metres. That of a drive that was cut short is not comparable
-    /// with that of one that reached the end: how soon it failed is.
-    pub mean_cross_track_error: f64,
-    /// Largest absolute cross-track error in metres.
-    pub max_cross_track_error: f64,
-    /// What else was measured; none where a component failed before anything was.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub measures: Option<Box<Measures>>,
-    /// Hash over every frame that the driver saw and every control it gave: equal for equal runs.
-    pub digest: String,
+described! {
+    /// What came of a scenario.
+    #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Outcome {
+        /// Whether the end of the road was reached.
+        success: bool, Luau "boolean", JSON "boolean";
+        /// How it ended; for scripts, `elsewhere` if another part of the run drives it (`--shard`).
+        cause: Cause,
+            Luau "\"finished\" | \"lane_departure\" | \"collision\" | \"no_progress\" | \"time_out\" | \"error\" | \"elsewhere\"",
+            JSON "text: `finished`, `lane_departure`, `collision`, `no_progress`, `time_out` or `error`";
+        /// Which component failed, and how, in one sentence.
+        error: Option<String>, Luau "string?", JSON "text", "with `error`" unless "Option::is_none";
+        /// In which way it failed: one of the [kinds](worker-protocol.md#kinds-of-errors).
+        error_kind: Option<ErrorKind>, Luau "", JSON "text", "with `error`" unless "Option::is_none";
+        /// Simulation time of the last state that was judged, in seconds.
+        time: f64, Luau "number", JSON "number, s";
+        /// Frames that were driven. If the process was lost, the number of the frame at which it was.
+        frames: u64, Luau "number", JSON "whole number";
+        /// Frames that the driver did not see, because it was at work on an earlier one or the simulator has its own clock.
+        skipped_frames: u64, Luau "number", JSON "whole number", "if not 0" unless "is_zero";
+        /// The share of the road that was driven, 0 to 1.
+        progress: f64, Luau "number", JSON "number, 0 to 1";
+        /// The mean of the absolute cross-track error over all judged states, in metres. That of a drive that was cut short is not comparable
+        /// with that of one that reached the end: how soon it failed is.
+        mean_cross_track_error: f64, Luau "number", JSON "number, m";
+        /// The largest absolute cross-track error in metres.
+        max_cross_track_error: f64, Luau "number", JSON "number, m";
+        /// What else was measured; nothing if a component failed before a state was judged.
+        measures: Option<Box<Measures>>, Luau "Measures?", JSON "object", "if a state was judged" unless "Option::is_none";
+        /// A hash of every frame that the driver saw and every control that it gave: equal for equal drives. Empty if the process was lost.
+        digest: String, Luau "string", JSON "text, 32 digits, or empty";
+    }
 }
 
-/// What is measured of a drive besides its end.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Measures {
-    /// When a wheel was over the line first, in seconds of simulation time; none where none was.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub over_line_from: Option<f64>,
-    /// For how many seconds a wheel was over the line.
-    pub over_line_seconds: f64,
-    /// The root mean square of the lateral acceleration, speed times yaw rate, in m/s².
-    pub rms_lateral_acceleration: f64,
-    /// Its largest size.
-    pub max_lateral_acceleration: f64,
-    /// The root mean square of the jerk, the change of the acceleration along and across, in m/s³.
-    pub rms_jerk: f64,
-    /// Its largest size.
-    pub max_jerk: f64,
+described! {
+    /// What is measured of a drive besides its end.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Measures {
+        /// When a wheel was over the line for the first time, in seconds of simulation time.
+        over_line_from: Option<f64>, Luau "number?", JSON "number, s", "if one was" unless "Option::is_none";
+        /// For how many seconds a wheel was over the line.
+        over_line_seconds: f64, Luau "number", JSON "number, s";
+        /// The root mean square of the lateral acceleration, speed times yaw rate, in m/s².
+        rms_lateral_acceleration: f64, Luau "number", JSON "number, m/s²";
+        /// The largest lateral acceleration.
+        max_lateral_acceleration: f64, Luau "number", JSON "number, m/s²";
+        /// The root mean square of the jerk, the change of the acceleration along and across, in m/s³.
+        rms_jerk: f64, Luau "number", JSON "number, m/s³";
+        /// The largest jerk.
+        max_jerk: f64, Luau "number", JSON "number, m/s³";
+    }
 }
 
 impl Outcome {
     /// That of a scenario in which a component failed before anything could be measured.
     pub fn of_error(kind: ErrorKind, message: String) -> Self {
-        Self {
-            success: false,
-            cause: Cause::Error,
-            error: Some(message),
-            error_kind: Some(kind),
-            time: 0.0,
-            frames: 0,
-            skipped_frames: 0,
-            progress: 0.0,
-            mean_cross_track_error: 0.0,
-            max_cross_track_error: 0.0,
-            measures: None,
-            digest: String::new(),
-        }
+        Self { error: Some(message), error_kind: Some(kind), ..Self::default() }
     }
 }
 

@@ -13,31 +13,185 @@ use crate::region::Region;
 use crate::selection::Selection;
 use crate::text::{parse_value, split_outside_brackets};
 
-/// A perturbation as the user names it: at an intensity, with parameters, and with what limits it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct AppliedPerturbation {
-    /// The component's name.
-    pub name: String,
-    /// The intensity.
-    pub level: Level,
-    /// The chance that a frame is perturbed, drawn for each frame; every frame is where it is not set.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub probability: Option<f64>,
-    /// The part of the frame that is perturbed; all of it where it is not set.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub region: Option<Region>,
-    /// The pixels that are perturbed, by a saliency map; all of them where it is not set.
-    #[serde(default, rename = "where", skip_serializing_if = "Option::is_none")]
-    pub selection: Option<Selection>,
-    /// The saliency maps that the perturbation itself follows; none where it is not set.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub attention: Option<Attention>,
-    /// What is drawn when; as the perturbation says where it is not set.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub draws: Option<Draws>,
-    /// Parameters that the user sets.
-    #[serde(default, skip_serializing_if = "Map::is_empty")]
-    pub parameters: Map<String, Value>,
+/// Something that can be set for every perturbation, on the command line as `NAME,MODIFIER=VALUE`.
+#[derive(Debug, Clone, Copy)]
+pub struct Modifier {
+    /// The name under which it is set.
+    pub name: &'static str,
+    /// What it does, in one sentence.
+    pub doc: &'static str,
+    /// What else there is to know, in further sentences; may be empty.
+    pub details: &'static str,
+    /// Values, as they are written on the command line.
+    pub examples: &'static [&'static str],
+    /// Its type in Luau.
+    pub luau_type: &'static str,
+    /// Its type in Python.
+    pub python: &'static str,
+}
+
+/// Writes [`AppliedPerturbation`], how its modifiers are read and written, and [`MODIFIERS`], from a list of
+/// `field: type as "name", reader, "what it does" { what else there is to know }`.
+macro_rules! modifiers {
+    ($($field:ident: $type:ty as $name:literal, $read:expr, $doc:literal { $($more:tt)* })*) => {
+        /// A perturbation as the user names it: at an intensity, with parameters, and with what limits it.
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        pub struct AppliedPerturbation {
+            /// The component's name.
+            pub name: String,
+            /// The intensity.
+            pub level: Level,
+            $(
+                #[doc = $doc]
+                #[serde(default, rename = $name, skip_serializing_if = "Option::is_none")]
+                pub $field: Option<$type>,
+            )*
+            /// Parameters that the user sets.
+            #[serde(default, skip_serializing_if = "Map::is_empty")]
+            pub parameters: Map<String, Value>,
+        }
+
+        /// What every perturbation takes besides its own parameters.
+        pub const MODIFIERS: &[Modifier] = &[LEVEL, $(Modifier { name: $name, doc: $doc, $($more)* }),*];
+
+        impl AppliedPerturbation {
+            /// One without modifiers.
+            fn bare(name: String, level: Level, parameters: Map<String, Value>) -> Self {
+                Self { name, level, $($field: None,)* parameters }
+            }
+
+            /// Takes the modifiers out of the parameters, among which users write them.
+            fn take_modifiers(&mut self) -> Result<()> {
+                $(if let Some(value) = take(&self.name, &mut self.parameters, $name)? {
+                    let read: fn(&str, &Value) -> Result<$type> = $read;
+                    self.$field = Some(read(&self.name, &value)?);
+                })*
+                Ok(())
+            }
+
+            /// The modifiers that are set, as they are written.
+            fn written_modifiers(&self) -> String {
+                let set = [$(self.$field.as_ref().map(|value| format!(",{}={}", $name, json(value)))),*];
+                set.into_iter().flatten().collect()
+            }
+
+            /// Takes a modifier over from another one; whether there is one of this name.
+            pub fn take_over(&mut self, name: &str, other: &mut Self) -> bool {
+                match name {
+                    "level" => self.level = other.level.clone(),
+                    $($name => self.$field = other.$field.take(),)*
+                    _ => return false,
+                }
+                true
+            }
+        }
+    };
+}
+
+/// The intensity, which is also written behind the name.
+const LEVEL: Modifier = Modifier {
+    name: "level",
+    doc: "Its intensity: 0 to 4, any number in between, or a course of such numbers over time in seconds.",
+    details: "A number may also stand behind the name: `NAME@2.5`.",
+    examples: &[
+        "2.5",
+        r#"{"ramp":{"from":0,"to":4,"start":2,"end":10}}"#,
+        r#"{"pulse":{"level":3,"rest":1,"period":4,"duration":0.5,"start":1}}"#,
+        r#"{"points":[[0,0],[2,4],[5,1]]}"#,
+    ],
+    luau_type: "(number | Schedule | ((time: number) -> number))?",
+    python: "float | Mapping[str, Any]",
+};
+
+modifiers! {
+    probability: f64 as "probability", chance, "The chance that a frame is perturbed, drawn for each frame." {
+        details: "",
+        examples: &["0.8"],
+        luau_type: "number?",
+        python: "float",
+    }
+    region: Region as "region", |name, value| placed(name, Region::from_json(value)), "The part of the frame that is perturbed." {
+        details: "A box is left, top, right, bottom, a polygon has corners of x and y, all as shares of the width and height; a \
+                  mask is an image that is stretched over the frame: white is perturbed, black or transparent is not, what lies \
+                  between is blended.",
+        examples: &[
+            r#"{"box":[0,0.5,1,1]}"#,
+            r#"{"polygon":[[0.1,1],[0.4,0.5],[0.6,0.5],[0.9,1]]}"#,
+            r#"{"mask":"FILE.png"}"#,
+        ],
+        luau_type: "Region?",
+        python: "Mapping[str, Any] | Sequence[float]",
+    }
+    selection: Selection as "where", |name, value| placed(name, Selection::from_json(value)),
+    "The pixels that are perturbed, by a saliency map of the frame as the camera saw it, by what they show, or by a mask." {
+        details: "`top`, `bottom` and `random` are shares in percent, of which exactly so many pixels are taken; `above` is a value \
+              from 0 to 1. `by` is a saliency method with its parameters, the model among them; `pdk list saliency` names them. \
+              A map is made of every frame, of one in `every`, or whenever a frame differs from that of the \
+              last map by more than `change` on average, of 255; with `follow` it moves with the image until the next one. `close` closes gaps, `smallest` leaves out spots of fewer \
+              pixels, and `soft` blends the edges, all in pixels. \
+              `label` is what a simulator's own labels say that pixels show, `nearer` and `farther` are distances in metres along the \
+              camera's axis, from a simulator that knows them, and `mask` is a component that \
+              `pdk list mask` names, or a Lua file of one's own. Together with `region`, what both leave is perturbed.",
+        examples: &[
+        r#"{"top":20,"by":"METHOD,model=FILE.onnx"}"#,
+        r#"{"bottom":20,"by":"METHOD,model=FILE.onnx","every":10,"follow":true,"soft":3}"#,
+        r#"{"random":20}"#,
+        r#"{"label":["road","vehicle"]}"#,
+        r#"{"farther":20,"nearer":60}"#,
+        r#"{"mask":"MASK,model=FILE.onnx,classes=7"}"#,
+        r#"{"above":0.5,"by":"METHOD,model=FILE.onnx,layer=conv_5","close":2,"smallest":30}"#,
+    ],
+        luau_type: "Selection?",
+        python: "Mapping[str, Any]",
+    }
+    attention: Attention as "attention", |name, value| placed(name, Attention::from_json(value)),
+    "The saliency maps that the perturbation itself follows, for those that do, such as drops that are born where a map is high." {
+        details: "A saliency method with its parameters, or a table of such a method as `by` and of `every`, `change` and `follow`, as \
+                  for `where`. `pdk show NAME` says whether a perturbation follows maps, and how.",
+        examples: &[r#""METHOD,model=FILE.onnx""#, r#"{"by":"METHOD,model=FILE.onnx","every":5,"follow":true}"#],
+        luau_type: "(string | Attention)?",
+        python: "str | Mapping[str, Any]",
+    }
+    draws: Draws as "draws", draws, "Draw everything anew for every frame, or once." {
+        details: "Where it is not set, every perturbation does what the real effect would do: noise is drawn for every frame, \
+              where drops sit once for all frames of a sequence; `pdk show NAME` says which.",
+        examples: &["per_frame", "per_sequence"],
+        luau_type: "(\"per_frame\" | \"per_sequence\")?",
+        python: "Literal[\"per_frame\", \"per_sequence\"]",
+    }
+}
+
+/// The chance that is set for a perturbation.
+fn chance(name: &str, value: &Value) -> Result<f64> {
+    match value.as_f64() {
+        Some(chance) if (0.0..=1.0).contains(&chance) => Ok(chance),
+        _ => Err(Error::new(format!(
+            "the probability of `{name}` is {value}, but has to be a number from 0 to 1"
+        ))),
+    }
+}
+
+/// When a perturbation draws.
+fn draws(name: &str, value: &Value) -> Result<Draws> {
+    serde_json::from_value(value.clone()).map_err(|_| {
+        Error::new(format!("`draws` of `{name}` is {value}, but has to be \"per_frame\" or \"per_sequence\""))
+    })
+}
+
+/// An error of a modifier with the perturbation that it is set for.
+fn placed<T>(name: &str, read: Result<T>) -> Result<T> {
+    read.map_err(|error| error.at(format_args!("perturbation `{name}`")))
+}
+
+/// Takes a value out of a table.
+///
+/// # Errors
+/// If it is null.
+fn take(name: &str, table: &mut Map<String, Value>, key: &str) -> Result<Option<Value>> {
+    match table.shift_remove(key) {
+        Some(Value::Null) => Err(without_value(name, key)),
+        value => Ok(value),
+    }
 }
 
 /// When random numbers are drawn, against what the perturbation itself would do.
@@ -53,17 +207,7 @@ pub enum Draws {
 impl AppliedPerturbation {
     /// A perturbation at a level.
     pub fn new(name: &str, level: f64) -> Self {
-        let level = Level::Constant(level);
-        Self {
-            name: name.to_owned(),
-            level,
-            probability: None,
-            region: None,
-            selection: None,
-            attention: None,
-            draws: None,
-            parameters: Map::new(),
-        }
+        Self::bare(name.to_owned(), Level::Constant(level), Map::new())
     }
 
     /// The same perturbation at another level.
@@ -80,9 +224,8 @@ impl AppliedPerturbation {
         Self::from_table(&read_text(text)?)
     }
 
-    /// Reads a perturbation from a script: a text as for [`AppliedPerturbation::parse`], or a table with `name`, `level`,
-    /// `probability`, `region`, `where`, `attention`, `draws` and parameters, which may stand in a table `parameters` as they
-    /// do in records.
+    /// Reads a perturbation from a script: a text as for [`AppliedPerturbation::parse`], or a table with `name`, [`MODIFIERS`] and
+    /// parameters, which may stand in a table `parameters` as they do in records.
     ///
     /// # Errors
     /// Where it is neither, or one of them is out of range or null.
@@ -113,49 +256,15 @@ impl AppliedPerturbation {
                 return Err(Error::new(format!("the perturbation {table} has no `name`")));
             }
         };
-        let mut take = |key: &str| match parameters.shift_remove(key) {
-            Some(Value::Null) => Err(without_value(&name, key)),
-            value => Ok(value),
-        };
-        let level = match take("level")? {
+        let level = match take(&name, &mut parameters, "level")? {
             None => Level::Constant(DEFAULT_LEVEL),
             Some(level) => Level::from_json(&name, &level)?,
         };
-        let probability = match take("probability")? {
-            None => None,
-            Some(value) => match value.as_f64() {
-                Some(chance) if (0.0..=1.0).contains(&chance) => Some(chance),
-                _ => {
-                    return Err(Error::new(format!(
-                        "the probability of `{name}` is {value}, but has to be a number from 0 to 1"
-                    )));
-                }
-            },
-        };
-        let region = take("region")?
-            .map(|region| Region::from_json(&region))
-            .transpose()
-            .map_err(|error| error.at(format_args!("perturbation `{name}`")))?;
-        let selection = take("where")?
-            .map(|selection| Selection::from_json(&selection))
-            .transpose()
-            .map_err(|error| error.at(format_args!("perturbation `{name}`")))?;
-        let attention = take("attention")?
-            .map(|attention| Attention::from_json(&attention))
-            .transpose()
-            .map_err(|error| error.at(format_args!("perturbation `{name}`")))?;
-        let draws = take("draws")?
-            .map(|value| {
-                serde_json::from_value(value.clone()).map_err(|_| {
-                    Error::new(format!(
-                        "`draws` of `{name}` is {value}, but has to be \"per_frame\" or \"per_sequence\""
-                    ))
-                })
-            })
-            .transpose()?;
-        unfold(&name, &mut parameters)?;
-        check_values(&name, &parameters)?;
-        Ok(Self { name, level, probability, region, selection, attention, draws, parameters })
+        let mut applied = Self::bare(name, level, parameters);
+        applied.take_modifiers()?;
+        unfold(&applied.name, &mut applied.parameters)?;
+        check_values(&applied.name, &applied.parameters)?;
+        Ok(applied)
     }
 
     /// What it is without its level, as it is written on the command line: `NAME,key=value,...`. It tells two of the same
@@ -174,13 +283,8 @@ impl AppliedPerturbation {
 
     /// What stands behind the name and the level, each part with a comma before it.
     fn conditions(&self) -> String {
-        let probability = self.probability.map(|probability| format!(",probability={probability}"));
-        let region = self.region.as_ref().map(|region| format!(",region={}", json(region)));
-        let selection = self.selection.as_ref().map(|selection| format!(",where={}", json(selection)));
-        let attention = self.attention.as_ref().map(|attention| format!(",attention={}", json(attention)));
-        let draws = self.draws.as_ref().map(|draws| format!(",draws={}", json(draws)));
         let parameters = self.parameters.iter().map(|(key, value)| format!(",{key}={value}"));
-        [probability, region, selection, attention, draws].into_iter().flatten().chain(parameters).collect()
+        std::iter::once(self.written_modifiers()).chain(parameters).collect()
     }
 }
 
@@ -234,7 +338,12 @@ fn read_text(text: &str) -> Result<Map<String, Value>> {
 
 /// A value as a user writes it in JSON; what cannot be written is empty.
 fn json(value: &impl Serialize) -> String {
-    serde_json::to_value(value).map(|value| as_written(value).to_string()).unwrap_or_default()
+    match serde_json::to_value(value).map(as_written) {
+        // Digits without an exponent.
+        Ok(Value::Number(number)) => number.as_f64().unwrap_or_default().to_string(),
+        Ok(value) => value.to_string(),
+        Err(_) => String::new(),
+    }
 }
 
 /// The same without what users leave out: the fraction of a whole number, and the tables around a component's parameters, and around its

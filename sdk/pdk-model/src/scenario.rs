@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use crate::canonical::canonical;
 use crate::component::ComponentSpec;
+use crate::described::described;
 use crate::error::{Error, Result};
 use crate::failure::FailureCriteria;
 use crate::perturbation::AppliedPerturbation;
@@ -61,33 +62,33 @@ impl FromStr for Mode {
     }
 }
 
-/// Everything that decides an outcome: the same scenario, driven in lockstep, comes out the same on every machine and beside
-/// whatever other scenarios.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Scenario {
-    /// The simulator.
-    pub simulator: ComponentSpec,
-    /// The driver under test.
-    pub driver: ComponentSpec,
-    /// The road, in the simulator's own terms; null for its default road.
-    #[serde(default, skip_serializing_if = "Value::is_null")]
-    pub road: Value,
-    /// The perturbations, in the order in which a frame goes through them.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub perturbations: Vec<AppliedPerturbation>,
-    /// The time limit in seconds of simulation time.
-    pub duration: f64,
-    /// What counts as a failure.
-    #[serde(default, skip_serializing_if = "FailureCriteria::is_default")]
-    pub failure: FailureCriteria,
-    /// What happens while the driver is at work.
-    #[serde(default, skip_serializing_if = "Mode::is_lockstep")]
-    pub mode: Mode,
-    /// The seed for everything that is drawn: by the simulator, and by the perturbations.
-    pub seed: u64,
-    /// Tells drives of the same that are wanted several times apart.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub repeat: u64,
+described! {
+    /// Everything that decides an outcome: the same scenario, driven in lockstep, comes out the same on every machine and beside
+    /// whatever other scenarios.
+    #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+    pub struct Scenario {
+        /// The simulator.
+        simulator: ComponentSpec, Luau "(string | Component)?", JSON "component";
+        /// The driver under test.
+        driver: ComponentSpec, Luau "(string | Component)?", JSON "component";
+        /// The road in the simulator's own terms; the simulator's default if it is left out.
+        road: Value, Luau "any", JSON "any JSON", "if not null" unless "Value::is_null";
+        /// The perturbations, in the order in which a frame goes through them.
+        perturbations: Vec<AppliedPerturbation>, Luau "{ string | AppliedPerturbation }?", JSON "list",
+            "if not empty" unless "Vec::is_empty";
+        /// The time limit in seconds of simulation time; 30 if it is left out.
+        duration: f64, Luau "number?", JSON "number, s";
+        /// What counts as a failure. What it leaves out is the default.
+        failure: FailureCriteria, Luau "FailureCriteria?", JSON "object", "if not the default" unless "FailureCriteria::is_default";
+        /// Whether the simulator waits for the driver (`lockstep`), as it does if this is left out and it can, or goes on by the clock
+        /// (`realtime`).
+        mode: Mode, Luau "(\"lockstep\" | \"realtime\")?", JSON "text", "if not `lockstep`" unless "Mode::is_lockstep";
+        /// The seed of all that is drawn, by the simulator and the perturbations. If it is left out, it follows from the run's seed, the road
+        /// and `repeat`: so perturbations and levels are compared under the same luck.
+        seed: u64, Luau "number?", JSON "whole number, to 2^53 - 1";
+        /// Which drive of the same it is, if it is wanted several times: another one gets luck of its own. 0 if it is left out.
+        repeat: u64, Luau "number?", JSON "whole number", "if not 0" unless "is_zero";
+    }
 }
 
 fn is_zero(count: &u64) -> bool {
@@ -97,17 +98,7 @@ fn is_zero(count: &u64) -> bool {
 impl Scenario {
     /// The default road, unperturbed, in lockstep, for [`DEFAULT_DURATION`], with seed 0.
     pub fn new(simulator: ComponentSpec, driver: ComponentSpec) -> Self {
-        Self {
-            simulator,
-            driver,
-            road: Value::Null,
-            perturbations: Vec::new(),
-            duration: DEFAULT_DURATION,
-            failure: FailureCriteria::default(),
-            mode: Mode::default(),
-            seed: 0,
-            repeat: 0,
-        }
+        Self { simulator, driver, duration: DEFAULT_DURATION, ..Self::default() }
     }
 
     /// The one text that says this scenario: JSON with keys sorted, without spaces, without what is null or the default, and

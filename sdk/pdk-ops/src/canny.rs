@@ -67,7 +67,7 @@ pub fn blend_with_edges(
 }
 
 vectorised! {
-    fn blend_row / blend_row_portable / blend_row_avx2 (
+    fn blend_row / blend_row_avx2 (
         from: &[u8], to: &mut [u8], marks: &[u8], red: f32, rest: f32,
     ) {
         let pixels = from.chunks_exact(CHANNELS).zip(to.chunks_exact_mut(CHANNELS));
@@ -177,7 +177,7 @@ fn grey_row(from: &[u8], to: &mut [u8]) {
 }
 
 vectorised! {
-    fn grey_pixels / grey_pixels_portable / grey_pixels_avx2 (from: &[u8], to: &mut [u8]) {
+    fn grey_pixels / grey_pixels_avx2 (from: &[u8], to: &mut [u8]) {
         for (to, pixel) in to.iter_mut().zip(from.chunks_exact(CHANNELS)) {
             *to = grey(pixel[0], pixel[1], pixel[2]);
         }
@@ -186,7 +186,7 @@ vectorised! {
 
 vectorised! {
     /// Gradients of the middle row but for its two ends, which are repetitions.
-    fn sobel_row / sobel_row_portable / sobel_row_avx2 (
+    fn sobel_row / sobel_row_avx2 (
         above: &[u8], middle: &[u8], below: &[u8], across: &mut [i16], down: &mut [i16], magnitude: &mut [i16],
     ) {
         let count = middle.len() - 2;

@@ -18,7 +18,7 @@ pub fn grayscale(src: Frame<'_>, dst: FrameMut<'_>) {
 }
 
 vectorised! {
-    fn grayscale_row / grayscale_row_portable / grayscale_row_avx2 (from: &[u8], to: &mut [u8]) {
+    fn grayscale_row / grayscale_row_avx2 (from: &[u8], to: &mut [u8]) {
         for (to, from) in to.chunks_exact_mut(3).zip(from.chunks_exact(3)) {
             let value = grey(from[0], from[1], from[2]);
             to[0] = value;

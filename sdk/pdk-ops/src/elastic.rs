@@ -79,7 +79,7 @@ pub fn elastic(
 
 vectorised! {
     // Steps of 2^-14 from -1 up to, but not including, 1.
-    fn draw / draw_portable / draw_avx2 (bytes: &[u8], draws: &mut [i16]) {
+    fn draw / draw_avx2 (bytes: &[u8], draws: &mut [i16]) {
         for (draw, pair) in draws.iter_mut().zip(bytes.chunks_exact(2)) {
             *draw = i16::from_le_bytes([pair[0], pair[1]]) >> (15 - DRAW_BITS);
         }
@@ -90,7 +90,7 @@ vectorised! {
 const ROUNDING: f32 = 12_582_912.0;
 
 vectorised! {
-    fn displace / displace_portable / displace_avx2 (
+    fn displace / displace_avx2 (
         sums: &[i32], scale: f32, first: i32, step: i32, places: &mut [i32],
     ) {
         let mut place = first;

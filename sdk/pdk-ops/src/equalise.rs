@@ -153,7 +153,7 @@ fn gather_cells(curves: &[[u8; 256]], cells: &mut Vec<[u32; 256]>) {
 }
 
 vectorised! {
-    fn row_values / row_values_portable / row_values_avx2 (from: &[u8], values: &mut [u8]) {
+    fn row_values / row_values_avx2 (from: &[u8], values: &mut [u8]) {
         for (value, pixel) in values.iter_mut().zip(from.chunks_exact(CHANNELS)) {
             *value = pixel[0].max(pixel[1]).max(pixel[2]);
         }
@@ -161,7 +161,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn interpolate / interpolate_portable / interpolate_avx2 (
+    fn interpolate / interpolate_avx2 (
         found: &[u32], shares: &[f32], down: f32, values: &mut [u8],
     ) {
         for ((value, &found), &right) in values.iter_mut().zip(found).zip(shares) {
@@ -174,7 +174,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn replace_values / replace_values_portable / replace_values_avx2 (
+    fn replace_values / replace_values_avx2 (
         from: &[u8], to: &mut [u8], values: &[u8],
     ) {
         let blocks = from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES));

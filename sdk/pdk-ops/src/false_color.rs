@@ -67,7 +67,7 @@ fn each_blended<const FIRST: usize, const SECOND: usize>(from: &[u8], to: &mut [
 }
 
 vectorised! {
-    fn pure_row / pure_row_portable / pure_row_avx2 (from: &[u8], to: &mut [u8], first: usize, sums: Sums) {
+    fn pure_row / pure_row_avx2 (from: &[u8], to: &mut [u8], first: usize, sums: Sums) {
         match (first, sums) {
             (0, _) => each(from, to, effect::<0>),
             (1, _) => each(from, to, effect::<1>),
@@ -80,7 +80,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn blended_row / blended_row_portable / blended_row_avx2 (
+    fn blended_row / blended_row_avx2 (
         from: &[u8], to: &mut [u8], first: usize, share: f32, sums: Sums,
     ) {
         match (first, sums) {

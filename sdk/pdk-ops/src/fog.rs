@@ -133,7 +133,7 @@ fn draw(bytes: &[u8]) -> f32 {
 }
 
 vectorised! {
-    fn middle_of_squares / middle_of_squares_portable / middle_of_squares_avx2 (
+    fn middle_of_squares / middle_of_squares_avx2 (
         upper: &[f32], lower: &[f32], bytes: &[u8], out: &mut [f32],
     ) {
         let corners = upper.iter().zip(&upper[1..]).zip(lower.iter().zip(&lower[1..]));
@@ -145,7 +145,7 @@ vectorised! {
 
 vectorised! {
     // Old elements with new ones in between, whose neighbours are left and right, and in the squares above and below.
-    fn even_row / even_row_portable / even_row_avx2 (
+    fn even_row / even_row_avx2 (
         row: &[f32], above: &[f32], below: &[f32], bytes: &[u8], out: &mut [f32], weights: [f32; 2],
     ) {
         let neighbours = row.iter().zip(&row[1..]).zip(above.iter().zip(below));
@@ -162,7 +162,7 @@ vectorised! {
 vectorised! {
     // The middles of squares with new elements in between, whose neighbours are above and below, and in the squares to
     // the left and right.
-    fn odd_row / odd_row_portable / odd_row_avx2 (
+    fn odd_row / odd_row_avx2 (
         upper: &[f32], lower: &[f32], midpoints: &[f32], bytes: &[u8], out: &mut [f32],
     ) {
         let last = midpoints.len();
@@ -181,7 +181,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn mix / mix_portable / mix_avx2 (upper: &[f32], lower: &[f32], out: &mut [f32], fraction: f32) {
+    fn mix / mix_avx2 (upper: &[f32], lower: &[f32], out: &mut [f32], fraction: f32) {
         for ((out, upper), lower) in out.iter_mut().zip(upper).zip(lower) {
             *out = upper + (lower - upper) * fraction;
         }

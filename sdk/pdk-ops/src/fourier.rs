@@ -157,7 +157,7 @@ fn smallest_factor(number: usize) -> usize {
 }
 
 vectorised! {
-    fn run / run_portable / run_avx2 (
+    fn run / run_avx2 (
         passes: &[Pass], factors: &[Factor], re: &mut [Lane], im: &mut [Lane], other_re: &mut [Lane],
         other_im: &mut [Lane], pairs: &mut [[Complex; 2]],
     ) {

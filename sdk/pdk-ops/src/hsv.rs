@@ -67,7 +67,7 @@ pub fn scale_hsv(src: Frame<'_>, dst: FrameMut<'_>, saturation_factor: f64, valu
 }
 
 vectorised! {
-    fn scale_hsv_row / scale_hsv_row_portable / scale_hsv_row_avx2 (
+    fn scale_hsv_row / scale_hsv_row_avx2 (
         from: &[u8], to: &mut [u8], saturations: Option<&[u8; 256]>, values: Option<&[u8; 256]>,
     ) {
         for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {
@@ -101,7 +101,7 @@ pub fn turn_hue(src: Frame<'_>, dst: FrameMut<'_>, degrees: f64) {
 }
 
 vectorised! {
-    fn turn_hue_row / turn_hue_row_portable / turn_hue_row_avx2 (from: &[u8], to: &mut [u8], steps: u8) {
+    fn turn_hue_row / turn_hue_row_avx2 (from: &[u8], to: &mut [u8], steps: u8) {
         for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {
             let mut planes = take_apart(from);
             let [first, second, third] = &mut planes;

@@ -201,7 +201,7 @@ fn from_planes(mut dst: FrameMut<'_>, order: ChannelOrder, workspace: &mut Works
 }
 
 vectorised! {
-    fn split_colours / split_colours_portable / split_colours_avx2 (
+    fn split_colours / split_colours_avx2 (
         from: &[u8], luma: &mut [u8], blue: &mut [u8], red: &mut [u8], exchanged: bool,
     ) {
         // The offset of 128, and a little less than one half, so that chroma stays below 256.
@@ -219,7 +219,7 @@ vectorised! {
 
 vectorised! {
     // The mean of four; one half is rounded down and up in turn.
-    fn halve / halve_portable / halve_avx2 (upper: &[u8], lower: &[u8], out: &mut [u8]) {
+    fn halve / halve_avx2 (upper: &[u8], lower: &[u8], out: &mut [u8]) {
         let sum = |upper: &[u8], lower: &[u8], bias: u16| {
             let pairs = [upper[0], upper[1], lower[0], lower[1]];
             ((pairs.into_iter().map(u16::from).sum::<u16>() + bias) >> 2) as u8
@@ -233,7 +233,7 @@ vectorised! {
 
 vectorised! {
     // The even elements, then the odd ones.
-    fn separate / separate_portable / separate_avx2 (from: &[u8], to: &mut [u8]) {
+    fn separate / separate_avx2 (from: &[u8], to: &mut [u8]) {
         let (even, odd) = to.split_at_mut(from.len() / 2);
         for ((pair, even), odd) in from.chunks_exact(2).zip(even).zip(odd) {
             *even = pair[0];
@@ -244,7 +244,7 @@ vectorised! {
 
 vectorised! {
     // Undoes `separate`.
-    fn interleave / interleave_portable / interleave_avx2 (from: &[u8], to: &mut [u8]) {
+    fn interleave / interleave_avx2 (from: &[u8], to: &mut [u8]) {
         let (even, odd) = from.split_at(from.len() / 2);
         for ((pair, even), odd) in to.chunks_exact_mut(2).zip(even).zip(odd) {
             pair[0] = *even;
@@ -254,7 +254,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn round_trip_blocks / round_trip_blocks_portable / round_trip_blocks_avx2 (
+    fn round_trip_blocks / round_trip_blocks_avx2 (
         rows: &mut [u8], stride: usize, table: &Table,
     ) {
         let mut blocks: Blocks = [[0; LANES]; 64];
@@ -294,7 +294,7 @@ fn quantise(blocks: &mut Blocks, table: &Table) {
 }
 
 vectorised! {
-    fn add_rows / add_rows_portable / add_rows_avx2 (near: &[u8], far: &[u8], sums: &mut [u16]) {
+    fn add_rows / add_rows_avx2 (near: &[u8], far: &[u8], sums: &mut [u16]) {
         for ((sum, &near), &far) in sums.iter_mut().zip(near).zip(far) {
             *sum = 3 * u16::from(near) + u16::from(far);
         }
@@ -303,7 +303,7 @@ vectorised! {
 
 vectorised! {
     // Two samples from each sum and its neighbours; one half is rounded up and down in turn.
-    fn double / double_portable / double_avx2 (sums: &[u16], out: &mut [u8]) {
+    fn double / double_avx2 (sums: &[u16], out: &mut [u8]) {
         let (left, right) = (sums, &sums[2..]);
         for (((out, &left), &middle), &right) in out.chunks_exact_mut(2).zip(left).zip(&sums[1..]).zip(right) {
             out[0] = ((3 * middle + left + 8) >> 4) as u8;
@@ -313,7 +313,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn join_colours / join_colours_portable / join_colours_avx2 (
+    fn join_colours / join_colours_avx2 (
         luma: &[u8], blue: &[u8], red: &[u8], to: &mut [u8], exchanged: bool,
     ) {
         let inputs = luma.iter().zip(blue).zip(red);

@@ -24,7 +24,7 @@ pub fn lay_over(src: Frame<'_>, colour: Frame<'_>, cover: Frame<'_>, opacity: f6
 const MARGIN: f32 = 1.0 / 1024.0;
 
 vectorised! {
-    fn lay_over_row / lay_over_row_portable / lay_over_row_avx2 (
+    fn lay_over_row / lay_over_row_avx2 (
         src: &[u8], colour: &[u8], cover: &[u8], dst: &mut [u8], opacity: f32,
     ) {
         for ((dst, &src), (&colour, &cover)) in dst.iter_mut().zip(src).zip(colour.iter().zip(cover)) {

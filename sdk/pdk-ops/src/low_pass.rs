@@ -42,7 +42,7 @@ pub fn low_pass(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, works
 const BLOCK: usize = 64;
 
 vectorised! {
-    fn split_row / split_row_portable / split_row_avx2 (
+    fn split_row / split_row_avx2 (
         from: &[u8], hue: &mut [u8], saturation: &mut [u8], value: &mut [u8],
     ) {
         let planes = hue.chunks_mut(BLOCK).zip(saturation.chunks_mut(BLOCK)).zip(value.chunks_mut(BLOCK));
@@ -61,7 +61,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn join_row / join_row_portable / join_row_avx2 (hue: &[u8], saturation: &[u8], value: &[u8], to: &mut [u8]) {
+    fn join_row / join_row_avx2 (hue: &[u8], saturation: &[u8], value: &[u8], to: &mut [u8]) {
         let mut colours = [[0u8; BLOCK]; CHANNELS];
         let planes = hue.chunks(BLOCK).zip(saturation.chunks(BLOCK)).zip(value.chunks(BLOCK));
         for (to, ((hue, saturation), value)) in to.chunks_mut(BLOCK * CHANNELS).zip(planes) {

@@ -80,7 +80,7 @@ fn each_block(
 }
 
 vectorised! {
-    fn add_normal / add_normal_portable / add_normal_avx2 (
+    fn add_normal / add_normal_avx2 (
         from: &[u8], normal: &[i16], to: &mut [u8], scale: f32,
     ) {
         for ((to, &from), &normal) in to.iter_mut().zip(from).zip(normal) {
@@ -90,7 +90,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn add_normal_truncated / add_normal_truncated_portable / add_normal_truncated_avx2 (
+    fn add_normal_truncated / add_normal_truncated_avx2 (
         from: &[u8], normal: &[i16], to: &mut [u8], scale: f32,
     ) {
         for ((to, &from), &normal) in to.iter_mut().zip(from).zip(normal) {
@@ -105,7 +105,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn multiply_normal / multiply_normal_portable / multiply_normal_avx2 (
+    fn multiply_normal / multiply_normal_avx2 (
         from: &[u8], normal: &[i16], to: &mut [u8], scale: f32,
     ) {
         for ((to, &from), &normal) in to.iter_mut().zip(from).zip(normal) {

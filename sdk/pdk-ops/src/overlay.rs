@@ -30,7 +30,7 @@ pub fn overlay(src: Frame<'_>, mut dst: FrameMut<'_>, colours: &[u8], alphas: &[
 }
 
 vectorised! {
-    fn overlay_row / overlay_row_portable / overlay_row_avx2 (
+    fn overlay_row / overlay_row_avx2 (
         src: &[u8], dst: &mut [u8], colours: &[u8], alphas: &[u8], weight: u16,
     ) {
         let mut spread = [0u8; BLOCK * CHANNELS];

@@ -112,7 +112,7 @@ fn place(numerator: f64, denominator: f64) -> i32 {
 }
 
 vectorised! {
-    fn places / places_portable / places_avx2 (
+    fn places / places_avx2 (
         factors: [f64; 3], row: [f64; 3], xs: &mut [i32], ys: &mut [i32],
     ) {
         let mut column = 0.0;

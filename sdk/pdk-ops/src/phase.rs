@@ -183,7 +183,7 @@ fn cosine(x: f32) -> f32 {
 
 vectorised! {
     /// The factors of a block of columns, from two angles below `range` each.
-    fn make_filter / make_filter_portable / make_filter_avx2 (
+    fn make_filter / make_filter_avx2 (
         draws: &[u8], range: f32, re: &mut [Lane], im: &mut [Lane],
     ) {
         let unit = range / 131_072.0;
@@ -218,7 +218,7 @@ fn pair_within_column(draws: &[u8], range: f32, lane: usize, filter: &mut Sequen
 }
 
 vectorised! {
-    fn apply_filter / apply_filter_portable / apply_filter_avx2 (
+    fn apply_filter / apply_filter_avx2 (
         filter_re: &[Lane], filter_im: &[Lane], re: &mut [Lane], im: &mut [Lane],
     ) {
         let filters = filter_re.as_flattened().iter().zip(filter_im.as_flattened());

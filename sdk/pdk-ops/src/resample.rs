@@ -81,7 +81,7 @@ pub fn resize_area(src: Frame<'_>, mut dst: FrameMut<'_>, workspace: &mut Worksp
 }
 
 vectorised! {
-    fn add_row / add_row_portable / add_row_avx2 (row: &[u8], sum: &mut [f32], share: f32) {
+    fn add_row / add_row_avx2 (row: &[u8], sum: &mut [f32], share: f32) {
         for (sum, &value) in sum.iter_mut().zip(row) {
             *sum += f32::from(value) * share;
         }

@@ -19,7 +19,7 @@ pub fn scale_saturation(src: Frame<'_>, dst: FrameMut<'_>, factor: f64) {
 }
 
 vectorised! {
-    fn scale_saturation_row / scale_saturation_row_portable / scale_saturation_row_avx2 (
+    fn scale_saturation_row / scale_saturation_row_avx2 (
         from: &[u8], to: &mut [u8], factor: f32,
     ) {
         for (from, to) in from.chunks(BLOCK_BYTES).zip(to.chunks_mut(BLOCK_BYTES)) {

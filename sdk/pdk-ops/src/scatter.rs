@@ -66,7 +66,7 @@ fn draw(width: usize, height: usize, distance: f64, key: Key, workspace: &mut Wo
 }
 
 vectorised! {
-    fn draw_row / draw_row_portable / draw_row_avx2 (
+    fn draw_row / draw_row_avx2 (
         bytes: &[u8], sources: &mut [u32], y: i32, height: i32, scale: f32, lowest: f32,
     ) {
         /// Adding this to a number of magnitude below 2^22 leaves it, rounded, in the lower bits.

@@ -46,33 +46,43 @@ pub(crate) fn with_each(mut work: impl FnMut(Instructions)) {
     ALLOWED.set(Instructions::Avx512);
 }
 
-/// Defines a function with an AVX2 twin.
+/// Whether functions are to use their AVX2 twins.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+pub(crate) fn has_avx2() -> bool {
+    instructions() >= Instructions::Avx2
+}
+
+/// Defines a function that is compiled for AVX2 as well, and chooses at run time: `fn NAME / NAME_FOR_AVX2 (arguments) { body }`.
 ///
-/// `fn NAME / PORTABLE / AVX2 (arguments) { body }` makes `NAME`, which picks one of the two versions,
-/// `PORTABLE` and, on x86-64, `AVX2`.
+/// The body is ordinary Rust, so both do the same single operations in the same order, and the bytes are the same. A crate that uses the
+/// macro has a function `simd::has_avx2`, which its tests can make say no.
+#[macro_export]
+#[allow(clippy::crate_in_macro_def)] // Each crate has its own switch for its tests.
 macro_rules! vectorised {
-    ($(#[$attribute:meta])* $visibility:vis fn $name:ident / $portable:ident / $avx2:ident
+    ($(#[$attribute:meta])* $visibility:vis fn $name:ident / $avx2:ident
      ($($argument:ident: $type:ty),* $(,)?) $body:block) => {
         $(#[$attribute])*
+        #[allow(clippy::too_many_arguments)]
         #[inline]
         $visibility fn $name($($argument: $type),*) {
+            #[inline(always)]
+            #[allow(clippy::too_many_arguments)]
+            fn portable($($argument: $type),*) $body
+
             #[cfg(target_arch = "x86_64")]
-            if $crate::simd::instructions() >= $crate::simd::Instructions::Avx2 {
+            #[target_feature(enable = "avx2")]
+            #[allow(clippy::too_many_arguments)]
+            fn $avx2($($argument: $type),*) {
+                portable($($argument),*)
+            }
+
+            #[cfg(target_arch = "x86_64")]
+            if crate::simd::has_avx2() {
                 // SAFETY: the processor has AVX2, which is all that this version asks for.
                 return unsafe { $avx2($($argument),*) };
             }
-            $portable($($argument),*)
-        }
-
-        #[allow(clippy::too_many_arguments)]
-        #[inline(always)]
-        fn $portable($($argument: $type),*) $body
-
-        #[cfg(target_arch = "x86_64")]
-        #[allow(clippy::too_many_arguments)]
-        #[target_feature(enable = "avx2")]
-        fn $avx2($($argument: $type),*) {
-            $portable($($argument),*)
+            portable($($argument),*)
         }
     };
 }

@@ -156,7 +156,7 @@ pub fn zoom_blur(
 }
 
 vectorised! {
-    fn start_sums / start_sums_portable / start_sums_avx2 (row: &[u8], sums: &mut [f32], weight: f32) {
+    fn start_sums / start_sums_avx2 (row: &[u8], sums: &mut [f32], weight: f32) {
         for (sums, pixel) in sums.chunks_exact_mut(LANES).zip(row.chunks_exact(CHANNELS)) {
             for (sum, &value) in sums.iter_mut().zip(pixel) {
                 *sum = f32::from(value) * weight;
@@ -166,7 +166,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn mix_rows / mix_rows_portable / mix_rows_avx2 (
+    fn mix_rows / mix_rows_avx2 (
         upper: &[u8], lower: &[u8], row: &mut [f32], weights: [f32; 2],
     ) {
         for ((out, &upper), &lower) in row.iter_mut().zip(upper).zip(lower) {
@@ -177,7 +177,7 @@ vectorised! {
 
 vectorised! {
     // Four values are read where a pixel has three: the fourth goes into the element that is not used.
-    fn add_stretched / add_stretched_portable / add_stretched_avx2 (
+    fn add_stretched / add_stretched_avx2 (
         row: &[f32], columns: &[Tap], sums: &mut [f32],
     ) {
         for (sums, tap) in sums.chunks_exact_mut(LANES).zip(columns) {
@@ -192,7 +192,7 @@ vectorised! {
 }
 
 vectorised! {
-    fn finish / finish_portable / finish_avx2 (sums: &[f32], row: &mut [u8], scale: f32) {
+    fn finish / finish_avx2 (sums: &[f32], row: &mut [u8], scale: f32) {
         for (pixel, sums) in row.chunks_exact_mut(CHANNELS).zip(sums.chunks_exact(LANES)) {
             for (value, sum) in pixel.iter_mut().zip(sums) {
                 *value = round_to_byte(sum * scale);

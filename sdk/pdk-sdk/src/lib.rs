@@ -6,6 +6,7 @@
 
 pub mod abi;
 pub mod cache;
+pub mod camera;
 pub mod component;
 pub mod config;
 pub mod dataset;

@@ -20,6 +20,7 @@ from pathlib import Path as _Path
 
 from pdk import _pdk
 from pdk._pdk import Error, Perturbation, __version__, identity, perturb, search, written
+from pdk._settings import RunSettings, SessionSettings
 
 # Set where a run fails that has recorded something.
 Error.record = None
@@ -28,7 +29,9 @@ __all__ = [
     "Error",
     "Perturbation",
     "Record",
+    "RunSettings",
     "Session",
+    "SessionSettings",
     "catalog",
     "driver",
     "executable",

@@ -11,6 +11,8 @@ from pdk._pdk import identity as identity
 from pdk._pdk import perturb as perturb
 from pdk._pdk import search as search
 from pdk._pdk import written as written
+from pdk._settings import RunSettings as RunSettings
+from pdk._settings import SessionSettings as SessionSettings
 from pdk.programs import driver as driver
 from pdk.programs import simulator as simulator
 from pdk.records import Record as Record

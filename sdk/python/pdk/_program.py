@@ -10,6 +10,7 @@ import threading
 from pathlib import Path
 
 from pdk._pdk import Error
+from pdk._settings import RunSettings
 
 #: Lines of standard error that come as exceptions instead.
 _ERROR = "pdk: error: "
@@ -38,20 +39,20 @@ def written(value, what):
         raise error("configuration", f"{what} cannot be handed to pdk: {wrong}") from None
 
 
-def arguments(*, settings, out, seed, workers, pool, patience, memory, shard, keep_errors, plugins, overlays):
-    """What is set for any run, as arguments of the command."""
+def arguments(*, settings, plugins, overlays, **run):
+    """What is set for a run, as arguments of the command. `run` has the settings of every run."""
     words = []
     for name, value in (settings or {}).items():
         text = value if isinstance(value, str) else written(value, f"the setting {name}")
         words += ["--set", f"{name}={text}"]
-    for name, value in (("out", out), ("seed", seed), ("workers", workers), ("pool", pool), ("shard", shard)):
-        if value is not None:
-            words += [f"--{name}", os.fspath(value) if name == "out" else str(value)]
-    for name, value in (("patience", patience), ("memory", memory)):
-        if value is not None:
-            words += ["--set", f"{name}={value}"]
-    if keep_errors:
-        words.append("--keep-errors")
+    for name, value in run.items():
+        if name not in RunSettings.__annotations__:
+            raise TypeError(f"a run has no setting {name!r}; it has {', '.join(RunSettings.__annotations__)}")
+        flag = f"--{name.replace('_', '-')}"
+        if value is True:
+            words.append(flag)
+        elif value is not None and value is not False:
+            words.append(f"{flag}={os.fspath(value) if isinstance(value, os.PathLike) else value}")
     for name, folders in (("plugins", plugins), ("overlays", overlays)):
         for folder in [folders] if isinstance(folders, (str, os.PathLike)) else folders:
             words += [f"--{name}", os.fspath(folder)]

@@ -12,9 +12,10 @@ and type checkers. What `parameters` does not allow is refused where the perturb
 import inspect as _inspect
 
 import pdk as _pdk
+from pdk._settings import MODIFIERS as _MODIFIERS
 
 #: What every perturbation takes besides its level and its own parameters.
-MODIFIERS = ("probability", "region", "where", "attention", "draws")
+MODIFIERS = tuple(_MODIFIERS)
 
 
 def __dir__():

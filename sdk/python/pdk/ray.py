@@ -135,13 +135,9 @@ def introduced(hello):
     return json.loads(line)
 
 
-def given_up(work, message):
-    """The answer to a job over which workers are lost again and again: the one of docs/worker-protocol.md for a lost process."""
-    if "drive" not in work:
-        return {"failed": {"kind": "lost", "message": message}}
-    numbers = dict.fromkeys(("time", "progress", "mean_cross_track_error", "max_cross_track_error"), 0.0)
-    outcome = {"success": False, "cause": "error", "error": message, "error_kind": "lost", "frames": 0, **numbers, "digest": ""}
-    return {"driven": {"outcome": outcome, "rate": 0.0, "times": {"steps": 0, "overruns": 0, "counts": [[], [], [], []]}}}
+def given_up(message):
+    """The answer to a job over which workers are lost again and again; that of a scenario is an error."""
+    return {"failed": {"kind": "lost", "message": message}}
 
 
 class Head:
@@ -431,7 +427,7 @@ class Pool:
                 self._groups[actor.group].waiting.appendleft((job, files, tries + 1))
             else:
                 message = f"a worker of the cluster was lost {TRIES} times over it (the last: {_reason(raised)})"
-                answer = given_up(job["job"]["work"], message)
+                answer = given_up(message)
                 self._say(json.dumps({"done": {"number": job["job"]["number"], "answer": answer}}))
         else:
             if _is_broken(lines):

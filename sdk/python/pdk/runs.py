@@ -20,10 +20,14 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pdk._program import Program, arguments, error
+from pdk._settings import RunSettings, SessionSettings
 from pdk.records import Record
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 __all__ = ["Session", "run"]
 
@@ -53,42 +57,20 @@ def run(
     pipeline: str | PathLike[str],
     settings: Mapping[str, Any] | None = None,
     *,
-    out: str | PathLike[str] | None = None,
-    seed: int | None = None,
-    workers: int | None = None,
-    pool: str | None = None,
-    patience: float | None = None,
-    memory: int | None = None,
-    shard: str | None = None,
-    keep_errors: bool = False,
     plugins: Paths = (),
     overlays: Paths = (),
     progress: Progress = False,
+    **run_settings: Unpack[RunSettings],
 ) -> Record:
     """Runs a pipeline, a file or one that comes with pdk by its name, and returns its `Record`. A pipeline that neither drives nor
     evaluates has none, which is an error.
 
-    `settings` are those of the pipeline, as `--set` sets them. The others are those that every run has: `out` is the folder of the
-    record, `workers` how many scenarios are driven at the same time, `pool` a command that provides workers, `patience` how many seconds
-    one call of a component may take, `memory` how many MiB a worker may take, `shard` a part of the scenarios such as "3/8";
-    with `keep_errors`, a run that is continued keeps the scenarios in which a component failed. `plugins` and `overlays` are further
-    folders with components.
+    `settings` are those of the pipeline, as `--set` sets them; `run_settings` are those that every run has, such as `out`, `seed` and
+    `workers`: `pdk.RunSettings` lists them. `plugins` and `overlays` are further folders with components.
 
     Ctrl-C lets what is under way finish, and records it; a second one drops it.
     """
-    words = arguments(
-        settings=settings,
-        out=out,
-        seed=seed,
-        workers=workers,
-        pool=pool,
-        patience=patience,
-        memory=memory,
-        shard=shard,
-        keep_errors=keep_errors,
-        plugins=plugins,
-        overlays=overlays,
-    )
+    words = arguments(settings=settings, plugins=plugins, overlays=overlays, **run_settings)
     program = Program([str(pipeline), *words], progress)
     try:
         record = _ended(program.finish(at_end=False))
@@ -111,53 +93,25 @@ def _caller():
 class Session:
     """Drives scenarios, which are submitted one by one, and records what comes of them.
 
-    What is given here is what scenarios have that do not say it themselves. What nobody has waited for is driven before the session
+    `given` has what scenarios have that do not say it themselves, such as `simulator`, `driver` and `duration`, and what can be set for
+    every run: `pdk.SessionSettings` lists both. What nobody has waited for is driven before the session
     ends, unless its block ends with an exception.
     """
 
     def __init__(
         self,
         *,
-        simulator: Component | None = None,
-        driver: Component | None = None,
-        duration: float | None = None,
-        failure: Mapping[str, Any] | None = None,
-        images_every: int | None = None,
-        mode: str | None = None,
         settings: Mapping[str, Any] | None = None,
-        out: str | PathLike[str] | None = None,
-        seed: int | None = None,
-        workers: int | None = None,
-        pool: str | None = None,
-        patience: float | None = None,
-        memory: int | None = None,
-        shard: str | None = None,
-        keep_errors: bool = False,
         plugins: Paths = (),
         overlays: Paths = (),
         progress: Progress = False,
+        **given: Unpack[SessionSettings],
     ) -> None:
-        words = arguments(
-            settings=None,
-            out=out,
-            seed=seed,
-            workers=workers,
-            pool=pool,
-            patience=patience,
-            memory=memory,
-            shard=shard,
-            keep_errors=keep_errors,
-            plugins=plugins,
-            overlays=overlays,
-        )
-        shared = {
-            "simulator": simulator,
-            "driver": driver,
-            "duration": duration,
-            "failure": failure,
-            "images_every": images_every,
-            "mode": mode,
-        }
+        own = {name: value for name, value in given.items() if name in RunSettings.__annotations__}
+        shared = {name: value for name, value in given.items() if name in SessionSettings.__annotations__ and name not in own}
+        if unknown := given.keys() - own.keys() - shared.keys():
+            raise TypeError(f"a session has no {', '.join(sorted(unknown))}; it has {', '.join(SessionSettings.__annotations__)}")
+        words = arguments(settings=None, plugins=plugins, overlays=overlays, **own)
         self._defaults = {name: value for name, value in shared.items() if value is not None}
         self._lock = threading.RLock()
         self._pending = 0

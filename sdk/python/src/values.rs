@@ -71,20 +71,12 @@ fn merge(applied: &mut AppliedPerturbation, given: Map<String, Value>) -> Result
     given.insert("name".to_owned(), applied.name.clone().into());
     let mut read = AppliedPerturbation::from_json(&Value::Object(given))?;
     for name in names {
-        // What is none of these is a parameter of its own.
-        match name.as_str() {
-            "name" => {}
-            "level" => applied.level = read.level.clone(),
-            "probability" => applied.probability = read.probability,
-            "region" => applied.region = read.region.take(),
-            "where" => applied.selection = read.selection.take(),
-            "attention" => applied.attention = read.attention.take(),
-            "draws" => applied.draws = read.draws,
-            _ => {
-                if let Some(value) = read.parameters.shift_remove(&name) {
-                    applied.parameters.insert(name, value);
-                }
-            }
+        // What is not a modifier is a parameter of its own.
+        if name != "name"
+            && !applied.take_over(&name, &mut read)
+            && let Some(value) = read.parameters.shift_remove(&name)
+        {
+            applied.parameters.insert(name, value);
         }
     }
     Ok(())

@@ -3,6 +3,9 @@
 use std::path::Path;
 
 use pdk_components::modifiers;
+use pdk_model::described;
+use pdk_model::outcome::{Measures, Outcome};
+use pdk_model::scenario::Scenario;
 use pdk_tests::{Pdk, repository, temp};
 
 #[test]
@@ -11,23 +14,31 @@ fn the_reference_is_up_to_date() {
     Pdk::new(["reference", "--check"]).arg(&folder).succeed();
 }
 
-/// `PDK_BLESS=1` writes the table anew.
+/// The tables in documents that are written from descriptions: the document, the name of the table, and what it is.
+fn tables() -> [(&'static str, &'static str, String); 4] {
+    [
+        ("docs/guide/perturb.md", "modifiers", modifiers::markdown()),
+        ("docs/record.md", "scenario", described::markdown(Scenario::FIELDS)),
+        ("docs/record.md", "outcome", described::markdown(Outcome::FIELDS)),
+        ("docs/record.md", "measures", described::markdown(Measures::FIELDS)),
+    ]
+}
+
+/// `PDK_BLESS=1` writes the tables anew.
 #[test]
-fn the_guide_lists_the_modifiers() {
-    const MARKS: [&str; 2] = ["<!-- modifiers -->\n", "<!-- end of modifiers -->"];
-    let file = repository().join("docs/guide/perturb.md");
-    let text = std::fs::read_to_string(&file).unwrap();
-    let [start, end] =
-        MARKS.map(|mark| text.find(mark).unwrap_or_else(|| panic!("docs/guide/perturb.md: no {mark}")));
-    let (found, expected) = (&text[start + MARKS[0].len()..end], modifiers::markdown());
-    if std::env::var_os("PDK_BLESS").is_some() {
-        let before = &text[..start + MARKS[0].len()];
-        std::fs::write(&file, format!("{before}{expected}{}", &text[end..])).unwrap();
-    } else {
-        assert_eq!(
-            found, expected,
-            "the table of modifiers in docs/guide/perturb.md is stale; run this with PDK_BLESS=1"
-        );
+fn the_tables_in_the_documents_are_up_to_date() {
+    for (document, name, expected) in tables() {
+        let file = repository().join(document);
+        let text = std::fs::read_to_string(&file).unwrap();
+        let marks = [format!("<!-- {name} -->\n"), format!("<!-- end of {name} -->")];
+        let place = |mark: &String| text.find(mark).unwrap_or_else(|| panic!("{document}: no {mark}"));
+        let [start, end] = [place(&marks[0]) + marks[0].len(), place(&marks[1])];
+        if std::env::var_os("PDK_BLESS").is_some() {
+            std::fs::write(&file, format!("{}{expected}{}", &text[..start], &text[end..])).unwrap();
+        } else {
+            let stale = format!("the table of the {name} in {document} is stale; run this with PDK_BLESS=1");
+            assert_eq!(&text[start..end], expected, "{stale}");
+        }
     }
 }
 

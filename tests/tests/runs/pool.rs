@@ -59,6 +59,35 @@ fn a_run_through_a_pool_is_the_run_without() {
     assert!(replayed.stdout.contains("12 of 12 equal"), "{}", replayed.stdout);
 }
 
+/// Within a version of the protocol, both sides leave out what they do not know.
+#[test]
+fn a_pool_of_another_pdk_works_with_a_word() {
+    let folder = temp();
+    let script = pipeline(folder.path(), SOURCE);
+    let here = folder.path().join("here");
+    run(&script, &here).args(["--workers", "1"]).succeed();
+    let to = r#"s/"run"/"later":1,"run"/; s/"slot"/"later":[],"slot"/"#;
+    let from = r#"s/"pdk":"[^"]*"/"pdk":"9.9.9","later":{"a":1}/; s/"success"/"later":2,"success"/; s/"frames"/"later":3,"frames"/"#;
+    let out = folder.path().join("out");
+    let later = format!("sed -u '{to}' | {} | sed -u '{from}'", pool(1));
+    let said = run(&script, &out).args(["--pool", &later]).succeed().stderr;
+    assert!(said.contains("is of pdk 9.9.9") && said.contains("results may differ"), "{said}");
+    assert_equal(&out, &files(&here));
+}
+
+/// A field that a worker leaves out of a scenario would be another scenario.
+#[test]
+fn a_scenario_that_a_worker_understands_otherwise_is_not_driven() {
+    let folder = temp();
+    let script = pipeline(folder.path(), SOURCE);
+    let out = folder.path().join("out");
+    let other = format!("sed -u 's/\"scenario\":\"..../\"scenario\":\"0000/' | {}", pool(1));
+    let parts =
+        ["the session's scenario 0000", "does not know all of its fields", "use the same pdk at both ends"];
+    run(&script, &out).args(["--pool", &other]).fail(1, &parts);
+    assert_eq!(json_lines(&out.join("scenarios.jsonl")).len(), 0);
+}
+
 #[test]
 fn a_pool_that_does_not_speak_as_it_should_is_a_sentence() {
     let folder = temp();

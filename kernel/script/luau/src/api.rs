@@ -89,15 +89,8 @@ impl<T: 'static> ApiClass<T> {
     }
 }
 
-/// A field of a table that a script writes or reads.
-pub struct ApiField {
-    /// Its name, or `[string]` for fields of any name.
-    pub name: &'static str,
-    /// Its type in Luau; ends in `?` where it may be left out.
-    pub luau_type: &'static str,
-    /// What it is.
-    pub doc: &'static str,
-}
+/// A field of a table that a script writes or reads; `[string]` stands for fields of any name.
+pub type ApiField = pdk_model::described::Field;
 
 /// A table with a fixed set of fields: one that a script returns, or one that it is given.
 pub struct ApiRecord {

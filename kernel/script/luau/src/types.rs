@@ -38,10 +38,19 @@ impl Declare for ApiRecord {
         text += &format!("export type {} = {{\n", self.name);
         for field in self.fields {
             text += &comment(field.doc, INDENT);
-            text += &format!("{INDENT}{}: {},\n", field.name, field.luau_type);
+            text += &format!("{INDENT}{}: {},\n", key(field.name), field.luau_type);
         }
         text + "}\n"
     }
+}
+
+/// The name of a field as a key: one that is a word of the language stands in brackets.
+fn key(name: &str) -> String {
+    const WORDS: [&str; 21] = [
+        "and", "break", "do", "else", "elseif", "end", "false", "for", "function", "if", "in", "local",
+        "nil", "not", "or", "repeat", "return", "then", "true", "until", "while",
+    ];
+    if WORDS.contains(&name) { format!("[\"{name}\"]") } else { name.to_owned() }
 }
 
 impl Declare for ApiTable {

@@ -16,11 +16,12 @@
 //! | `levels` | levels that are functions of time |
 //! | `search` | `pdk.search`: a strategy proposes, a function of the pipeline evaluates |
 //! | `evaluation` | the offline loop: frames to lines and sums |
-//! | [`settings`] | `--set` |
+//! | [`run_settings`] | what can be set for every run |
+//! | [`settings`] | `--set`, for the settings of a pipeline |
 //! | [`road`] | `pdk.road` |
 //! | `statistics` | how sure a conclusion is |
 //! | [`table`], `tables` | results and free tables for people |
-//! | [`records`] | the tables that pipelines write and read, as types for editors |
+//! | [`records`] | the tables that pipelines write and read, as types for editors; `python` writes the keyword arguments of Python |
 
 pub mod api;
 mod bridge;
@@ -30,11 +31,14 @@ pub mod follow;
 pub mod host;
 mod levels;
 mod naming;
+#[cfg(test)]
+mod python;
 pub mod records;
 pub mod remote;
 mod requests;
 pub mod road;
 pub mod run;
+pub mod run_settings;
 mod search;
 mod session_object;
 pub mod settings;

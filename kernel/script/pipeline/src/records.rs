@@ -9,10 +9,12 @@ mod statistics;
 
 use pdk_lua::{ApiField, ApiRecord};
 
+#[cfg(test)]
+pub(crate) use self::driving::SESSION_REQUEST;
 pub use self::road::ROAD_REQUEST;
 
 const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -> ApiField {
-    ApiField { name, luau_type, doc }
+    ApiField::of_scripts(name, luau_type, doc)
 }
 
 /// All of them, in the order of the type definition file.

@@ -17,22 +17,75 @@ const DEFAULT_IMAGES_EVERY: u64 = 6;
 /// The longest scenario in seconds: a day.
 const LONGEST: f64 = 86_400.0;
 
-/// What a request says for all of its scenarios.
-pub const SHARED: [&str; 6] = ["simulator", "driver", "duration", "failure", "images_every", "mode"];
+/// Writes [`Shared`] from a list of `field: type, how it is read`.
+macro_rules! shared {
+    ($($name:ident: $type:ty, $read:ident;)*) => {
+        /// What a request may say for all of its scenarios, and a scenario for itself; none if nobody says it.
+        #[derive(Debug, Clone, Default)]
+        struct Shared {
+            $($name: Option<$type>,)*
+        }
+
+        impl Shared {
+            const NAMES: &[&str] = &[$(stringify!($name)),*];
+
+            /// What the fields of a table say, and for the rest what is there already.
+            fn take(self, fields: &mut Fields) -> Result<Self> {
+                Ok(Self { $($name: $read(fields, stringify!($name), self.$name)?,)* })
+            }
+        }
+    };
+}
+
+shared! {
+    simulator: ComponentSpec, component;
+    driver: ComponentSpec, component;
+    duration: f64, duration;
+    failure: FailureCriteria, failure;
+    images_every: u64, whole;
+    mode: Mode, mode;
+}
+
+/// The names of the fields that a request may have for all of its scenarios.
+pub const SHARED: &[&str] = Shared::NAMES;
+
+fn component(
+    fields: &mut Fields,
+    name: &str,
+    before: Option<ComponentSpec>,
+) -> Result<Option<ComponentSpec>> {
+    match fields.any(name) {
+        Value::Null => Ok(before),
+        value => ComponentSpec::from_json(name, &value).map(Some),
+    }
+}
+
+fn whole(fields: &mut Fields, name: &str, before: Option<u64>) -> Result<Option<u64>> {
+    Ok(fields.whole(name)?.or(before))
+}
+
+fn mode(fields: &mut Fields, name: &str, before: Option<Mode>) -> Result<Option<Mode>> {
+    Ok(fields.text(name)?.map(|text| fields.read(&text)).transpose()?.or(before))
+}
+
+fn duration(fields: &mut Fields, name: &str, before: Option<f64>) -> Result<Option<f64>> {
+    let Some(duration) = fields.number(name)? else { return Ok(before) };
+    match duration > 0.0 && duration <= LONGEST {
+        true => Ok(Some(duration)),
+        false => Err(Error::new(format!(
+            "{}: `{name}` is {duration} s, but has to be more than 0 and at most {LONGEST} s",
+            fields.table()
+        ))),
+    }
+}
 /// What `failure` may say.
 const FAILURE: [&str; 5] =
     ["lane_departure", "comparison", "standstill_speed", "standstill_seconds", "over_line"];
 
-/// What scenarios have where they do not say it themselves.
+/// What scenarios have if they do not say it themselves.
 #[derive(Debug, Clone)]
 pub struct Defaults {
-    simulator: Option<ComponentSpec>,
-    driver: Option<ComponentSpec>,
-    duration: f64,
-    failure: FailureCriteria,
-    images_every: u64,
-    /// None where nobody says it: then it follows from the simulator.
-    mode: Option<Mode>,
+    shared: Shared,
     /// The seed of the run.
     seed: u64,
     /// The simulators with their own clock.
@@ -40,27 +93,18 @@ pub struct Defaults {
 }
 
 impl Defaults {
-    /// What is there where nobody says anything; `own_clock` names the simulators with their own clock, which are driven in real
+    /// What is there if nobody says anything; `own_clock` names the simulators with their own clock, which are driven in real
     /// time only.
     pub fn new(seed: u64, own_clock: BTreeSet<String>) -> Self {
-        Self {
-            simulator: None,
-            driver: None,
-            duration: DEFAULT_DURATION,
-            failure: FailureCriteria::default(),
-            images_every: DEFAULT_IMAGES_EVERY,
-            mode: None,
-            seed,
-            own_clock,
-        }
+        Self { shared: Shared::default(), seed, own_clock }
     }
 
     /// The defaults in a table such as `pdk.session` takes.
     ///
     /// # Errors
-    /// Where a field is unknown, of the wrong type or out of range.
+    /// If a field is unknown, of the wrong type or out of range.
     pub fn read(self, function: &str, request: Value) -> Result<Self> {
-        self.take(&mut Fields::new(function, request, &SHARED)?)
+        self.take(&mut Fields::new(function, request, SHARED)?)
     }
 
     /// The defaults among the fields of a table, which has others too.
@@ -68,24 +112,7 @@ impl Defaults {
     /// # Errors
     /// As for [`Defaults::read`].
     pub fn take(self, fields: &mut Fields) -> Result<Self> {
-        let component = |what: &str, value: Value| match value {
-            Value::Null => Ok(None),
-            value => ComponentSpec::from_json(what, &value).map(Some),
-        };
-        let duration = fields.number("duration")?.unwrap_or(self.duration);
-        check_duration(fields.table(), duration)?;
-        let criteria = fields.any("failure");
-        let failure = failure(fields.table(), criteria, self.failure)?;
-        Ok(Self {
-            simulator: component("simulator", fields.any("simulator"))?.or(self.simulator),
-            driver: component("driver", fields.any("driver"))?.or(self.driver),
-            duration,
-            failure,
-            images_every: fields.whole("images_every")?.unwrap_or(self.images_every),
-            mode: fields.text("mode")?.map(|name| fields.read(&name)).transpose()?.or(self.mode),
-            seed: self.seed,
-            own_clock: self.own_clock,
-        })
+        Ok(Self { shared: self.shared.take(fields)?, ..self })
     }
 
     /// What `pdk.drive` takes: defaults, and a list of scenarios.
@@ -93,7 +120,7 @@ impl Defaults {
     /// # Errors
     /// Where a field is unknown, missing, of the wrong type or out of range.
     pub fn drive(self, request: Value) -> Result<Vec<Submission>> {
-        let known: Vec<&str> = SHARED.into_iter().chain(["scenarios"]).collect();
+        let known: Vec<&str> = SHARED.iter().copied().chain(["scenarios"]).collect();
         let mut fields = Fields::new("pdk.drive", request, &known)?;
         let scenarios = fields.filled_list("scenarios")?;
         let defaults = self.take(&mut fields)?;
@@ -109,8 +136,8 @@ impl Defaults {
     /// # Errors
     /// Where a field is unknown, missing, of the wrong type or out of range.
     pub fn submission(&self, place: &str, table: Value) -> Result<Submission> {
-        let own = ["name", "road", "perturbations", "seed", "repeat"];
-        let known: Vec<&str> = SHARED.into_iter().chain(own).collect();
+        let own = Scenario::FIELDS.iter().map(|field| field.name);
+        let known: Vec<&str> = own.chain(SHARED.iter().copied()).chain(["name"]).collect();
         let mut fields = Fields::new(place, table, &known)?;
         let perturbations = fields.list("perturbations")?.unwrap_or_default();
         let perturbations = perturbations
@@ -119,8 +146,8 @@ impl Defaults {
             .collect::<Result<Vec<_>>>()?;
         let (name, road) = (fields.text("name")?, fields.any("road"));
         let (seed, repeat) = (fields.seed("seed")?, fields.whole("repeat")?.unwrap_or_default());
-        let Self { simulator, driver, duration, failure, images_every, mode, .. } =
-            self.clone().take(&mut fields)?;
+        let Shared { simulator, driver, duration, failure, images_every, mode } =
+            self.shared.clone().take(&mut fields)?;
         let needed = |what: &str, component: Option<ComponentSpec>| {
             component.ok_or_else(|| Error::new(format!("{place}: `{what}` is missing")))
         };
@@ -142,21 +169,28 @@ impl Defaults {
             seed: seed.unwrap_or_else(|| seed_of(self.seed, &road, repeat)),
             road,
             perturbations,
-            duration,
-            failure,
+            duration: duration.unwrap_or(DEFAULT_DURATION),
+            failure: failure.unwrap_or_default(),
             mode,
             repeat,
         };
+        let images_every = images_every.unwrap_or(DEFAULT_IMAGES_EVERY);
         Ok(Submission { name: name.unwrap_or_else(|| scenario.default_name()), scenario, images_every })
     }
 }
 
-/// What counts as a failure: what the table says, and the defaults for the rest.
-fn failure(place: &str, table: Value, defaults: FailureCriteria) -> Result<FailureCriteria> {
+/// What counts as a failure: what the table says, and for the rest what is there already.
+fn failure(
+    fields: &mut Fields,
+    name: &str,
+    before: Option<FailureCriteria>,
+) -> Result<Option<FailureCriteria>> {
+    let table = fields.any(name);
     if table.is_null() {
-        return Ok(defaults);
+        return Ok(before);
     }
-    let mut fields = Fields::new(format!("{place}: `failure`"), table, &FAILURE)?;
+    let (place, defaults) = (fields.table().to_owned(), before.unwrap_or_default());
+    let mut fields = Fields::new(format!("{place}: `{name}`"), table, &FAILURE)?;
     let comparison = fields.text("comparison")?;
     let criteria = FailureCriteria {
         lane_departure: fields.number("lane_departure")?.or(defaults.lane_departure),
@@ -166,16 +200,7 @@ fn failure(place: &str, table: Value, defaults: FailureCriteria) -> Result<Failu
         over_line: fields.number("over_line")?.unwrap_or(defaults.over_line),
     };
     criteria.check().map_err(|error| error.at(place))?;
-    Ok(criteria)
-}
-
-fn check_duration(place: &str, duration: f64) -> Result<()> {
-    match duration > 0.0 && duration <= LONGEST {
-        true => Ok(()),
-        false => Err(Error::new(format!(
-            "{place}: `duration` is {duration} s, but has to be more than 0 and at most {LONGEST} s"
-        ))),
-    }
+    Ok(Some(criteria))
 }
 
 /// What to evaluate.

@@ -16,15 +16,16 @@ use pdk_session::session::{Options as SessionOptions, Session};
 
 use crate::api::API;
 use crate::follow::Audience;
-use crate::host::{Finished, Host, Parts};
+use crate::host::{Finished, Host, Setup};
 use crate::naming::run_name;
-use crate::settings::{Common, Override};
+use crate::run_settings::RunSettings;
+use crate::settings::Override;
 
 /// How a pipeline is run.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// The settings that every pipeline has.
-    pub common: Common,
+    pub common: RunSettings,
     /// What the command line sets besides, in order.
     pub overrides: Vec<Override>,
     /// Where components are looked for besides the usual places.
@@ -130,14 +131,13 @@ pub(crate) fn start(
     let session = Session::start(SessionOptions {
         run: run_name(&path),
         pool: options.common.pool(),
-        limits: options.common.limits,
+        limits: options.common.limits(),
         search: search.clone(),
     })?;
     for refused in session.refused() {
         eprintln!("pdk: warning: {refused}");
     }
-    Ok(Host::new(Parts {
-        session,
+    let setup = Setup {
         pipeline: Pipeline { path, source, modules: Vec::new() },
         modules,
         given,
@@ -145,7 +145,8 @@ pub(crate) fn start(
         common: options.common,
         overrides: options.overrides,
         audience: options.audience,
-    }))
+    };
+    Ok(Host::new(session, setup))
 }
 
 /// What ends a script that computes when the user wants an end.

@@ -1,128 +1,13 @@
 //! The settings of a pipeline: the defaults it declares, and what the command line puts in their place.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
-use std::time::Duration;
+use std::collections::BTreeSet;
 
 use pdk_components::suggest;
-use pdk_model::scenario::parse_seed;
 use pdk_model::text::{parse_json, parse_value};
-use pdk_record::shard::Shard;
 use pdk_sdk::error::{Error, Result};
-use pdk_session::connection::Pool;
-use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
 use serde_json::{Map, Value};
 
-/// Settings that every pipeline understands, with what they mean.
-pub const COMMON: &[(&str, &str)] = &[
-    ("seed", "the seed that all random numbers come from"),
-    ("workers", "how many scenarios or frames are computed at the same time"),
-    ("out", "the folder of the record"),
-    ("engine", "who runs networks whose `engine` is not set, such as onnxruntime"),
-    ("patience", "how many seconds one call of a component may take"),
-    ("memory", "how much memory a worker may take, in MiB"),
-    ("pool", "a command that provides workers, in the place of this machine's"),
-    ("shard", "which part of the scenarios and frames is computed, such as 1/8"),
-    ("keep_errors", "whether a run that is continued keeps the scenarios in which a component failed"),
-];
-
-/// More workers than this are a mistake.
-const MOST_WORKERS: usize = 1024;
-
-/// The settings that every pipeline understands.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Common {
-    /// The seed that all random numbers come from.
-    pub seed: u64,
-    /// How many scenarios or frames are computed at the same time; none where the user has not said.
-    pub workers: Option<usize>,
-    /// The folder of the record.
-    pub out: Option<PathBuf>,
-    /// What workers are held to.
-    pub limits: Limits,
-    /// A command that provides workers.
-    pub pool: Option<String>,
-    /// Which part of the scenarios is driven; none for all.
-    pub shard: Option<Shard>,
-    /// Options that take the place of the defaults of components, by parameter: `engine`.
-    pub wanted: BTreeMap<String, String>,
-    /// Whether a run that is continued keeps the scenarios in which a component failed, rather than driving them again.
-    pub keep_errors: bool,
-}
-
-impl Default for Common {
-    fn default() -> Self {
-        Self {
-            seed: 0,
-            workers: None,
-            out: None,
-            limits: Limits { patience: DEFAULT_PATIENCE, memory: DEFAULT_MEMORY },
-            pool: None,
-            shard: None,
-            wanted: BTreeMap::new(),
-            keep_errors: false,
-        }
-    }
-}
-
-impl Common {
-    /// Takes what `--set` says of these settings; what it says of others is returned.
-    ///
-    /// # Errors
-    /// Where a value is not one that the setting can have.
-    pub fn read(overrides: Vec<Override>) -> Result<(Self, Vec<Override>)> {
-        refuse_repeated(&overrides)?;
-        let mut common = Self::default();
-        let mut others = Vec::new();
-        for Override { key, value } in overrides {
-            let wrong = |expected: &str| Error::new(format!("--set {key}: `{value}` is not {expected}"));
-            match key.as_str() {
-                "seed" => {
-                    common.seed = parse_seed(&value).map_err(|error| error.at("--set seed"))?;
-                }
-                "workers" => {
-                    let workers = value.parse().ok().filter(|n| (1..=MOST_WORKERS).contains(n));
-                    let workers =
-                        workers.ok_or_else(|| wrong(&format!("a whole number from 1 to {MOST_WORKERS}")))?;
-                    common.workers = Some(workers);
-                }
-                "engine" => drop(common.wanted.insert(key, value)),
-                "out" => common.out = Some(PathBuf::from(value)),
-                "patience" => {
-                    let seconds = value.parse().ok().filter(|&seconds: &f64| seconds > 0.0);
-                    common.limits.patience = seconds
-                        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
-                        .ok_or_else(|| wrong("a positive number of seconds"))?;
-                }
-                "memory" => {
-                    let memory = value.parse().ok().filter(|&memory: &u64| memory > 0);
-                    common.limits.memory = memory.ok_or_else(|| wrong("a positive number of MiB"))?;
-                }
-                "shard" => {
-                    common.shard = match value.is_empty() {
-                        true => None,
-                        false => Some(value.parse().map_err(|error: Error| error.at("--set shard"))?),
-                    }
-                }
-                "keep_errors" => {
-                    common.keep_errors = value.parse().map_err(|_| wrong("true or false"))?;
-                }
-                "pool" => common.pool = Some(value).filter(|command| !command.is_empty()),
-                _ => others.push(Override { key, value }),
-            }
-        }
-        Ok((common, others))
-    }
-
-    /// Where workers come from.
-    pub fn pool(&self) -> Pool {
-        match (&self.pool, self.workers) {
-            (Some(command), _) => Pool::Command(command.clone()),
-            (None, Some(workers)) => Pool::Here(workers),
-            (None, None) => Pool::Usual,
-        }
-    }
-}
+use crate::run_settings::RUN_SETTINGS;
 
 /// One `--set KEY=VALUE`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -207,7 +92,7 @@ fn set(table: &mut Map<String, Value>, key: &str, rest: &str, text: &str) -> Res
         return Ok(());
     }
     let Some(current) = table.get_mut(name) else {
-        let known = known.iter().map(String::as_str).chain(COMMON.iter().map(|(name, _)| *name));
+        let known = known.iter().map(String::as_str).chain(RUN_SETTINGS.iter().map(|setting| setting.name));
         return Err(Error::new(format!(
             "--set {key}: the pipeline has no setting `{name}`; {}",
             suggest::hint(name, known)
@@ -306,38 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_of_every_pipeline_are_taken_out() {
-        let read = |texts: &[&str]| Common::read(texts.iter().map(|text| text.parse().unwrap()).collect());
-        let (common, others) =
-            read(&["seed=9007199254740991", "a=1", "workers=3", "memory=100", "pool="]).unwrap();
-        assert_eq!(
-            (common.seed, common.workers, common.limits.memory, &common.pool),
-            ((1 << 53) - 1, Some(3), 100, &None)
-        );
-        assert_eq!(others, ["a=1".parse().unwrap()]);
-        for (text, said) in [
-            ("workers=10000", "--set workers: `10000` is not a whole number from 1 to 1024"),
-            ("workers=0", "is not a whole number from 1"),
-            ("seed=-1", "--set seed: `-1` is not a seed: seeds are whole numbers from 0 to 9007199254740991"),
-            ("seed=9007199254740992", "--set seed: `9007199254740992` is not a seed"),
-            ("patience=nan", "is not a positive number of seconds"),
-            ("memory=0", "is not a positive number of MiB"),
-            ("keep_errors=1", "--set keep_errors: `1` is not true or false"),
-        ] {
-            let error = read(&[text]).unwrap_err().to_string();
-            assert!(error.contains(said), "{error}");
-        }
-    }
-
-    #[test]
-    fn what_is_set_twice_is_refused() {
-        let twice = ["frames=7", "model=x", "frames=8"].map(|text| text.parse().unwrap());
-        let error = Common::read(twice.to_vec()).unwrap_err().to_string();
-        assert_eq!(error, "--set frames is given more than once; give it once");
-        let seeds = ["seed=1", "seed=1"].map(|text| text.parse().unwrap());
-        assert!(Common::read(seeds.to_vec()).is_err());
-        let both = ["simulator=donkey", "simulator.port=9091"].map(|text| text.parse().unwrap());
-        assert!(Common::read(both.to_vec()).is_ok());
+    fn what_a_value_sets_twice_is_refused() {
         for text in
             [r#"simulator={"name":"x","name":"y"}"#, r#"model={"a":1,"a":2}"#, r#"simulator.x={"a":1,"a":2}"#]
         {

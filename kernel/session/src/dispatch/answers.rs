@@ -2,9 +2,8 @@
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
-use std::sync::atomic::Ordering;
+use std::sync::Arc;
 use std::sync::mpsc::Sender;
-use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
 use pdk_model::outcome::Outcome;
@@ -37,19 +36,20 @@ impl Dispatch {
         found: Found<FromWorker>,
         introduce: &mut Option<&Sender<Result<Ready>>>,
     ) -> Result<()> {
-        let Some(place) = self.connections.iter().position(|connection| connection.number == number) else {
+        let Some(place) = self.workers.connections.iter().position(|connection| connection.number == number)
+        else {
             return Ok(());
         };
         let name = self.options.pool.name();
         match found {
             Found::Message(FromWorker::Ready(ready)) => {
-                self.connections[place].ready(&ready, &self.options.pool, &self.out)?;
-                self.stillborn = 0;
+                self.workers.connections[place].ready(&ready, &self.options.pool, &self.workers.out)?;
+                self.workers.stillborn = 0;
                 let simulators = ready.catalog.of_kind(Kind::Simulator);
                 for description in simulators.map(|entry| &entry.description).filter(|found| found.external) {
                     let starting =
                         description.parameters.iter().filter(|parameter| parameter.starts_program).cloned();
-                    self.external.insert(description.name.clone(), starting.collect());
+                    self.workers.external.insert(description.name.clone(), starting.collect());
                 }
                 if let Some(introduce) = introduce.take() {
                     let _ = introduce.send(Ok(ready));
@@ -57,8 +57,8 @@ impl Dispatch {
                 Ok(())
             }
             Found::Message(FromWorker::Progress(progress)) => {
-                self.shared.frames.fetch_add(progress.frames, Ordering::Relaxed);
-                if let Some(task) = self.tasks.get_mut(&progress.number) {
+                self.tally.count(progress.frames);
+                if let Some(task) = self.jobs.tasks.get_mut(&progress.number) {
                     task.heard = Instant::now();
                     task.began |= progress.frames > 0;
                 }
@@ -68,11 +68,11 @@ impl Dispatch {
                 self.take_out(place, number, failure.into())
             }
             Found::Message(FromWorker::Done(done)) => {
-                self.connections[place].release(done.number);
+                self.workers.connections[place].release(done.number);
                 self.done(done.number, done.answer)
             }
             Found::Message(FromWorker::Trouble(sentence)) => {
-                self.note(sentence);
+                self.tally.note(sentence);
                 Ok(())
             }
             Found::Message(FromWorker::Failed(reason)) => Err(Error::new(reason)),
@@ -80,15 +80,15 @@ impl Dispatch {
                 Err(Error::of(ErrorKind::Nonsense, format!("{name} says what is not a message ({error})")))
             }
             Found::End => {
-                let mut connection = self.connections.remove(place);
+                let mut connection = self.workers.connections.remove(place);
                 let end = connection.wait(Duration::from_secs(1));
                 if connection.slots.is_some() {
                     return self.lost(&connection, &said(end));
                 }
                 // That came from outside, as a rule.
                 let killed = end.and_then(|status| status.signal()).is_some_and(is_from_outside);
-                self.stillborn += 1;
-                if !killed || self.stillborn == TRIES {
+                self.workers.stillborn += 1;
+                if !killed || self.workers.stillborn == TRIES {
                     let sentence = match end {
                         Some(end) => {
                             format!("{name} ended before it was ready ({end}); what it wrote above says why")
@@ -100,7 +100,7 @@ impl Dispatch {
                     return Err(Error::of(ErrorKind::Lost, sentence));
                 }
                 // Later ones are started where there is work for them.
-                if introduce.is_some() { self.connect() } else { Ok(()) }
+                if introduce.is_some() { self.workers.connect() } else { Ok(()) }
             }
         }
     }
@@ -111,29 +111,29 @@ impl Dispatch {
     /// # Errors
     /// What the slot's machine lacks, where no other one is left.
     fn take_out(&mut self, place: usize, number: u64, error: Error) -> Result<()> {
-        let Some(slot) = self.connections[place].take_out(number) else { return Ok(()) };
-        self.out.insert(slot, error.clone());
-        let is_out = self.connections[place].is_out();
+        let Some(slot) = self.workers.connections[place].take_out(number) else { return Ok(()) };
+        self.workers.out.insert(slot, error.clone());
+        let is_out = self.workers.connections[place].is_out();
         let none_left = match self.options.pool.is_here() {
-            true => self.most_connections() == 0,
+            true => self.workers.most() == 0,
             false => is_out,
         };
-        let first_only = self.tasks.get(&number).is_some_and(|task| task.first_only);
+        let first_only = self.jobs.tasks.get(&number).is_some_and(|task| task.first_only);
         if none_left || first_only {
             return Err(error);
         }
         if is_out {
             // It leaves, and is gone when its output ends.
-            self.connections[place].close();
+            self.workers.connections[place].close();
         }
         eprintln!("pdk: warning: worker {slot} gets nothing more to do, and others do its work: {error}");
         if interrupt::wish() != Wish::None {
             // Nothing is given away any more.
             self.drop_tasks(vec![number]);
-        } else if let Some(task) = self.tasks.get_mut(&number) {
+        } else if let Some(task) = self.jobs.tasks.get_mut(&number) {
             // It was not lost over the job.
             task.tries -= 1;
-            self.queue.push_front(number);
+            self.jobs.queue.push_front(number);
         }
         Ok(())
     }
@@ -143,29 +143,30 @@ impl Dispatch {
     /// # Errors
     /// Where it cannot be recorded: then nothing that comes can.
     pub(super) fn done(&mut self, number: u64, answer: Answer) -> Result<()> {
-        let Some(task) = self.tasks.get(&number) else { return Ok(()) };
+        let Some(task) = self.jobs.tasks.get(&number) else { return Ok(()) };
         match answer {
             Answer::Driven(driven) => {
-                self.add_up(&driven);
+                self.tally.add(&driven);
                 let Some(submission) = &task.submission else {
                     self.finish(number, Ok(Reply::Driven(Box::new(driven))));
                     return Ok(());
                 };
                 complete_trace(&task.work, &driven.outcome)?;
                 let line = line_of(submission, driven.outcome);
-                if let Some(record) = &mut self.record {
-                    record.ledger.add(&line)?;
-                }
-                self.driven.insert(line.id);
+                self.book.add(&line)?;
                 self.finish(number, Ok(Reply::Recorded(Arc::new(line), false)));
             }
             Answer::Evaluated(evaluated) => {
-                self.shared.frames.fetch_add(1, Ordering::Relaxed);
+                self.tally.count(1);
                 self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
             }
             Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
             Answer::InputFiles(files) => self.finish(number, Ok(Reply::InputFiles(files))),
             Answer::Proposed(candidates) => self.finish(number, Ok(Reply::Proposed(candidates))),
+            // A pool has given the scenario up.
+            Answer::Failed(failure) if matches!(task.work, Work::Drive(_)) => {
+                return self.done(number, Answer::Driven(Driven::lost(failure.kind, failure.message, 0)));
+            }
             Answer::Failed(failure) => self.finish(number, Ok(Reply::Failed(failure))),
             Answer::Broken(failure) => return Err(failure.into()),
         }
@@ -174,10 +175,7 @@ impl Dispatch {
 
     /// A task is over: everybody who waits for it gets the answer.
     pub(super) fn finish(&mut self, number: u64, answer: Result<Reply>) {
-        let Some(task) = self.tasks.remove(&number) else { return };
-        if let Some(submission) = &task.submission {
-            self.scenarios.remove(&submission.scenario.id());
-        }
+        let Some(task) = self.jobs.remove(number) else { return };
         for ticket in task.waiting {
             self.answer(ticket, answer.clone());
         }
@@ -188,35 +186,6 @@ impl Dispatch {
         let _ = self.answers.send((ticket, answer));
     }
 
-    /// Adds what a scenario took to the sums of the session.
-    pub(super) fn add_up(&self, driven: &Driven) {
-        let mut performance = self.shared.performance.lock().unwrap_or_else(PoisonError::into_inner);
-        performance.times.add(&driven.times);
-        if driven.rate > 0.0 {
-            performance.simulated_seconds += driven.outcome.frames as f64 / driven.rate;
-        }
-        for warning in &driven.warnings {
-            *performance.warnings.entry(warning.clone()).or_default() += 1;
-        }
-    }
-
-    /// Adds up the time in which there is work, and the slots that have some.
-    pub(super) fn measure(&mut self) {
-        let busy: usize = self.connections.iter().map(|connection| connection.jobs().len()).sum();
-        let mut performance = self.shared.performance.lock().unwrap_or_else(PoisonError::into_inner);
-        performance.slots = performance.slots.max(busy);
-        let now = Instant::now();
-        if let Some(since) = self.busy_since {
-            performance.wall_seconds += now.duration_since(since).as_secs_f64();
-        }
-        self.busy_since = (busy > 0).then_some(now);
-    }
-
-    /// Counts a component that took its process along outside of any outcome.
-    pub(super) fn note(&self, trouble: String) {
-        *self.shared.troubles.lock().unwrap_or_else(PoisonError::into_inner).entry(trouble).or_default() += 1;
-    }
-
     /// A worker is gone: what it was at is done again by another one.
     ///
     /// # Errors
@@ -224,14 +193,14 @@ impl Dispatch {
     pub(super) fn lost(&mut self, connection: &Connection, end: &str) -> Result<()> {
         let _ = pdk_bus::sweep_run(&self.options.run);
         for number in connection.jobs().into_iter().rev() {
-            let Some(task) = self.tasks.get(&number) else { continue };
+            let Some(task) = self.jobs.tasks.get(&number) else { continue };
             if interrupt::wish() != Wish::None {
                 // Nothing is given away any more.
                 self.finish(number, Err(interrupt::error()));
                 continue;
             }
             if task.tries < TRIES {
-                self.queue.push_front(number);
+                self.jobs.queue.push_front(number);
                 continue;
             }
             let message =
@@ -253,7 +222,9 @@ impl Dispatch {
     pub(super) fn look_for_silent(&mut self) -> Result<()> {
         let patience = self.options.limits.patience;
         let (Pool::Here(_) | Pool::Usual) = self.options.pool else {
-            for connection in self.connections.iter_mut().filter(|connection| connection.slots.is_none()) {
+            for connection in
+                self.workers.connections.iter_mut().filter(|connection| connection.slots.is_none())
+            {
                 if connection.opened.elapsed() > TOLD && !std::mem::replace(&mut connection.told, true) {
                     eprintln!("pdk: waiting for {} to be ready", self.options.pool.name());
                 }
@@ -267,16 +238,16 @@ impl Dispatch {
             };
             patience.saturating_mul(calls).saturating_add(GRACE)
         };
-        let silent = self.connections.iter().position(|connection| {
+        let silent = self.workers.connections.iter().position(|connection| {
             let starting =
                 connection.slots.is_none() && connection.opened.elapsed() > patience.saturating_add(GRACE);
             let late = |number: &u64| {
-                self.tasks.get(number).is_some_and(|task| task.heard.elapsed() > limit(&task.work))
+                self.jobs.tasks.get(number).is_some_and(|task| task.heard.elapsed() > limit(&task.work))
             };
             starting || connection.jobs().iter().any(late)
         });
         let Some(place) = silent else { return Ok(()) };
-        let connection = self.connections.remove(place);
+        let connection = self.workers.connections.remove(place);
         if connection.slots.is_none() {
             let waited = connection.opened.elapsed().as_secs();
             return Err(Error::of(ErrorKind::Late, format!("a worker has not been ready for {waited} s")));

@@ -2,11 +2,13 @@
 
 use std::collections::HashSet;
 use std::sync::mpsc::{Receiver, Sender};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use pdk_sdk::error::{Error, Result};
 
-use super::{Dispatch, Event, Task};
+use super::jobs::Task;
+use super::workers::leave;
+use super::{Dispatch, Event};
 use crate::connection::Connection;
 use crate::interrupt::{self, Wish};
 use pdk_loop::lines::Found;
@@ -27,12 +29,12 @@ impl Dispatch {
         if let Some(introduce) = introduce.take() {
             let _ = introduce.send(Err(error.clone()));
         }
-        self.queue.clear();
-        let tasks: Vec<u64> = self.tasks.keys().copied().collect();
+        self.jobs.queue.clear();
+        let tasks: Vec<u64> = self.jobs.tasks.keys().copied().collect();
         for number in tasks {
             self.finish(number, Err(error.clone()));
         }
-        self.let_go(DROP);
+        self.workers.let_go(DROP);
         self.broken.get_or_insert(error);
     }
 
@@ -44,12 +46,12 @@ impl Dispatch {
         }
         let dropped: Vec<u64> = match wish {
             Wish::Drop => {
-                self.let_go(DROP);
-                self.tasks.keys().copied().collect()
+                self.workers.let_go(DROP);
+                self.jobs.tasks.keys().copied().collect()
             }
-            Wish::Finish | Wish::None => self.queue.iter().copied().collect(),
+            Wish::Finish | Wish::None => self.jobs.queue.iter().copied().collect(),
         };
-        self.queue.clear();
+        self.jobs.queue.clear();
         self.drop_tasks(dropped);
     }
 
@@ -58,8 +60,8 @@ impl Dispatch {
         for number in numbers {
             // Its worker may have completed the trace just before it left; without a line it is of no scenario.
             if let Some(Task { work: Work::Drive(drive), submission: Some(submission), .. }) =
-                self.tasks.get(&number)
-                && let (Some(trace), Some(record)) = (&drive.trace, &self.record)
+                self.jobs.tasks.get(&number)
+                && let (Some(trace), Some(record)) = (&drive.trace, &self.book.record)
                 && !record.ledger.has(&submission.scenario.id())
             {
                 let _ = std::fs::remove_file(trace);
@@ -68,48 +70,37 @@ impl Dispatch {
         }
     }
 
-    /// Says to all workers that there are no more jobs, and ends those that have not left by then.
-    pub(super) fn let_go(&mut self, limit: Duration) {
-        self.connections.iter_mut().for_each(Connection::close);
-        let until = Instant::now() + limit;
-        for connection in &mut self.connections {
-            connection.wait(until.saturating_duration_since(Instant::now()));
-        }
-        self.connections.clear();
-    }
-
     /// Ends the workers that wait for a simulator: nothing is in flight there yet that could be finished.
     pub(super) fn stop_waiting(&mut self) {
         let is_waiting = |number: &u64| {
-            self.tasks
+            self.jobs
+                .tasks
                 .get(number)
                 .is_some_and(|task| task.external && !task.began && task.given.elapsed() > UNDER_WAY)
         };
         let (mut waiting, others) =
-            std::mem::take(&mut self.connections).into_iter().partition::<Vec<_>, _>(|connection| {
+            std::mem::take(&mut self.workers.connections).into_iter().partition::<Vec<_>, _>(|connection| {
                 let jobs = connection.jobs();
                 !jobs.is_empty() && jobs.iter().all(is_waiting)
             });
-        self.connections = others;
+        self.workers.connections = others;
         if waiting.is_empty() {
             return;
         }
-        waiting.iter_mut().for_each(Connection::close);
-        let until = Instant::now() + DROP;
-        for connection in &mut waiting {
-            connection.wait(until.saturating_duration_since(Instant::now()));
-        }
+        leave(&mut waiting, DROP);
         self.drop_tasks(waiting.iter().flat_map(Connection::jobs).collect());
     }
 
     /// Ends the session. Workers say what happened when their components took leave.
     pub(super) fn leave(&mut self, events: &Receiver<Event>) {
         let mut speaking: HashSet<u64> =
-            self.connections.iter().map(|connection| connection.number).collect();
-        self.let_go(LEAVE);
+            self.workers.connections.iter().map(|connection| connection.number).collect();
+        self.workers.let_go(LEAVE);
         while !speaking.is_empty() {
             match events.recv_timeout(LAST_WORDS) {
-                Ok(Event::Worker(_, Found::Message(FromWorker::Trouble(sentence)))) => self.note(sentence),
+                Ok(Event::Worker(_, Found::Message(FromWorker::Trouble(sentence)))) => {
+                    self.tally.note(sentence)
+                }
                 Ok(Event::Worker(number, Found::End)) => {
                     speaking.remove(&number);
                 }
@@ -117,7 +108,7 @@ impl Dispatch {
                 Err(_) => break,
             }
         }
-        if let Some(record) = &self.record {
+        if let Some(record) = &self.book.record {
             record.directory.remove_partial_traces();
         }
         let _ = pdk_bus::sweep_run(&self.options.run);

@@ -5,19 +5,21 @@ use std::collections::BTreeSet;
 use pdk_loop::drive::expected_frames;
 use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
-use pdk_model::outcome::Verdict;
+use pdk_model::described::value;
+use pdk_model::outcome::{Outcome, Verdict};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
 use pdk_record::ledger::Line;
 use pdk_record::manifest::components_of;
 use pdk_record::settle::Settler;
 use pdk_sdk::describe::Kind;
-use pdk_sdk::error::{Error, ErrorKind, Result};
+use pdk_sdk::error::{Error, Result};
 use pdk_session::interrupt::{self, Wish};
 use pdk_session::session::{Reply, Submission, Ticket};
 use serde_json::{Value, json};
 
-use super::{Host, Submitted, progress};
+use super::Host;
+use super::scenarios::Submitted;
 use crate::follow::Audience;
 
 impl Host {
@@ -30,7 +32,7 @@ impl Host {
             self.check(scenario)?;
         }
         self.begin()?;
-        self.open_ledger()?;
+        self.record.open_ledger(&mut self.session, self.setup.common.keep_errors)?;
         let mut tickets = Vec::with_capacity(submissions.len());
         for submission in submissions {
             stop_if_dropped()?;
@@ -39,19 +41,18 @@ impl Host {
             let rate =
                 self.try_to_make(Kind::Simulator, &simulator)?.camera.map_or(0.0, |camera| camera.rate);
             let expected = expected_frames(&submission.scenario, rate);
-            if self.outcomes.len() == self.submitted.len() {
-                self.progress = progress(self.audience);
-                (self.before, self.spared) = (self.session.frames(), 0);
+            if self.scenarios.are_over() {
+                self.frames.restart(self.setup.audience, self.session.frames());
             }
-            let (id, count) = (submission.scenario.id(), self.numbers.len());
-            let number = *self.numbers.entry(id).or_insert(count);
+            let id = submission.scenario.id();
+            let number = self.scenarios.number(id);
             let name = submission.name.clone();
-            let (ticket, expected) = match self.common.shard.is_none_or(|shard| shard.has(number)) {
+            let (ticket, expected) = match self.setup.common.shard.is_none_or(|shard| shard.has(number)) {
                 true => (self.session.submit(submission), expected),
                 false => (self.session.set_aside(), 0),
             };
-            self.progress.add(expected);
-            self.submitted.insert(ticket, Submitted { number, id, name, expected });
+            self.frames.expect(expected);
+            self.scenarios.submitted.insert(ticket, Submitted { number, id, name, expected });
             tickets.push(ticket);
         }
         Ok(tickets)
@@ -59,15 +60,17 @@ impl Host {
 
     /// Settles what scenarios and evaluations leave to the machine.
     pub(super) fn settler(&mut self) -> Settler<'_> {
-        Settler { catalog: self.session.catalog(), wanted: &self.common.wanted, settled: &mut self.settled }
+        Settler {
+            catalog: self.session.catalog(),
+            wanted: self.setup.common.wanted(),
+            settled: &mut self.components.settled,
+        }
     }
 
     /// Waits for an outcome.
     pub(crate) fn wait(&mut self, ticket: Ticket) -> Result<Value> {
-        if !self.outcomes.contains_key(&ticket) {
-            let (progress, before, spared) = (&self.progress, self.before, self.spared);
-            let mut tick = |frames: u64| progress.set(frames - before + spared);
-            let reply = self.session.wait(ticket, &mut tick);
+        if !self.scenarios.outcomes.contains_key(&ticket) {
+            let reply = self.session.wait(ticket, &mut self.frames.tick());
             self.take(ticket, reply);
         }
         self.row(ticket)
@@ -75,12 +78,12 @@ impl Host {
 
     /// Notes that the program which submitted a scenario got its outcome, so that its failure is no failure of the run.
     pub(crate) fn hand_over(&mut self, ticket: Ticket) {
-        self.handed_over.extend(self.submitted.get(&ticket).map(|submitted| submitted.number));
+        self.scenarios.hand_over(ticket);
     }
 
     /// An outcome that was taken, as scripts see it.
     pub(super) fn row(&self, ticket: Ticket) -> Result<Value> {
-        match (self.outcomes.get(&ticket), self.submitted.get(&ticket)) {
+        match (self.scenarios.outcomes.get(&ticket), self.scenarios.submitted.get(&ticket)) {
             (Some(Ok(Some(line))), Some(submitted)) => Ok(outcome_row(line, submitted)),
             (Some(Ok(None)), Some(submitted)) => Ok(row_of_elsewhere(submitted)),
             (Some(Err(error)), _) => Err(error.clone()),
@@ -96,9 +99,9 @@ impl Host {
 
     /// Takes the next of several outcomes, as they come.
     pub(super) fn take_next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<Ticket>> {
-        let (progress, before, spared) = (&self.progress, self.before, self.spared);
-        let mut tick = |frames: u64| progress.set(frames - before + spared);
-        let Some((ticket, reply)) = self.session.next(among, &mut tick)? else { return Ok(None) };
+        let Some((ticket, reply)) = self.session.next(among, &mut self.frames.tick())? else {
+            return Ok(None);
+        };
         self.take(ticket, reply);
         Ok(Some(ticket))
     }
@@ -107,18 +110,18 @@ impl Host {
         let line = reply.and_then(|reply| match reply {
             Reply::Recorded(line, known) => {
                 let driven = if known { 0 } else { line.outcome.frames };
-                let submitted = self.submitted.get(&ticket);
-                self.kept.extend(submitted.filter(|_| known).map(|submitted| submitted.number));
+                let submitted = self.scenarios.submitted.get(&ticket);
+                self.scenarios.kept.extend(submitted.filter(|_| known).map(|submitted| submitted.number));
                 let expected = submitted.map_or(0, |submitted| submitted.expected);
-                self.spared += expected.saturating_sub(driven);
+                self.frames.spare(expected, driven);
                 Ok(Some(line))
             }
             Reply::Elsewhere => Ok(None),
             _ => Err(Error::new("a scenario came to something else, which is a defect in pdk")),
         });
-        self.outcomes.insert(ticket, line);
-        if self.outcomes.len() == self.submitted.len() {
-            self.progress.finish();
+        self.scenarios.outcomes.insert(ticket, line);
+        if self.scenarios.are_over() {
+            self.frames.finish();
         }
     }
 
@@ -144,32 +147,12 @@ impl Host {
 
     /// What a component is like; each is made once.
     pub(super) fn make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
-        let key = (kind, serde_json::to_string(component)?);
-        if let Some(made) = self.made.get(&key) {
-            return Ok(made.clone());
-        }
-        let made = self.session.make(kind, component)?;
-        self.made.insert(key, made.clone());
-        Ok(made)
+        self.components.make(&mut self.session, kind, component)
     }
 
-    /// As [`make`](Self::make), for a scenario: a component that cannot be made is an error at once, but one that panics, takes its
-    /// process along or does not come back is the outcome of each scenario that needs it.
+    /// As [`make`](Self::make), for a scenario.
     fn try_to_make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
-        let key = (kind, serde_json::to_string(component)?);
-        if self.fatal.contains_key(&key) {
-            return Ok(Made::default());
-        }
-        match self.make(kind, component) {
-            Err(error)
-                if matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late | ErrorKind::Panic)
-                    && interrupt::wish() == Wish::None =>
-            {
-                self.fatal.insert(key, error);
-                Ok(Made::default())
-            }
-            made => made,
-        }
+        self.components.try_to_make(&mut self.session, kind, component)
     }
 
     /// Makes sure that a scenario's components can be made, and notes them.
@@ -182,20 +165,20 @@ impl Host {
         for (kind, component) in components_of(scenario) {
             self.note_files(kind, &component)?;
         }
-        self.in_use.add_scenario(self.session.catalog(), scenario, info)
+        self.record.in_use.add_scenario(self.session.catalog(), scenario, info)
     }
 
     /// Notes the files that a component reads, once.
     pub(super) fn note_files(&mut self, kind: Kind, component: &ComponentSpec) -> Result<()> {
-        let key = (kind, serde_json::to_string(component)?);
-        // One that cannot be made does not come to read anything.
-        if self.fatal.contains_key(&key) || !self.read.insert(key) {
+        if !self.components.is_unread(kind, component)? {
             return Ok(());
         }
         let groups = self.session.input_files(kind, component)?;
-        let bar =
-            pdk_terminal::progress(self.audience != Audience::Person, "{pos}/{len} files read, {eta} left");
-        let read = self.in_use.add_input_files(&groups, &mut |done, all| {
+        let bar = pdk_terminal::progress(
+            self.setup.audience != Audience::Person,
+            "{pos}/{len} files read, {eta} left",
+        );
+        let read = self.record.in_use.add_input_files(&groups, &mut |done, all| {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
             match interrupt::wish() {
@@ -227,32 +210,24 @@ pub(super) fn components(applied: &[AppliedPerturbation]) -> Vec<ComponentSpec> 
 
 /// What a pipeline and the summary see of an outcome.
 pub(super) fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
-    let outcome = &line.outcome;
-    json!({
-        "number": submitted.number,
-        "id": line.id,
-        "name": submitted.name,
-        "success": outcome.success,
-        "cause": outcome.cause,
-        "verdict": outcome.cause.verdict(),
-        "error": outcome.error,
-        "time": outcome.time,
-        "frames": outcome.frames,
-        "skipped_frames": outcome.skipped_frames,
-        "progress": outcome.progress,
-        "mean_cross_track_error": outcome.mean_cross_track_error,
-        "max_cross_track_error": outcome.max_cross_track_error,
-        "measures": outcome.measures,
-        "digest": outcome.digest,
-    })
+    row(submitted, value(&line.outcome.cause), line.outcome.cause.verdict(), &line.outcome)
 }
 
 /// What a pipeline sees of a scenario that another part of the run drives: the fields of an outcome, which say nothing.
 fn row_of_elsewhere(submitted: &Submitted) -> Value {
+    row(submitted, "elsewhere".into(), Verdict::Void, &Outcome::default())
+}
+
+fn row(submitted: &Submitted, cause: Value, verdict: Verdict, outcome: &Outcome) -> Value {
     let Submitted { number, id, name, .. } = submitted;
-    json!({
-        "number": number, "id": id, "name": name, "success": false, "cause": "elsewhere", "verdict": Verdict::Void,
-        "error": null, "time": 0.0, "frames": 0, "skipped_frames": 0, "progress": 0.0,
-        "mean_cross_track_error": 0.0, "max_cross_track_error": 0.0, "measures": null, "digest": "",
-    })
+    let mut row = json!({"number": number, "id": id, "name": name});
+    for (field, own) in outcome.values().into_iter().filter(|(field, _)| !field.luau_type.is_empty()) {
+        row[field.name] = own;
+        // What follows from the cause stands behind it.
+        if field.name == "cause" {
+            row[field.name] = cause.clone();
+            row["verdict"] = value(&verdict);
+        }
+    }
+    row
 }

@@ -17,6 +17,19 @@ use crate::evaluation::{self, Results};
 use crate::follow::Progress;
 use crate::requests::{DatasetSpec, Evaluate};
 
+/// What evaluations came to.
+#[derive(Default)]
+pub(super) struct Evaluations {
+    /// What the pipeline got back.
+    pub summaries: Vec<Value>,
+    /// What each of them went through.
+    pub frames: Vec<EvaluatedFrames>,
+    /// How long each took.
+    pub times: Vec<Value>,
+    /// The file with the results, once there is one.
+    results: Option<Results>,
+}
+
 impl Host {
     /// `pdk.evaluate`: the offline loop.
     pub(crate) fn evaluate(&mut self, request: Value) -> Result<Value> {
@@ -35,26 +48,32 @@ impl Host {
             self.note_files(kind, &component)?;
         }
         let catalog = self.session.catalog();
-        self.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;
-        self.in_use.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
-        self.in_use.add_perturbations(catalog, &cells)?;
+        self.record.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;
+        self.record.in_use.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
+        self.record.in_use.add_perturbations(catalog, &cells)?;
         self.begin()?;
-        let results = match &mut self.results {
+        let results = match &mut self.evaluations.results {
             Some(results) => results,
             None => {
-                let folder = self.directory.as_ref().map(RunDirectory::path).unwrap_or(Path::new(""));
-                self.results.insert(Results::open(&folder.join(RESULTS))?)
+                let folder = self.record.directory.as_ref().map(RunDirectory::path).unwrap_or(Path::new(""));
+                self.evaluations.results.insert(Results::open(&folder.join(RESULTS))?)
             }
         };
         let frames = frames.unwrap_or(usize::MAX).min(available);
-        let (shard, number) = (self.common.shard, self.evaluations.len() as u64);
+        let (shard, number) = (self.setup.common.shard, self.evaluations.summaries.len() as u64);
         let own = shard.map_or(frames, |shard| shard.own(frames).count());
-        self.evaluated
+        self.evaluations
+            .frames
             .push(EvaluatedFrames { frames, cells: cells.iter().map(ToString::to_string).collect() });
-        let bar = Progress::new(self.audience, "{pos}/{len} frames, {eta} left");
+        let bar = Progress::new(self.setup.audience, "{pos}/{len} frames, {eta} left");
         bar.add(own as u64);
         let job = evaluation::Job {
-            evaluation: Evaluation { dataset: reader, driver, perturbations: cells, seed: self.common.seed },
+            evaluation: Evaluation {
+                dataset: reader,
+                driver,
+                perturbations: cells,
+                seed: self.setup.common.seed,
+            },
             frames,
             shard,
             number,
@@ -66,17 +85,17 @@ impl Host {
         bar.finish();
         let (summary, performance) = evaluated?;
         for bad in &summary.bad_frames {
-            self.warnings.push(format!("{} was left out: {}", bad.frame, bad.error));
+            self.account.warnings.push(format!("{} was left out: {}", bad.frame, bad.error));
         }
         let summary = serde_json::to_value(summary)?;
-        self.evaluations.push(summary.clone());
+        self.evaluations.summaries.push(summary.clone());
         if performance.perturbed_frames > 0 {
-            self.speed.push(format!(
+            self.account.speed.push(format!(
                 "{} perturbed frames in {:.1} s: {:.0} a second",
                 performance.perturbed_frames, performance.wall_seconds, performance.frames_per_second
             ));
         }
-        self.evaluation_times.push(serde_json::to_value(performance)?);
+        self.evaluations.times.push(serde_json::to_value(performance)?);
         Ok(summary)
     }
 

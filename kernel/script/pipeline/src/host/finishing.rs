@@ -1,24 +1,20 @@
 //! The end of a run: what is left is taken, and the record is completed.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
+use std::collections::BTreeSet;
 use std::time::SystemTime;
 
 use pdk_loop::stages::LoopTimes;
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Cause;
-use pdk_model::scenario::ScenarioId;
 use pdk_record::directory::{PERFORMANCE, SHARD, SUMMARY};
-use pdk_record::ledger::Line;
 use pdk_record::merge::ShardList;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::interrupt::{self, Wish};
-use pdk_session::session::Ticket;
 use serde_json::json;
 
 use super::driving::{components, stop_if_dropped};
-use super::{Finished, Host, Submitted, Summary};
+use super::{Finished, Host, Summary};
 
 impl Host {
     /// Completes the record after the pipeline has come to its end, or to an error. Of several failures the first in this
@@ -29,15 +25,10 @@ impl Host {
             true => self.take_rest(),
             false => Ok(()),
         };
-        self.progress.finish();
-        let own = |(ticket, outcome): (&Ticket, &Result<Option<Arc<Line>>>)| match outcome {
-            Ok(Some(line)) => Some((self.submitted.get(ticket)?.clone(), Arc::clone(line))),
-            _ => None,
-        };
-        let outcomes = self.outcomes.iter().filter_map(own).collect();
-        // A scenario that was asked for several times is one.
-        let (all, failed) = (self.numbers.len(), self.failed());
-        let summary = Summary { outcomes, evaluations: std::mem::take(&mut self.evaluations) };
+        self.frames.finish();
+        let (all, failed) = (self.scenarios.count(), self.scenarios.failed());
+        let outcomes = self.scenarios.lines();
+        let summary = Summary { outcomes, evaluations: std::mem::take(&mut self.evaluations.summaries) };
         let whole = script.is_ok() && rest.is_ok();
         let written =
             self.complete(&summary).and_then(|()| if whole { self.complete_part() } else { Ok(()) });
@@ -47,13 +38,15 @@ impl Host {
                 troubles.push(trouble);
             }
         }
-        if !self.kept.is_empty() {
-            self.speed
-                .insert(0, format!("{} of {all} scenarios were in the record already", self.kept.len()));
+        if !self.scenarios.kept.is_empty() {
+            self.account.speed.insert(
+                0,
+                format!("{} of {all} scenarios were in the record already", self.scenarios.kept.len()),
+            );
         }
-        self.settled.sort();
-        for (parameter, value) in &self.settled {
-            self.speed.push(format!("{parameter}: {value}"));
+        self.components.settled.sort();
+        for (parameter, value) in &self.components.settled {
+            self.account.speed.push(format!("{parameter}: {value}"));
         }
         let scenarios = failed.first().map(|first| {
             Error::new(match all {
@@ -69,65 +62,48 @@ impl Host {
                 "{first}; what was recorded is kept, but what was computed in the same process before may be wrong"
             ))
         });
-        self.warnings.extend(troubles.into_iter().skip(1));
+        self.account.warnings.extend(troubles.into_iter().skip(1));
         let overrides = self.check_overrides().err();
         // Also where the script made something else of it.
-        let undriven = self.outcomes.values().find_map(|outcome| outcome.as_ref().err().cloned());
+        let undriven = self.scenarios.outcomes.values().find_map(|outcome| outcome.as_ref().err().cloned());
         let failures = [script.err(), rest.err(), undriven, written.err(), scenarios, trouble, overrides];
         Finished {
-            record: self.directory.as_ref().map(|directory| directory.path().to_owned()),
+            record: self.record.directory.as_ref().map(|directory| directory.path().to_owned()),
             summary,
-            speed: self.speed,
-            warnings: self.warnings,
+            speed: self.account.speed,
+            warnings: self.account.warnings,
             failure: failures.into_iter().flatten().next(),
         }
-    }
-
-    /// The scenarios in which a component failed, in the order of submission, each once, without those whose outcomes were
-    /// handed to the program.
-    fn failed(&self) -> Vec<String> {
-        let mut failed = BTreeMap::new();
-        for (ticket, line) in &self.outcomes {
-            if let (Ok(Some(line)), Some(Submitted { number, name, .. })) = (line, self.submitted.get(ticket))
-                && line.outcome.cause == Cause::Error
-                && !self.handed_over.contains(number)
-                && let Some(error) = &line.outcome.error
-            {
-                failed.entry(*number).or_insert_with(|| format!("scenario {number} `{name}`: {error}"));
-            }
-        }
-        failed.into_values().collect()
     }
 
     /// How components went wrong when they were made although a scenario went well with them, as one does that crashes only when it
     /// is dropped.
     fn unnoticed(&self) -> Vec<String> {
-        if self.fatal.is_empty() {
+        if self.components.fatal.is_empty() {
             return Vec::new();
         }
         let spec = |component: &ComponentSpec| serde_json::to_string(component).unwrap_or_default();
         let mut good = BTreeSet::new();
-        let lines = self.outcomes.values().flatten().flatten();
+        let lines = self.scenarios.outcomes.values().flatten().flatten();
         for line in lines.filter(|line| line.outcome.cause != Cause::Error) {
             good.insert((Kind::Simulator, spec(&line.scenario.simulator)));
             good.insert((Kind::Driver, spec(&line.scenario.driver)));
             let perturbations = components(&line.scenario.perturbations);
             good.extend(perturbations.iter().map(|component| (Kind::Perturbation, spec(component))));
         }
-        let of_good = self.fatal.iter().filter(|(component, _)| good.contains(*component));
+        let of_good = self.components.fatal.iter().filter(|(component, _)| good.contains(*component));
         of_good.map(|(_, error)| error.to_string()).collect()
     }
 
     /// Takes the outcomes that nobody has waited for: all where the script came to its end, and what was in flight where the user
     /// interrupted it. After an error of the script there is nobody who wants them.
     fn take_rest(&mut self) -> Result<()> {
-        let mut rest: BTreeSet<Ticket> =
-            self.submitted.keys().filter(|ticket| !self.outcomes.contains_key(ticket)).copied().collect();
+        let mut rest = self.scenarios.rest();
         let mut result = Ok(());
         while let Some(ticket) = self.take_next(&rest)? {
             stop_if_dropped()?;
             rest.remove(&ticket);
-            if let Some(Err(error)) = self.outcomes.get(&ticket) {
+            if let Some(Err(error)) = self.scenarios.outcomes.get(&ticket) {
                 result = result.and(Err(error.clone()));
             }
         }
@@ -136,12 +112,11 @@ impl Host {
 
     /// Notes in the record of a part which scenarios the whole run has, so that parts which went different ways are not put together.
     fn complete_part(&mut self) -> Result<()> {
-        let (Some(directory), Some(shard)) = (&self.directory, self.common.shard) else { return Ok(()) };
-        let mut all: Vec<(&usize, &ScenarioId)> =
-            self.numbers.iter().map(|(id, number)| (number, id)).collect();
-        all.sort_unstable();
-        let scenarios: Vec<ScenarioId> = all.into_iter().map(|(_, id)| *id).collect();
-        let evaluations = std::mem::take(&mut self.evaluated);
+        let (Some(directory), Some(shard)) = (&self.record.directory, self.setup.common.shard) else {
+            return Ok(());
+        };
+        let scenarios = self.scenarios.ids();
+        let evaluations = std::mem::take(&mut self.evaluations.frames);
         let own = |all: usize| shard.own(all).count();
         let frames = evaluations.iter().map(|evaluation| evaluation.frames);
         let parts = [
@@ -150,26 +125,26 @@ impl Host {
         ];
         let parts = parts.iter().filter(|(_, all, _)| *all > 0);
         let parts: Vec<String> = parts.map(|(own, all, what)| format!("{own} of {all} {what}")).collect();
-        self.speed.push(format!("part {shard} of the run: {}", parts.join(", ")));
+        self.account.speed.push(format!("part {shard} of the run: {}", parts.join(", ")));
         directory.write_json(SHARD, &ShardList { shard, scenarios, evaluations })
     }
 
     fn complete(&mut self, summary: &Summary) -> Result<()> {
-        let Some(directory) = &self.directory else { return Ok(()) };
+        let Some(directory) = &self.record.directory else { return Ok(()) };
         self.session.finish()?;
         directory.write_json(SUMMARY, summary)?;
         let total = self.session.performance();
-        self.warnings.extend(total.noticed());
+        self.account.warnings.extend(total.noticed());
         let stages = total.times.summary();
         // The times of the process that drove are worth more than those of one that did not.
         if stages.steps == 0
-            && self.evaluation_times.is_empty()
+            && self.evaluations.times.is_empty()
             && directory.path().join(PERFORMANCE).is_file()
         {
             return Ok(());
         }
         if stages.overruns > 0 {
-            self.warnings.push(format!(
+            self.account.warnings.push(format!(
                 "{} of {} steps in real time took longer than a frame lasts; {PERFORMANCE} has the times of the stages",
                 stages.overruns, stages.steps
             ));
@@ -177,7 +152,7 @@ impl Host {
         let drive = (stages.steps > 0).then(|| {
             let (wall, LoopTimes { steps, .. }) = (total.wall_seconds, &stages);
             let (rate, factor) = (*steps as f64 / wall, total.simulated_seconds / wall);
-            self.speed.push(format!(
+            self.account.speed.push(format!(
                 "{steps} frames in {wall:.1} s: {rate:.0} a second, {factor:.1} times real time"
             ));
             json!({
@@ -185,9 +160,10 @@ impl Host {
                 "real_time_factor": factor, "stages": stages,
             })
         });
-        let started = self.started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
+        let started =
+            self.account.started.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs();
         let performance = json!({
-            "started_unix_seconds": started, "drive": drive, "evaluations": self.evaluation_times,
+            "started_unix_seconds": started, "drive": drive, "evaluations": self.evaluations.times,
         });
         directory.write_json(PERFORMANCE, &performance)
     }

@@ -11,6 +11,15 @@ use super::{BegunSearch, Host};
 use crate::naming::run_name;
 use crate::tables;
 
+/// The searches of a run.
+#[derive(Default)]
+pub(super) struct Searches {
+    /// How many were begun.
+    begun: u64,
+    /// The session of the process of a strategy, between two searches.
+    strategist: Option<Session>,
+}
+
 impl Host {
     /// Begins a search with a strategy: a component, which gets a session of one worker on this machine that it has to itself, or
     /// none.
@@ -20,8 +29,8 @@ impl Host {
         strategy: Option<&ComponentSpec>,
     ) -> Result<BegunSearch> {
         self.refuse_part("pdk.search decides by outcomes what to drive next")?;
-        let number = self.searches;
-        self.searches += 1;
+        let number = self.searches.begun;
+        self.searches.begun += 1;
         let name = match (name, number) {
             (Some(name), _) => name.to_owned(),
             (None, 0) => "search".to_owned(),
@@ -33,22 +42,28 @@ impl Host {
             catalog.check(Kind::Search, &strategy.name, &strategy.parameters)?;
             self.note_files(Kind::Search, strategy)?;
             let catalog = self.session.catalog();
-            self.in_use.add(catalog, Kind::Search, &strategy.name, &strategy.parameters, Vec::new())?;
+            self.record.in_use.add(
+                catalog,
+                Kind::Search,
+                &strategy.name,
+                &strategy.parameters,
+                Vec::new(),
+            )?;
         }
         self.begin()?;
         let session = match strategy {
             None => None,
-            Some(_) => Some(match self.strategist.take() {
+            Some(_) => Some(match self.searches.strategist.take() {
                 Some(session) => session,
                 None => Session::start(Options {
-                    run: format!("{}-search{number}", run_name(&self.pipeline.path)),
+                    run: format!("{}-search{number}", run_name(&self.setup.pipeline.path)),
                     pool: Pool::Here(1),
-                    limits: self.common.limits,
-                    search: self.search.clone(),
+                    limits: self.setup.common.limits(),
+                    search: self.setup.search.clone(),
                 })?,
             }),
         };
-        Ok(BegunSearch { name, number, seed: self.common.seed, slots: self.session.slots(), session })
+        Ok(BegunSearch { name, number, seed: self.setup.common.seed, slots: self.session.slots(), session })
     }
 
     /// Ends a search: its files go into the record, and its session is kept for the next one.
@@ -59,8 +74,8 @@ impl Host {
         table: &str,
         session: Option<Session>,
     ) -> Result<()> {
-        self.strategist = session.or(self.strategist.take());
-        if let Some(directory) = &self.directory {
+        self.searches.strategist = session.or(self.searches.strategist.take());
+        if let Some(directory) = &self.record.directory {
             directory.write_json(&format!("{name}.json"), found)?;
             directory.write_text(&format!("{name}.csv"), table)?;
         }
@@ -69,7 +84,7 @@ impl Host {
 
     /// Says no where only a part of the run is wanted, because of `reason`.
     fn refuse_part(&self, reason: &str) -> Result<()> {
-        match self.common.shard {
+        match self.setup.common.shard {
             None => Ok(()),
             Some(_) => Err(Error::of(
                 ErrorKind::Configuration,

@@ -6,8 +6,8 @@ use pdk_record::ledger::Line;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 use serde_json::Value;
 
-use super::Submitted;
 use super::driving::outcome_row;
+use super::scenarios::Submitted;
 
 /// The table at the end of a run. A scenario that was submitted often has many rows, so they are made one by one while it is written.
 #[derive(Debug, Clone)]

@@ -1,9 +1,8 @@
 //! What is done to frames: perturbations and where and when they are applied.
 
-use pdk_components::modifiers::{
-    ATTENTION as APPLIED_ATTENTION, DRAWS, PROBABILITY, REGION as APPLIED_REGION, WHERE,
-};
-use pdk_lua::ApiRecord;
+use pdk_lua::{ApiField, ApiRecord};
+use pdk_model::described::{count, joined};
+use pdk_model::perturbation::{MODIFIERS, Modifier};
 
 use super::field;
 
@@ -91,23 +90,25 @@ pub(super) const ATTENTION: ApiRecord = ApiRecord {
     ],
 };
 
+const NAME: &[ApiField] = &[field("name", "string", "Its name.")];
+const PARAMETERS: &[ApiField] = &[field("[string]", "any", "Its parameters.")];
+
+/// The modifiers as fields of a table.
+const OF_MODIFIERS: [ApiField; MODIFIERS.len()] = {
+    let mut fields = [field("", "", ""); MODIFIERS.len()];
+    let mut place = 0;
+    while place < MODIFIERS.len() {
+        let Modifier { name, luau_type, doc, .. } = MODIFIERS[place];
+        fields[place] = field(name, luau_type, doc);
+        place += 1;
+    }
+    fields
+};
+const APPLIED_FIELDS: &[&[ApiField]] = &[NAME, &OF_MODIFIERS, PARAMETERS];
+
 pub(super) const APPLIED: ApiRecord = ApiRecord {
     name: "AppliedPerturbation",
-    doc: "A perturbation at an intensity with parameters, which stand beside the name. A text such as `\"contrast@2\"` \
-          does as well.",
-    fields: &[
-        field("name", "string", "Its name."),
-        field(
-            "level",
-            "(number | Schedule | ((time: number) -> number))?",
-            "Its intensity: 0 to 4, any number in between, or a course of such numbers over time in seconds. 2 where it \
-             is left out. A function is evaluated for every frame when the request is made.",
-        ),
-        field(PROBABILITY.name, "number?", PROBABILITY.doc),
-        field(APPLIED_REGION.name, "Region?", APPLIED_REGION.doc),
-        field(WHERE.name, "Selection?", WHERE.doc),
-        field(APPLIED_ATTENTION.name, "(string | Attention)?", APPLIED_ATTENTION.doc),
-        field(DRAWS.name, "(\"per_frame\" | \"per_sequence\")?", DRAWS.doc),
-        field("[string]", "any", "Its parameters."),
-    ],
+    doc: "A perturbation at an intensity with parameters, which stand beside the name. A text such as `\"NAME@2\"` \
+          does as well. A level that is left out is 2; one that is a function is evaluated for every frame when the request is made.",
+    fields: &joined::<{ count(APPLIED_FIELDS) }>(APPLIED_FIELDS),
 };

@@ -1,8 +1,12 @@
 //! Driving scenarios: what is asked for and what came of it.
 
-use pdk_lua::ApiRecord;
+use pdk_lua::{ApiField, ApiRecord};
+use pdk_model::described::{count, joined, picked};
+use pdk_model::outcome::{Measures, Outcome};
+use pdk_model::scenario::Scenario;
 
 use super::field;
+use crate::requests::SHARED;
 
 pub(super) const FAILURE_CRITERIA: ApiRecord = ApiRecord {
     name: "FailureCriteria",
@@ -38,158 +42,70 @@ pub(super) const FAILURE_CRITERIA: ApiRecord = ApiRecord {
     ],
 };
 
+/// What a pipeline can say about a scenario besides what decides its outcome.
+const BESIDES: &[ApiField] = &[
+    field("name", "string?", "What it is called in tables; named after its perturbations if it is left out."),
+    field(
+        "images_every",
+        "number?",
+        "Every how many frames an image goes into the trace: 6 if it is left out, 0 for none. Of a scenario that fails, \
+         the last frame goes there too, and those one and two seconds before if no image of them is there.",
+    ),
+];
+
+const SCENARIO_FIELDS: &[&[ApiField]] = &[Scenario::FIELDS, BESIDES];
+const OF_SCENARIO: [ApiField; count(SCENARIO_FIELDS)] = joined(SCENARIO_FIELDS);
+
 pub(super) const SCENARIO: ApiRecord = ApiRecord {
     name: "Scenario",
-    doc: "A road, perturbations with intensities, a seed and a duration.",
-    fields: &[
-        field(
-            "name",
-            "string?",
-            "What it is called in tables; named after its perturbations where it is left out.",
-        ),
-        field(
-            "road",
-            "any",
-            "The road in the simulator's own terms; the simulator's default where it is left out.",
-        ),
-        field(
-            "perturbations",
-            "{ string | AppliedPerturbation }?",
-            "Applied to every frame, one after the other.",
-        ),
-        field(
-            "duration",
-            "number?",
-            "The time limit in seconds of simulation time; that of the request where it is left out.",
-        ),
-        field(
-            "seed",
-            "number?",
-            "The seed of all that is drawn, by the simulator and the perturbations. Where it is left out, it follows from the \
-             run's seed, the road and `repeat`: so perturbations and levels are compared under the same luck.",
-        ),
-        field(
-            "[\"repeat\"]",
-            "number?",
-            "Which drive of the same it is, where it is wanted several times: another one gets luck of its own. 0 where it is \
-             left out.",
-        ),
-        field("simulator", "(string | Component)?", "The simulator, where it is not that of the request."),
-        field(
-            "driver",
-            "(string | Component)?",
-            "The driver under test, where it is not that of the request.",
-        ),
-        field(
-            "failure",
-            "FailureCriteria?",
-            "What counts as a failure; what it leaves out is as in the request.",
-        ),
-        field("images_every", "number?", "As in the request."),
-        field("mode", "(\"lockstep\" | \"realtime\")?", "As in the request."),
-    ],
+    doc: "A road, perturbations with intensities, a seed and a duration. What it leaves out is as in the request.",
+    fields: &OF_SCENARIO,
 };
 
-pub(super) const SESSION_REQUEST: ApiRecord = ApiRecord {
+const OF_REQUEST: [ApiField; SHARED.len()] = picked(&OF_SCENARIO, SHARED);
+
+pub(crate) const SESSION_REQUEST: ApiRecord = ApiRecord {
     name: "SessionRequest",
-    doc: "What `pdk.session` takes: what scenarios have where they do not say it themselves.",
-    fields: &[
-        field("simulator", "(string | Component)?", "The simulator."),
-        field("driver", "(string | Component)?", "The driver under test."),
-        field(
-            "duration",
-            "number?",
-            "The time limit of a scenario in seconds of simulation time; 30 where it is left out.",
-        ),
-        field("failure", "FailureCriteria?", "What counts as a failure."),
-        field(
-            "images_every",
-            "number?",
-            "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none.",
-        ),
-        field(
-            "mode",
-            "(\"lockstep\" | \"realtime\")?",
-            "Whether the simulator waits for the driver, as it does where this is left out and it can.",
-        ),
-    ],
+    doc: "What `pdk.session` takes: what scenarios have if they do not say it themselves.",
+    fields: &OF_REQUEST,
 };
+
+const DRIVE_FIELDS: &[&[ApiField]] = &[&[field("scenarios", "{ Scenario }", "What to drive.")], &OF_REQUEST];
 
 pub(super) const DRIVE_REQUEST: ApiRecord = ApiRecord {
     name: "DriveRequest",
-    doc: "What `pdk.drive` takes.",
-    fields: &[
-        field("simulator", "string | Component", "The simulator."),
-        field("driver", "string | Component", "The driver under test."),
-        field("scenarios", "{ Scenario }", "What to drive."),
-        field(
-            "duration",
-            "number?",
-            "The time limit of a scenario in seconds of simulation time; 30 where it is left out.",
-        ),
-        field("failure", "FailureCriteria?", "What counts as a failure."),
-        field(
-            "images_every",
-            "number?",
-            "Every how many frames an image goes into the trace: 6 where it is left out, 0 for none. Of a scenario that fails, \
-             the last frame goes there too, and those one and two seconds before where no image is.",
-        ),
-        field(
-            "mode",
-            "(\"lockstep\" | \"realtime\")?",
-            "Whether the simulator waits for the driver, as it does where this is left out and it can, or goes on by the clock.",
-        ),
-    ],
+    doc: "What `pdk.drive` takes: scenarios, and what they have if they do not say it themselves.",
+    fields: &joined::<{ count(DRIVE_FIELDS) }>(DRIVE_FIELDS),
+};
+
+/// What scripts know about an outcome besides its own fields.
+const SUBMITTED: &[ApiField] = &[
+    field("number", "number", "The number of the scenario in its run, from 0."),
+    field("id", "string", "What tells the scenario from every other; the same one has it in every run."),
+    field("name", "string", "The name of the scenario."),
+];
+
+/// What follows from the cause of an outcome, and stands behind it.
+const VERDICT: &[ApiField] = &[field(
+    "verdict",
+    "\"passed\" | \"unsafe\" | \"stopped\" | \"late\" | \"void\"",
+    "What that says about the driver: it reached the end; it left its lane or hit something; it stood still; it was too \
+     slow to reach the end in time; nothing, because a component failed or it is driven elsewhere.",
+)];
+
+const OUTCOME_FIELDS: &[&[ApiField]] = {
+    let (before, after) = Outcome::FIELDS.split_at(2);
+    &[SUBMITTED, before, VERDICT, after]
 };
 
 pub(super) const OUTCOME: ApiRecord = ApiRecord {
     name: "Outcome",
     doc: "What happened in a scenario.",
-    fields: &[
-        field("number", "number", "The number of the scenario in its run, from 0."),
-        field("id", "string", "What tells the scenario from every other; the same one has it in every run."),
-        field("name", "string", "The name of the scenario."),
-        field("success", "boolean", "Whether the end of the road was reached."),
-        field(
-            "cause",
-            "\"finished\" | \"lane_departure\" | \"collision\" | \"no_progress\" | \"time_out\" | \"error\" | \"elsewhere\"",
-            "How it ended; `elsewhere` where another part of the run drives it (`--shard`).",
-        ),
-        field(
-            "verdict",
-            "\"passed\" | \"unsafe\" | \"stopped\" | \"late\" | \"void\"",
-            "What that says about the driver: it reached the end; it left its lane or hit something; it stood still; it was too \
-             slow to reach the end in time; nothing, because a component failed or it is driven elsewhere.",
-        ),
-        field("error", "string?", "What failed, where a component did."),
-        field("time", "number", "Simulation time at the end in seconds."),
-        field("frames", "number", "Frames that were driven."),
-        field("skipped_frames", "number", "In real time: frames that the driver was too slow to see."),
-        field("progress", "number", "The share of the road that was driven, 0 to 1."),
-        field(
-            "mean_cross_track_error",
-            "number",
-            "Mean absolute cross-track error over all frames in metres. Drives that were cut short are not comparable in it.",
-        ),
-        field("max_cross_track_error", "number", "Largest absolute cross-track error in metres."),
-        field("measures", "Measures?", "What else was measured; nothing where a component failed before."),
-        field("digest", "string", "A hash of every frame that the driver saw and every control it gave."),
-    ],
+    fields: &joined::<{ count(OUTCOME_FIELDS) }>(OUTCOME_FIELDS),
 };
 
 pub(super) const MEASURES: ApiRecord = ApiRecord {
     name: "Measures",
     doc: "What is measured of a drive besides its end.",
-    fields: &[
-        field("over_line_from", "number?", "When a wheel was over the line first, in seconds."),
-        field("over_line_seconds", "number", "For how many seconds a wheel was over the line."),
-        field("rms_lateral_acceleration", "number", "Root mean square of speed times yaw rate, in m/s²."),
-        field("max_lateral_acceleration", "number", "The largest of these."),
-        field(
-            "rms_jerk",
-            "number",
-            "Root mean square of the change of the acceleration along and across, in m/s³.",
-        ),
-        field("max_jerk", "number", "The largest of these."),
-    ],
+    fields: Measures::FIELDS,
 };

@@ -101,7 +101,7 @@ impl Request {
         let read = || -> Result<Self> {
             let plain = from_lua(&LuaValue::Table(plain), PLACE)?;
             let own = ["name", "space", "objectives", "reference", "strategy", "stop", "seed"];
-            let known: Vec<&str> = SHARED.into_iter().chain(own).collect();
+            let known: Vec<&str> = SHARED.iter().copied().chain(own).collect();
             let mut fields = Fields::new(PLACE, plain, &known)?;
             let space = Space { variables: variables(fields.needed("space")?)?, constraints: linear };
             space.check().map_err(|error| error.at(PLACE))?;

@@ -37,6 +37,7 @@ mod road;
 mod run;
 mod saliency;
 mod session;
+mod settings;
 mod show;
 mod shrink;
 mod worker;

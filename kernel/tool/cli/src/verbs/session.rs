@@ -8,7 +8,7 @@ use pdk_pipeline::{remote, run};
 use pdk_sdk::error::Result;
 
 use super::Global;
-use super::run::Settings;
+use super::settings::Settings;
 
 /// Arguments of `pdk session`
 #[derive(clap::Args)]

@@ -1,0 +1,28 @@
+//! What a run is made with.
+
+use std::path::PathBuf;
+
+use pdk_components::search_path::SearchPath;
+use pdk_record::manifest::{Module, Pipeline};
+
+use crate::follow::Audience;
+use crate::run_settings::RunSettings;
+use crate::settings::Override;
+
+/// What was given at the start of a run.
+pub struct Setup {
+    /// The pipeline.
+    pub pipeline: Pipeline,
+    /// Tells which modules were required so far.
+    pub modules: Box<dyn Fn() -> Vec<Module> + Send>,
+    /// The folders that `--plugins` and `--overlays` named, for the manifest.
+    pub given: (Vec<PathBuf>, Vec<PathBuf>),
+    /// Where components are looked for.
+    pub search: SearchPath,
+    /// The settings that every run has.
+    pub common: RunSettings,
+    /// What `--set` puts in the place of the pipeline's own settings.
+    pub overrides: Vec<Override>,
+    /// Who follows the run.
+    pub audience: Audience,
+}

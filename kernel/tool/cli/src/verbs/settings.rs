@@ -1,0 +1,84 @@
+//! What is set for a run on the command line: `--set` for the settings of its pipeline and of every run, and a flag for each of the latter.
+
+use std::ffi::OsString;
+
+use clap::builder::{OsStringValueParser, TypedValueParser};
+use clap::{Arg, ArgAction, ArgMatches, Command};
+use pdk_pipeline::follow::Audience;
+use pdk_pipeline::run::Options;
+use pdk_pipeline::run_settings::{RUN_SETTINGS, RunSettings, Setting};
+use pdk_pipeline::settings::Override;
+use pdk_sdk::error::Result;
+
+use super::Global;
+
+const SET: &str = "set";
+
+/// What is set for any pipeline.
+pub struct Settings {
+    overrides: Vec<Override>,
+    flags: Vec<(&'static Setting, OsString)>,
+}
+
+impl Settings {
+    /// How a pipeline is run with these settings. A flag counts more than `--set`.
+    ///
+    /// # Errors
+    /// If a setting cannot have its value.
+    pub fn options(&self, global: &Global, audience: Audience) -> Result<Options> {
+        let (mut common, overrides) = RunSettings::read(self.overrides.clone())?;
+        for (setting, value) in &self.flags {
+            common.set(setting, value)?;
+        }
+        Ok(Options { common, overrides, search: global.search_path(), audience })
+    }
+}
+
+impl clap::Args for Settings {
+    fn augment_args(command: Command) -> Command {
+        let set = Arg::new(SET)
+            .long(SET)
+            .value_name("KEY=VALUE")
+            .help("Put a value in the place of a setting's default; dots lead into tables")
+            .action(ArgAction::Append)
+            .value_parser(clap::value_parser!(Override));
+        command.arg(set).args(RUN_SETTINGS.iter().map(flag))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl clap::FromArgMatches for Settings {
+    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
+        let overrides = matches.get_many::<Override>(SET).into_iter().flatten().cloned().collect();
+        let given = |setting: &'static Setting| {
+            let value = match setting.value_name {
+                Some(_) => matches.get_one::<OsString>(setting.name).cloned(),
+                None => matches.get_flag(setting.name).then(|| OsString::from("true")),
+            };
+            value.map(|value| (setting, value))
+        };
+        Ok(Self { overrides, flags: RUN_SETTINGS.iter().filter_map(given).collect() })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> std::result::Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// The flag of a setting of every run.
+fn flag(setting: &'static Setting) -> Arg {
+    let mut flag = Arg::new(setting.name).long(setting.flag()).help(setting.help());
+    for (short, alias) in setting.also {
+        flag = flag.short(*short).alias(*alias);
+    }
+    match setting.value_name {
+        Some(name) => flag
+            .value_name(name)
+            .value_parser(OsStringValueParser::new().try_map(|value| setting.check(&value).map(|()| value))),
+        None => flag.action(ArgAction::SetTrue),
+    }
+}
