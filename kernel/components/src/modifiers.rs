@@ -57,17 +57,17 @@ pub const WHERE: Modifier = Modifier {
               A map is made of every frame, of one in `every`, or whenever a frame differs from that of the \
               last map by more than `change` on average, of 255; with `follow` it moves with the image until the next one. `close` closes gaps, `smallest` leaves out spots of fewer \
               pixels, and `soft` blends the edges, all in pixels. \
-              `label` is what a simulator's own labels say that pixels show, such as those of `lane`, `nearer` and `farther` are distances in metres along the \
+              `label` is what a simulator's own labels say that pixels show, `nearer` and `farther` are distances in metres along the \
               camera's axis, from a simulator that knows them, and `mask` is a component that \
               `pdk list mask` names, or a Lua file of one's own. Together with `region`, what both leave is perturbed.",
     examples: &[
-        r#"{"top":20,"by":"hirescam,model=FILE.onnx"}"#,
-        r#"{"bottom":20,"by":"rise,model=FILE.onnx","every":10,"follow":true,"soft":3}"#,
+        r#"{"top":20,"by":"METHOD,model=FILE.onnx"}"#,
+        r#"{"bottom":20,"by":"METHOD,model=FILE.onnx","every":10,"follow":true,"soft":3}"#,
         r#"{"random":20}"#,
         r#"{"label":["road","vehicle"]}"#,
         r#"{"farther":20,"nearer":60}"#,
-        r#"{"mask":"segmentation,model=FILE.onnx,classes=7"}"#,
-        r#"{"above":0.5,"by":"grad-cam,model=FILE.onnx,layer=conv_5","close":2,"smallest":30}"#,
+        r#"{"mask":"MASK,model=FILE.onnx,classes=7"}"#,
+        r#"{"above":0.5,"by":"METHOD,model=FILE.onnx,layer=conv_5","close":2,"smallest":30}"#,
     ],
 };
 
@@ -77,10 +77,7 @@ pub const ATTENTION: Modifier = Modifier {
     doc: "The saliency maps that the perturbation itself follows, for those that do, such as drops that are born where a map is high.",
     details: "A saliency method with its parameters, or a table of such a method as `by` and of `every`, `change` and `follow`, as \
               for `where`. `pdk show NAME` says whether a perturbation follows maps, and how.",
-    examples: &[
-        r#""hirescam,model=FILE.onnx""#,
-        r#"{"by":"hirescam,model=FILE.onnx","every":5,"follow":true}"#,
-    ],
+    examples: &[r#""METHOD,model=FILE.onnx""#, r#"{"by":"METHOD,model=FILE.onnx","every":5,"follow":true}"#],
 };
 
 /// Says what is drawn when.

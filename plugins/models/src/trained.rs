@@ -25,6 +25,7 @@ macro_rules! networks {
                 fn description() -> Description {
                     Description::driver($name, $doc)
                         .family("network")
+                        .network()
                         .source("DAVE-2: Bojarski et al., End to End Learning for Self-Driving Cars, 2016")
                         .parameter(engine::parameter())
                         .blake3($hash)

@@ -38,7 +38,7 @@ def written(value, what):
         raise error("configuration", f"{what} cannot be handed to pdk: {wrong}") from None
 
 
-def arguments(*, settings, out, seed, workers, pool, patience, memory, shard, keep_errors, plugins, overlays):
+def arguments(*, settings, out, seed, workers, pool, patience, memory, shard, keep_errors, plugins, drop_ins):
     """What is set for any run, as arguments of the command."""
     words = []
     for name, value in (settings or {}).items():
@@ -52,7 +52,7 @@ def arguments(*, settings, out, seed, workers, pool, patience, memory, shard, ke
             words += ["--set", f"{name}={value}"]
     if keep_errors:
         words.append("--keep-errors")
-    for name, folders in (("plugins", plugins), ("overlays", overlays)):
+    for name, folders in (("plugins", plugins), ("drop-ins", drop_ins)):
         for folder in [folders] if isinstance(folders, (str, os.PathLike)) else folders:
             words += [f"--{name}", os.fspath(folder)]
     return words

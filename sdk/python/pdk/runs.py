@@ -62,7 +62,7 @@ def run(
     shard: str | None = None,
     keep_errors: bool = False,
     plugins: Paths = (),
-    overlays: Paths = (),
+    drop_ins: Paths = (),
     progress: Progress = False,
 ) -> Record:
     """Runs a pipeline, a file or one that comes with pdk by its name, and returns its `Record`. A pipeline that neither drives nor
@@ -71,7 +71,7 @@ def run(
     `settings` are those of the pipeline, as `--set` sets them. The others are those that every run has: `out` is the folder of the
     record, `workers` how many scenarios are driven at the same time, `pool` a command that provides workers, `patience` how many seconds
     one call of a component may take, `memory` how many MiB a worker may take, `shard` a part of the scenarios such as "3/8";
-    with `keep_errors`, a run that is continued keeps the scenarios in which a component failed. `plugins` and `overlays` are further
+    with `keep_errors`, a run that is continued keeps the scenarios in which a component failed. `plugins` and `drop_ins` are further
     folders with components.
 
     Ctrl-C lets what is under way finish, and records it; a second one drops it.
@@ -87,7 +87,7 @@ def run(
         shard=shard,
         keep_errors=keep_errors,
         plugins=plugins,
-        overlays=overlays,
+        drop_ins=drop_ins,
     )
     program = Program([str(pipeline), *words], progress)
     try:
@@ -134,7 +134,7 @@ class Session:
         shard: str | None = None,
         keep_errors: bool = False,
         plugins: Paths = (),
-        overlays: Paths = (),
+        drop_ins: Paths = (),
         progress: Progress = False,
     ) -> None:
         words = arguments(
@@ -148,7 +148,7 @@ class Session:
             shard=shard,
             keep_errors=keep_errors,
             plugins=plugins,
-            overlays=overlays,
+            drop_ins=drop_ins,
         )
         shared = {
             "simulator": simulator,

@@ -5,5 +5,6 @@
 mod cli;
 mod documents;
 mod installation;
+mod kernel;
 mod python;
 mod shown;

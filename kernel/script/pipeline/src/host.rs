@@ -130,6 +130,8 @@ pub(crate) struct BegunSearch {
     pub seed: u64,
     /// How many scenarios are driven at the same time.
     pub slots: usize,
+    /// Whether the strategy learns nothing.
+    pub baseline: bool,
     /// The session of the strategy, where it is a component.
     pub session: Option<Session>,
 }
@@ -142,7 +144,7 @@ pub struct Parts {
     pub pipeline: Pipeline,
     /// Tells which modules were required so far.
     pub modules: Box<dyn Fn() -> Vec<Module> + Send>,
-    /// The folders that `--plugins` and `--overlays` named.
+    /// The folders that `--plugins` and `--drop-ins` named.
     pub given: (Vec<PathBuf>, Vec<PathBuf>),
     /// Where components are looked for.
     pub search: SearchPath,
@@ -330,7 +332,7 @@ impl Host {
             pipeline: self.pipeline.clone(),
             settings: self.settings.clone().unwrap_or_default(),
             plugins: self.given.0.clone(),
-            overlays: self.given.1.clone(),
+            drop_ins: self.given.1.clone(),
             components: self.in_use.components(),
             files: self.in_use.files(),
             machine: Machine::this(),

@@ -36,6 +36,9 @@ impl Host {
             self.in_use.add(catalog, Kind::Search, &strategy.name, &strategy.parameters, Vec::new())?;
         }
         self.begin()?;
+        let described =
+            strategy.and_then(|strategy| self.session.catalog().get(Kind::Search, &strategy.name).ok());
+        let baseline = described.is_some_and(|entry| entry.description.baseline);
         let session = match strategy {
             None => None,
             Some(_) => Some(match self.strategist.take() {
@@ -48,7 +51,14 @@ impl Host {
                 })?,
             }),
         };
-        Ok(BegunSearch { name, number, seed: self.common.seed, slots: self.session.slots(), session })
+        Ok(BegunSearch {
+            name,
+            number,
+            seed: self.common.seed,
+            slots: self.session.slots(),
+            baseline,
+            session,
+        })
     }
 
     /// Ends a search: its files go into the record, and its session is kept for the next one.

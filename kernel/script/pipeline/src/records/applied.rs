@@ -93,7 +93,7 @@ pub(super) const ATTENTION: ApiRecord = ApiRecord {
 
 pub(super) const APPLIED: ApiRecord = ApiRecord {
     name: "AppliedPerturbation",
-    doc: "A perturbation at an intensity with parameters, which stand beside the name. A text such as `\"contrast@2\"` \
+    doc: "A perturbation at an intensity with parameters, which stand beside the name. A text such as `\"NAME@2\"` \
           does as well.",
     fields: &[
         field("name", "string", "Its name."),
