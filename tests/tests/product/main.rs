@@ -4,6 +4,7 @@
 
 mod cli;
 mod documents;
+mod found;
 mod installation;
 mod kernel;
 mod python;

@@ -5,13 +5,12 @@ use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
-use crate::driver::with_pixels;
+use crate::driver::{self, with_pixels};
 use crate::engine;
 use crate::model_file::{Inputs, Layout, ModelFile, Source};
 use crate::pixels::Pixels;
 use crate::selection::{Selection, Slot};
 use crate::session::Session;
-use crate::trained;
 
 /// A model whose output is explained. One that remembers is asked as at the first frame, when it remembers nothing.
 pub struct Viewer {
@@ -63,7 +62,7 @@ pub fn common_parameters(description: Description) -> Description {
 
 /// Where the model of this name is: in a file, or part of this plugin.
 fn source(name: &str) -> Source {
-    match trained::content(name) {
+    match driver::content(name) {
         Some(content) => Source::BuiltIn(content.into()),
         None => Source::File(name.into()),
     }

@@ -25,8 +25,11 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(wanted).collect();
     if global.json {
         let entries = kinds.iter().flat_map(|kind| catalog.of_kind(*kind));
-        let list: Vec<_> =
-            entries.map(|entry| json!({ "description": entry.description, "file": entry.file })).collect();
+        let list: Vec<_> = entries
+            .map(
+                |entry| json!({ "description": entry.description, "code": entry.code(), "file": entry.file }),
+            )
+            .collect();
         return print_json(&json!(list));
     }
     let mut empty = true;
