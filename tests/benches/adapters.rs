@@ -25,7 +25,6 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
-use pdk_lua::LuaScripts;
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::prelude::*;
 use pdk_tests::beamng::{self, BeamNgGame};
@@ -213,7 +212,7 @@ fn measure_driver(registry: &Registry, what: &str, command: &Value) {
 
 fn main() {
     let search = SearchPath::default();
-    let registry = Registry::discover(&search, Box::new(LuaScripts::new(&search))).unwrap();
+    let registry = pdk_tests::registry(&search);
     println!("added to a frame of {WIDTH}x{HEIGHT}, over {FRAMES} frames:");
     for (what, encoding) in [("donkey, JPEG", "jpg"), ("donkey, PNG", "png")] {
         let port = free_ports(1);

@@ -10,9 +10,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
-use pdk_lua::LuaScripts;
 use pdk_sdk::prelude::*;
 use pdk_tests::test_library;
 use serde_json::Map;
@@ -36,7 +34,7 @@ fn nanoseconds(mut call: impl FnMut(u64)) -> f64 {
 
 fn main() {
     let search = SearchPath { plugins: vec![test_library("misbehave")], ..SearchPath::default() };
-    let registry = Registry::discover(&search, Box::new(LuaScripts::new(&search))).unwrap();
+    let registry = pdk_tests::registry(&search);
     let frame = FrameBuf::new(4, 3);
     let mut target = FrameBuf::new(4, 3);
 

@@ -12,9 +12,7 @@
 
 use std::time::{Duration, Instant};
 
-use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
-use pdk_lua::LuaScripts;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::prelude::*;
 use pdk_tests::pictures;
@@ -43,7 +41,7 @@ fn milliseconds(mut call: impl FnMut(u64)) -> f64 {
 
 fn main() {
     let search = SearchPath::default();
-    let registry = Registry::discover(&search, Box::new(LuaScripts::new(&search))).unwrap();
+    let registry = pdk_tests::registry(&search);
     let picture = pictures::road(WIDTH, HEIGHT, 1);
     let frame = FrameBuf::from_vec(picture.into_raw(), WIDTH as usize, HEIGHT as usize).unwrap();
     let methods: Vec<String> =

@@ -29,7 +29,6 @@ use std::time::{Duration, Instant};
 
 use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
-use pdk_lua::LuaScripts;
 use pdk_model::search::{Evaluated, Problem, Range, Space, Variable};
 use pdk_sdk::seed::Key;
 use pdk_statistics::point::Point;
@@ -52,7 +51,7 @@ fn main() {
             || arguments.iter().any(|argument| argument == part)
     };
     let path = SearchPath::default();
-    let registry = Registry::discover(&path, Box::new(LuaScripts::new(&path))).unwrap();
+    let registry = pdk_tests::registry(&path);
     let problems = list("--problems");
     if wants("fronts") {
         fronts::fronts(&registry, number("--seeds", 31), &problems);

@@ -21,7 +21,6 @@ use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
-use pdk_lua::LuaScripts;
 use pdk_model::component::ComponentSpec;
 use pdk_model::level::Level;
 use pdk_model::perturbation::{AppliedPerturbation, Draws};
@@ -74,7 +73,7 @@ fn size_of(text: &str) -> (usize, usize) {
 
 fn main() {
     let options = Options::read();
-    let registry = Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap();
+    let registry = pdk_tests::registry(&SearchPath::default());
     let (mut cells, mut copies) = (Vec::new(), Map::new());
     for &(width, height) in &options.sizes {
         let size = format!("{width}x{height}");

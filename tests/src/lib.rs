@@ -23,6 +23,9 @@ pub mod tried;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
+use pdk_components::registry::Registry;
+use pdk_components::search_path::SearchPath;
+use pdk_lua::LuaScripts;
 pub use process::{Finished, Pdk};
 
 /// The folder with the built binary and plugins: `target/release`.
@@ -43,6 +46,15 @@ pub fn built(name: &str) -> PathBuf {
     let file = target_folder().join(name);
     assert!(file.is_file(), "{} is missing: run `cargo build --release` first", file.display());
     file
+}
+
+/// All components of pdk, and those that lie in these places besides, loaded into this process.
+///
+/// # Panics
+/// If pdk has not been built.
+pub fn registry(search: &SearchPath) -> Registry {
+    pdk_components::product::set(&pdk_product::PRODUCT);
+    Registry::discover(search, Box::new(LuaScripts::new(search))).unwrap()
 }
 
 /// The library of a built-in plugin by its name in Cargo, such as `pdk_noise`.

@@ -3,6 +3,7 @@
 use pdk_model::attention::Attention;
 use pdk_model::component::ComponentSpec;
 use pdk_model::pace::Pace;
+use pdk_sdk::describe::{Description, Kind, Role};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{EarlierMaps, Frame, FrameBuf, HeatmapMut, Key, MapContext, Saliency};
 
@@ -84,6 +85,7 @@ fn difference(a: Frame<'_>, b: Frame<'_>) -> f64 {
 pub struct Maps {
     method: Box<dyn Saliency>,
     by: ComponentSpec,
+    description: Description,
     /// What messages call the method.
     label: String,
     key: Key,
@@ -103,17 +105,28 @@ impl Maps {
     /// Where there is no such method, or it refuses its parameters.
     pub fn new(registry: &Registry, by: &ComponentSpec, key: Key) -> Result<Self> {
         let (method, _) = registry.saliency(&by.name, &by.parameters)?;
-        Ok(Self::from_method(method, by.clone(), key))
+        let description = registry.catalog().get(Kind::Saliency, &by.name)?.description.clone();
+        Ok(Self::from_method(method, by.clone(), description, key))
     }
 
-    fn from_method(method: Box<dyn Saliency>, by: ComponentSpec, key: Key) -> Self {
+    fn from_method(method: Box<dyn Saliency>, by: ComponentSpec, description: Description, key: Key) -> Self {
         let label = format!("saliency `{}`", by.name);
-        Self { method, by, label, key, line: None, cells: Vec::new(), made: Vec::new(), now: Vec::new() }
+        Self {
+            method,
+            by,
+            description,
+            label,
+            key,
+            line: None,
+            cells: Vec::new(),
+            made: Vec::new(),
+            now: Vec::new(),
+        }
     }
 
     /// What a user should know about the maps that were made.
     pub fn noticed(&self) -> Option<String> {
-        self.line.flatten().map(|line| line.noticed(&self.by))
+        self.line.flatten().map(|line| line.noticed(&self.by, &self.description))
     }
 
     /// Draws from another key.
@@ -167,24 +180,37 @@ impl Line {
     }
 
     /// What a user should know about the maps of a method.
-    pub fn noticed(self, by: &ComponentSpec) -> String {
+    pub fn noticed(self, by: &ComponentSpec, method: &Description) -> String {
+        let parameter = |role| method.with_role(role).map_or("", |parameter| parameter.name.as_str());
+        let (layered, networked) = (parameter(Role::Layer), parameter(Role::Network));
         let text = |name: &str| by.parameters.get(name).and_then(|value| value.as_str()).unwrap_or_default();
         let (line, what) = match self {
             Self::Row => ("row", "near from far"),
             Self::Column => ("column", "left from right"),
         };
-        let layer = match text("layer") {
-            "" => "its default layer".to_owned(),
-            layer => format!("layer `{layer}`"),
+        let layer = match (layered, text(layered)) {
+            ("", _) => String::new(),
+            (_, "") => " by its default layer".to_owned(),
+            (_, layer) => format!(" by layer `{layer}`"),
         };
-        let model = match text("model") {
+        let model = match text(networked) {
             "" => String::new(),
             model => format!(" of model `{model}`"),
         };
+        let mut remedies = Vec::new();
+        if !layered.is_empty() {
+            remedies.push(format!("name a layer that has several in both directions with `{layered}`"));
+        }
+        if !method.finer.is_empty() {
+            remedies.push(format!("use `{}`", method.finer));
+        }
+        if remedies.is_empty() {
+            remedies.push("use another method".to_owned());
+        }
         format!(
-            "the maps of saliency `{}` by {layer}{model} have a single {line} of cells, so they cannot tell {what}; name a layer that has \
-             several in both directions with `layer`, or use `gradient`",
-            by.name
+            "the maps of saliency `{}`{layer}{model} have a single {line} of cells, so they cannot tell {what}; {}",
+            by.name,
+            remedies.join(", or ")
         )
     }
 }
@@ -335,6 +361,8 @@ fn stretch(values: &[f32], [width, height]: [usize; 2], to: [usize; 2], into: &m
 
 #[cfg(test)]
 mod tests {
+    use pdk_sdk::describe::Parameter;
+
     use super::*;
 
     fn pace(every: u64, change: Option<f64>) -> Pace {
@@ -399,6 +427,7 @@ mod tests {
             maps: Maps::from_method(
                 Box::new(Bright),
                 ComponentSpec::parse("saliency method", "bright").unwrap(),
+                Description::saliency("x", "x"),
                 Key([1; 32]),
             ),
             times: Vec::new(),
@@ -440,10 +469,21 @@ mod tests {
         assert_eq!(Line::of(&[0.5; 6], 3), None);
         assert_eq!(Line::of(&[0.1, 0.2], 2), None);
         assert_eq!(Line::of(&[0.1, 0.2], 1), None);
-        let by = ComponentSpec::parse("saliency method", "hirescam,model=a.onnx,layer=conv_4").unwrap();
-        assert!(Line::Row.noticed(&by).starts_with(
-            "the maps of saliency `hirescam` by layer `conv_4` of model `a.onnx` have a single row of cells"
-        ));
+        let by = ComponentSpec::parse("saliency method", "hirescam,net=a.onnx,at=conv_4").unwrap();
+        let method = Description::saliency("hirescam", "x")
+            .parameter(Parameter::path("net", "the network").role(Role::Network))
+            .parameter(Parameter::text("at", "the layer").role(Role::Layer))
+            .finer("gradient");
+        assert_eq!(
+            Line::Row.noticed(&by, &method),
+            "the maps of saliency `hirescam` by layer `conv_4` of model `a.onnx` have a single row of cells, so they cannot tell near \
+             from far; name a layer that has several in both directions with `at`, or use `gradient`"
+        );
+        let by = ComponentSpec::new("marks");
+        assert_eq!(
+            Line::Column.noticed(&by, &Description::saliency("marks", "x")),
+            "the maps of saliency `marks` have a single column of cells, so they cannot tell left from right; use another method"
+        );
     }
 
     #[test]

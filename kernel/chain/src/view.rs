@@ -1,7 +1,7 @@
 //! What a driver's network looks at: a saliency method for the network of a driver, and its maps laid over frames, for people.
 
 use pdk_model::component::ComponentSpec;
-use pdk_sdk::describe::Kind;
+use pdk_sdk::describe::{Kind, Role};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::prelude::{Frame, FrameBuf, Key, Saliency};
 use pdk_sdk::seed;
@@ -11,9 +11,6 @@ use crate::maps::{context, map};
 use crate::moment::Moment;
 use pdk_components::catalog::Catalog;
 use pdk_components::registry::Registry;
-
-/// The method that is used where none is named.
-pub const DEFAULT_METHOD: &str = "hirescam";
 
 /// A saliency method that shows what a network looks at.
 pub struct View {
@@ -49,6 +46,17 @@ impl View {
     }
 }
 
+/// The saliency method that a user names on the command line, or the preferred one if the text is empty.
+///
+/// # Errors
+/// If the text is not a component, or it is empty and no method is preferred.
+pub fn named(catalog: &Catalog, text: &str) -> Result<ComponentSpec> {
+    match text {
+        "" => Ok(ComponentSpec::new(&catalog.preferred(Kind::Saliency)?.description.name)),
+        text => ComponentSpec::parse("saliency method", text),
+    }
+}
+
 /// A method for the network of a driver: the method with the driver's own parameters where it has the same, and with its network.
 ///
 /// # Errors
@@ -61,8 +69,11 @@ pub fn of_driver(catalog: &Catalog, driver: &ComponentSpec, method: &ComponentSp
     };
     let entry = catalog.get(Kind::Driver, &driver.name)?;
     let mut parameters: Map<String, Value> = driver.parameters.clone();
-    if takes("model") && !parameters.contains_key("model") {
-        if entry.base.is_none() && entry.description.family != "network" {
+    if let Some(network) = description.with_role(Role::Network).map(|parameter| parameter.name.as_str())
+        && takes(network)
+        && !parameters.contains_key(network)
+    {
+        if entry.base.is_none() && !entry.description.network {
             return Err(Error::new(format!(
                 "the driver `{}` is not a network, so no saliency method can say what it looks at",
                 driver.name
@@ -71,7 +82,7 @@ pub fn of_driver(catalog: &Catalog, driver: &ComponentSpec, method: &ComponentSp
         // A network that was dropped into a folder, or one that is part of pdk.
         let model =
             entry.base.as_ref().map_or_else(|| driver.name.clone(), |_| entry.file.display().to_string());
-        parameters.insert("model".to_owned(), model.into());
+        parameters.insert(network.to_owned(), model.into());
     }
     parameters.retain(|name, _| takes(name));
     parameters.extend(method.parameters.clone());

@@ -3,8 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
+use pdk_model::component::ComponentSpec;
 use pdk_sdk::config::Config;
-use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::describe::{Description, Kind, ParameterType};
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -45,6 +46,20 @@ impl Entry {
     /// A component that stands for itself, in a file.
     pub fn new(description: Description, file: PathBuf) -> Self {
         Self { description, file, base: None, plugin: None, blake3: None }
+    }
+
+    /// Whether it comes with pdk.
+    pub fn is_built_in(&self) -> bool {
+        self.blake3.is_some() || self.plugin.as_ref().is_some_and(|plugin| plugin.built_in)
+    }
+
+    /// Where its code can be read: for a component that comes with pdk the source file, as a path in the repository; otherwise the
+    /// script or the library.
+    pub fn code(&self) -> &Path {
+        match self.is_built_in() {
+            true => Path::new(&self.description.defined_in),
+            false => &self.file,
+        }
     }
 
     /// Whether it stands for a file that is part of pdk or of a plugin, and this file has the same content.
@@ -108,6 +123,31 @@ impl Catalog {
             let sentence = format!("there is no {kind} `{name}`; {}", suggest::hint(name, known));
             Error::of(ErrorKind::Configuration, sentence)
         })
+    }
+
+    /// The component of a kind that is used if none is named: a built-in one that says so, or else another one.
+    ///
+    /// # Errors
+    /// If no component of the kind says so.
+    pub fn preferred(&self, kind: Kind) -> Result<&Entry> {
+        let said = || self.of_kind(kind).filter(|entry| entry.base.is_none() && entry.description.preferred);
+        said().find(|entry| entry.is_built_in()).or_else(|| said().next()).ok_or_else(|| {
+            let sentence = format!(
+                "no {kind} is there that is used if none is named; name one that `pdk list {kind}` shows"
+            );
+            Error::of(ErrorKind::Configuration, sentence)
+        })
+    }
+
+    /// The dataset readers that may open a folder or file, with it as the parameter by which they take one.
+    pub fn readers(&self, path: &str) -> Vec<ComponentSpec> {
+        let reader = |entry: &Entry| {
+            let parameters = &entry.description.parameters;
+            let parameter = parameters.iter().find(|parameter| parameter.kind == ParameterType::Path)?;
+            let parameters = Map::from_iter([(parameter.name.clone(), path.into())]);
+            Some(ComponentSpec { name: entry.description.name.clone(), parameters })
+        };
+        self.of_kind(Kind::Dataset).filter_map(reader).collect()
     }
 
     /// The component that makes this one from a file of the user's; none where it stands for itself.

@@ -15,8 +15,7 @@ use std::sync::OnceLock;
 
 use pdk_sdk::error::{Error, Place, Result};
 
-/// The files of the built-in plugins. They are built together with the executable, and all of them have to be there.
-pub const LIBRARIES: &[&str] = include!(concat!(env!("OUT_DIR"), "/libraries.rs"));
+use crate::product::{self, Product};
 
 /// The executable, where the running one is another program.
 static EXECUTABLE: OnceLock<PathBuf> = OnceLock::new();
@@ -63,17 +62,17 @@ fn library_folder_of(executables: &Path) -> PathBuf {
     installed.filter(|folder| folder.is_dir()).unwrap_or_else(|| executables.to_owned())
 }
 
-/// The built-in libraries.
+/// The libraries of the built-in plugins. They are built together with the executable, and all of them have to be there.
 ///
 /// # Errors
 /// Where one of them is missing, with the remedy.
 pub fn libraries() -> Result<Vec<PathBuf>> {
-    libraries_in(&library_folder()?)
+    libraries_in(product::get(), &library_folder()?)
 }
 
-fn libraries_in(folder: &Path) -> Result<Vec<PathBuf>> {
+fn libraries_in(product: &Product, folder: &Path) -> Result<Vec<PathBuf>> {
     let (found, missing): (Vec<_>, Vec<_>) =
-        LIBRARIES.iter().map(|name| folder.join(name)).partition(|file| file.is_file());
+        product.libraries().map(|name| folder.join(name)).partition(|file| file.is_file());
     if missing.is_empty() {
         return Ok(found);
     }
@@ -84,7 +83,7 @@ fn libraries_in(folder: &Path) -> Result<Vec<PathBuf>> {
         "pdk is not complete: it does not find {} of its {} libraries in {shown} ({names}); unpack the whole archive or install the Python \
          package again, copy them there together with the executable, or build them with `cargo build --release`",
         missing.len(),
-        LIBRARIES.len()
+        product.plugins.len()
     )))
 }
 
@@ -115,13 +114,13 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn the_libraries_are_those_of_the_plugins() {
-        let plugins = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../plugins");
-        let folders = fs::read_dir(plugins).unwrap().filter(|entry| entry.as_ref().unwrap().path().is_dir());
-        assert_eq!(LIBRARIES.len(), folders.count());
-        assert!(LIBRARIES.contains(&"libpdk_models.so"), "{LIBRARIES:?}");
-    }
+    static PRODUCT: Product = Product {
+        plugins: &["one", "two"],
+        perturbations: &[],
+        pipelines: &[],
+        modules: &[],
+        first_pipeline: "",
+    };
 
     #[test]
     fn parts_are_found_in_an_installation_and_in_a_source_tree() {
@@ -134,22 +133,20 @@ mod tests {
         let installed = folder.join("prefix/bin");
         fs::create_dir_all(&installed).unwrap();
         assert_eq!(library_folder_of(&installed), installed);
-        let error = libraries_in(&installed).unwrap_err().to_string();
-        let count = LIBRARIES.len();
+        let error = libraries_in(&PRODUCT, &installed).unwrap_err().to_string();
+        let count = PRODUCT.plugins.len();
         assert!(error.contains(&format!("{count} of its {count} libraries in")), "{error}");
         assert!(sdk_of(&installed).unwrap_err().to_string().contains("--sdk"));
 
         let libraries = folder.join("prefix/lib/pdk");
-        LIBRARIES.iter().for_each(|name| write(&libraries.join(name)));
+        PRODUCT.libraries().for_each(|name| write(&libraries.join(name)));
         write(&folder.join("prefix/share/pdk/sdk/pdk-sdk/Cargo.toml"));
         assert_eq!(library_folder_of(&installed), libraries);
-        assert_eq!(libraries_in(&libraries).unwrap().len(), count);
+        assert_eq!(libraries_in(&PRODUCT, &libraries).unwrap().len(), count);
         assert_eq!(sdk_of(&installed).unwrap(), folder.join("prefix/share/pdk/sdk"));
-        fs::remove_file(libraries.join("libpdk_models.so")).unwrap();
-        let error = libraries_in(&libraries).unwrap_err().to_string();
-        assert!(
-            error.contains(&format!("1 of its {count} libraries")) && error.contains("(libpdk_models.so)")
-        );
+        fs::remove_file(libraries.join("libpdk_two.so")).unwrap();
+        let error = libraries_in(&PRODUCT, &libraries).unwrap_err().to_string();
+        assert!(error.contains(&format!("1 of its {count} libraries")) && error.contains("(libpdk_two.so)"));
 
         write(&folder.join("tree/sdk/pdk-sdk/Cargo.toml"));
         assert_eq!(sdk_of(&folder.join("tree/target/release")).unwrap(), folder.join("tree/sdk"));

@@ -3,6 +3,7 @@
 //! | module | subject |
 //! |---|---|
 //! | [`installation`] | where the parts of pdk itself lie |
+//! | [`product`] | what the product consists of besides the kernel |
 //! | [`search_path`] | where components are looked for |
 //! | [`registry`] | finds components and makes instances of them; [`loader`] loads plugins, `door` opens their libraries and proves that they fit, `reading` reads what they say of themselves |
 //! | [`inspection`] | opens libraries in a process that dies afterwards, before they are opened where they are needed; [`elf`] looks at the file |
@@ -19,6 +20,7 @@ pub mod inspection;
 pub mod installation;
 pub mod loader;
 pub mod modifiers;
+pub mod product;
 mod reading;
 pub mod registry;
 pub mod search_path;

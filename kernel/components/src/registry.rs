@@ -12,18 +12,16 @@ use pdk_sdk::input_files::InputFiles;
 use pdk_sdk::prelude::{Dataset, Driver, Mask, Perturbation, Saliency, Search, Simulator};
 use serde_json::{Map, Value};
 
-use crate::catalog::{BUILT_IN, Catalog, Entry, drop_in_name};
+use crate::catalog::{Catalog, Entry, drop_in_name};
 use crate::inspection;
 use crate::installation;
 use crate::loader::Plugin;
+use crate::product::{self, BuiltInScript};
 use crate::search_path::{self, PATH_VARIABLE, SearchPath, is_script};
 use pdk_supervise::calls::{self, Function};
 
 /// Makes components from scripts. The kernel knows no script language; whoever starts it brings one along.
 pub trait Scripts: Send + Sync {
-    /// The scripts with components that are part of pdk.
-    fn built_in(&self) -> &'static [BuiltInScript];
-
     /// What the component in a script says of itself; none where the script is something else, such as a pipeline.
     ///
     /// # Errors
@@ -44,22 +42,6 @@ pub enum Script<'a> {
     File(&'a Path),
     /// One that is part of pdk.
     BuiltIn(&'a BuiltInScript),
-}
-
-/// A script that is part of pdk.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct BuiltInScript {
-    /// Its name.
-    pub name: &'static str,
-    /// Its text.
-    pub source: &'static str,
-}
-
-impl BuiltInScript {
-    /// What stands where other scripts have a path: its name with a prefix.
-    pub fn path(&self) -> PathBuf {
-        PathBuf::from(format!("{BUILT_IN}{}", self.name))
-    }
 }
 
 /// All components that were found, with what it takes to make instances of them.
@@ -103,7 +85,7 @@ impl Registry {
     /// Where a given folder does not exist or is something else, or a part of pdk itself is missing or cannot be used.
     pub fn discover(search: &SearchPath, scripts: Box<dyn Scripts>) -> Result<Self> {
         let given = search.plugins.iter().map(|folder| ("plugins", folder));
-        let drop_ins = search.drop_ins.iter().map(|(name, folder)| (name.as_str(), folder));
+        let drop_ins = search.drop_ins.iter().map(|folder| ("drop-ins", folder));
         for (name, place) in given.chain(drop_ins) {
             // A plugin may be named itself.
             if let Some(mistake) = mistake(place, name == "plugins") {
@@ -264,11 +246,12 @@ impl Registry {
             reason.map_or(Ok(()), Err)?;
             self.add_library(library, true)?;
         }
-        for script in self.scripts.built_in() {
+        for script in product::get().perturbations {
             let file = script.path();
             let name = format!("script {}", file.display());
             let describe = || self.scripts.describe(Script::BuiltIn(script));
-            if let Some(description) = calls::call(&name, Function::Load, describe)? {
+            if let Some(mut description) = calls::call(&name, Function::Load, describe)? {
+                description.defined_in = script.file.to_owned();
                 let blake3 = blake3::hash(script.source.as_bytes()).to_hex().to_string();
                 let entry = Entry { blake3: Some(blake3), ..Entry::new(description, file) };
                 self.add(entry, Source::BuiltInScript(script));
@@ -364,8 +347,7 @@ impl Registry {
             self.catalog.entries().iter().map(|entry| entry.description.clone()).collect();
         for base in bases {
             let Some(drop_in) = &base.drop_in else { continue };
-            let given = search.drop_ins.iter().filter(|(name, _)| *name == drop_in.folder);
-            let mut folders: Vec<PathBuf> = given.map(|(_, folder)| folder.clone()).collect();
+            let mut folders = search.drop_ins.clone();
             folders.extend(self.places.iter().map(|place| place.join(&drop_in.folder)));
             let mut seen = BTreeSet::new();
             let files: Vec<_> = folders.iter().flat_map(|folder| self.files_of(folder)).collect();

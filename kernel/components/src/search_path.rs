@@ -12,9 +12,8 @@ pub const PATH_VARIABLE: &str = "PDK_PLUGIN_PATH";
 pub struct SearchPath {
     /// Folders with plugins and Lua perturbations.
     pub plugins: Vec<PathBuf>,
-    /// Folders with files that become components of their own, each with the name that
-    /// [`DropIn::folder`](pdk_sdk::describe::DropIn::folder) gives such folders.
-    pub drop_ins: Vec<(String, PathBuf)>,
+    /// Folders with files that become components of their own, as [`DropIn`](pdk_sdk::describe::DropIn) describes them.
+    pub drop_ins: Vec<PathBuf>,
     /// Folders and scripts that are looked into without being named by anyone, such as those beside a pipeline: what is there
     /// and of no use is passed over in silence.
     #[serde(default)]
@@ -27,7 +26,7 @@ impl SearchPath {
         let absolute = |folder: &PathBuf| std::path::absolute(folder).unwrap_or_else(|_| folder.clone());
         Self {
             plugins: self.plugins.iter().map(absolute).collect(),
-            drop_ins: self.drop_ins.iter().map(|(name, folder)| (name.clone(), absolute(folder))).collect(),
+            drop_ins: self.drop_ins.iter().map(absolute).collect(),
             beside: self.beside.iter().map(absolute).collect(),
         }
     }

@@ -33,9 +33,9 @@ pub struct Manifest {
     /// The folders that `--plugins` named.
     #[serde(default)]
     pub plugins: Vec<PathBuf>,
-    /// The folders that `--overlays` named.
+    /// The folders that `--drop-ins` named.
     #[serde(default)]
-    pub overlays: Vec<PathBuf>,
+    pub drop_ins: Vec<PathBuf>,
     /// The components in use.
     pub components: Vec<ComponentRecord>,
     /// Models and other files that components were given.

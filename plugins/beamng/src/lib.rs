@@ -5,13 +5,13 @@
 //!
 //! BeamNG's axes are x to the right, y ahead, z up: its x is ours, its y our z, its z our height.
 
+mod beamng;
 mod camera;
 mod messages;
 mod options;
 mod scenery;
 mod session;
-mod simulator;
 
 pdk_sdk::export! {
-    simulators: [simulator::BeamNg],
+    simulators: [beamng::BeamNg],
 }

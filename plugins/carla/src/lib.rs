@@ -12,6 +12,7 @@ mod annotation;
 mod axes;
 mod blueprint;
 mod camera;
+mod carla;
 mod collisions;
 mod episode;
 mod ground;
@@ -19,7 +20,6 @@ mod options;
 mod rpc;
 mod sensors;
 mod server;
-mod simulator;
 mod snapshot;
 mod stage;
 mod stream;
@@ -29,5 +29,5 @@ mod weather;
 mod will;
 
 pdk_sdk::export! {
-    simulators: [simulator::Carla],
+    simulators: [carla::Carla],
 }

@@ -75,16 +75,15 @@ const CAMERA: [(&str, &str, &str, &str); 8] = [
 ];
 
 /// Describes the component.
-pub fn describe() -> Description {
-    let description = Description::simulator("donkey", "The simulator of the Donkey car, over TCP")
-        .external()
-        .own_clock()
-        .source("https://github.com/tawnkramer/sdsandbox")
-        .parameter(Parameter::choice(
-            "build",
-            &Build::NAMES,
-            "the current build, or the one that builds roads from points",
-        ));
+pub fn describe(description: Description) -> Description {
+    let description =
+        description.external().own_clock().source("https://github.com/tawnkramer/sdsandbox").parameter(
+            Parameter::choice(
+                "build",
+                &Build::NAMES,
+                "the current build, or the one that builds roads from points",
+            ),
+        );
     let mut description = Settings::describe(description, 9091, 1)
         .parameter(Parameter {
             default: "generated_track".into(),

@@ -20,6 +20,8 @@ const LENGTHS: (f64, f64) = (10.0, 5_000.0);
 const STEP: f64 = 0.25;
 /// Smallest radius of a bend in metres: the far edge of the road lies up to 6 m from the driven lane's centre.
 const SMALLEST_RADIUS: f64 = 8.0;
+// Roads that are made without a limit of their own can be driven: a little is lost between the waypoints.
+const _: () = assert!(SMALLEST_RADIUS < pdk_road::SMALLEST_RADIUS);
 /// Parts of the road farther apart along it than this must not come closer than the road is wide, in metres.
 const CROSSING_SEPARATION: f64 = 30.0;
 

@@ -3,27 +3,25 @@
 //! A model is an ONNX file. [`model_file`] reads what the file declares and refuses what is no driving model, the same
 //! way whichever engine runs it later. [`engine`] chooses who runs it: [`tract`], which is part of this plugin, or
 //! [`onnxruntime`], a shared library that [`locate`] finds on the machine. [`pixels`] turns frames into the numbers that
-//! the model expects, [`selection`] says which of its outputs steer, and [`driver`] puts it all together. [`trained`] holds the
-//! drivers that are part of the plugin. [`saliency`] shows what a network looks at. [`repaint`] and [`segmentation`] run networks
-//! that make of an image another [`picture`], and [`painters`] holds those that are part of the plugin.
+//! the model expects, [`selection`] says which of its outputs steer, and each [`driver`] puts it all together.
+//! [`saliency`] shows what a network looks at. Each [`perturbation`] and [`mask`] runs a network that makes of an image another
+//! [`picture`].
 
 mod driver;
 mod engine;
 mod locate;
+mod mask;
 mod mathematics;
 mod model_file;
 mod onnxruntime;
-mod painters;
+mod perturbation;
 mod picture;
 mod pixels;
 mod processor;
-mod repaint;
 mod saliency;
-mod segmentation;
 mod selection;
 mod session;
 mod tract;
-mod trained;
 
 #[cfg(test)]
 mod fixture;
@@ -43,13 +41,13 @@ pub fn try_model(path: &std::path::Path) -> pdk_sdk::error::Result<()> {
 pdk_sdk::export! {
     drivers: [
         driver::Onnx,
-        trained::Dave2,
-        trained::Dave2Augmented,
-        trained::Dave2Temporal,
-        trained::Dave2Tub,
+        driver::Dave2,
+        driver::Dave2Augmented,
+        driver::Dave2Temporal,
+        driver::Dave2Tub,
     ],
-    perturbations: [repaint::Repaint, painters::Night, painters::Rainy, painters::Artistic],
-    masks: [segmentation::Segmentation],
+    perturbations: [perturbation::Repaint, perturbation::Night, perturbation::Rainy, perturbation::Artistic],
+    masks: [mask::Segmentation],
     saliencies: [
         saliency::GradCam,
         saliency::GradCamPlusPlus,

@@ -154,98 +154,134 @@ impl Shows {
     }
 }
 
+/// What a clip shows.
+fn shows(clip: &str) -> Shows {
+    match clip {
+        "rain" => RAIN,
+        "snow" => SNOW,
+        "birds" | "lightning" => Shows::Sky,
+        "sun" => Shows::Sun,
+        _ => Shows::Anything,
+    }
+}
+
 /// How a clip of our own is fitted to frames of which nothing is said.
 pub fn usual_fit(name: &str, fit: Fit) -> Fit {
     shows(name).fit(fit, FRAME_HORIZON)
 }
 
-/// Defines the two perturbations of a clip; the literals are their names, what they show, and how long and how often it
-/// does; then what follows from that, and their versions.
-macro_rules! overlays {
-    ($($clip:literal: $moving:ident $moving_name:literal, $still:ident $still_name:literal, $what:literal, $loop:literal,
-       $shows:expr, $version:literal $still_version:literal $(, $not_default:ident)?;)*) => {
-        $(
-            #[doc = concat!("Lays moving ", $what, " over the frame.")]
-            pub struct $moving(Player);
+/// A clip of our own that is laid over frames.
+pub struct Laid(Player);
 
-            impl Component for $moving {
-                fn description() -> Description {
-                    let doc = concat!("Lays ", $what, " over the frame, moving in simulation time in ", $loop);
-                    let description =
-                        Description::perturbation($moving_name, doc).version($version).source(SOURCE).divergence(OWN_CLIP);
-                    // The clips' last frames lead to their first ones.
-                    let description = with_motion(with_common(description), ["repeat", "cross-fade", "ping-pong"]);
-                    let description = match $shows {
-                        Shows::Falling { .. } => description.divergence(
-                            "Unless `rate` is set, the clip runs as fast as the vehicle drives, where that is known: it is drawn for \
-                             10 m/s, and a share of its motion goes on when the vehicle stands.",
-                        ),
-                        _ => description,
-                    };
-                    $shows.describe(description)
-                }
+impl Laid {
+    /// The clip of this name, moving as the user says.
+    ///
+    /// # Errors
+    /// If it cannot be prepared.
+    pub fn moving(name: &str, config: &Config) -> Result<Self> {
+        shows(name).player(clip(name)?, config, motion_of(config)).map(Self)
+    }
 
-                fn new(config: &Config) -> Result<Self> {
-                    Ok(Self($shows.player(clip!($clip), config, motion_of(config))?))
-                }
+    /// The clip of this name, standing still.
+    ///
+    /// # Errors
+    /// As for [`Laid::moving`].
+    pub fn still(name: &str, config: &Config) -> Result<Self> {
+        shows(name).player(clip(name)?, config, Motion::Stands).map(Self)
+    }
+
+    /// Lays it over a frame.
+    ///
+    /// # Errors
+    /// If the clip cannot be played.
+    pub fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        self.0.apply(src, dst, cx)
+    }
+}
+
+/// Describes a clip that moves.
+pub fn describe_moving(description: Description, clip: &str) -> Description {
+    let description = description.source(SOURCE).divergence(OWN_CLIP);
+    // The clips' last frames lead to their first ones.
+    let description = with_motion(with_common(description), ["repeat", "cross-fade", "ping-pong"]);
+    let description = match shows(clip) {
+        Shows::Falling { .. } => description.divergence(
+            "Unless `rate` is set, the clip runs as fast as the vehicle drives, where that is known: it is drawn for 10 m/s, and a share \
+             of its motion goes on when the vehicle stands.",
+        ),
+        _ => description,
+    };
+    shows(clip).describe(description)
+}
+
+/// Describes a clip that stands still.
+pub fn describe_still(description: Description, clip: &str) -> Description {
+    let description = description.source(SOURCE).divergence(OWN_CLIP);
+    let description = with_common(description)
+        .drawn_per_sequence(
+            "which frame of the clip is shown, of those that cover at least a third as much as the fullest",
+        )
+        .parameter(fit());
+    shows(clip).describe(description)
+}
+
+/// Defines the perturbation of a clip that moves; the literals are its name, that of the clip, what it shows, how long and how often it
+/// does, and the version.
+macro_rules! moving {
+    ($type:ident: $name:literal, $clip:literal, $what:literal, $loop:literal, $version:literal) => {
+        use pdk_sdk::prelude::*;
+
+        use crate::published::{Laid, describe_moving};
+
+        #[doc = concat!("Lays moving ", $what, " over the frame.")]
+        pub struct $type(Laid);
+
+        impl Component for $type {
+            fn description() -> Description {
+                let doc = concat!("Lays ", $what, " over the frame, moving in simulation time in ", $loop);
+                describe_moving(Description::perturbation($name, doc).version($version), $clip)
             }
 
-            impl Perturbation for $moving {
-                fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-                    self.0.apply(src, dst, cx)
-                }
+            fn new(config: &Config) -> Result<Self> {
+                Laid::moving($clip, config).map(Self)
             }
+        }
 
-            #[doc = concat!("Lays ", $what, " that stand still over the frame.")]
-            pub struct $still(Player);
-
-            impl Component for $still {
-                fn description() -> Description {
-                    let doc = concat!("Lays ", $what, " over the frame, standing still");
-                    let description =
-                        Description::perturbation($still_name, doc).version($still_version).source(SOURCE).divergence(OWN_CLIP);
-                    let description = with_common(description)
-                        .drawn_per_sequence(
-                            "which frame of the clip is shown, of those that cover at least a third as much as the fullest",
-                        )
-                        .parameter(fit())
-                        $(.$not_default())?;
-                    $shows.describe(description)
-                }
-
-                fn new(config: &Config) -> Result<Self> {
-                    Ok(Self($shows.player(clip!($clip), config, Motion::Stands)?))
-                }
-            }
-
-            impl Perturbation for $still {
-                fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-                    self.0.apply(src, dst, cx)
-                }
-            }
-        )*
-
-        /// What follows from what a clip shows.
-        fn shows(clip: &str) -> Shows {
-            match clip {
-                $($clip => $shows,)*
-                _ => Shows::Anything,
+        impl Perturbation for $type {
+            fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+                self.0.apply(src, dst, cx)
             }
         }
     };
 }
+pub(crate) use moving;
 
-overlays! {
-    "rain": DynamicRain "dynamic_rain_filter", StaticRain "static_rain_filter", "streaks of rain",
-        "a loop of 3 s", RAIN, 4 3;
-    "snow": DynamicSnow "dynamic_snow_filter", StaticSnow "static_snow_filter", "flakes of snow",
-        "a loop of 4 s", SNOW, 4 3;
-    "smoke": DynamicSmoke "dynamic_smoke_filter", StaticSmoke "static_smoke_filter", "swathes of smoke",
-        "a loop of 4 s", Shows::Anything, 3 2, not_default;
-    "birds": DynamicObject "dynamic_object_overlay", StaticObject "static_object_overlay", "birds in flight above the horizon",
-        "a loop of 4 s", Shows::Sky, 4 3;
-    "sun": DynamicSun "dynamic_sun_filter", StaticSun "static_sun_filter", "glare of a low sun",
-        "a loop of 4 s", Shows::Sun, 3 2;
-    "lightning": DynamicLightning "dynamic_lightning_filter", StaticLightning "static_lightning_filter", "bolts of lightning",
-        "a loop of 10 s, in 40 % of which one shows; otherwise the frame stays as it is", Shows::Sky, 4 3;
+/// Defines the perturbation of a clip that stands still; the literals are its name, that of the clip, what it shows, and the version.
+macro_rules! still {
+    ($type:ident: $name:literal, $clip:literal, $what:literal, $version:literal $(, $not_default:ident)?) => {
+        use pdk_sdk::prelude::*;
+
+        use crate::published::{Laid, describe_still};
+
+        #[doc = concat!("Lays ", $what, " that stand still over the frame.")]
+        pub struct $type(Laid);
+
+        impl Component for $type {
+            fn description() -> Description {
+                let doc = concat!("Lays ", $what, " over the frame, standing still");
+                describe_still(Description::perturbation($name, doc).version($version)$(.$not_default())?, $clip)
+            }
+
+            fn new(config: &Config) -> Result<Self> {
+                Laid::still($clip, config).map(Self)
+            }
+        }
+
+        impl Perturbation for $type {
+            fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+                self.0.apply(src, dst, cx)
+            }
+        }
+    };
 }
+pub(crate) use still;

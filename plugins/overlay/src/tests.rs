@@ -13,12 +13,24 @@ use pdk_sdk::testing::{check_perturbation, sample_frame};
 use pdk_video::{Opened, Reader, Yuv420};
 
 use crate::clip::{Clip, some_pictures};
+use crate::dynamic_lightning_filter::DynamicLightning;
+use crate::dynamic_object_overlay::DynamicObject;
+use crate::dynamic_rain_filter::DynamicRain;
+use crate::dynamic_smoke_filter::DynamicSmoke;
+use crate::dynamic_snow_filter::DynamicSnow;
+use crate::dynamic_sun_filter::DynamicSun;
 use crate::key::Matte;
 use crate::overlay::Overlay;
 use crate::player::{Loop, Motion, Player, frame_at};
 use crate::prepare::{self, Settings};
 use crate::published::*;
 use crate::scale::Fit;
+use crate::static_lightning_filter::StaticLightning;
+use crate::static_object_overlay::StaticObject;
+use crate::static_rain_filter::StaticRain;
+use crate::static_smoke_filter::StaticSmoke;
+use crate::static_snow_filter::StaticSnow;
+use crate::static_sun_filter::StaticSun;
 use crate::store::{Layer, Store};
 
 const SUN: &[u8] = include_bytes!("../../../scripts/overlays/sun.mp4");

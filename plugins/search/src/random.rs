@@ -12,7 +12,7 @@ pub struct RandomSearch;
 
 impl Rule for RandomSearch {
     fn description() -> Description {
-        Description::search("random", "Draws every candidate evenly from the space")
+        Description::search("random", "Draws every candidate evenly from the space").baseline()
     }
 
     fn new(_config: &Config) -> Result<Self> {

@@ -43,17 +43,16 @@ pub struct Options {
 }
 
 /// Describes the component.
-pub fn describe() -> Description {
-    let description =
-        Description::simulator("udacity", "Udacity's self-driving-car simulator, which connects to pdk")
-            .external()
-            .own_clock()
-            .source("https://github.com/udacity/self-driving-car-sim")
-            .parameter(Parameter::choice(
-                "build",
-                &Build::NAMES,
-                "the build that takes roads, or the one that Udacity has published",
-            ));
+pub fn describe(description: Description) -> Description {
+    let description = description
+        .external()
+        .own_clock()
+        .source("https://github.com/udacity/self-driving-car-sim")
+        .parameter(Parameter::choice(
+            "build",
+            &Build::NAMES,
+            "the build that takes roads, or the one that Udacity has published",
+        ));
     Settings::describe(description, 4567, 1)
         .camera([320, 160], 1.0..=4096.0)
         .parameter(

@@ -1,11 +1,9 @@
 //! Perturbations of the weather family: light and what is in the air.
 
-mod canvas;
 mod contrast;
 mod fog_filter;
 mod fog_mapping;
 mod frost_filter;
-mod imagenet_c_frost;
 mod increase_brightness;
 mod snow_filter;
 mod texture;
@@ -20,7 +18,6 @@ pdk_sdk::export! {
         fog_filter::FogFilter,
         fog_mapping::FogMapping,
         frost_filter::FrostFilter,
-        imagenet_c_frost::Frost,
         increase_brightness::IncreaseBrightness,
         snow_filter::SnowFilter,
     ]

@@ -9,10 +9,10 @@
 
 use std::f64::consts::PI;
 
+use pdk_sdk::ops::canvas::{Canvas, Texel, ahead};
 use pdk_sdk::prelude::*;
 
-use crate::canvas::{Canvas, ahead};
-use crate::texture::{Texel, Texture, describe};
+use crate::texture::{Texture, describe};
 
 /// The texture is drawn from the sequence stream of this key.
 const KEY: Key = Key(*b"snow flakes at several distances");

@@ -1,17 +1,12 @@
 //! A texture laid over every frame, as frost on the windscreen and snow in the air are.
 
+use pdk_sdk::ops::canvas::Texel;
 use pdk_sdk::ops::hsv::scale_hsv;
 use pdk_sdk::ops::layer::lay_over;
 use pdk_sdk::prelude::*;
 
 /// Saturation is multiplied by this after the texture has been laid over.
 const SATURATION: f64 = 0.8;
-
-/// One pixel of a texture: its colour, from 0 to 1, and how much of what is behind it hides, from 0 to 1.
-pub struct Texel {
-    pub rgb: [f64; 3],
-    pub cover: f64,
-}
 
 /// Draws a texture of a width and a height: one texel for each pixel, row by row.
 pub type Draw = fn(usize, usize) -> Vec<Texel>;

@@ -22,6 +22,9 @@ pub mod testing;
 pub mod values;
 mod window;
 
+/// How the names of ONNX files end.
+pub const ENDING: &str = "onnx";
+
 pub use gradient::{Gradients, Target, gradients, gradients_of_sum};
 pub use graph::Graph;
 pub use tensor::{Element, Tensor};

@@ -28,6 +28,11 @@ pub use valid::{MapBox, check, check_bends};
 
 /// Width of a lane in metres; a scenario's road has two.
 pub const LANE_WIDTH: f64 = 4.0;
+/// Width of a road in metres if none is given: its two lanes.
+pub const WIDTH: f64 = 2.0 * LANE_WIDTH;
+/// Smallest radius of a bend in metres if none is given. A car can drive it, and a simulator that measures between waypoints and
+/// allows half a metre less takes every such road.
+pub const SMALLEST_RADIUS: f64 = 8.5;
 
 /// A point or direction on the ground: x, z, in metres.
 pub type Point = [f64; 2];

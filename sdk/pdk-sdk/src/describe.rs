@@ -87,6 +87,25 @@ impl Clock {
     }
 }
 
+/// What a parameter is to those who use a component without knowing it, such as whoever shows what a driver looks at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// A network: its file, or the name of a driver that is a network ([`Description::network`]).
+    Network,
+    /// The layer of a network of which maps are made, by its name.
+    Layer,
+    /// Which of a driver's numbers a map explains: `steering` or `throttle`.
+    Explained,
+    /// How fine a map is: `layer` for a number for each cell of the network's layer, `frame` for one for each pixel.
+    Resolution,
+    /// The vehicle's speed in metres per second, if nothing else says it.
+    Speed,
+    /// One that this version of the SDK does not know.
+    #[serde(other)]
+    Unknown,
+}
+
 /// A component as it describes itself.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Description {
@@ -130,6 +149,24 @@ pub struct Description {
     /// order; empty for all others.
     #[serde(default, skip_serializing_if = "Map::is_empty")]
     pub grows_with: Map<String, Value>,
+    /// Whether it is the one of its kind that is used if none is named.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub preferred: bool,
+    /// Whether it is a search strategy that the others are compared with, because it learns nothing.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub baseline: bool,
+    /// Whether it is a driver that is a network, which saliency methods know by the driver's name.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub network: bool,
+    /// Whether it is a saliency method for every network, also one with operators whose gradient is not known.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub gradient_free: bool,
+    /// The saliency method to use if the maps of this one are too coarse; empty if there is none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub finer: String,
+    /// The source file in which it is described. The functions that begin a description note it.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub defined_in: String,
     /// Files that become components of their own; none for most components.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drop_in: Option<DropIn>,
@@ -149,6 +186,7 @@ pub struct Description {
 }
 
 impl Description {
+    #[track_caller]
     fn of(kind: Kind, name: &str, doc: &str) -> Self {
         Self {
             kind,
@@ -166,6 +204,12 @@ impl Description {
             follows_attention: String::new(),
             parameters: Vec::new(),
             grows_with: Map::new(),
+            preferred: false,
+            baseline: false,
+            network: false,
+            gradient_free: false,
+            finer: String::new(),
+            defined_in: std::panic::Location::caller().file().to_owned(),
             drop_in: None,
             blake3: String::new(),
             clock: Clock::Stepped,
@@ -175,36 +219,43 @@ impl Description {
     }
 
     /// Describes a perturbation.
+    #[track_caller]
     pub fn perturbation(name: &str, doc: &str) -> Self {
         Self::of(Kind::Perturbation, name, doc)
     }
 
     /// Describes a simulator.
+    #[track_caller]
     pub fn simulator(name: &str, doc: &str) -> Self {
         Self::of(Kind::Simulator, name, doc)
     }
 
     /// Describes a driver.
+    #[track_caller]
     pub fn driver(name: &str, doc: &str) -> Self {
         Self::of(Kind::Driver, name, doc)
     }
 
     /// Describes a saliency method.
+    #[track_caller]
     pub fn saliency(name: &str, doc: &str) -> Self {
         Self::of(Kind::Saliency, name, doc)
     }
 
     /// Describes a mask.
+    #[track_caller]
     pub fn mask(name: &str, doc: &str) -> Self {
         Self::of(Kind::Mask, name, doc)
     }
 
     /// Describes a search strategy.
+    #[track_caller]
     pub fn search(name: &str, doc: &str) -> Self {
         Self::of(Kind::Search, name, doc)
     }
 
     /// Describes a dataset reader.
+    #[track_caller]
     pub fn dataset(name: &str, doc: &str) -> Self {
         Self::of(Kind::Dataset, name, doc)
     }
@@ -237,6 +288,41 @@ impl Description {
     pub fn source(mut self, source: &str) -> Self {
         self.source = source.to_owned();
         self
+    }
+
+    /// Says that it is the one of its kind that is used if none is named.
+    pub fn preferred(mut self) -> Self {
+        self.preferred = true;
+        self
+    }
+
+    /// Says that it is a search strategy that learns nothing, with which the others are compared.
+    pub fn baseline(mut self) -> Self {
+        self.baseline = true;
+        self
+    }
+
+    /// Says that it is a driver that is a network, which saliency methods know by the driver's name.
+    pub fn network(mut self) -> Self {
+        self.network = true;
+        self
+    }
+
+    /// Says that it is a saliency method that needs no gradients.
+    pub fn gradient_free(mut self) -> Self {
+        self.gradient_free = true;
+        self
+    }
+
+    /// Names the saliency method to use if the maps of this one are too coarse.
+    pub fn finer(mut self, method: &str) -> Self {
+        self.finer = method.to_owned();
+        self
+    }
+
+    /// The parameter with this role, if there is one.
+    pub fn with_role(&self, role: Role) -> Option<&Parameter> {
+        self.parameters.iter().find(|parameter| parameter.role == Some(role))
     }
 
     /// Makes every file with one of these endings, in a folder of this name, a component of its own: named after the file,
@@ -326,7 +412,7 @@ impl Description {
 /// Files that become components of their own when they lie in a certain folder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DropIn {
-    /// The name of the folder, such as `overlays`; every place where plugins lie may have one.
+    /// The name of the folder; every place where plugins lie may have one.
     pub folder: String,
     /// The endings of the files, without dot, in lower case.
     pub endings: Vec<String>,
@@ -394,6 +480,9 @@ pub struct Parameter {
     /// is replaced by what it stands for before a scenario gets its id, so that the record says what decided the outcome.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub stands_for: BTreeMap<String, String>,
+    /// What it is to those who use the component without knowing it; none for most parameters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub role: Option<Role>,
     /// Whether its value is a program that the component starts, with or without arguments. Unless it is empty, a record that comes
     /// from elsewhere is replayed only if the user agrees.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -428,6 +517,7 @@ impl Parameter {
             levels: None,
             only_for: None,
             stands_for,
+            role: None,
             starts_program: false,
         }
     }
@@ -515,6 +605,12 @@ impl Parameter {
         if self.default.is_null() {
             self.default = Value::String(String::new());
         }
+        self
+    }
+
+    /// Says what it is to those who use the component without knowing it.
+    pub fn role(mut self, role: Role) -> Self {
+        self.role = Some(role);
         self
     }
 

@@ -37,7 +37,7 @@ pub mod prelude {
     pub use crate::component::Component;
     pub use crate::config::Config;
     pub use crate::dataset::{Dataset, Entry};
-    pub use crate::describe::{Description, Kind, Parameter, Temporal};
+    pub use crate::describe::{Description, Kind, Parameter, Role, Temporal};
     pub use crate::driver::{Control, DriveContext, Driver};
     pub use crate::error::{Error, ErrorKind, Result};
     pub use crate::input_files::InputFiles;

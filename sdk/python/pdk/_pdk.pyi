@@ -94,10 +94,10 @@ def perturb(
     perturbation: `perturb(image, "fog_mapping", level=2, strength=0.3, probability=0.5)`.
     """
 
-def search(plugins: Sequence[str | PathLike[str]] = (), overlays: Sequence[str | PathLike[str]] = ()) -> None:
-    """Looks for components in these folders, besides pdk's own and the usual places, from now on: as `--plugins` and `--overlays`.
+def search(plugins: Sequence[str | PathLike[str]] = (), drop_ins: Sequence[str | PathLike[str]] = ()) -> None:
+    """Looks for components in these folders, besides pdk's own and the usual places, from now on: as `--plugins` and `--drop-ins`.
 
-    `plugins` are folders with plugins and perturbations in Lua, or such files; `overlays` are folders with green-screen clips.
+    `plugins` are folders with plugins and perturbations in Lua, or such files; `drop_ins` are folders with files that become components, such as clips.
     Files are looked at now: call it again after one has changed.
     """
 

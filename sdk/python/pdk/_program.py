@@ -39,7 +39,7 @@ def written(value, what):
         raise error("configuration", f"{what} cannot be handed to pdk: {wrong}") from None
 
 
-def arguments(*, settings, plugins, overlays, **run):
+def arguments(*, settings, plugins, drop_ins, **run):
     """What is set for a run, as arguments of the command. `run` has the settings of every run."""
     words = []
     for name, value in (settings or {}).items():
@@ -53,7 +53,7 @@ def arguments(*, settings, plugins, overlays, **run):
             words.append(flag)
         elif value is not None and value is not False:
             words.append(f"{flag}={os.fspath(value) if isinstance(value, os.PathLike) else value}")
-    for name, folders in (("plugins", plugins), ("overlays", overlays)):
+    for name, folders in (("plugins", plugins), ("drop-ins", drop_ins)):
         for folder in [folders] if isinstance(folders, (str, os.PathLike)) else folders:
             words += [f"--{name}", os.fspath(folder)]
     return words

@@ -31,12 +31,12 @@ class Worker:
         hello = json.loads(self._hello)
         if not self._shared:
             search = {"plugins": [], "drop_ins": [], "beside": []}
-            for folder, told in self._components:
+            for is_drop_in, told in self._components:
                 path = self._place(told, blobs)
-                if folder is None:
-                    search["plugins"].append(path)
+                if is_drop_in:
+                    search["drop_ins"].append(os.path.dirname(path))
                 else:
-                    search["drop_ins"].append([folder, os.path.dirname(path)])
+                    search["plugins"].append(path)
             hello["hello"]["search"] = search
         self._blobs = blobs
         # Its own errors are those of this process, which Ray shows to whoever runs the pool.

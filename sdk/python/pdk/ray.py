@@ -266,7 +266,7 @@ class Pool:
         self._failed = 0
 
     def _travelling(self):
-        """The files of all components that are not part of pdk, and in which folder such files become components."""
+        """The files of all components that are not part of pdk, and whether each is one that a component of pdk or a plugin shows."""
         known = set()
         for entry in self._catalog:
             own = (entry.get("plugin") or {}).get("built_in") or entry.get("blake3") is not None
@@ -277,9 +277,7 @@ class Pool:
             told = self._sender.take(entry["file"])
             if told is None:
                 continue
-            kind = entry["description"]["kind"]
-            of = next((e for e in self._catalog if e["description"]["name"] == base and e["description"]["kind"] == kind), None)
-            yield (None if of is None else of["description"]["drop_in"]["folder"], told)
+            yield (base is not None, told)
 
     def take(self, line):
         """Takes a job of the session."""

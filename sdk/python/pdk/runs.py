@@ -58,7 +58,7 @@ def run(
     settings: Mapping[str, Any] | None = None,
     *,
     plugins: Paths = (),
-    overlays: Paths = (),
+    drop_ins: Paths = (),
     progress: Progress = False,
     **run_settings: Unpack[RunSettings],
 ) -> Record:
@@ -66,11 +66,11 @@ def run(
     evaluates has none, which is an error.
 
     `settings` are those of the pipeline, as `--set` sets them; `run_settings` are those that every run has, such as `out`, `seed` and
-    `workers`: `pdk.RunSettings` lists them. `plugins` and `overlays` are further folders with components.
+    `workers`: `pdk.RunSettings` lists them. `plugins` and `drop_ins` are further folders with components.
 
     Ctrl-C lets what is under way finish, and records it; a second one drops it.
     """
-    words = arguments(settings=settings, plugins=plugins, overlays=overlays, **run_settings)
+    words = arguments(settings=settings, plugins=plugins, drop_ins=drop_ins, **run_settings)
     program = Program([str(pipeline), *words], progress)
     try:
         record = _ended(program.finish(at_end=False))
@@ -103,7 +103,7 @@ class Session:
         *,
         settings: Mapping[str, Any] | None = None,
         plugins: Paths = (),
-        overlays: Paths = (),
+        drop_ins: Paths = (),
         progress: Progress = False,
         **given: Unpack[SessionSettings],
     ) -> None:
@@ -111,7 +111,7 @@ class Session:
         shared = {name: value for name, value in given.items() if name in SessionSettings.__annotations__ and name not in own}
         if unknown := given.keys() - own.keys() - shared.keys():
             raise TypeError(f"a session has no {', '.join(sorted(unknown))}; it has {', '.join(SessionSettings.__annotations__)}")
-        words = arguments(settings=None, plugins=plugins, overlays=overlays, **own)
+        words = arguments(settings=None, plugins=plugins, drop_ins=drop_ins, **own)
         self._defaults = {name: value for name, value in shared.items() if value is not None}
         self._lock = threading.RLock()
         self._pending = 0

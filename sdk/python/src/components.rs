@@ -23,7 +23,7 @@ const MOST_KEPT: usize = 64;
 /// What all calls share.
 struct State {
     plugins: Vec<PathBuf>,
-    overlays: Vec<PathBuf>,
+    drop_ins: Vec<PathBuf>,
     /// Found when it is first needed.
     registry: Option<Arc<Registry>>,
     /// Chains by what they are without their levels, the one that was used last at the end.
@@ -31,7 +31,7 @@ struct State {
 }
 
 static STATE: Mutex<State> =
-    Mutex::new(State { plugins: Vec::new(), overlays: Vec::new(), registry: None, kept: Vec::new() });
+    Mutex::new(State { plugins: Vec::new(), drop_ins: Vec::new(), registry: None, kept: Vec::new() });
 
 /// Needs the interpreter, see the crate's documentation.
 fn state(_: Python<'_>) -> MutexGuard<'static, State> {
@@ -43,17 +43,18 @@ fn state(_: Python<'_>) -> MutexGuard<'static, State> {
 pub fn install(executable: PathBuf) {
     // It inspects plugins, so that one that crashes when it is opened is refused and does not end the interpreter.
     inspection::enable();
+    pdk_components::product::set(&pdk_product::PRODUCT);
     installation::set_executable(executable);
 }
 
 /// Looks for components in these folders besides the usual places from now on.
 #[pyfunction]
-#[pyo3(signature = (plugins=Vec::new(), overlays=Vec::new()))]
-pub fn search(py: Python<'_>, plugins: Vec<PathBuf>, overlays: Vec<PathBuf>) -> PyResult<()> {
-    let registry = discover(py, &plugins, &overlays)?;
+#[pyo3(signature = (plugins=Vec::new(), drop_ins=Vec::new()))]
+pub fn search(py: Python<'_>, plugins: Vec<PathBuf>, drop_ins: Vec<PathBuf>) -> PyResult<()> {
+    let registry = discover(py, &plugins, &drop_ins)?;
     let dropped = {
         let mut state = state(py);
-        (state.plugins, state.overlays) = (plugins, overlays);
+        (state.plugins, state.drop_ins) = (plugins, drop_ins);
         state.registry = Some(registry);
         std::mem::take(&mut state.kept)
     };
@@ -66,7 +67,7 @@ pub fn search(py: Python<'_>, plugins: Vec<PathBuf>, overlays: Vec<PathBuf>) -> 
 #[pyfunction]
 pub fn searched(py: Python<'_>) -> (Vec<PathBuf>, Vec<PathBuf>) {
     let state = state(py);
-    (state.plugins.clone(), state.overlays.clone())
+    (state.plugins.clone(), state.drop_ins.clone())
 }
 
 /// All components as JSON: what `pdk list --json` writes.
@@ -78,21 +79,20 @@ pub fn catalog(py: Python<'_>) -> PyResult<String> {
 
 /// All components, found when they are first needed.
 pub fn registry(py: Python<'_>) -> PyResult<Arc<Registry>> {
-    let (plugins, overlays) = {
+    let (plugins, drop_ins) = {
         let state = state(py);
         if let Some(registry) = &state.registry {
             return Ok(Arc::clone(registry));
         }
-        (state.plugins.clone(), state.overlays.clone())
+        (state.plugins.clone(), state.drop_ins.clone())
     };
-    let found = discover(py, &plugins, &overlays)?;
+    let found = discover(py, &plugins, &drop_ins)?;
     // Another thread may have been faster.
     Ok(Arc::clone(state(py).registry.get_or_insert(found)))
 }
 
-fn discover(py: Python<'_>, plugins: &[PathBuf], overlays: &[PathBuf]) -> PyResult<Arc<Registry>> {
-    let drop_ins = overlays.iter().map(|folder| ("overlays".to_owned(), folder.clone()));
-    let search = SearchPath { plugins: plugins.to_vec(), drop_ins: drop_ins.collect(), beside: Vec::new() };
+fn discover(py: Python<'_>, plugins: &[PathBuf], drop_ins: &[PathBuf]) -> PyResult<Arc<Registry>> {
+    let search = SearchPath { plugins: plugins.to_vec(), drop_ins: drop_ins.to_vec(), beside: Vec::new() };
     let registry = detached(py, || Registry::discover(&search, Box::new(LuaScripts::new(&search))))?;
     let refused = registry.refused().iter().map(ToString::to_string);
     for sentence in refused.chain(registry.skipped().iter().cloned()) {

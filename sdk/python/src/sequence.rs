@@ -145,9 +145,9 @@ impl Perturbation {
             let state = self.state(py);
             (state.seed, state.next)
         };
-        let (plugins, overlays) = components::searched(py);
+        let (plugins, drop_ins) = components::searched(py);
         let resume = py.import("pdk._pdk")?.getattr("resume")?;
-        let arguments = (self.perturbations(), seed, self.fps, next, plugins, overlays);
+        let arguments = (self.perturbations(), seed, self.fps, next, plugins, drop_ins);
         Ok((resume, arguments.into_pyobject(py)?))
     }
 }
@@ -180,10 +180,10 @@ pub fn resume(
     fps: f64,
     next: u64,
     plugins: Vec<PathBuf>,
-    overlays: Vec<PathBuf>,
+    drop_ins: Vec<PathBuf>,
 ) -> PyResult<Perturbation> {
-    if components::searched(py) != (plugins.clone(), overlays.clone()) {
-        components::search(py, plugins, overlays)?;
+    if components::searched(py) != (plugins.clone(), drop_ins.clone()) {
+        components::search(py, plugins, drop_ins)?;
     }
     let made = Perturbation::new(py, perturbations, seed, fps, None)?;
     made.state(py).next = next;

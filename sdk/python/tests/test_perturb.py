@@ -342,7 +342,7 @@ def test_a_script_is_ended_in_time_in_a_forked_process_as_well(tmp_path, image, 
 def test_clips_are_found_by_folder_and_by_parameter(tmp_path, image, searched, command):
     from PIL import Image
 
-    folder = tmp_path / "overlays"
+    folder = tmp_path / "clips"
     folder.mkdir()
     frames = []
     for number in range(4):
@@ -355,8 +355,8 @@ def test_clips_are_found_by_folder_and_by_parameter(tmp_path, image, searched, c
     by_parameter = pdk.perturb(image, perturbations.overlay(4, clip=clip))
     assert not numpy.array_equal(by_parameter, image)
     assert numpy.array_equal(by_parameter, command(f"overlay@4,clip={clip}"))
-    pdk.search(overlays=[folder])
-    assert numpy.array_equal(pdk.perturb(image, "square@4"), command("square@4", options=["--overlays", folder]))
+    pdk.search(drop_ins=[folder])
+    assert numpy.array_equal(pdk.perturb(image, "square@4"), command("square@4", options=["--drop-ins", folder]))
 
 
 def test_what_cannot_be_used_is_a_warning(tmp_path, image, searched):

@@ -5,7 +5,6 @@ use std::fs;
 
 use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
-use pdk_lua::LuaScripts;
 use pdk_model::component::ComponentSpec;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::ErrorKind;
@@ -18,7 +17,7 @@ use serde_json::{Map, Value, json};
 /// A registry that has loaded a plugin into this process.
 fn registry(plugin: &str) -> Registry {
     let search = SearchPath { plugins: vec![test_library(plugin)], ..SearchPath::default() };
-    Registry::discover(&search, Box::new(LuaScripts::new(&search))).unwrap()
+    pdk_tests::registry(&search)
 }
 
 fn parameters(value: Value) -> Map<String, Value> {

@@ -41,7 +41,7 @@ fn what_is_no_regular_file_is_not_read_wherever_a_file_is_named() {
         soon("an image", || perturb("contrast@1", shown).fail(1, &[said]));
         soon("a mask", || perturb(&format!("contrast@1,region={mask}"), "in.png").fail(1, &[said]));
         soon("a clip", || perturb(&format!("overlay@2,clip={shown}"), "in.png").fail(1, &[said]));
-        for option in ["--plugins", "--overlays"] {
+        for option in ["--plugins", "--drop-ins"] {
             soon(option, || here(&["list", option, shown]).fail(1, &["is not a folder", option]));
         }
         soon("a pipeline", || here(&["run", shown]).fail(1, &[said]));

@@ -8,7 +8,6 @@ use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
-use pdk_lua::LuaScripts;
 use pdk_model::component::ComponentSpec;
 use pdk_preview::picture;
 use pdk_preview::preview::{self, Shown};
@@ -146,7 +145,7 @@ fn strength_grows_between_levels_and_on_photographs() {
 }
 
 fn registry() -> Registry {
-    Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap()
+    pdk_tests::registry(&SearchPath::default())
 }
 
 /// Checks all perturbations.

@@ -127,7 +127,7 @@ fn an_overlay_moves_over_a_video_in_its_own_time() {
     writer.finish().unwrap();
     clip(&folder.path().join("drive.mp4"), 20);
     perturb(folder.path(), "drive.mp4", "square@4", "out.mp4")
-        .args(["--overlays".as_ref(), overlays.as_os_str()])
+        .args(["--drop-ins".as_ref(), overlays.as_os_str()])
         .env("PDK_CACHE", folder.path().join("cache"))
         .succeed();
     let (after, _) = frames(&folder.path().join("out.mp4"));

@@ -117,7 +117,7 @@ fn a_name_of_pdks_own_stays_what_it_is() {
     std::fs::write(scripts.join("contrast.lua"), "no script").unwrap();
     std::fs::write(clips.join("motion_blur.mp4"), "never opened").unwrap();
     let listed = Pdk::new(["list", "perturbation", "--json"])
-        .args(["--plugins", "scripts", "--overlays", "clips"])
+        .args(["--plugins", "scripts", "--drop-ins", "clips"])
         .folder(folder.path())
         .succeed();
     let warnings: Vec<_> = listed.stderr.lines().collect();
@@ -248,7 +248,7 @@ fn a_preview_shows_the_clips_of_the_user_and_leaves_out_what_fails() {
     std::fs::write(folder.path().join("clips/whole.mp4"), &clip).unwrap();
     std::fs::write(folder.path().join("clips/cut.mp4"), &clip[..clip.len() / 2]).unwrap();
     let preview = |more: &[&str]| {
-        let small = ["preview", "in.png", "--width", "16", "--picture", "16", "--overlays", "clips"];
+        let small = ["preview", "in.png", "--width", "16", "--picture", "16", "--drop-ins", "clips"];
         Pdk::new(small).args(more).folder(folder.path()).env("PDK_CACHE", folder.path().join("cache"))
     };
     let all = preview(&["--json"]).succeed();

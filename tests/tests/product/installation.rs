@@ -4,7 +4,7 @@ use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-use pdk_components::installation::LIBRARIES;
+use pdk_product::PRODUCT;
 use pdk_tests::installation::Installation;
 use pdk_tests::process::{json_file, json_lines};
 use pdk_tests::{Pdk, pictures, repository, temp};
@@ -74,7 +74,7 @@ fn a_users_own_clip_and_script_work_without_a_home() {
     pictures::write(&folder.path().join("in.png"), 64, 48);
     let perturb = |with: &str| {
         let pdk = installation.pdk().folder(folder.path()).env("TMPDIR", folder.path().join("tmp"));
-        let pdk = pdk.args(["--overlays", "clips", "--plugins", ".", "perturb", "in.png", "--time", "1"]);
+        let pdk = pdk.args(["--drop-ins", "clips", "--plugins", ".", "perturb", "in.png", "--time", "1"]);
         pdk.args(["--with", with, "-o", "out.png"]).succeed();
         fs::read(folder.path().join("out.png")).unwrap()
     };
@@ -137,7 +137,7 @@ fn what_is_missing_is_said_by_every_verb() {
             &["perturb", "in.png", "--with", "gaussian_noise", "-o", "out.png"],
             &["new", "perturbation", "mine"],
         ] {
-            let count = format!("1 of its {} libraries", LIBRARIES.len());
+            let count = format!("1 of its {} libraries", PRODUCT.plugins.len());
             let parts = [
                 count.as_str(),
                 "libpdk_models.so",
@@ -159,7 +159,7 @@ fn what_is_missing_is_said_by_every_verb() {
     let doctor = installation.pdk().arg("doctor").succeed();
     assert!(
         doctor.stdout.contains("note sdk")
-            && doctor.stdout.contains(&format!("{} libraries", LIBRARIES.len())),
+            && doctor.stdout.contains(&format!("{} libraries", PRODUCT.plugins.len())),
         "{}",
         doctor.stdout
     );

@@ -6,6 +6,8 @@ mod cli;
 mod documents;
 mod english;
 mod guide;
+mod found;
 mod installation;
+mod kernel;
 mod python;
 mod shown;

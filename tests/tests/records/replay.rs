@@ -325,7 +325,7 @@ fn an_overlay_that_is_gone_is_named() {
     assert_eq!(ran.stdout.matches(", equal").count(), 4, "{}", ran.stdout);
     fs::remove_file(&sticker).unwrap();
     replay(&out)
-        .fail(1, &["there is no perturbation `sticker`", &sticker.display().to_string(), "--overlays"]);
+        .fail(1, &["there is no perturbation `sticker`", &sticker.display().to_string(), "--drop-ins"]);
     let ran = replay(&out).args(["--scenario", "1"]).succeed();
     assert!(ran.stderr.contains("sticker.png is not there any more"), "{}", ran.stderr);
 }

@@ -6,9 +6,7 @@ use std::path::Path;
 
 use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
-use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
-use pdk_lua::LuaScripts;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_preview::picture;
 use pdk_record::trace::reader::{Owner, read_recorded, read_steps};
@@ -77,7 +75,7 @@ fn no_plugin_computes_with_the_mathematical_library_of_the_system() {
 
 #[test]
 fn a_chain_that_begins_again_is_a_new_one() {
-    let registry = Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap();
+    let registry = pdk_tests::registry(&SearchPath::default());
     let src = pdk_sdk::testing::sample_frame(97, 61);
     let with = |name: &str, level: f64| {
         let text = format!(r#"{name}@{level},probability=0.7,where={{"random":60,"every":2}}"#);
@@ -102,7 +100,7 @@ fn a_chain_that_begins_again_is_a_new_one() {
 
 #[test]
 fn rain_and_snow_follow_the_way_that_a_vehicle_drives() {
-    let registry = Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap();
+    let registry = pdk_tests::registry(&SearchPath::default());
     let src = pdk_sdk::testing::sample_frame(97, 61);
     for name in ["dynamic_rain_filter", "dynamic_snow_filter", "dynamic_rain_filter,rate=30"] {
         let text = name.replacen(",", "@4,", 1);
@@ -124,7 +122,7 @@ fn rain_and_snow_follow_the_way_that_a_vehicle_drives() {
 fn the_same_key_gives_the_same_bytes_and_another_seed_others() {
     let folder = temp();
     pictures::write(&folder.path().join("in.png"), 97, 61);
-    let registry = Registry::discover(&SearchPath::default(), Box::new(LuaScripts::default())).unwrap();
+    let registry = pdk_tests::registry(&SearchPath::default());
     let source = picture::to_frame(pictures::road(97, 61, 0)).unwrap();
     let here = |spec: &str, seed: u64| {
         let mut chain = Chain::new(&registry, &[AppliedPerturbation::parse(spec).unwrap()], seed).unwrap();

@@ -26,7 +26,6 @@
 //! | [`perturbation`] | a script as a perturbation |
 //! | [`kept`] | what a script keeps from one frame to the next, found when it is checked |
 //! | [`scripts`] | components from scripts, for the registry |
-//! | [`shipped`] | the scripts that are part of pdk |
 
 mod absent;
 pub mod api;
@@ -47,7 +46,6 @@ mod power;
 pub mod random;
 pub mod sandbox;
 pub mod scripts;
-pub mod shipped;
 pub mod types;
 mod watchdog;
 

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use mlua::{Function, LightUserData, Lua, LuaString, RegistryKey, Table, Value, ffi};
-use pdk_components::registry::BuiltInScript;
+use pdk_components::product::BuiltInScript;
 
 use crate::chunk;
 use crate::failure::type_of;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pdk_components::registry::BuiltInScript;
+use pdk_components::product::BuiltInScript;
 use pdk_components::suggest;
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::file;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pdk_components::registry::{BuiltInScript, Script, Scripts};
+use pdk_components::registry::{Script, Scripts};
 use pdk_components::search_path::{PATH_VARIABLE, SearchPath};
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
@@ -10,7 +10,6 @@ use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::Result;
 
 use crate::perturbation::{self, Returned, Source};
-use crate::shipped;
 
 /// The folders of this name hold perturbations and nothing else.
 const FOLDER: &str = "perturbations";
@@ -43,10 +42,6 @@ impl LuaScripts {
 }
 
 impl Scripts for LuaScripts {
-    fn built_in(&self) -> &'static [BuiltInScript] {
-        shipped::PERTURBATIONS
-    }
-
     fn describe(&self, script: Script<'_>) -> Result<Option<Description>> {
         let source = Source::of(script)?;
         let is_meant = match script {

@@ -60,6 +60,8 @@ pub(crate) struct BegunSearch {
     pub seed: u64,
     /// How many scenarios are driven at the same time.
     pub slots: usize,
+    /// Whether the strategy learns nothing.
+    pub baseline: bool,
     /// The session of the strategy, where it is a component.
     pub session: Option<Session>,
 }

@@ -7,10 +7,6 @@ use serde_json::{Value, json};
 use crate::fields::Fields;
 use crate::records::ROAD_REQUEST;
 
-/// Width of a road in metres: two lanes of the published study's simulators.
-const WIDTH: f64 = 8.0;
-/// Smallest radius of a bend in metres: a little more than the simulator `lane` needs, which measures between the waypoints.
-const SMALLEST_RADIUS: f64 = 8.5;
 /// Largest angle in degrees of a random road, as in the published study, and of an informed one.
 const RANDOM_LIMIT: u64 = 35;
 const INFORMED_LIMIT: u64 = 60;
@@ -41,8 +37,8 @@ pub fn build(request: Value, seed: u64) -> Result<(Road, Vec<f64>)> {
     let turns = fields.whole("turns")?;
     let target = fields.number("mean_curvature")?;
     let attempts = fields.whole("attempts")?;
-    let width = fields.number("width")?.unwrap_or(WIDTH);
-    let smallest_radius = fields.number("smallest_radius")?.unwrap_or(SMALLEST_RADIUS);
+    let width = fields.number("width")?.unwrap_or(pdk_road::WIDTH);
+    let smallest_radius = fields.number("smallest_radius")?.unwrap_or(pdk_road::SMALLEST_RADIUS);
     if !(0.0..=1000.0).contains(&smallest_radius) {
         return Err(wrong(format!("`smallest_radius` is {smallest_radius}, but has to be from 0 to 1000 m")));
     }

@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use mlua::Value as LuaValue;
+use pdk_components::product;
 use pdk_components::search_path::SearchPath;
 use pdk_components::suggest;
-use pdk_lua::shipped::{LIBRARY, PIPELINES};
 use pdk_lua::{Limits, Modules, Sandbox};
 use pdk_notice::eprintln;
 use pdk_record::manifest::{Module, Pipeline};
@@ -52,8 +52,9 @@ impl Script {
         let is_name = pipeline.components().count() == 1 && !pipeline.to_string_lossy().contains('.');
         if is_name {
             let name = pipeline.to_string_lossy();
-            let known = PIPELINES.iter().map(|script| script.name);
-            let script = PIPELINES.iter().find(|script| script.name == name).ok_or_else(|| {
+            let pipelines = product::get().pipelines;
+            let known = pipelines.iter().map(|script| script.name);
+            let script = pipelines.iter().find(|script| script.name == name).ok_or_else(|| {
                 Error::new(format!(
                     "pdk comes with no pipeline `{name}`, and a file is named with its folder or its ending, as in ./{name}; {}",
                     suggest::hint(&name, known)
@@ -79,7 +80,7 @@ impl Script {
 
 fn unreadable(pipeline: &Path, error: &Error) -> Error {
     let name = pipeline.file_stem().unwrap_or_default().to_string_lossy();
-    let hint = match PIPELINES.iter().any(|script| script.name == name) {
+    let hint = match product::get().pipelines.iter().any(|script| script.name == name) {
         true => format!("; the one that comes with pdk is `pdk run {name}`"),
         false => String::new(),
     };
@@ -94,7 +95,7 @@ fn unreadable(pipeline: &Path, error: &Error) -> Error {
 pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
     let script = Script::find(pipeline)?;
     let (name, source) = (script.path.to_string_lossy().into_owned(), script.source.clone());
-    let modules = Modules::new(script.folder.as_deref(), LIBRARY);
+    let modules = Modules::new(script.folder.as_deref(), product::get().modules);
     let mut sandbox = Sandbox::with_api(Limits::of_pipeline()?, |lua| {
         modules.install(lua)?;
         API.install(lua)
@@ -157,7 +158,7 @@ fn stop() -> Option<Error> {
 /// The folders that the command line named, for the manifest.
 fn given(search: &SearchPath) -> (Vec<PathBuf>, Vec<PathBuf>) {
     let search = search.absolute();
-    (search.plugins, search.drop_ins.into_iter().map(|(_, folder)| folder).collect())
+    (search.plugins, search.drop_ins)
 }
 
 /// A perturbation returns a table that applies it; run as a pipeline it would do nothing and say nothing.

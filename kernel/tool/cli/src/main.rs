@@ -6,5 +6,6 @@ mod verbs;
 
 fn main() -> std::process::ExitCode {
     pdk_supervise::calls::begin();
+    pdk_components::product::set(&pdk_product::PRODUCT);
     verbs::main()
 }

@@ -68,13 +68,11 @@ impl Further {
             let shown = manifest.files.iter().map(|file| file.path.as_path());
             for path in shown.filter(|path| path.is_file() && drop_in_name(path) == *name) {
                 let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-                let drop_ins = catalog.of_kind(*kind).filter_map(|entry| entry.description.drop_in.as_ref());
-                let fitting = drop_ins.filter(|drop_in| drop_in.endings.contains(&ending));
-                let parent = path.parent().map(Path::to_owned);
-                further
-                    .places
-                    .drop_ins
-                    .extend(fitting.filter_map(|drop_in| Some((drop_in.folder.clone(), parent.clone()?))));
+                let mut drop_ins =
+                    catalog.of_kind(*kind).filter_map(|entry| entry.description.drop_in.as_ref());
+                if drop_ins.any(|drop_in| drop_in.endings.contains(&ending)) {
+                    further.places.drop_ins.extend(path.parent().map(Path::to_owned));
+                }
             }
         }
         further.places.plugins.sort();
@@ -202,7 +200,7 @@ fn missing(manifest: &Manifest, kind: Kind, name: &str, error: &Error) -> Error 
     let remedy = match plugin.and_then(|component| component.plugin.as_ref()) {
         Some(plugin) if plugin.built_in => "replay it with that version",
         Some(_) => "install it with `pdk plugin add FILE`, or name its folder with --plugins",
-        None => "name the folder in which it lies with --plugins or --overlays",
+        None => "name the folder in which it lies with --plugins or --drop-ins",
     };
     let origin = origin.map_or_else(String::new, |origin| format!(", {origin}"));
     Error::of(error.kind(), format!("{error}; the record has it{from}{origin}: {remedy}"))

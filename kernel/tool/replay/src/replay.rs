@@ -216,8 +216,9 @@ impl Replay {
 pub struct Film {
     /// Where it goes.
     pub path: PathBuf,
-    /// The saliency method that shows what the driver's network looks at beside what the driver saw.
-    pub saliency: Option<ComponentSpec>,
+    /// The saliency method that shows what the driver's network looks at beside what the driver saw, as the user names it: empty for
+    /// the one that is used if none is named.
+    pub saliency: Option<String>,
 }
 
 /// Scenarios while they are driven.
@@ -239,11 +240,8 @@ impl Driving<'_> {
             // Read again when there is something to compare with: all traces together may be large.
             match self.recorded_steps(recorded) {
                 Ok(steps) => {
-                    let method = self.film.and_then(|film| film.saliency.as_ref());
                     let driver = &recorded.line.scenario.driver;
-                    let view = method
-                        .map(|method| view::of_driver(self.session.catalog(), driver, method))
-                        .transpose()?;
+                    let view = self.view(driver)?;
                     let ticket = self.session.drive(Drive {
                         scenario: recorded.line.scenario.clone(),
                         name: recorded.line.name.clone(),
@@ -275,6 +273,13 @@ impl Driving<'_> {
             wall_seconds: performance.wall_seconds - before.1.wall_seconds,
             warnings: performance.noticed().collect(),
         })
+    }
+
+    /// The saliency method that shows in the film what a driver looks at; none if the film shows no such thing.
+    fn view(&self, driver: &ComponentSpec) -> Result<Option<ComponentSpec>> {
+        let Some(text) = self.film.and_then(|film| film.saliency.as_ref()) else { return Ok(None) };
+        let catalog = self.session.catalog();
+        view::of_driver(catalog, driver, &view::named(catalog, text)?).map(Some)
     }
 
     /// The steps of a scenario's trace in the record.

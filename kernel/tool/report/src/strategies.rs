@@ -82,7 +82,7 @@ fn comparison(searches: &[&Search]) -> Result<Comparison> {
         }
     }
     // Chance is what a strategy has to be better than.
-    let first = strategies.iter().position(|(name, _)| *name == "random").unwrap_or(0);
+    let first = strategies.iter().position(|(_, own)| own[0].baseline).unwrap_or(0);
     let values =
         |own: &[&Search], measure: &Measure| own.iter().map(|s| (measure.of)(s)).collect::<Vec<f64>>();
     let row = |(place, (name, own)): (usize, &(&str, Vec<&Search>))| {
@@ -205,6 +205,7 @@ mod tests {
     fn search(strategy: &str, critical: usize, first: Option<usize>) -> Search {
         Search {
             strategy: strategy.into(),
+            baseline: strategy == "random",
             setting: "one".into(),
             driver: "dave2".into(),
             has_reference: true,

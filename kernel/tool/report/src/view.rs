@@ -246,6 +246,8 @@ pub struct Search {
     pub name: String,
     /// The strategy with its parameters.
     pub strategy: String,
+    /// Whether the strategy learns nothing, so that others are compared with it.
+    pub baseline: bool,
     /// The seed.
     pub seed: u64,
     /// Why it ended.

@@ -15,11 +15,12 @@ const WITHOUT: &str = "eigen-cam, score-cam, rise and occlusion work without one
 /// Which layer a method looks at.
 pub fn layer_parameters(description: Description) -> Description {
     description
+        .finer("gradient")
         .parameter(Parameter::text(
             "layer",
             "the layer whose cells are weighed, by the name of its node or of its value; left out, the last convolution that has at least 4 cells in \
              both directions",
-        ))
+        ).role(Role::Layer))
         .parameter(Parameter::boolean(
             "activation",
             true,

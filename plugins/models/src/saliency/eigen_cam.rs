@@ -20,6 +20,7 @@ impl Method for Eigen {
     fn description() -> Description {
         let description = Description::saliency("eigen-cam", "What the channels of a layer have most in common, without gradients")
             .family("no gradient")
+            .gradient_free()
             .version(2)
             .source("Muhammad and Yeasin, \"Eigen-CAM: Class Activation Map using Principal Components\" (2020)")
             .mathematics("`map = A v`, with `A` a row for each cell and a column for each channel, and `v` its first right singular vector")

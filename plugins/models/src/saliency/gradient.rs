@@ -1,4 +1,4 @@
-//! The gradient of the output with respect to the pixels, plain, or averaged over noise.
+//! The gradient of the output with respect to the pixels.
 
 use pdk_sdk::prelude::*;
 
@@ -9,17 +9,19 @@ use super::viewer::{Viewer, parameters};
 
 /// The plain gradient.
 pub type Gradient = Map<Plain>;
-/// The gradient averaged over noise.
-pub type SmoothGrad = Map<Smooth>;
 
-fn open(viewer: &Viewer) -> Result<Derived> {
+/// The graph that computes it.
+///
+/// # Errors
+/// If an operator has no gradient, or the engine cannot run the graph.
+pub fn open(viewer: &Viewer) -> Result<Derived> {
     let graph = graph(viewer)?;
     let layer = image_layer(&graph, viewer)?;
     Derived::gradient(&graph, viewer, layer, &[viewer.target()])
 }
 
 /// Joins the colours of each pixel: the largest by size where the sign does not matter, else their sum.
-fn join(planes: &Planes, sign: Sign, grid: &mut Grid) {
+pub fn join(planes: &Planes, sign: Sign, grid: &mut Grid) {
     for channel in planes.channels() {
         for (value, gradient) in grid.values.iter_mut().zip(channel) {
             *value = if sign == Sign::Absolute { value.max(gradient.abs()) } else { *value + gradient };
@@ -55,79 +57,6 @@ impl Method for Plain {
         let planes = self.derived.run(viewer, frame)?;
         let mut grid = empty(&self.derived.layer);
         join(&planes[planes.len() - 1], self.sign, &mut grid);
-        Ok(grid)
-    }
-}
-
-/// The mean of gradients at frames with noise.
-pub struct Smooth {
-    derived: Derived,
-    sign: Sign,
-    samples: usize,
-    noise: f64,
-}
-
-impl Method for Smooth {
-    fn description() -> Description {
-        let description = Description::saliency(
-            "smooth-grad",
-            "The mean gradient with respect to each pixel over frames with noise",
-        )
-        .family("gradient")
-        .source("Smilkov et al., \"SmoothGrad: removing noise by adding noise\" (2017)")
-        .mathematics("`map = max_c |E[g_c(x + σ n)]|` over the colours, or `Σ_c` where the sign matters")
-        .drawn_per_frame("the noise");
-        parameters(description)
-            .parameter(sign_parameter())
-            .parameter(
-                Parameter::integer("samples", 16, "how many noisy frames are averaged").range(1.0, 10_000.0),
-            )
-            .parameter(
-                Parameter::number(
-                    "noise",
-                    0.15,
-                    "standard deviation of the noise, as a share of the range of pixel values",
-                )
-                .range(0.0, 1.0),
-            )
-    }
-
-    fn new(viewer: &Viewer, config: &Config) -> Result<Self> {
-        Ok(Self {
-            derived: open(viewer)?,
-            sign: Sign::of(config.text("sign")),
-            samples: config.integer("samples") as usize,
-            noise: config.number("noise"),
-        })
-    }
-
-    fn cells(&self, viewer: &Viewer) -> [usize; 2] {
-        let (width, height) = viewer.size();
-        [height, width]
-    }
-
-    fn grid(&mut self, viewer: &mut Viewer, frame: Frame<'_>, cx: &MapContext<'_>) -> Result<Grid> {
-        let mut plain = vec![0.0; viewer.model.input.len()];
-        viewer.numbers(frame, &mut plain);
-        let (low, high) = viewer.range();
-        let deviation = self.noise * f64::from(high - low);
-        let mut random = cx.frame_random();
-        let mut noisy = plain.clone();
-        let mut mean: Option<Planes> = None;
-        for _ in 0..self.samples {
-            for (to, from) in noisy.iter_mut().zip(&plain) {
-                *to = (f64::from(*from) + deviation * random.normal()) as f32;
-            }
-            let planes = self.derived.run_on(viewer, &noisy)?.pop();
-            match (&mut mean, planes) {
-                (Some(mean), Some(planes)) => mean.add(&planes),
-                (mean, planes) => *mean = planes,
-            }
-        }
-        let mut grid = empty(&self.derived.layer);
-        if let Some(mean) = mean {
-            join(&mean, self.sign, &mut grid);
-        }
         Ok(grid)
     }
 }

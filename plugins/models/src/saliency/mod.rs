@@ -8,21 +8,30 @@
 mod cam;
 mod derived;
 mod eigen_cam;
+mod grad_cam;
+mod grad_cam_plus_plus;
+mod grad_cam_published;
 mod gradient;
 mod grid;
+mod hirescam;
 mod kept;
 mod method;
 mod occlusion;
 mod rise;
 mod score_cam;
+mod smooth_grad;
 mod viewer;
 
-pub use cam::{GradCam, GradCamPlusPlus, HiResCam, PublishedGradCam};
 pub use eigen_cam::EigenCam;
-pub use gradient::{Gradient, SmoothGrad};
+pub use grad_cam::GradCam;
+pub use grad_cam_plus_plus::GradCamPlusPlus;
+pub use grad_cam_published::PublishedGradCam;
+pub use gradient::Gradient;
+pub use hirescam::HiResCam;
 pub use occlusion::Occlusion;
 pub use rise::Rise;
 pub use score_cam::ScoreCam;
+pub use smooth_grad::SmoothGrad;
 
 #[cfg(test)]
 mod tests;

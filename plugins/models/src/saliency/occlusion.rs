@@ -22,6 +22,7 @@ impl Method for Patches {
             "By how much the output changes when a patch covers each part, without gradients",
         )
         .family("no gradient")
+        .gradient_free()
         .source("Zeiler and Fergus, \"Visualizing and Understanding Convolutional Networks\" (2014)")
         .mathematics("`map = mean(f(x) - f(x covered))` over all patches that cover a pixel");
         parameters(description)

@@ -21,6 +21,7 @@ impl Method for Masks {
     fn description() -> Description {
         let description = Description::saliency("rise", "The mean output over random masks that leave each pixel, without gradients")
             .family("no gradient")
+            .gradient_free()
             .source("Petsiuk et al., \"RISE: Randomized Input Sampling for Explanation of Black-box Models\" (2018)")
             .mathematics("`map = E[f(x ∘ M) | M = 1] - E[f(x ∘ M)]`, estimated over masks `M` from a coarse grid")
             .divergence("The mean over all masks is subtracted, so that a pixel without influence has the value 0 whatever the output is.")

@@ -21,6 +21,7 @@ impl Method for Score {
     fn description() -> Description {
         let description = Description::saliency("score-cam", "Weighs the channels of a layer by the output when each masks the frame, without gradients")
             .family("no gradient")
+            .gradient_free()
             .version(2)
             .source("Wang et al., \"Score-CAM: Score-Weighted Visual Explanations for Convolutional Neural Networks\" (2020)")
             .mathematics("`map = Σ_c (f(x ∘ A_c) - f(∅)) A_c`, with `A_c` from 0 to 1 and `∅` the frame without content")

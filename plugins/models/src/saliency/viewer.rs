@@ -5,13 +5,12 @@ use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
-use crate::driver::with_pixels;
+use crate::driver::{self, with_pixels};
 use crate::engine;
 use crate::model_file::{Inputs, Layout, ModelFile, Source};
 use crate::pixels::Pixels;
 use crate::selection::{Selection, Slot};
 use crate::session::Session;
-use crate::trained;
 
 /// A model whose output is explained. One that remembers is asked as at the first frame, when it remembers nothing.
 pub struct Viewer {
@@ -35,36 +34,35 @@ pub struct Viewer {
 
 /// What a method takes that explains one number.
 pub fn parameters(description: Description) -> Description {
-    common_parameters(description).parameter(Parameter::choice(
-        "explain",
-        &["steering", "throttle"],
-        "which number is explained",
-    ))
+    common_parameters(description).parameter(
+        Parameter::choice("explain", &["steering", "throttle"], "which number is explained")
+            .role(Role::Explained),
+    )
 }
 
 /// What every method takes.
 pub fn common_parameters(description: Description) -> Description {
     let description = description
         .example(json!({"model": "dave2"}))
-        .parameter(Parameter::path("model", "the ONNX file whose view is shown, which the driver `onnx` takes; or the name of a network that is part of pdk"))
+        .parameter(Parameter::path("model", "the ONNX file whose view is shown, which the driver `onnx` takes; or the name of a network that is part of pdk").role(Role::Network))
         .parameter(engine::parameter());
     with_pixels(description)
         .parameter(Parameter::text("steering_output", "the output that steers, as for the driver `onnx`"))
         .parameter(Parameter::text("throttle_output", "the output that gives the throttle, as for the driver `onnx`"))
         .parameter(
-            Parameter::number("speed", 8.0, "the speed that a network which takes one is told where it is not known, as for recorded frames").unit("m/s").range(0.0, 100.0),
+            Parameter::number("speed", 8.0, "the speed that a network which takes one is told where it is not known, as for recorded frames").unit("m/s").range(0.0, 100.0).role(Role::Speed),
         )
         .parameter(Parameter::choice(
             "size",
             &["frame", "layer"],
             "how large the map is: as the frame, over which its cells are laid by where they look, or one value for each cell, unless the frame has fewer pixels than \
              the layer has cells",
-        ))
+        ).role(Role::Resolution))
 }
 
 /// Where the model of this name is: in a file, or part of this plugin.
 fn source(name: &str) -> Source {
-    match trained::content(name) {
+    match driver::content(name) {
         Some(content) => Source::BuiltIn(content.into()),
         None => Source::File(name.into()),
     }

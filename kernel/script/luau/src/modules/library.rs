@@ -1,12 +1,12 @@
 //! The shipped library, in pipelines whose `pdk` answers without driving anything, and has simple statistics.
 
 use mlua::{LuaSerdeExt, Table, Value};
+use pdk_product::PRODUCT;
 use pdk_sdk::serde_json::{self, json};
 
 use super::Modules;
 use crate::limits::Limits;
 use crate::sandbox::Sandbox;
-use crate::shipped::{LIBRARY, PIPELINES};
 
 /// Notes all calls. A scenario succeeds unless it is on road 2, or has fog at level 3 or more.
 const PDK: &str = r#"
@@ -121,12 +121,12 @@ const PDK: &str = r#"
 
 /// The text of a pipeline.
 fn source(name: &str) -> &'static str {
-    PIPELINES.iter().find(|script| script.name == name).unwrap().source
+    PRODUCT.pipelines.iter().find(|script| script.name == name).unwrap().source
 }
 
 /// What a shipped pipeline does, after a change of its text.
 fn run(name: &str, from: &str, to: &str) -> Result<(serde_json::Value, Modules), String> {
-    let modules = Modules::new(None, LIBRARY);
+    let modules = Modules::new(None, PRODUCT.modules);
     let mut calls = None;
     let sandbox = Sandbox::with_api(Limits::default(), |lua| {
         let (noted, pdk): (Table, Table) = lua.load(PDK).eval()?;

@@ -12,9 +12,10 @@ use crate::sandbox::Sandbox;
 const LIBRARY: &[BuiltInScript] = &[
     BuiltInScript {
         name: "study",
+        file: "study.lua",
         source: "return { value = require('./parts/part').value .. 's' .. pdk.twice(2) }",
     },
-    BuiltInScript { name: "parts/part", source: "return { value = 'p' }" },
+    BuiltInScript { name: "parts/part", file: "parts/part.lua", source: "return { value = 'p' }" },
 ];
 
 /// A pipeline's folder with files, beside a file that nobody may see.

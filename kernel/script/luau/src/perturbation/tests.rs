@@ -9,7 +9,6 @@ use pdk_sdk::serde_json::{Map, json};
 use super::*;
 use crate::image::operations;
 use crate::random::RANDOM;
-use crate::shipped::PERTURBATIONS;
 
 pub(crate) const SCRIPT: &str = "scripts/foo.lua";
 
@@ -55,6 +54,11 @@ fn declaration_error(source: &str) -> String {
     error.strip_prefix("scripts/foo.lua: ").unwrap_or_else(|| panic!("{error}")).to_owned()
 }
 
+/// The beginning of the description of a perturbation in a script, which notes no source file.
+fn described(name: &str, doc: &str) -> Description {
+    Description { defined_in: String::new(), ..Description::perturbation(name, doc) }
+}
+
 #[test]
 fn a_declaration_becomes_a_description() {
     let source = "return { name = 'fog_bank', doc = 'Fog', family = 'weather', source = 'nobody (2020)', version = 3,
@@ -71,7 +75,7 @@ fn a_declaration_becomes_a_description() {
     edge.default = "square".into();
     let mut label = Parameter::text("label", "Label");
     label.default = "x".into();
-    let expected = Description::perturbation("fog_bank", "Fog")
+    let expected = described("fog_bank", "Fog")
         .family("weather")
         .source("nobody (2020)")
         .version(3)
@@ -87,7 +91,7 @@ fn a_declaration_becomes_a_description() {
         .parameter(label);
     assert_eq!(description, expected);
     let short = make("return { doc = 'Fog', apply = function() end }", json!({})).unwrap();
-    assert_eq!(short.description(), &Description::perturbation("foo", "Fog"));
+    assert_eq!(short.description(), &described("foo", "Fog"));
     assert_eq!(short.description().temporal, Temporal::Static);
 }
 
@@ -208,7 +212,7 @@ fn what_a_script_says_of_itself_reaches_the_description() {
             { name = 's', levels = { 2, 1, 3, 4, 5 }, doc = 'How much' }, { name = 'soft', default = true, doc = 'Soft' },
         } }";
     let description = make(source, json!({})).unwrap().description().clone();
-    let expected = Description::perturbation("foo", "Fog")
+    let expected = described("foo", "Fog")
         .mathematics("v + s")
         .drawn_per_sequence("where it is")
         .drawn_per_frame("noise")
@@ -602,7 +606,7 @@ fn root() -> PathBuf {
 }
 
 fn shipped() -> impl Iterator<Item = Source<'static>> {
-    PERTURBATIONS.iter().map(|script| Source::of(Script::BuiltIn(script)).unwrap())
+    pdk_product::PRODUCT.perturbations.iter().map(|script| Source::of(Script::BuiltIn(script)).unwrap())
 }
 
 #[test]

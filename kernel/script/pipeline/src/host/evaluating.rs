@@ -9,7 +9,7 @@ use pdk_record::manifest::components_of_all;
 use pdk_record::merge::EvaluatedFrames;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::Host;
 use super::driving::components;
@@ -108,16 +108,8 @@ impl Host {
             }
             DatasetSpec::Path(path) => path,
         };
-        let readers: Vec<String> = self
-            .session
-            .catalog()
-            .of_kind(Kind::Dataset)
-            .map(|entry| entry.description.name.clone())
-            .collect();
         let mut reasons = Vec::new();
-        for name in readers {
-            let parameters = Map::from_iter([("path".to_owned(), Value::String(path.clone()))]);
-            let reader = ComponentSpec { name, parameters };
+        for reader in self.session.catalog().readers(path) {
             match self.make(Kind::Dataset, &reader) {
                 Ok(made) => return Ok((reader, frames(made))),
                 Err(error) => reasons.push(error.to_string()),

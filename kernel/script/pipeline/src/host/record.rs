@@ -43,7 +43,7 @@ impl RunRecord {
             pipeline: setup.pipeline.clone(),
             settings: settings.cloned().unwrap_or_default(),
             plugins: setup.given.0.clone(),
-            overlays: setup.given.1.clone(),
+            drop_ins: setup.given.1.clone(),
             components: self.in_use.components(),
             files: self.in_use.files(),
             machine: Machine::this(),

@@ -51,6 +51,9 @@ impl Host {
             )?;
         }
         self.begin()?;
+        let described =
+            strategy.and_then(|strategy| self.session.catalog().get(Kind::Search, &strategy.name).ok());
+        let baseline = described.is_some_and(|entry| entry.description.baseline);
         let session = match strategy {
             None => None,
             Some(_) => Some(match self.searches.strategist.take() {
@@ -63,7 +66,14 @@ impl Host {
                 })?,
             }),
         };
-        Ok(BegunSearch { name, number, seed: self.setup.common.seed, slots: self.session.slots(), session })
+        Ok(BegunSearch {
+            name,
+            number,
+            seed: self.setup.common.seed,
+            slots: self.session.slots(),
+            baseline,
+            session,
+        })
     }
 
     /// Ends a search: its files go into the record, and its session is kept for the next one.

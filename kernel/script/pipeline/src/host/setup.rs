@@ -15,7 +15,7 @@ pub struct Setup {
     pub pipeline: Pipeline,
     /// Tells which modules were required so far.
     pub modules: Box<dyn Fn() -> Vec<Module> + Send>,
-    /// The folders that `--plugins` and `--overlays` named, for the manifest.
+    /// The folders that `--plugins` and `--drop-ins` named, for the manifest.
     pub given: (Vec<PathBuf>, Vec<PathBuf>),
     /// Where components are looked for.
     pub search: SearchPath,

@@ -15,8 +15,8 @@ pub(super) const FAILURE_CRITERIA: ApiRecord = ApiRecord {
         field(
             "lane_departure",
             "number?",
-            "The absolute cross-track error in metres at which the vehicle has left its lane. Where it is left out, the simulator \
-             says that itself: `lane` at 2. As published: 2 for DonkeyCar, 4 for Udacity.",
+            "The absolute cross-track error in metres at which the vehicle has left its lane. If it is left out, the simulator \
+             decides. The published study has 2 for one simulator and 4 for another.",
         ),
         field(
             "comparison",

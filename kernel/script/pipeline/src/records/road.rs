@@ -32,7 +32,7 @@ pub const ROAD_REQUEST: ApiRecord = ApiRecord {
         field(
             "smallest_radius",
             "number?",
-            "Metres; a road with a tighter bend is not valid. 8.5 where it is left out, which the simulator `lane` can drive.",
+            "Metres; a road with a tighter bend is not valid. If it is left out, 8.5, which a car can drive.",
         ),
         field("attempts", "number?", "How many roads are drawn until one is valid; 1 where it is left out."),
     ],
@@ -46,7 +46,7 @@ pub(super) const ROAD: ApiRecord = ApiRecord {
         field(
             "road",
             "{ angles: { number }, segment: number | { number } }",
-            "The same in short, as a simulator takes it: the `road` of a scenario for `lane`.",
+            "The same in short: the `road` of a scenario, for simulators that take angles.",
         ),
         field("angles", "{ number }", "Degrees turned at each node."),
         field("turns", "number", "Nodes at which it turns by at least 25 degrees."),

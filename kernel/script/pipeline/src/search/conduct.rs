@@ -86,6 +86,7 @@ pub fn search(lua: &Lua, request: &LuaValue) -> mlua::Result<LuaValue> {
         name: &begun.name,
         strategy: component
             .map_or(Value::String("functions".into()), |c| serde_json::to_value(c).unwrap_or_default()),
+        baseline: begun.baseline,
         seed,
         stopped,
         problem: &request.problem,

@@ -60,6 +60,8 @@ pub struct Summary<'a> {
     pub name: &'a str,
     /// The strategy with its parameters.
     pub strategy: Value,
+    /// Whether the strategy learns nothing, so that others are compared with it.
+    pub baseline: bool,
     /// Its seed.
     pub seed: u64,
     /// Why it ended.
@@ -97,7 +99,7 @@ pub fn found(summary: &Summary<'_>) -> Value {
         .collect();
     // Within one search this says how it went; searches can be compared where a reference was given.
     let own_reference = summary.front.reference.clone().or_else(|| worst(&evaluated));
-    json!({
+    let mut found = json!({
         "name": summary.name,
         "strategy": summary.strategy,
         "seed": summary.seed,
@@ -116,7 +118,11 @@ pub fn found(summary: &Summary<'_>) -> Value {
         "convergence": convergence(&problem.space, &evaluated, own_reference.as_deref()),
         "tree": tree(&problem.space, &evaluated),
         "tests": tests,
-    })
+    });
+    if summary.baseline {
+        found["baseline"] = Value::Bool(true);
+    }
+    found
 }
 
 /// Every candidate, a line each, with commas between the columns.
@@ -337,6 +343,7 @@ mod tests {
         found(&Summary {
             name: "search",
             strategy,
+            baseline: false,
             seed: 0,
             stopped,
             problem: &problem,

@@ -4,7 +4,8 @@ mod simulator;
 
 use std::path::Path;
 
-use pdk_components::installation::{self, LIBRARIES};
+use pdk_components::installation;
+use pdk_components::product;
 use pdk_components::registry::Registry;
 use pdk_components::search_path::{self, PATH_VARIABLE};
 use pdk_lua::LuaScripts;
@@ -118,7 +119,7 @@ fn libraries() -> Finding {
         let (executable, libraries) = (installation::executable_folder()?, installation::library_folder()?);
         Ok(format!(
             "{} libraries in {} for pdk in {}",
-            LIBRARIES.len(),
+            product::get().plugins.len(),
             libraries.display(),
             executable.display()
         ))

@@ -3,7 +3,7 @@
 use pdk_components::catalog::Entry;
 use pdk_notice::println;
 use pdk_pipeline::table::table;
-use pdk_sdk::describe::{Kind, Temporal};
+use pdk_sdk::describe::{Description, Kind, Temporal};
 use pdk_sdk::error::{Error, Result};
 use serde_json::json;
 
@@ -25,8 +25,11 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(wanted).collect();
     if global.json {
         let entries = kinds.iter().flat_map(|kind| catalog.of_kind(*kind));
-        let list: Vec<_> =
-            entries.map(|entry| json!({ "description": entry.description, "file": entry.file })).collect();
+        let list: Vec<_> = entries
+            .map(
+                |entry| json!({ "description": entry.description, "code": entry.code(), "file": entry.file }),
+            )
+            .collect();
         return print_json(&json!(list));
     }
     let mut empty = true;
@@ -44,7 +47,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             _ => {
                 let mut table = table([kind.name(), "what it does"]);
                 for component in components {
-                    table.add_row([&component.description.name, &component.description.doc]);
+                    let Description { name, doc, preferred, .. } = &component.description;
+                    let used = if *preferred { "; the one that is used if none is named" } else { "" };
+                    table.add_row([name.clone(), format!("{doc}{used}")]);
                 }
                 println!("{table}\n");
             }

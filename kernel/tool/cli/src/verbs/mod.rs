@@ -65,9 +65,9 @@ pub struct Global {
     /// Folder with further plugins and Lua perturbations; may be given several times
     #[arg(long, global = true, value_name = "DIR")]
     plugins: Vec<PathBuf>,
-    /// Folder with green-screen clips, each of which becomes a perturbation; may be given several times
+    /// Folder with files of your own, such as clips and networks, each of which becomes a component; may be given several times
     #[arg(long, global = true, value_name = "DIR")]
-    overlays: Vec<PathBuf>,
+    drop_ins: Vec<PathBuf>,
     /// Write the result to standard output as JSON
     #[arg(long, global = true)]
     json: bool,
@@ -76,8 +76,7 @@ pub struct Global {
 impl Global {
     /// Where components are looked for besides the usual places.
     pub fn search_path(&self) -> SearchPath {
-        let overlays = self.overlays.iter().map(|folder| ("overlays".to_owned(), folder.clone()));
-        SearchPath { plugins: self.plugins.clone(), drop_ins: overlays.collect(), beside: Vec::new() }
+        SearchPath { plugins: self.plugins.clone(), drop_ins: self.drop_ins.clone(), beside: Vec::new() }
     }
 
     /// Finds all components, and says what had to be left out. They are loaded into this process.

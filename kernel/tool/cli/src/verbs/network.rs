@@ -7,6 +7,7 @@ use pdk_onnx::layers::{self, Image, LEAST_CELLS, Layer, layers};
 use pdk_onnx::tensor::shape_text;
 use pdk_onnx::{Graph, gradient, model};
 use pdk_pipeline::table::table;
+use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Place, Result};
 use serde_json::{Value, json};
 
@@ -14,7 +15,7 @@ use super::{Global, print_json};
 
 /// Whether a name is that of a network's file and not of a component.
 pub fn is_file(name: &str) -> bool {
-    Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("onnx"))
+    Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case(pdk_onnx::ENDING))
 }
 
 /// Shows the network in a file.
@@ -38,8 +39,9 @@ pub fn show(global: &Global, path: &str) -> Result<()> {
         match &output.missing {
             missing if missing.is_empty() => println!("          every operator before it has a gradient"),
             missing => println!(
-                "          without a gradient: {}; for layers before these, eigen-cam, score-cam, rise and occlusion work",
-                missing.join(", ")
+                "          without a gradient: {}; for layers before these, {}",
+                missing.join(", "),
+                without_gradients(global)?
             ),
         }
     }
@@ -73,6 +75,18 @@ pub fn show(global: &Global, path: &str) -> Result<()> {
         );
     }
     Ok(())
+}
+
+/// Which saliency methods work for layers before an operator without a gradient, as a clause.
+fn without_gradients(global: &Global) -> Result<String> {
+    let registry = global.registry()?;
+    let methods = registry.catalog().of_kind(Kind::Saliency).filter(|entry| entry.description.gradient_free);
+    let methods: Vec<&str> = methods.map(|entry| entry.description.name.as_str()).collect();
+    Ok(match methods.as_slice() {
+        [] => "no method works".to_owned(),
+        [one] => format!("{one} works"),
+        [first @ .., last] => format!("{} and {last} work", first.join(", ")),
+    })
 }
 
 /// An output, and what can be said about the way to it.

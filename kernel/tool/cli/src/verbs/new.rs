@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
 use pdk_components::catalog::Catalog;
 use pdk_components::installation;
-use pdk_lua::shipped::PIPELINES;
+use pdk_components::product;
 use pdk_notice::println;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
@@ -28,7 +28,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     sdk: Option<PathBuf>,
     /// Begin a pipeline with a copy of this one that comes with pdk
-    #[arg(long, value_name = "PIPELINE", value_parser = PossibleValuesParser::new(PIPELINES.iter().map(|script| script.name)))]
+    #[arg(long, value_name = "PIPELINE", value_parser = PossibleValuesParser::new(product::get().pipelines.iter().map(|script| script.name)))]
     from: Option<String>,
 }
 
@@ -73,9 +73,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         }
         What::Pipeline => {
             let file = folder.join(format!("{name}.lua"));
-            let copied = PIPELINES.iter().find(|script| Some(script.name) == arguments.from.as_deref());
-            let template =
-                copied.map_or(include_str!("../../templates/pipeline.lua"), |script| script.source);
+            let copied =
+                product::get().pipelines.iter().find(|script| Some(script.name) == arguments.from.as_deref());
+            let template = copied.map_or(product::get().first_pipeline, |script| script.source);
             write(&file, template, arguments)?;
             println!("Wrote {}. Try it:\n  pdk run {}", file.display(), file.display());
         }

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use pdk_chain::view::{self, DEFAULT_METHOD};
+use pdk_chain::view;
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::parse_seed;
 use pdk_notice::eprintln;
 use pdk_notice::println;
 use pdk_preview::picture;
 use pdk_preview::preview::{self, Options};
-use pdk_sdk::describe::{Kind, Temporal};
+use pdk_sdk::describe::{Kind, Role, Temporal};
 use pdk_sdk::error::{Error, Place, Result};
 use serde_json::json;
 
@@ -42,9 +42,9 @@ pub struct Arguments {
     /// A network whose view is shown below each picture: its ONNX file, or the name of one that is part of pdk
     #[arg(long, value_name = "MODEL")]
     model: Option<String>,
-    /// The saliency method that shows it
-    #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", default_value = DEFAULT_METHOD, requires = "model")]
-    method: String,
+    /// The saliency method that shows it [default: the one that `pdk list saliency` says is used]
+    #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", requires = "model")]
+    method: Option<String>,
     /// The seed that all random numbers come from
     #[arg(long, value_parser = parse_seed, default_value_t = 0)]
     seed: u64,
@@ -73,15 +73,15 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let maps = match &arguments.model {
         None => None,
         Some(model) => {
-            let mut method = ComponentSpec::parse("saliency method", &arguments.method)?;
-            match registry.catalog().get(Kind::Driver, model) {
-                Ok(_) => {
-                    method =
-                        view::of_driver(registry.catalog(), &ComponentSpec::new(model.as_str()), &method)?;
-                }
-                Err(_) => {
-                    method.parameters.insert("model".to_owned(), model.as_str().into());
-                }
+            let catalog = registry.catalog();
+            let mut method = view::named(catalog, arguments.method.as_deref().unwrap_or_default())?;
+            if catalog.get(Kind::Driver, model).is_ok() {
+                method = view::of_driver(catalog, &ComponentSpec::new(model.as_str()), &method)?;
+            } else {
+                let network = catalog.get(Kind::Saliency, &method.name)?.description.with_role(Role::Network);
+                method
+                    .parameters
+                    .extend(network.map(|network| (network.name.clone(), model.as_str().into())));
             }
             // What is wrong with it shows here, and not at every perturbation.
             registry.saliency(&method.name, &method.parameters)?;

@@ -4,8 +4,6 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use pdk_chain::view::DEFAULT_METHOD;
-use pdk_model::component::ComponentSpec;
 use pdk_notice::eprintln;
 use pdk_notice::println;
 use pdk_replay::compare::{Compared, Finding};
@@ -43,9 +41,9 @@ pub struct Arguments {
     /// Write a video of the scenario, of which there has to be one: original and perturbed frames and what the driver did
     #[arg(long, value_name = "FILE.mp4")]
     clip: Option<PathBuf>,
-    /// Show in the video what the driver's network looks at, by this saliency method [default: hirescam]
+    /// Show in the video what the driver's network looks at, by this saliency method [default: the one that `pdk list saliency` says is used]
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", requires = "clip", num_args = 0..=1, require_equals = true,
-          default_missing_value = DEFAULT_METHOD)]
+          default_missing_value = "")]
     saliency: Option<String>,
     /// Load the libraries and scripts and start the programs that the record names, although they are not installed. Without it
     /// they are listed, and nothing of the record is run
@@ -55,8 +53,7 @@ pub struct Arguments {
 
 /// Replays and says for each scenario whether it is equal, or where it first differs.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let method = arguments.saliency.as_deref();
-    let saliency = method.map(|method| ComponentSpec::parse("saliency method", method)).transpose()?;
+    let saliency = arguments.saliency.clone();
     let film = arguments.clip.clone().map(|path| Film { path, saliency });
     let replay = Replay::open(&arguments.record, &arguments.scenarios)?;
     if let Some(clip) = &arguments.clip {

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 
 use image::codecs::jpeg::JpegEncoder;
 use pdk_chain::moment::Moment;
-use pdk_chain::view::{self, DEFAULT_METHOD, View};
+use pdk_chain::view::{self, View};
 use pdk_components::registry::Registry;
 use pdk_model::component::ComponentSpec;
 use pdk_notice::eprintln;
@@ -32,9 +32,9 @@ pub struct Arguments {
     /// Where to write the page [default: RUN/report.html]
     #[arg(short, long, alias = "output", value_name = "FILE.html")]
     out: Option<PathBuf>,
-    /// Show beside the frames of failures what the driver's network looked at, by this saliency method [default: hirescam]
+    /// Show beside the frames of failures what the driver's network looked at, by this saliency method [default: the one that `pdk list saliency` says is used]
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...", num_args = 0..=1, require_equals = true,
-          default_missing_value = DEFAULT_METHOD)]
+          default_missing_value = "")]
     saliency: Option<String>,
     /// Show it in the browser
     #[arg(long)]
@@ -46,8 +46,9 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let page = arguments.out.clone().unwrap_or_else(|| arguments.record.join(REPORT));
     let Read { mut run, mut warnings } = record::read(&arguments.record, &page)?;
     if let Some(method) = &arguments.saliency {
-        let method = ComponentSpec::parse("saliency method", method)?;
-        warnings.extend(add_attention(&global.registry()?, &mut run, &method)?);
+        let registry = global.registry()?;
+        let method = view::named(registry.catalog(), method)?;
+        warnings.extend(add_attention(&registry, &mut run, &method)?);
     }
     for warning in &warnings {
         eprintln!("pdk: warning: {warning}");

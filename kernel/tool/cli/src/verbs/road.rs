@@ -11,9 +11,6 @@ use serde_json::{Map, Value, json};
 
 use super::{Global, print_json};
 
-/// Width in metres at which a road without one is drawn.
-const WIDTH: f64 = 8.0;
-
 /// Arguments of `pdk road`; their help is that of the fields of `pdk.road`.
 #[derive(clap::Args)]
 pub struct Arguments {
@@ -72,7 +69,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     }
     let (road, lengths) = road::build(Value::Object(request), *seed)?;
     if let Some(path) = output {
-        let picture = pdk_road::svg(&[&road], width.unwrap_or(WIDTH));
+        let picture = pdk_road::svg(&[&road], width.unwrap_or(pdk_road::WIDTH));
         pdk_sdk::file::write(path, picture.as_bytes())
             .place(format_args!("cannot write {}", path.display()))?;
     }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use pdk_lua::shipped::PIPELINES;
+use pdk_components::product;
 use pdk_notice::eprintln;
 use pdk_notice::println;
 use pdk_pipeline::follow::Audience;
@@ -24,7 +24,7 @@ pub struct Arguments {
 
 /// What the pipeline on the command line may be.
 fn pipeline_help() -> String {
-    let names: Vec<_> = PIPELINES.iter().map(|script| script.name).collect();
+    let names: Vec<_> = product::get().pipelines.iter().map(|script| script.name).collect();
     format!("The pipeline: a file, or one that comes with pdk by its name: {}", names.join(", "))
 }
 

@@ -35,12 +35,15 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     if global.json {
         let list: Vec<_> = found
             .iter()
-            .map(|component| json!({ "description": component.description, "file": component.file }))
+            .map(|component| json!({ "description": component.description, "code": component.code(), "file": component.file }))
             .collect();
         return print_json(&json!(list));
     }
     for component in found {
         print(&component.description);
+        if component.code() != component.file {
+            println!("code      {}", component.code().display());
+        }
         println!("file      {}\n", component.file.display());
     }
     Ok(())

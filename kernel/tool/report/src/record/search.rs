@@ -22,6 +22,9 @@ use crate::view::{Branch, Reached, Region, Search, Test};
 struct Found {
     name: String,
     strategy: Value,
+    /// Whether the strategy learns nothing.
+    #[serde(default)]
+    baseline: bool,
     seed: u64,
     space: Space,
     objectives: Vec<Objective>,
@@ -181,6 +184,7 @@ fn view(found: Found, folder: &Path, shared: &Value) -> Search {
     };
     Search {
         strategy: strategy(&found.strategy),
+        baseline: found.baseline,
         seed: found.seed,
         stopped: found.stopped.clone(),
         evaluations: found.evaluations,

@@ -63,7 +63,7 @@ fn text(value: &Value) -> String {
 fn command(manifest: &Manifest) -> String {
     let pipeline = quoted(&manifest.pipeline.path.to_string_lossy());
     let mut command = format!("pdk run {pipeline} --seed {}", manifest.seed);
-    for (option, folders) in [("--plugins", &manifest.plugins), ("--overlays", &manifest.overlays)] {
+    for (option, folders) in [("--plugins", &manifest.plugins), ("--drop-ins", &manifest.drop_ins)] {
         for folder in folders {
             command += &format!(" \\\n  {option} {}", quoted(&folder.to_string_lossy()));
         }

@@ -3,11 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use pdk_components::registry::Registry;
-use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::Dataset;
 use pdk_supervise::calls::{self, Function};
-use serde_json::Map;
 
 use super::recorded::Recorded;
 use super::shown::Shown;
@@ -47,9 +45,8 @@ impl Frames {
             return Ok(Self::Images(named(taken.collect())));
         }
         let mut reasons = Vec::new();
-        for entry in registry.catalog().of_kind(Kind::Dataset) {
-            let parameters = Map::from_iter([("path".to_owned(), path.to_string_lossy().into())]);
-            match registry.dataset(&entry.description.name, &parameters) {
+        for reader in registry.catalog().readers(&path.to_string_lossy()) {
+            match registry.dataset(&reader.name, &reader.parameters) {
                 Ok((dataset, _)) => {
                     let place = format!("dataset `{}`", path.display());
                     let length = calls::call(&place, Function::Len, || dataset.len());

@@ -11,13 +11,13 @@ use std::path::PathBuf;
 use indicatif::ProgressBar;
 use pdk_chain::maps;
 use pdk_chain::maps::Line;
-use pdk_chain::view::{self, DEFAULT_METHOD};
+use pdk_chain::view;
 use pdk_components::registry::Registry;
 use pdk_model::component::ComponentSpec;
 use pdk_model::scenario::parse_seed;
 use pdk_notice::eprintln;
 use pdk_notice::println;
-use pdk_sdk::describe::Kind;
+use pdk_sdk::describe::{Description, Kind, Role};
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::{Frame, HeatmapMut, MapContext, Saliency};
 use pdk_sdk::seed;
@@ -33,10 +33,10 @@ use shown::Shown;
 pub struct Arguments {
     /// The image, a folder of images, the record of a run with images, or the folder of a dataset
     frames: PathBuf,
-    /// The driver whose view is shown: `onnx,model=FILE.onnx`, or another one that runs a network
+    /// The driver whose view is shown, which runs a network, with its parameters
     #[arg(long, value_name = "NAME[,PARAMETER=VALUE]...")]
     driver: String,
-    /// A saliency method; may be given several times [default: hirescam]
+    /// A saliency method; may be given several times [default: the one that `pdk list saliency` says is used]
     #[arg(long = "with", value_name = "NAME[,PARAMETER=VALUE]...")]
     methods: Vec<String>,
     /// The folder to write to
@@ -70,6 +70,7 @@ struct Method {
     /// What messages call it.
     place: String,
     by: ComponentSpec,
+    description: Description,
     /// Whether it was reported that its maps have a single line of cells.
     warned: bool,
     key: pdk_sdk::prelude::Key,
@@ -84,7 +85,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     let driver = ComponentSpec::parse("driver", &arguments.driver)?;
     registry.catalog().check(Kind::Driver, &driver.name, &driver.parameters)?;
     let texts = match arguments.methods.as_slice() {
-        [] => vec![DEFAULT_METHOD.to_owned()],
+        [] => vec![String::new()],
         given => given.to_vec(),
     };
     let mut methods = Vec::new();
@@ -118,7 +119,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             }
             if let Some(line) = Line::of(&map, frame.width()).filter(|_| !method.warned) {
                 method.warned = true;
-                note(&progress, &line.noticed(&method.by));
+                note(&progress, &line.noticed(&method.by, &method.description));
             }
             let (numbers, width) = match arguments.full {
                 true => (map.clone(), frame.width()),
@@ -166,26 +167,29 @@ fn method(
     text: &str,
     before: &[Method],
 ) -> Result<Method> {
-    let spec = ComponentSpec::parse("saliency method", text)?;
-    if spec.parameters.contains_key("size") {
+    let spec = view::named(registry.catalog(), text)?;
+    let description = &registry.catalog().get(Kind::Saliency, &spec.name)?.description;
+    let takes = |role| description.with_role(role).map(|parameter| parameter.name.as_str());
+    let size = takes(Role::Resolution);
+    if let Some(size) = size.filter(|size| spec.parameters.contains_key(*size)) {
         return Err(Error::new(format!(
-            "`size` cannot be set for {} here: numbers are written for each cell, and with --full for each pixel",
+            "`{size}` cannot be set for {} here: numbers are written for each cell, and with --full for each pixel",
             spec.name
         )));
     }
-    let description = &registry.catalog().get(Kind::Saliency, &spec.name)?.description;
-    let takes = |name: &str| description.parameters.iter().any(|parameter| parameter.name == name);
     let mut parameters = view::of_driver(registry.catalog(), driver, &spec)?.parameters;
-    let given =
-        [("explain", Value::from(arguments.explain.as_str())), ("speed", Value::from(arguments.speed))];
-    for (name, value) in given.into_iter().filter(|(name, _)| takes(name)) {
-        parameters.entry(name).or_insert(value);
-    }
-    let make = |size: &str| {
-        let mut parameters = parameters.clone();
-        if takes("size") {
-            parameters.insert("size".to_owned(), size.into());
+    let given = [
+        (Role::Explained, Value::from(arguments.explain.as_str())),
+        (Role::Speed, Value::from(arguments.speed)),
+    ];
+    for (role, value) in given {
+        if let Some(name) = takes(role) {
+            parameters.entry(name).or_insert(value);
         }
+    }
+    let make = |value: &str| {
+        let mut parameters = parameters.clone();
+        parameters.extend(size.map(|size| (size.to_owned(), value.into())));
         registry.saliency(&spec.name, &parameters).map(|(instance, _)| instance)
     };
     let same = before
@@ -196,9 +200,10 @@ fn method(
         label: if same == 0 { spec.name.clone() } else { format!("{}-{}", spec.name, same + 1) },
         place: format!("saliency `{}`", spec.name),
         key: seed::key(arguments.seed, &spec.name, same as u64),
-        cells: if takes("size") { Some(make("layer")?) } else { None },
+        cells: if size.is_some() { Some(make("layer")?) } else { None },
         frame: make("frame")?,
         by: ComponentSpec { name: spec.name, parameters },
+        description: description.clone(),
         warned: false,
     })
 }

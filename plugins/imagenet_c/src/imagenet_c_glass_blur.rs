@@ -1,0 +1,83 @@
+//! Frosted glass: pixels change places.
+
+use pdk_sdk::ops::float::{Edge, Image, Workspace, separable};
+use pdk_sdk::prelude::*;
+
+use crate::gaussian::weights;
+use crate::suite::corruption;
+
+/// Smooths, copies pixels from nearby, and smooths again.
+#[derive(Default)]
+pub struct GlassBlur {
+    image: Image,
+    scattered: FrameBuf,
+    workspace: Workspace,
+}
+
+impl Component for GlassBlur {
+    fn description() -> Description {
+        corruption("glass_blur", "Smooths, gives pixels the colours of random ones nearby, and smooths again")
+            .mathematics("G(sigma) * scatter(G(sigma) * v), from the lower right on, each from one that may have changed already")
+            .drawn_per_sequence("where pixels come from")
+            .parameter(
+                Parameter::by_level("sigma", [0.7, 0.9, 1.0, 1.1, 1.5], "standard deviation of both Gaussians")
+                    .range(0.1, 20.0)
+                    .unit("px"),
+            )
+            .parameter(
+                Parameter::by_level("distance", [1.0, 2.0, 2.0, 3.0, 4.0], "largest distance left and up; right and down one less")
+                    .range(1.0, 100.0)
+                    .unit("px"),
+            )
+            .parameter(Parameter::by_level("rounds", [2.0, 1.0, 3.0, 2.0, 2.0], "how often pixels are scattered").range(1.0, 20.0))
+    }
+
+    fn new(_config: &Config) -> Result<Self> {
+        Ok(Self::default())
+    }
+}
+
+impl Perturbation for GlassBlur {
+    fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let (width, height) = (src.width(), src.height());
+        let Self { image, scattered, workspace } = self;
+        let weights = weights(cx.number("sigma"));
+        image.read(src);
+        separable(image, &weights, &weights, Edge::Nearest, workspace);
+        scattered.resize(width, height);
+        image.write(scattered.as_mut());
+
+        let distance = cx.integer("distance").max(1) as usize;
+        let mut random = cx.sequence_random();
+        for _ in 0..cx.integer("rounds").max(1) {
+            for y in (distance + 1..=height.saturating_sub(distance)).rev() {
+                for x in (distance + 1..=width.saturating_sub(distance)).rev() {
+                    let right = random.below(2 * distance as u32) as usize;
+                    let down = random.below(2 * distance as u32) as usize;
+                    let colour = scattered.as_ref().pixel(x + right - distance, y + down - distance);
+                    scattered.as_mut().set_pixel(x, y, colour);
+                }
+            }
+        }
+        image.read(scattered.as_ref());
+        separable(image, &weights, &weights, Edge::Nearest, workspace);
+        image.write(dst);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::stays_grey;
+
+    #[test]
+    fn passes_the_test_kit() {
+        pdk_sdk::testing::perturbation::<GlassBlur>();
+    }
+
+    #[test]
+    fn a_grey_frame_stays_grey() {
+        stays_grey::<GlassBlur>(&[0.0, 1.5, 4.0], 98..=101);
+    }
+}

@@ -1,0 +1,136 @@
+//! Snow: flakes blown across a frame that is a little whiter.
+
+use pdk_sdk::ops::float::{Image, Workspace, moved};
+use pdk_sdk::prelude::*;
+
+use crate::enlarge::{Grid, enlarge};
+use crate::line::motion;
+use crate::suite::corruption;
+
+/// Lays streaks of snow over the frame, and the same ones upside down.
+#[derive(Default)]
+pub struct Snow {
+    drawn: Image,
+    flakes: Image,
+    streaks: Image,
+    workspace: Workspace,
+}
+
+impl Component for Snow {
+    fn description() -> Description {
+        corruption("snow", "Lays streaks of snow over the frame and whitens it, anew in every frame")
+            .mathematics("w v + (1 - w) max(v, 1.5 grey + 0.5) + streaks + streaks turned round")
+            .drawn_per_frame("the flakes, and where the wind comes from")
+            .parameter(
+                Parameter::by_level(
+                    "mean",
+                    [0.1, 0.2, 0.55, 0.55, 0.55],
+                    "mean of what flakes are drawn from",
+                )
+                .range(-5.0, 5.0),
+            )
+            .parameter(
+                Parameter::by_level("deviation", [0.3; 5], "standard deviation of that").range(0.0, 5.0),
+            )
+            .parameter(
+                Parameter::by_level("size", [3.0, 2.0, 4.0, 4.5, 2.5], "how much flakes are enlarged")
+                    .range(1.0, 20.0),
+            )
+            .parameter(
+                Parameter::by_level("threshold", [0.5, 0.5, 0.9, 0.85, 0.85], "what is below it is no flake")
+                    .range(-5.0, 5.0),
+            )
+            .parameter(
+                Parameter::by_level("radius", [10.0, 12.0, 12.0, 12.0, 12.0], "half the length of a streak")
+                    .range(0.0, 100.0)
+                    .unit("px"),
+            )
+            .parameter(
+                Parameter::by_level("sigma", [4.0, 4.0, 8.0, 8.0, 12.0], "how far streaks fade")
+                    .range(0.1, 100.0)
+                    .unit("px"),
+            )
+            .parameter(
+                Parameter::by_level("weight", [0.8, 0.7, 0.7, 0.65, 0.55], "share of the frame as it was")
+                    .range(0.0, 1.0),
+            )
+    }
+
+    fn new(_config: &Config) -> Result<Self> {
+        Ok(Self::default())
+    }
+}
+
+impl Perturbation for Snow {
+    fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
+        let (width, height) = (src.width(), src.height());
+        let mut random = cx.frame_random();
+        self.draw(width, height, cx, &mut random);
+        let copies =
+            motion(cx.number("radius"), cx.number("sigma"), random.uniform(-135.0, -45.0), (width, height));
+        moved(&self.flakes, &copies, &mut self.streaks, &mut self.workspace);
+        // To whole grey levels, which is where a streak ends.
+        self.streaks.values.iter_mut().for_each(|value| *value = (*value * 255.0).round_ties_even());
+
+        let weight = cx.number("weight") as f32;
+        let streaks = self.streaks.values.iter().zip(self.streaks.values.iter().rev());
+        let mut snow = streaks.map(|(streak, turned)| streak + turned);
+        for (from, to) in src.rows().zip(dst.rows_mut()) {
+            for (from, to) in from.chunks_exact(3).zip(to.chunks_exact_mut(3)) {
+                let snow = snow.next().unwrap_or_default();
+                let [r, g, b] = [0, 1, 2].map(|channel| f32::from(from[channel]));
+                let white = (0.299 * r + 0.587 * g + 0.114 * b) * 1.5 + 127.5;
+                for (to, value) in to.iter_mut().zip([r, g, b]) {
+                    let whitened = weight * value + (1.0 - weight) * value.max(white);
+                    *to = (whitened + snow).clamp(0.0, 255.0) as u8;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Snow {
+    /// Flakes from 0 to 1. Only those in the middle are drawn, since only they are enlarged.
+    fn draw(&mut self, width: usize, height: usize, cx: &Context<'_>, random: &mut Random) {
+        let size = cx.number("size");
+        let (columns, rows) = (Grid::new(width, size), Grid::new(height, size));
+        let (left, top) = ((width - columns.count()) / 2, (height - rows.count()) / 2);
+        self.drawn.resize(width, height, 1);
+        let (mean, deviation) = (cx.number("mean"), cx.number("deviation"));
+        for y in top..top + rows.count() {
+            for value in &mut self.drawn.values[y * width + left..][..columns.count()] {
+                *value = (mean + deviation * random.normal()) as f32;
+            }
+        }
+        let threshold = cx.number("threshold") as f32;
+        self.flakes.resize(width, height, 1);
+        let flakes = &mut self.flakes.values;
+        enlarge(&self.drawn, size, |y, row| {
+            for (flake, &value) in flakes[y * width..][..width].iter_mut().zip(row) {
+                *flake = if value < threshold { 0.0 } else { value.clamp(0.0, 1.0) };
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{frame, perturbed};
+
+    #[test]
+    fn passes_the_test_kit() {
+        pdk_sdk::testing::perturbation::<Snow>();
+    }
+
+    #[test]
+    fn snow_whitens_and_has_flakes() {
+        let dark = frame(40, 120, 90);
+        let snowy = perturbed::<Snow>(&dark, 2.0, 1);
+        let ground = 0.7 * 40.0 + 0.3 * (60.0 + 127.5);
+        let least = snowy.data().iter().min().copied().unwrap();
+        assert!((f64::from(least) - ground).abs() <= 1.0, "{least} {ground}");
+        assert!(snowy.data().iter().filter(|&&v| f64::from(v) > ground + 40.0).count() > 300);
+    }
+}

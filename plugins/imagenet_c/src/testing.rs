@@ -1,0 +1,52 @@
+//! What the tests of the corruptions share.
+
+use std::ops::RangeInclusive;
+
+use pdk_sdk::config::frame_values;
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::Map;
+
+/// A frame of one grey.
+pub fn frame(shade: u8, width: usize, height: usize) -> FrameBuf {
+    FrameBuf::from_vec(vec![shade; width * height * 3], width, height).unwrap()
+}
+
+/// A frame by a new instance, with a key that is made of a number.
+pub fn perturbed<P: Component + Perturbation>(src: &FrameBuf, level: f64, key: u8) -> FrameBuf {
+    let description = P::description();
+    let config = Config::check(&description, &Map::new()).unwrap();
+    let names: Vec<String> = description.parameters.iter().map(|p| p.name.clone()).collect();
+    let mut values = Vec::new();
+    frame_values(&description, &config, level, &mut values);
+    let key = Key([key; 32]);
+    let context = Context::new(level, 0, 0.0, &key).with_values(&names, &values);
+    let mut dst = FrameBuf::new(src.width(), src.height());
+    P::new(&config).unwrap().apply(src.as_ref(), dst.as_mut(), &context).unwrap();
+    dst
+}
+
+/// The mean of a frame's values, and their standard deviation.
+pub fn moments(frame: &FrameBuf) -> (f64, f64) {
+    let values: Vec<f64> = frame.data().iter().map(|&v| f64::from(v)).collect();
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let variance = values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / values.len() as f64;
+    (mean, variance.sqrt())
+}
+
+/// Blurs, blocks and displacements leave a grey frame as it is, but for fractions, which are dropped, and for a softened disc, which
+/// weighs a little more than 1, as published.
+pub fn stays_grey<P: Component + Perturbation>(levels: &[f64], shades: RangeInclusive<u8>) {
+    let grey = frame(100, 60, 50);
+    for level in levels {
+        let perturbed = perturbed::<P>(&grey, *level, 1);
+        assert!(perturbed.data().iter().all(|value| shades.contains(value)), "{level}");
+    }
+}
+
+/// A corruption changes a pixel to another, but for what rounding does.
+pub fn changes_pixel<P: Component + Perturbation>(pixel: [u8; 3], level: f64, wanted: [u8; 3]) {
+    let frame = FrameBuf::from_vec(pixel.to_vec(), 1, 1).unwrap();
+    let found = perturbed::<P>(&frame, level, 1);
+    let near = found.data().iter().zip(wanted).all(|(found, wanted)| found.abs_diff(wanted) <= 1);
+    assert!(near, "{:?} {wanted:?}", found.data());
+}

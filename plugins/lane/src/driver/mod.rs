@@ -1,0 +1,5 @@
+//! The driver of this crate.
+
+mod lane_keeper;
+
+pub use lane_keeper::LaneKeeper;

@@ -1,0 +1,5 @@
+//! The simulator of this crate.
+
+mod lane;
+
+pub use lane::Lane;

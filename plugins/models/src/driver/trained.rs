@@ -1,0 +1,129 @@
+//! What the drivers share whose network is part of this plugin. They learned to drive from images of the embedded simulator; the recipe is in
+//! `scripts/training`.
+
+use pdk_sdk::prelude::*;
+
+use super::{Dave2, Dave2Augmented, Dave2Temporal, Dave2Tub, Onnx};
+use crate::engine;
+use crate::model_file::Source;
+
+/// The networks by their names.
+const ALL: [(&str, &[u8]); 4] = [
+    (Dave2::NAME, Dave2::CONTENT),
+    (Dave2Augmented::NAME, Dave2Augmented::CONTENT),
+    (Dave2Temporal::NAME, Dave2Temporal::CONTENT),
+    (Dave2Tub::NAME, Dave2Tub::CONTENT),
+];
+
+/// The content of the file of the network that drives under this name; nothing if it is none of these.
+pub fn content(name: &str) -> Option<&'static [u8]> {
+    ALL.iter().find(|(known, _)| *known == name).map(|(_, content)| *content)
+}
+
+/// Makes the driver of a network of this plugin.
+///
+/// # Errors
+/// If the engine cannot run it.
+pub fn open(name: &str, content: &'static [u8], config: &Config) -> Result<Onnx> {
+    let mut values = config.values().clone();
+    values.insert("model".to_owned(), name.into());
+    let config = Config::check(&Onnx::description(), &values)?;
+    Onnx::open(Source::BuiltIn(content.into()), name, &config)
+}
+
+/// Describes the driver of a network of this plugin, with the BLAKE3 of its file.
+pub fn describe(description: Description, blake3: &str) -> Description {
+    description
+        .family("network")
+        .network()
+        .source("DAVE-2: Bojarski et al., End to End Learning for Self-Driving Cars, 2016")
+        .parameter(engine::parameter())
+        .blake3(blake3)
+}
+
+/// Defines the driver of a network; the literals are its name, which is also that of its file in `scripts/models`, BLAKE3 of that
+/// file, and what it does. The hash is written down, because every process that loads the plugin asks for it.
+macro_rules! network {
+    ($driver:ident: $name:literal, $hash:literal, $doc:literal) => {
+        use pdk_sdk::prelude::*;
+
+        #[doc = concat!($doc, ".")]
+        pub struct $driver {
+            network: super::Onnx,
+        }
+
+        impl $driver {
+            /// Its name.
+            pub const NAME: &str = $name;
+            /// The content of its file.
+            pub const CONTENT: &[u8] =
+                include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scripts/models/", $name, ".onnx"));
+        }
+
+        impl Component for $driver {
+            fn description() -> Description {
+                super::trained::describe(Description::driver($name, $doc), $hash)
+            }
+
+            fn new(config: &Config) -> Result<Self> {
+                Ok(Self { network: super::trained::open($name, Self::CONTENT, config)? })
+            }
+        }
+
+        impl Driver for $driver {
+            fn reset(&mut self) -> Result<()> {
+                self.network.reset()
+            }
+
+            fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control> {
+                self.network.drive(frame, cx)
+            }
+
+            // The library's own hash changes with every build of it; that of the network says whether it is the same.
+            fn info(&self) -> Vec<(String, String)> {
+                let mut info = self.network.info();
+                info.push(("network BLAKE3".to_owned(), $hash.to_owned()));
+                info
+            }
+        }
+    };
+}
+pub(super) use network;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use pdk_sdk::serde_json::Map;
+
+    #[test]
+    fn a_network_drives_as_the_file_that_it_was_made_from() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scripts/models/dave2.onnx");
+        let given =
+            Map::from_iter([("model".to_owned(), file.into()), ("engine".to_owned(), "tract".into())]);
+        let mut from_file = Onnx::new(&Config::check(&Onnx::description(), &given).unwrap()).unwrap();
+        let given = Map::from_iter([("engine".to_owned(), "tract".into())]);
+        let mut own = Dave2::new(&Config::check(&Dave2::description(), &given).unwrap()).unwrap();
+        let pixels = (0..320 * 160 * 3).map(|i| (i * 31 % 251) as u8).collect();
+        let frame = FrameBuf::from_vec(pixels, 320, 160).unwrap();
+        let cx = DriveContext { speed: 7.0, ..DriveContext::default() };
+        let expected = from_file.drive(frame.as_ref(), &cx).unwrap();
+        assert_eq!(own.drive(frame.as_ref(), &cx).unwrap(), expected);
+        assert!(expected.steering != 0.0, "a test that tells: {expected:?}");
+        let hash = blake3::hash(&std::fs::read(file).unwrap()).to_hex().to_string();
+        assert!(own.info().contains(&("network BLAKE3".to_owned(), hash)));
+    }
+
+    #[test]
+    fn the_hashes_that_are_written_down_are_those_of_the_networks() {
+        let all = [
+            Dave2::description(),
+            Dave2Augmented::description(),
+            Dave2Temporal::description(),
+            Dave2Tub::description(),
+        ];
+        for description in all {
+            let hash = blake3::hash(content(&description.name).unwrap()).to_hex().to_string();
+            assert_eq!(description.blake3, hash, "write the hash of `{}` down anew", description.name);
+        }
+    }
+}

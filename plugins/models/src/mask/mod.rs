@@ -1,0 +1,5 @@
+//! Masks.
+
+mod segmentation;
+
+pub use segmentation::Segmentation;

@@ -1,0 +1,5 @@
+//! The driver of this crate.
+
+mod process;
+
+pub use process::Process;

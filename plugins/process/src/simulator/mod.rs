@@ -1,0 +1,5 @@
+//! The simulator of this crate.
+
+mod process;
+
+pub use process::Process;

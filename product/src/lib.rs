@@ -1,0 +1,111 @@
+//! What pdk consists of besides its kernel. The kernel names no plugin and no script; the executable hands it this list.
+
+use pdk_components::product::{BuiltInScript, Product};
+
+/// The product that the executable `pdk` and the Python package are.
+pub static PRODUCT: Product = Product {
+    plugins: PLUGINS,
+    perturbations: PERTURBATIONS,
+    pipelines: PIPELINES,
+    modules: MODULES,
+    first_pipeline: include_str!("../templates/pipeline.lua"),
+};
+
+/// The built-in plugins: the folders of `plugins`, each of which is a crate with the library `pdk_NAME`.
+const PLUGINS: &[&str] = &[
+    "affine",
+    "beamng",
+    "blur",
+    "carla",
+    "color",
+    "datasets",
+    "distortion",
+    "donkey",
+    "imagenet_c",
+    "lane",
+    "lens",
+    "models",
+    "noise",
+    "overlay",
+    "pattern",
+    "process",
+    "search",
+    "udacity",
+    "weather",
+];
+
+/// Scripts by name and file, seen from `scripts`.
+macro_rules! scripts {
+    ($($name:literal: $file:literal),* $(,)?) => {
+        &[$(BuiltInScript {
+            name: $name,
+            file: concat!("scripts/", $file),
+            source: include_str!(concat!("../../scripts/", $file)),
+        }),*]
+    };
+}
+
+/// The pipelines, which `pdk run` knows by name.
+const PIPELINES: &[BuiltInScript] = scripts! {
+    "quickstart": "quickstart.lua",
+    "manual": "manual.lua",
+    "greedy": "greedy.lua",
+    "study": "study.lua",
+    "attention": "attention.lua",
+    "offline": "offline.lua",
+    "search": "search.lua",
+    "collect": "training/collect.lua",
+};
+
+/// The modules that pipelines require as `@pdk/NAME`.
+const MODULES: &[BuiltInScript] = scripts! {
+    "hill_climber": "library/hill_climber.lua",
+    "study": "library/study.lua",
+    "tally": "library/tally.lua",
+};
+
+/// The perturbations.
+const PERTURBATIONS: &[BuiltInScript] = scripts! {
+    "banding": "perturbations/banding.lua",
+    "dirty_lens": "perturbations/dirty_lens.lua",
+};
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::path::Path;
+
+    use super::*;
+
+    fn repository() -> &'static Path {
+        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
+    }
+
+    #[test]
+    fn every_plugin_is_part_of_the_product() {
+        let folders = std::fs::read_dir(repository().join("plugins")).unwrap().map(|entry| entry.unwrap());
+        let folders = folders.filter(|entry| entry.path().join("Cargo.toml").is_file());
+        let folders: BTreeSet<_> =
+            folders.map(|entry| entry.file_name().into_string().unwrap().replace('-', "_")).collect();
+        assert_eq!(PLUGINS.iter().map(|&name| name.to_owned()).collect::<BTreeSet<_>>(), folders);
+    }
+
+    #[test]
+    fn every_script_comes_along_under_its_name() {
+        let scripts = repository().join("scripts");
+        let files = |folder: &str| -> BTreeSet<String> {
+            let files = std::fs::read_dir(scripts.join(folder)).unwrap().map(|entry| entry.unwrap().path());
+            let scripts = files.filter(|file| file.extension().is_some_and(|ending| ending == "lua"));
+            scripts.map(|file| file.file_stem().unwrap().to_str().unwrap().to_owned()).collect()
+        };
+        let names = |list: &[BuiltInScript]| list.iter().map(|script| script.name.to_owned()).collect();
+        let pipelines: BTreeSet<String> = files("").union(&files("training")).cloned().collect();
+        assert_eq!(pipelines, names(PIPELINES));
+        assert_eq!(files("library"), names(MODULES));
+        assert_eq!(files("perturbations"), names(PERTURBATIONS));
+        for script in PIPELINES.iter().chain(MODULES).chain(PERTURBATIONS) {
+            assert_eq!(Path::new(script.file).file_stem().unwrap(), script.name);
+            assert_eq!(std::fs::read_to_string(repository().join(script.file)).unwrap(), script.source);
+        }
+    }
+}
