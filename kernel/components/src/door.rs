@@ -18,9 +18,6 @@ use pdk_sdk::abi::pdk_abi::abi_stable::type_layout::{TLFieldOrFunction, TypeLayo
 use pdk_sdk::abi::pdk_abi::{PluginRef, VERSION};
 use pdk_sdk::error::{Error, Result};
 
-/// What plugins exported before abi_stable had the door.
-const BEFORE: &[u8] = b"pdk_plugin\0";
-
 /// Opens a library, which stays in memory until the process ends.
 ///
 /// # Errors
@@ -33,15 +30,9 @@ pub fn open(path: &Path) -> Result<PluginRef> {
     let library: &'static RawLibrary = Box::leak(Box::new(library));
     // SAFETY: the library stays, and only abi_stable exports something by this name.
     let Ok(header) = (unsafe { abi_header_from_raw_library(library) }) else {
-        // SAFETY: the value is not used.
-        return Err(match unsafe { library.get::<*const u8>(BEFORE) } {
-            Ok(_) => {
-                again("was built with a pdk-sdk of before the first release, whose plugins had another form")
-            }
-            Err(_) => Error::new(
-                "is not a pdk plugin: it has no header of abi_stable; a plugin is a cdylib that uses pdk_sdk::export!",
-            ),
-        });
+        return Err(Error::new(
+            "is not a pdk plugin: it has no header of abi_stable; a plugin is a cdylib that uses pdk_sdk::export!",
+        ));
     };
     // Behind another header may be anything.
     let (has, known) = (*header, AbiHeader::VALUE);

@@ -451,10 +451,6 @@ fn not_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
             "has other functions than version 1 of the plugin interface at `driver.functions.reset`; build it again",
         ),
         (
-            test_library("former"),
-            "was built with a pdk-sdk of before the first release, whose plugins had another form; build it again",
-        ),
-        (
             file("header.so", &replaced(&whole, MAGIC, b"abi-stable")),
             "is damaged: its header is not one of abi_stable; build or copy it again",
         ),

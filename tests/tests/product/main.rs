@@ -5,8 +5,8 @@
 mod cli;
 mod documents;
 mod english;
-mod guide;
 mod found;
+mod guide;
 mod installation;
 mod kernel;
 mod python;

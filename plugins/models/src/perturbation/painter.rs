@@ -112,7 +112,10 @@ mod tests {
     use pdk_sdk::config::frame_values;
     use pdk_sdk::serde_json::{Value, json};
 
-    const ALL: [(fn() -> Description, &[u8]); 3] = [
+    /// A perturbation and its network.
+    type Painter = (fn() -> Description, &'static [u8]);
+
+    const ALL: [Painter; 3] = [
         (Night::description, Night::CONTENT),
         (Rainy::description, Rainy::CONTENT),
         (Artistic::description, Artistic::CONTENT),
