@@ -10,12 +10,13 @@ use crate::cache;
 use crate::clip::{Clip, some_pictures};
 use crate::key::{Keyer, Matte, Screen, premultiply};
 use crate::picture::{Layout, Picture, Samples};
-use crate::published::SCREEN;
 use crate::scale::{Fit, Scaler};
 use crate::store::{Layer, Store, Writer};
 
 /// Raised by every change of what a store holds.
 const VERSION: u32 = 3;
+/// The screen of the clips that come with pdk.
+const SCREEN: [u8; 3] = [0, 219, 26];
 /// Pictures in which the screen is searched for.
 const PICTURES: usize = 5;
 /// Seconds over which the end of a clip is faded into its beginning, at most a quarter of the clip.

@@ -37,8 +37,6 @@ pub fn clip(name: &str) -> Result<Clip> {
 const SOURCE: &str = "A loop over a green screen, drawn by this project";
 /// What differs in all of them.
 const OWN_CLIP: &str = "The clip is a drawing of this project's instead of the published recording.";
-/// The screen of all clips of our own.
-pub const SCREEN: [u8; 3] = [0, 219, 26];
 /// Height of the horizon in the clips that have one, from the top.
 const HORIZON: f64 = 0.45;
 /// Where it is in frames if nothing else is said: as in those of the built-in simulator.

@@ -9,8 +9,9 @@ use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::region::Region;
 use pdk_model::scenario::Scenario;
 use pdk_model::text::parse_value;
+use pdk_pipeline::overrides::Override;
 use pdk_pipeline::run_settings::RunSettings;
-use pdk_pipeline::settings::{Override, apply};
+use pdk_pipeline::settings::apply;
 use pdk_road::Road;
 use serde_json::{Value, json};
 

@@ -11,7 +11,7 @@ use pdk_sdk::error::{Error, ErrorKind};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::host::{Finished, Summary};
+use crate::finished::{Finished, Summary};
 
 /// How often a program is told how far a run is.
 const OFTEN: Duration = Duration::from_millis(200);

@@ -10,9 +10,8 @@ mod record;
 mod scenarios;
 mod searching;
 mod setup;
-mod summary;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use pdk_components::suggest;
 use pdk_sdk::describe::Kind;
@@ -32,23 +31,6 @@ use crate::requests::Defaults;
 use crate::run_settings::{RUN_SETTINGS, Setting};
 use crate::settings;
 use crate::{road, table, tables};
-
-pub use summary::Summary;
-
-/// What a run came to.
-#[derive(Debug, Clone)]
-pub struct Finished {
-    /// The folder of the record; none where the pipeline neither drove nor evaluated.
-    pub record: Option<PathBuf>,
-    /// The table at the end; in a part of a run, what belongs to the part.
-    pub summary: Summary,
-    /// How fast it went, a line each, for people.
-    pub speed: Vec<String>,
-    /// What did not go well without ending the run, one sentence each.
-    pub warnings: Vec<String>,
-    /// Why the run counts as failed: an error of the script, or one that did not end it.
-    pub failure: Option<Error>,
-}
 
 /// A search that was begun.
 pub(crate) struct BegunSearch {

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | [`mod@run`] | runs a pipeline to its end |
 //! | [`remote`] | a pipeline that is another program |
+//! | [`finished`], `outcomes` | what a run came to, and each of its scenarios |
 //! | [`follow`] | who is told how far a run is |
 //! | [`api`] | what a pipeline can call; `session_object` is what `pdk.session` returns; both over `bridge` |
 //! | [`host`] | what stands behind it: settings, session, record |
@@ -17,7 +18,8 @@
 //! | `search` | `pdk.search`: a strategy proposes, a function of the pipeline evaluates |
 //! | `evaluation` | the offline loop: frames to lines and sums |
 //! | [`run_settings`] | what can be set for every run |
-//! | [`settings`] | `--set`, for the settings of a pipeline |
+//! | [`overrides`] | `--set` |
+//! | [`settings`] | the settings of a pipeline |
 //! | [`road`] | `pdk.road` |
 //! | `statistics` | how sure a conclusion is |
 //! | [`table`], `tables` | results and free tables for people |
@@ -27,10 +29,13 @@ pub mod api;
 mod bridge;
 mod evaluation;
 mod fields;
+pub mod finished;
 pub mod follow;
 pub mod host;
 mod levels;
 mod naming;
+mod outcomes;
+pub mod overrides;
 #[cfg(test)]
 mod python;
 pub mod records;

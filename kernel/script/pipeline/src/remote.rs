@@ -17,9 +17,10 @@ use pdk_session::interrupt::{self, Wish};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use crate::finished::Finished;
 use crate::follow::{Failed, Told, tell};
+use crate::host::Host;
 use crate::host::driving::stop_if_dropped;
-use crate::host::{Finished, Host};
 use crate::requests::Defaults;
 use crate::run::{Options, Script, start};
 use crate::tickets::Tickets;

@@ -15,11 +15,12 @@ use pdk_session::interrupt;
 use pdk_session::session::{Options as SessionOptions, Session};
 
 use crate::api::API;
+use crate::finished::Finished;
 use crate::follow::Audience;
-use crate::host::{Finished, Host, Setup};
+use crate::host::{Host, Setup};
 use crate::naming::run_name;
+use crate::overrides::Override;
 use crate::run_settings::RunSettings;
-use crate::settings::Override;
 
 /// How a pipeline is run.
 #[derive(Debug, Clone)]

@@ -13,7 +13,7 @@ use pdk_sdk::error::{Error, Result};
 use pdk_session::connection::Pool;
 use pdk_supervise::supervisor::{DEFAULT_MEMORY, DEFAULT_PATIENCE, Limits};
 
-use crate::settings::{Override, refuse_repeated};
+use crate::overrides::{Override, refuse_repeated};
 
 /// Something that can be set for every run.
 pub struct Setting {

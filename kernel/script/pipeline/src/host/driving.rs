@@ -5,22 +5,19 @@ use std::collections::BTreeSet;
 use pdk_loop::drive::expected_frames;
 use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
-use pdk_model::described::value;
-use pdk_model::outcome::{Outcome, Verdict};
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_model::scenario::Scenario;
-use pdk_record::ledger::Line;
 use pdk_record::manifest::components_of;
 use pdk_record::settle::Settler;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::interrupt::{self, Wish};
 use pdk_session::session::{Reply, Submission, Ticket};
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::Host;
-use super::scenarios::Submitted;
 use crate::follow::Audience;
+use crate::outcomes::{Submitted, outcome_row, row_of_elsewhere};
 
 impl Host {
     /// Submits scenarios, after making sure that their components can be made.
@@ -206,28 +203,4 @@ pub(super) fn components(applied: &[AppliedPerturbation]) -> Vec<ComponentSpec> 
         parameters: applied.parameters.clone(),
     };
     applied.iter().map(component).collect()
-}
-
-/// What a pipeline and the summary see of an outcome.
-pub(super) fn outcome_row(line: &Line, submitted: &Submitted) -> Value {
-    row(submitted, value(&line.outcome.cause), line.outcome.cause.verdict(), &line.outcome)
-}
-
-/// What a pipeline sees of a scenario that another part of the run drives: the fields of an outcome, which say nothing.
-fn row_of_elsewhere(submitted: &Submitted) -> Value {
-    row(submitted, "elsewhere".into(), Verdict::Void, &Outcome::default())
-}
-
-fn row(submitted: &Submitted, cause: Value, verdict: Verdict, outcome: &Outcome) -> Value {
-    let Submitted { number, id, name, .. } = submitted;
-    let mut row = json!({"number": number, "id": id, "name": name});
-    for (field, own) in outcome.values().into_iter().filter(|(field, _)| !field.luau_type.is_empty()) {
-        row[field.name] = own;
-        // What follows from the cause stands behind it.
-        if field.name == "cause" {
-            row[field.name] = cause.clone();
-            row["verdict"] = value(&verdict);
-        }
-    }
-    row
 }

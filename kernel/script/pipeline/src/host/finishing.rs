@@ -13,8 +13,9 @@ use pdk_sdk::error::{Error, Result};
 use pdk_session::interrupt::{self, Wish};
 use serde_json::json;
 
+use super::Host;
 use super::driving::{components, stop_if_dropped};
-use super::{Finished, Host, Summary};
+use crate::finished::{Finished, Summary};
 
 impl Host {
     /// Completes the record after the pipeline has come to its end, or to an error. Of several failures the first in this

@@ -9,18 +9,7 @@ use pdk_record::ledger::Line;
 use pdk_sdk::error::Result;
 use pdk_session::session::Ticket;
 
-/// A scenario that was submitted.
-#[derive(Debug, Clone)]
-pub(super) struct Submitted {
-    /// Its number in the run, which is its place in the ledger in the end.
-    pub number: usize,
-    /// What tells it from others.
-    pub id: ScenarioId,
-    /// What the pipeline calls it this time.
-    pub name: String,
-    /// How many frames it may have.
-    pub expected: u64,
-}
+use crate::outcomes::Submitted;
 
 /// All scenarios by their tickets.
 #[derive(Default)]

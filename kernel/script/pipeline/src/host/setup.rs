@@ -6,8 +6,8 @@ use pdk_components::search_path::SearchPath;
 use pdk_record::manifest::{Module, Pipeline};
 
 use crate::follow::Audience;
+use crate::overrides::Override;
 use crate::run_settings::RunSettings;
-use crate::settings::Override;
 
 /// What was given at the start of a run.
 pub struct Setup {

@@ -5,9 +5,9 @@ use std::ffi::OsString;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use pdk_pipeline::follow::Audience;
+use pdk_pipeline::overrides::Override;
 use pdk_pipeline::run::Options;
 use pdk_pipeline::run_settings::{RUN_SETTINGS, RunSettings, Setting};
-use pdk_pipeline::settings::Override;
 use pdk_sdk::error::Result;
 
 use super::Global;

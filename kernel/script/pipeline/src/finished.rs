@@ -1,19 +1,35 @@
-//! What a pipeline got back.
+//! What a run came to.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use pdk_record::ledger::Line;
+use pdk_sdk::error::Error;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 use serde_json::Value;
 
-use super::driving::outcome_row;
-use super::scenarios::Submitted;
+use crate::outcomes::{Submitted, outcome_row};
+
+/// What a run came to.
+#[derive(Debug, Clone)]
+pub struct Finished {
+    /// The folder of the record; none where the pipeline neither drove nor evaluated.
+    pub record: Option<PathBuf>,
+    /// The table at the end; in a part of a run, what belongs to the part.
+    pub summary: Summary,
+    /// How fast it went, a line each, for people.
+    pub speed: Vec<String>,
+    /// What did not go well without ending the run, one sentence each.
+    pub warnings: Vec<String>,
+    /// Why the run counts as failed: an error of the script, or one that did not end it.
+    pub failure: Option<Error>,
+}
 
 /// The table at the end of a run. A scenario that was submitted often has many rows, so they are made one by one while it is written.
 #[derive(Debug, Clone)]
 pub struct Summary {
-    pub(super) outcomes: Vec<(Submitted, Arc<Line>)>,
-    pub(super) evaluations: Vec<Value>,
+    pub(crate) outcomes: Vec<(Submitted, Arc<Line>)>,
+    pub(crate) evaluations: Vec<Value>,
 }
 
 impl Serialize for Summary {
