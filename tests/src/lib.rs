@@ -81,23 +81,12 @@ fn library_file(name: &str) -> String {
 /// The libraries of the built-in plugins.
 ///
 /// # Panics
-/// Where there are none.
+/// If one is not there.
 pub fn built_in_libraries() -> Vec<PathBuf> {
-    let ending = format!(".{}", std::env::consts::DLL_EXTENSION);
-    let mut libraries: Vec<_> = std::fs::read_dir(target_folder())
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .filter(|path| {
-            let name = path.file_name().unwrap().to_string_lossy().into_owned();
-            name.starts_with("libpdk_") && name.ends_with(&ending)
-        })
-        .collect();
-    libraries.sort();
-    assert!(
-        !libraries.is_empty(),
-        "no plugins in {}: run `cargo build --release` first",
-        target_folder().display()
-    );
+    let libraries: Vec<_> = pdk_product::PRODUCT.libraries().map(|name| target_folder().join(name)).collect();
+    for library in &libraries {
+        assert!(library.is_file(), "{} is not there: run `cargo build --release` first", library.display());
+    }
     libraries
 }
 

@@ -131,9 +131,9 @@ fn scripts_that_fail_are_told_why() {
             "at 1x1 and level 0: ",
         ),
         (
-            "return { doc = 'x', apply = function(image) image:fill(tonumber(string.sub(tostring({}), -2), 16), 0, 0) end }",
+            "return { doc = 'x', apply = function(image) image:fill(tonumber(string.sub(tostring({}), -6), 16) % 251, 0, 0) end }",
             "odd sizes",
-            "comes out differently the second time",
+            "comes out differently",
         ),
         ("return { doc = 'x', apply = function() while true do end end }", "odd sizes", "used more than"),
         (

@@ -27,7 +27,6 @@ const OTHERWISE: &[(&str, &str, &str)] = &[
         "the argument of scripts that random numbers come from, and math.random",
     ),
     ("random", "kernel/script/pipeline/src/records/", "a field of `where`, and an argument as above"),
-    ("random", "kernel/components/src/modifiers.rs", "the same field of `where`"),
     ("grid", "kernel/tool/report/src/template/", "a class of tables in CSS"),
     ("gradient", "kernel/tool/report/src/color.rs", "a blend of colours in CSS"),
     ("onnx", "kernel/tool/cli/", "the format of networks, whose files `pdk show` shows"),
