@@ -132,7 +132,8 @@ fn scripts_that_fail_are_told_why() {
         ),
         (
             "return { doc = 'x', apply = function(image) image:fill(tonumber(string.sub(tostring({}), -6), 16) % 251, 0, 0) end }",
-            "odd sizes",
+            // At which check two instances have tables at different addresses is up to the allocator.
+            "perturbation `fails`",
             "comes out differently",
         ),
         ("return { doc = 'x', apply = function() while true do end end }", "odd sizes", "used more than"),
