@@ -149,12 +149,11 @@ impl<'a> Engine<'a> {
                 let mut held = Held::new(*kind, component, instance);
                 made.frames = Some(held.call(Function::Len, None, |dataset| Ok(dataset.len()))?);
             }
-            Kind::Perturbation => {
-                drop(Held::new(*kind, component, self.registry.perturbation(name, parameters)?.0));
+            // Nothing is asked of the others.
+            kind => {
+                let (instance, _) = self.registry.create(*kind, name, parameters)?;
+                drop(Held::new(*kind, component, Box::new(instance)));
             }
-            Kind::Saliency => drop(Held::new(*kind, component, self.registry.saliency(name, parameters)?.0)),
-            Kind::Mask => drop(Held::new(*kind, component, self.registry.mask(name, parameters)?.0)),
-            Kind::Search => drop(Held::new(*kind, component, self.registry.search(name, parameters)?.0)),
         }
         Ok(made)
     }

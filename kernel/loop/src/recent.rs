@@ -2,10 +2,9 @@
 
 use std::collections::VecDeque;
 
+use pdk_record::trace::ending::{BEFORE, before_the_last};
 use pdk_sdk::prelude::{Frame, FrameBuf};
 
-/// How long before the last frame the others are, in seconds; the longest first.
-pub const BEFORE: [f64; 2] = [2.0, 1.0];
 /// The time between frames that are kept, in seconds.
 const SPACING: f64 = 0.5;
 
@@ -65,16 +64,6 @@ impl Recent {
         let times: Vec<f64> = earlier.iter().map(|pair| pair.time).chain([time]).collect();
         before_the_last(&times).into_iter().filter_map(|position| earlier.get(position).copied()).collect()
     }
-}
-
-/// The positions of the last of some times, which are in order, and of those at least [`BEFORE`] it, as far as there are.
-pub fn before_the_last(times: &[f64]) -> Vec<usize> {
-    let Some(last) = times.last() else { return Vec::new() };
-    // Half a millisecond allows for times that are sums of rounded frame times.
-    let at = |before: &f64| times.iter().rposition(|time| *time <= last - before + 0.0005);
-    let mut positions: Vec<usize> = BEFORE.iter().filter_map(at).chain([times.len() - 1]).collect();
-    positions.dedup();
-    positions
 }
 
 #[cfg(test)]

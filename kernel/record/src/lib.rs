@@ -10,6 +10,7 @@
 //! | [`shard`] | the parts of a run |
 //! | [`settle`] | what a scenario leaves to the machine, put into it |
 //! | [`merge`] | the records of all parts of a run put together |
+//! | [`times`] | how long the stages of the loop took |
 //! | [`trace`] | what happened in a scenario, frame by frame |
 
 pub mod directory;
@@ -21,4 +22,5 @@ pub mod manifest;
 pub mod merge;
 pub mod settle;
 pub mod shard;
+pub mod times;
 pub mod trace;

@@ -12,6 +12,7 @@
 //! [`writer`] writes a trace, [`reader`] reads one, whole or cut off; [`step`] and [`telemetry`] are what they speak of.
 
 mod chunks;
+pub mod ending;
 mod message;
 mod protobuf;
 pub mod reader;

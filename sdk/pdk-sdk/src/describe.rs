@@ -6,50 +6,49 @@ pub use pdk_model::level::LEVELS;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-/// The kinds of component.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// Changes a frame.
-    Perturbation,
-    /// Renders frames and moves the vehicle.
-    Simulator,
-    /// Looks at a frame and steers.
-    Driver,
-    /// Says which pixels matter to a driver.
-    Saliency,
-    /// Says where frames are to be perturbed.
-    Mask,
-    /// Proposes scenarios and learns from outcomes.
-    Search,
-    /// Reads recorded frames with their ground truth.
-    Dataset,
+/// Writes [`Kind`], and the function that begins a description of each, from a list of the kinds in the order in which they are listed for
+/// people.
+macro_rules! kinds {
+    ($($kind:ident $name:ident: $does:literal, $describes:literal;)*) => {
+        /// The kinds of component.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        pub enum Kind {
+            $(#[doc = $does] $kind,)*
+        }
+
+        impl Kind {
+            /// All kinds, in the order in which they are listed.
+            pub const ALL: [Kind; [$(stringify!($kind)),*].len()] = [$(Kind::$kind),*];
+
+            /// The name as it is written in lists and on the command line.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Kind::$kind => stringify!($name),)*
+                }
+            }
+        }
+
+        impl Description {
+            $(
+                #[doc = concat!("Describes ", $describes, ".")]
+                #[track_caller]
+                pub fn $name(name: &str, doc: &str) -> Self {
+                    Self::of(Kind::$kind, name, doc)
+                }
+            )*
+        }
+    };
 }
 
-impl Kind {
-    /// All kinds, in the order in which they are listed.
-    pub const ALL: [Kind; 7] = [
-        Kind::Perturbation,
-        Kind::Simulator,
-        Kind::Driver,
-        Kind::Saliency,
-        Kind::Mask,
-        Kind::Search,
-        Kind::Dataset,
-    ];
-
-    /// The name as it is written in lists and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Kind::Perturbation => "perturbation",
-            Kind::Simulator => "simulator",
-            Kind::Driver => "driver",
-            Kind::Saliency => "saliency",
-            Kind::Mask => "mask",
-            Kind::Search => "search",
-            Kind::Dataset => "dataset",
-        }
-    }
+kinds! {
+    Perturbation perturbation: "Changes a frame.", "a perturbation";
+    Simulator simulator: "Renders frames and moves the vehicle.", "a simulator";
+    Driver driver: "Looks at a frame and steers.", "a driver";
+    Saliency saliency: "Says which pixels matter to a driver.", "a saliency method";
+    Mask mask: "Says where frames are to be perturbed.", "a mask";
+    Search search: "Proposes scenarios and learns from outcomes.", "a search strategy";
+    Dataset dataset: "Reads recorded frames with their ground truth.", "a dataset reader";
 }
 
 impl std::fmt::Display for Kind {
@@ -216,48 +215,6 @@ impl Description {
             external: false,
             examples: Vec::new(),
         }
-    }
-
-    /// Describes a perturbation.
-    #[track_caller]
-    pub fn perturbation(name: &str, doc: &str) -> Self {
-        Self::of(Kind::Perturbation, name, doc)
-    }
-
-    /// Describes a simulator.
-    #[track_caller]
-    pub fn simulator(name: &str, doc: &str) -> Self {
-        Self::of(Kind::Simulator, name, doc)
-    }
-
-    /// Describes a driver.
-    #[track_caller]
-    pub fn driver(name: &str, doc: &str) -> Self {
-        Self::of(Kind::Driver, name, doc)
-    }
-
-    /// Describes a saliency method.
-    #[track_caller]
-    pub fn saliency(name: &str, doc: &str) -> Self {
-        Self::of(Kind::Saliency, name, doc)
-    }
-
-    /// Describes a mask.
-    #[track_caller]
-    pub fn mask(name: &str, doc: &str) -> Self {
-        Self::of(Kind::Mask, name, doc)
-    }
-
-    /// Describes a search strategy.
-    #[track_caller]
-    pub fn search(name: &str, doc: &str) -> Self {
-        Self::of(Kind::Search, name, doc)
-    }
-
-    /// Describes a dataset reader.
-    #[track_caller]
-    pub fn dataset(name: &str, doc: &str) -> Self {
-        Self::of(Kind::Dataset, name, doc)
     }
 
     /// Sets the family under which it is listed.

@@ -3,11 +3,11 @@
 use std::collections::BTreeSet;
 use std::time::SystemTime;
 
-use pdk_loop::stages::LoopTimes;
 use pdk_model::component::ComponentSpec;
 use pdk_model::outcome::Cause;
 use pdk_record::directory::{PERFORMANCE, SHARD, SUMMARY};
 use pdk_record::merge::ShardList;
+use pdk_record::times::LoopTimes;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
 use pdk_session::interrupt::{self, Wish};

@@ -1,6 +1,6 @@
 //! How long it took, from the file with times.
 
-use pdk_loop::stages::LoopTimes;
+use pdk_record::times::LoopTimes;
 use serde::Deserialize;
 
 use crate::view::{DriveTimes, EvaluateTimes};

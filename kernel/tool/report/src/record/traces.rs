@@ -4,9 +4,9 @@
 use std::collections::{BTreeSet, HashMap, VecDeque};
 use std::path::Path;
 
-use pdk_loop::recent::{BEFORE, before_the_last};
 use pdk_record::directory::RunDirectory;
 use pdk_record::ledger::Line;
+use pdk_record::trace::ending::{BEFORE, before_the_last};
 use pdk_record::trace::reader::{Entry, Owner, TraceImage, TraceReader};
 use pdk_record::trace::step::{ImageTopic, Step};
 use pdk_record::trace::telemetry::samples;
