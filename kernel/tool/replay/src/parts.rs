@@ -57,7 +57,11 @@ impl Further {
         let needed = components(scenarios);
         for (kind, name) in needed.iter().filter(|(kind, name)| catalog.get(*kind, name).is_err()) {
             let recorded = manifest.components.iter().find(|c| c.kind == *kind && c.name == *name);
-            if let Some(file) = recorded.map(|component| &component.file).filter(|file| file.path.is_file()) {
+            // What the catalog was made from has been loaded already.
+            let is_new = |file: &&FileRecord| {
+                catalog.entries().iter().all(|entry| entry.file != file.path) && file.path.is_file()
+            };
+            if let Some(file) = recorded.map(|component| &component.file).filter(is_new) {
                 let asks = asks(file)?.map(|asks| format!("{asks}, for the {kind} `{name}`"));
                 if asks.is_none() || trusted {
                     further.places.plugins.push(file.path.clone());
