@@ -60,7 +60,7 @@ pub fn find_or_create<T>(
             return Ok(found);
         }
         let folder = folder_of(path);
-        std::fs::create_dir_all(folder).place(unwritable(folder))?;
+        pdk_sdk::cache::make(folder).place(unwritable(folder))?;
         match take_turn(&path.with_extension(TURN)).place(unwritable(folder))? {
             Turn::Ours(turn) => {
                 // It may have come into being before the turn was taken.
@@ -158,12 +158,14 @@ mod tests {
             Err(Error::new("stopped"))
         });
         assert_eq!(result.unwrap_err().to_string(), "stopped");
-        assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 0);
+        let left = || std::fs::read_dir(path.parent().unwrap()).unwrap().map(|entry| entry.unwrap().path());
+        let left = || left().filter(|path| path.file_name().unwrap() != "CACHEDIR.TAG").count();
+        assert_eq!(left(), 0);
         let found = find_or_create(&path, whole, |mut file| Ok(file.write_all(b"whole")?)).unwrap();
         assert_eq!(found, b"whole");
         let again = find_or_create(&path, whole, |_| panic!("it is there")).unwrap();
         assert_eq!(again, found);
-        assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+        assert_eq!(left(), 1);
     }
 
     #[test]

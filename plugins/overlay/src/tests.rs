@@ -527,7 +527,8 @@ fn a_damaged_cache_is_made_anew() {
     let cache = folder.path().join("cache");
     let open = || prepare::open(&clip, &hash, &PLAIN, (30, 20), &cache).unwrap();
     let expected = layers(&mut open());
-    let stored = std::fs::read_dir(&cache).unwrap().next().unwrap().unwrap().path();
+    let mut files = std::fs::read_dir(&cache).unwrap().map(|entry| entry.unwrap().path());
+    let stored = files.find(|path| path.extension().is_some_and(|ending| ending == "clip")).unwrap();
     let whole = std::fs::read(&stored).unwrap();
     for damaged in [whole[..whole.len() / 2].to_vec(), vec![7; 500], Vec::new()] {
         std::fs::write(&stored, damaged).unwrap();

@@ -57,6 +57,7 @@ pub mod white_balance;
 pub mod zoom;
 
 pub use frame::{Frame, FrameBuf, FrameError, FrameMut};
+pub use simd::instructions_in_use;
 
 // The example in the README compiles.
 #[cfg(doctest)]

@@ -15,6 +15,18 @@ pub(crate) enum Instructions {
     Avx512,
 }
 
+/// What the image kernels use of this processor, for people: they give the same bytes with each.
+pub fn instructions_in_use() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    return match instructions() {
+        Instructions::Portable => "x86-64",
+        Instructions::Avx2 => "AVX2",
+        Instructions::Avx512 => "AVX-512",
+    };
+    #[cfg(not(target_arch = "x86_64"))]
+    return std::env::consts::ARCH;
+}
+
 /// The widest instructions that the processor has.
 #[cfg(target_arch = "x86_64")]
 #[inline]

@@ -23,6 +23,96 @@ pub struct Cache {
     pub temporary: bool,
 }
 
+/// A file that marks a folder as one that can be made again, by the Cache Directory Tagging Specification (bford.info/cachedir):
+/// backups leave the folder out, and [`Cache::clear`] empties it.
+const TAG: &str = "CACHEDIR.TAG";
+const TAG_TEXT: &str = "Signature: 8a477f597d28d172789f06886806bc55\n# pdk makes everything in this folder again when it needs it.\n";
+
+/// What one sort of component keeps.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Part {
+    /// The name of its folder.
+    pub name: String,
+    /// The number of files.
+    pub files: u64,
+    /// Their length in bytes.
+    pub bytes: u64,
+}
+
+/// Makes the folder of a part, if it is missing, and marks it as one whose content can be made again.
+///
+/// # Errors
+/// If the folder cannot be written to.
+pub fn make(folder: &Path) -> std::io::Result<()> {
+    fs::create_dir_all(folder)?;
+    let tag = folder.join(TAG);
+    match tag.exists() {
+        true => Ok(()),
+        false => fs::write(tag, TAG_TEXT),
+    }
+}
+
+impl Cache {
+    /// What the parts hold, in the order of their names. Folders that [`make`] did not make are not among them.
+    ///
+    /// # Errors
+    /// If a folder cannot be read.
+    pub fn parts(&self) -> Result<Vec<Part>> {
+        self.folders()?.into_iter().map(|folder| Ok(held(&folder, &files(&folder)?))).collect()
+    }
+
+    /// Removes the files of all parts: how many there were, and how many bytes. A component that is about to write one of them reports
+    /// an error, so nothing else of pdk should run.
+    ///
+    /// # Errors
+    /// If a file cannot be removed.
+    pub fn clear(&self) -> Result<(u64, u64)> {
+        let mut removed = (0, 0);
+        for folder in self.folders()? {
+            for (file, length) in files(&folder)? {
+                fs::remove_file(&file).place(format_args!("cannot remove {}", file.display()))?;
+                removed = (removed.0 + 1, removed.1 + length);
+            }
+        }
+        Ok(removed)
+    }
+
+    /// The folders with a tag. None if there is no cache yet.
+    fn folders(&self) -> Result<Vec<PathBuf>> {
+        if !self.folder.exists() {
+            return Ok(Vec::new());
+        }
+        let entries =
+            fs::read_dir(&self.folder).place(format_args!("cannot read {}", self.folder.display()))?;
+        let mut folders: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
+        folders.retain(|folder| fs::read_to_string(folder.join(TAG)).is_ok_and(|text| text == TAG_TEXT));
+        folders.sort();
+        Ok(folders)
+    }
+}
+
+fn held(folder: &Path, files: &[(PathBuf, u64)]) -> Part {
+    let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Part { name, files: files.len() as u64, bytes: files.iter().map(|(_, length)| length).sum() }
+}
+
+/// The files in a folder and the folders in it, with their lengths, but not the tag. Links are not followed.
+fn files(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
+    let place = || format!("cannot read {}", folder.display());
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).place(place())? {
+        let path = entry.place(place())?.path();
+        // Another process may have removed it.
+        let Ok(metadata) = fs::symlink_metadata(&path) else { continue };
+        if metadata.is_dir() {
+            found.extend(files(&path)?);
+        } else if path.file_name().is_some_and(|name| name != TAG) {
+            found.push((path, metadata.len()));
+        }
+    }
+    Ok(found)
+}
+
 /// The folder that `PDK_CACHE` names, else `pdk` in the user's cache folder (`$XDG_CACHE_HOME`, else `~/.cache`). Where that cannot
 /// be written to, as for users without a home, it is `pdk-NUMBER` in the system's folder for temporary files, with the user's
 /// number, and nobody else can enter it.
@@ -73,6 +163,30 @@ mod tests {
     use std::os::unix::fs::{PermissionsExt, symlink};
 
     use super::*;
+
+    #[test]
+    fn only_folders_with_the_tag_are_counted_and_emptied() {
+        let place = tempfile::tempdir().unwrap();
+        let cache = Cache { folder: place.path().join("cache"), temporary: false };
+        assert_eq!(cache.parts().unwrap(), []);
+        assert_eq!(cache.clear().unwrap(), (0, 0));
+        let (clips, own) = (cache.folder.join("clips"), cache.folder.join("own"));
+        make(&clips.join("nested")).unwrap();
+        make(&clips).unwrap();
+        make(&clips).unwrap();
+        fs::create_dir(&own).unwrap();
+        for file in [clips.join("a"), clips.join("nested/b"), own.join("c")] {
+            fs::write(file, "12345").unwrap();
+        }
+        fs::write(cache.folder.join("notes.json"), "{}").unwrap();
+        symlink(&own, clips.join("link")).unwrap();
+        let part = |files, bytes| Part { name: "clips".to_owned(), files, bytes };
+        let link = fs::symlink_metadata(clips.join("link")).unwrap().len();
+        assert_eq!(cache.parts().unwrap(), [part(3, 10 + link)]);
+        assert_eq!(cache.clear().unwrap(), (3, 10 + link));
+        assert_eq!(cache.parts().unwrap(), [part(0, 0)]);
+        assert!(own.join("c").is_file() && cache.folder.join("notes.json").is_file());
+    }
 
     #[test]
     fn the_folder_is_the_named_one_or_the_users_or_a_private_one() {

@@ -267,11 +267,78 @@ fn a_preview_shows_the_clips_of_the_user_and_leaves_out_what_fails() {
 fn completions_are_there_for_the_usual_shells() {
     for shell in ["bash", "zsh", "fish"] {
         let script = Pdk::new(["completions", shell]).succeed().stdout;
-        for verb in verbs() {
-            assert!(script.contains(&verb), "{shell} does not complete {verb}");
-        }
+        assert!(script.contains("PDK_COMPLETE"), "{script}");
     }
     Pdk::program("bash").args(["-n", "-c"]).arg(Pdk::new(["completions", "bash"]).succeed().stdout).succeed();
+    Pdk::new(["completions", "tcsh"]).fail(2, &["tcsh", "bash"]);
+}
+
+#[test]
+fn completions_know_verbs_components_levels_pipelines_and_records() {
+    let folder = temp();
+    for run in ["quickstart-1", "quickstart-2"] {
+        let record = folder.path().join("runs").join(run);
+        std::fs::create_dir_all(&record).unwrap();
+        std::fs::write(record.join("manifest.json"), "{}").unwrap();
+    }
+    std::fs::write(folder.path().join("own.lua"), "").unwrap();
+    // As the function does that bash is given: the words, of which the last one is completed.
+    let completed = |words: &[&str]| {
+        let pdk = Pdk::new(["--"]).args(["pdk"]).args(words).folder(folder.path());
+        let index = words.len().to_string();
+        let pdk = pdk.env("PDK_COMPLETE", "bash").env("_CLAP_COMPLETE_INDEX", index).env("_CLAP_IFS", "\n");
+        let stdout =
+            pdk.env("_CLAP_COMPLETE_COMP_TYPE", "9").env("_CLAP_COMPLETE_SPACE", "true").succeed().stdout;
+        stdout.lines().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let verbs: Vec<String> = verbs().into_iter().filter(|verb| verb.starts_with("re")).collect();
+    let mut offered = completed(&["re"]);
+    offered.sort();
+    assert_eq!(offered, verbs);
+    assert_eq!(completed(&["show", "fog_"]), ["fog_filter"]);
+    assert_eq!(completed(&["perturb", "road.png", "--with", "fog_filter@3"]), ["fog_filter@3"]);
+    assert_eq!(completed(&["perturb", "road.png", "--with", "fog_filter@"]).len(), 5);
+    assert_eq!(completed(&["saliency", "x.png", "--with", "hiresc"]), ["hirescam"]);
+    assert_eq!(completed(&["run", "quick"]), ["quickstart"]);
+    assert_eq!(completed(&["run", "ow"]), ["own.lua"]);
+    let mut records = completed(&["replay", "runs/quickstart-"]);
+    records.sort();
+    records.dedup_by(|a, b| a.trim_end_matches('/') == b.trim_end_matches('/'));
+    assert_eq!(records.len(), 2, "{records:?}");
+}
+
+#[test]
+fn the_version_says_what_computes() {
+    let short = Pdk::new(["-V"]).succeed().stdout;
+    let long = Pdk::new(["--version"]).succeed().stdout;
+    assert!(long.starts_with(short.trim_end()), "{long}");
+    let line = |name: &str| long.lines().find_map(|line| line.strip_prefix(&format!("{name}: ")));
+    assert!(line("instructions").is_some_and(|text| !text.is_empty()), "{long}");
+    // As a scenario records it.
+    assert!(line("engine").is_some_and(|text| text.starts_with("tract ") && text.contains('/')), "{long}");
+    assert!(line("plugin interface").is_some(), "{long}");
+}
+
+#[test]
+fn the_cache_is_shown_and_cleared() {
+    let folder = temp();
+    pictures::write(&folder.path().join("in.png"), 64, 48);
+    let pdk = |arguments: &[&str]| {
+        let cache = folder.path().join("cache");
+        Pdk::new(arguments.iter().copied()).folder(folder.path()).env("PDK_CACHE", cache)
+    };
+    pdk(&["perturb", "in.png", "--with", "static_rain_filter@2", "-o", "out.png"]).succeed();
+    let parts = pdk(&["cache", "--json"]).succeed().json()["parts"].clone();
+    let bytes = parts.as_array().unwrap().iter().map(|part| part["bytes"].as_u64().unwrap()).sum::<u64>();
+    assert!(bytes > 0, "{parts}");
+    assert!(pdk(&["cache"]).succeed().stdout.contains("overlays"));
+    let removed = pdk(&["cache", "clear", "--json"]).succeed().json();
+    assert_eq!(removed["bytes"], bytes);
+    assert_eq!(pdk(&["cache", "--json"]).succeed().json()["parts"][0]["files"], 0);
+    // What was removed is made again.
+    let before = std::fs::read(folder.path().join("out.png")).unwrap();
+    pdk(&["perturb", "in.png", "--with", "static_rain_filter@2", "-o", "out.png"]).succeed();
+    assert_eq!(std::fs::read(folder.path().join("out.png")).unwrap(), before);
 }
 
 #[test]

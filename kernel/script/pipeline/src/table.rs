@@ -1,7 +1,7 @@
 //! Results as tables for people.
 
-use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
 use pdk_sdk::error::{Error, Result};
+use pdk_terminal::table::{Cell, CellAlignment, Table, table};
 use serde_json::Value;
 
 /// Renders what `pdk.drive` or `pdk.evaluate` returned.
@@ -11,21 +11,11 @@ use serde_json::Value;
 pub fn render(result: &Value) -> Result<String> {
     match result {
         Value::Array(outcomes) if outcomes.iter().all(|outcome| outcome.get("cause").is_some()) => {
-            Ok(outcome_table(outcomes))
+            Ok(outcome_table(table(OUTCOMES), outcomes).to_string())
         }
         Value::Object(summary) if summary.contains_key("rows") => Ok(evaluation_tables(result)),
         _ => Err(Error::new("pdk.show takes what pdk.drive or pdk.evaluate returned")),
     }
-}
-
-/// An empty table in the style of all of pdk's tables.
-pub fn table<'a>(header: impl IntoIterator<Item = &'a str>) -> Table {
-    let mut table = Table::new();
-    table.load_style(presets::UTF8_FULL_CONDENSED);
-    // Lines wrap where there is a terminal whose width says where.
-    table.set_content_arrangement(ContentArrangement::Dynamic);
-    table.set_header(header);
-    table
 }
 
 fn right(text: String) -> Cell {
@@ -36,9 +26,12 @@ fn number(value: &Value, digits: usize) -> String {
     value.as_f64().map_or_else(String::new, |value| format!("{value:.digits$}"))
 }
 
-fn outcome_table(outcomes: &[Value]) -> String {
-    let mut table =
-        table(["scenario", "outcome", "time s", "road", "mean |XTE| m", "max |XTE| m", "over line s"]);
+/// The header of a table of outcomes.
+const OUTCOMES: [&str; 7] =
+    ["scenario", "outcome", "time s", "road", "mean |XTE| m", "max |XTE| m", "over line s"];
+
+/// Adds a row for each outcome.
+fn outcome_table(mut table: Table, outcomes: &[Value]) -> Table {
     for outcome in outcomes {
         let cause = outcome["cause"].as_str().unwrap_or_default().replace('_', " ");
         let verdict = outcome["verdict"].as_str().unwrap_or_default();
@@ -66,7 +59,7 @@ fn outcome_table(outcomes: &[Value]) -> String {
             cell(number(&outcome["measures"]["over_line_seconds"], 1)),
         ]);
     }
-    table.to_string()
+    table
 }
 
 /// Two tables, perturbations by levels: the error against the ground truth, and the drift from the original.
@@ -125,7 +118,7 @@ mod tests {
                 "mean_cross_track_error": 0.123, "max_cross_track_error": 2.01, "measures": {"over_line_seconds": 1.5}})
         };
         let row = |verdict: &str, cause: &str| {
-            let text = render(&json!([outcome(verdict, cause)])).unwrap();
+            let text = outcome_table(Table::new(OUTCOMES, true), &[outcome(verdict, cause)]).to_string();
             let row = text.lines().find(|line| line.contains(" x ")).unwrap().to_owned();
             row.split('┆').map(|cell| cell.trim_matches([' ', '│']).to_owned()).collect::<Vec<_>>()
         };

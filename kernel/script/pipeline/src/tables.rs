@@ -1,11 +1,9 @@
 //! What a pipeline reports of its own: free tables for people, and files in the record.
 
-use comfy_table::{Cell, CellAlignment};
-use pdk_sdk::error::{Error, Result};
-use serde_json::Value;
-
-use crate::table::table;
 use pdk_record::directory;
+use pdk_sdk::error::{Error, Result};
+use pdk_terminal::table::{Cell, CellAlignment, table};
+use serde_json::Value;
 
 /// Checks the name of a file that a pipeline adds to its record.
 ///

@@ -1,4 +1,7 @@
-//! What a terminal shows of work that is under way.
+//! What a terminal shows: progress, tables, and texts as wide as it is.
+
+pub mod table;
+pub mod text;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 

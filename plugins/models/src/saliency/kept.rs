@@ -79,7 +79,8 @@ impl Kept {
         }
         let grid = make()?;
         let partial = folder.join(format!("{}.{}.partial", &name[2..], std::process::id()));
-        let written = fs::create_dir_all(&folder).and_then(|()| fs::write(&partial, write(&grid)));
+        let made = pdk_sdk::cache::make(&self.folder).and_then(|()| fs::create_dir_all(&folder));
+        let written = made.and_then(|()| fs::write(&partial, write(&grid)));
         if written.and_then(|()| fs::rename(&partial, &file)).is_err() {
             // The map is there all the same; nothing may stay of what was not written to its end.
             let _ = fs::remove_file(&partial);

@@ -2,9 +2,9 @@
 
 use pdk_components::catalog::Entry;
 use pdk_notice::println;
-use pdk_pipeline::table::table;
 use pdk_sdk::describe::{Description, Kind, Temporal};
 use pdk_sdk::error::{Error, Result};
+use pdk_terminal::table::table;
 use serde_json::json;
 
 use super::{Global, print_json};

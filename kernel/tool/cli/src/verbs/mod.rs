@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::CompleteEnv;
 use pdk_components::inspection;
 use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
@@ -19,8 +20,11 @@ use pdk_supervise::supervisor::Limits;
 
 use crate::{memory, supervised};
 
+mod cache;
 mod check;
+mod completions;
 mod doctor;
+mod examples;
 mod export;
 mod list;
 mod merge;
@@ -40,6 +44,7 @@ mod session;
 mod settings;
 mod show;
 mod shrink;
+mod version;
 mod worker;
 
 /// Tests driving models by disturbing what their camera sees
@@ -149,11 +154,10 @@ enum Verb {
         /// The libraries
         libraries: Vec<PathBuf>,
     },
+    /// Show or clear what components keep because it took long to prepare
+    Cache(cache::Arguments),
     /// Write the completions for a shell to standard output
-    Completions {
-        /// The shell
-        shell: clap_complete::Shell,
-    },
+    Completions(completions::Arguments),
     /// Write the manual pages to a folder
     Man {
         /// The folder, which is made where it is missing
@@ -174,7 +178,7 @@ impl Verb {
             Verb::Session(_) | Verb::Merge(_) => false,
             Verb::Report(arguments) => arguments.calls_components(),
             Verb::Road(_) | Verb::Export(_) => false,
-            Verb::Inspect { .. } | Verb::Completions { .. } | Verb::Man { .. } => false,
+            Verb::Cache(_) | Verb::Inspect { .. } | Verb::Completions(_) | Verb::Man { .. } => false,
         }
     }
 }
@@ -182,7 +186,9 @@ impl Verb {
 /// Runs the verb on the command line.
 pub fn main() -> ExitCode {
     inspection::enable();
-    let cli = Cli::parse();
+    // Does not come back if a shell asks for completions.
+    CompleteEnv::with_factory(command).var(completions::VARIABLE).complete();
+    let cli = parsed();
     if let Err(error) = memory::watch(calls::supervised()) {
         return failed(&error);
     }
@@ -211,12 +217,8 @@ pub fn main() -> ExitCode {
         Verb::Session(arguments) => session::run(global, arguments),
         Verb::Worker(arguments) => worker::run(arguments),
         Verb::Inspect { libraries } => inspection::serve(libraries),
-        Verb::Completions { shell } => {
-            let mut script = Vec::new();
-            clap_complete::generate(*shell, &mut Cli::command(), "pdk", &mut script);
-            pdk_notice::bytes(&script);
-            Ok(())
-        }
+        Verb::Cache(arguments) => cache::run(global, arguments),
+        Verb::Completions(arguments) => completions::run(arguments),
         Verb::Man { folder } => manual(folder),
     };
     let code = match result.and_then(|()| pdk_notice::finish()) {
@@ -228,11 +230,27 @@ pub fn main() -> ExitCode {
     code
 }
 
+/// The command line with all that is derived for it.
+fn command() -> Command {
+    examples::shown(completions::offered(Cli::command()))
+}
+
+/// What is on the command line. Wrong usage ends the process.
+fn parsed() -> Cli {
+    let mut command = command();
+    // It takes a look at all plugins, for which no other verb has to wait.
+    if std::env::args_os().any(|argument| argument == "--version") {
+        command = command.long_version(version::long());
+    }
+    let matches = command.get_matches();
+    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
 /// Writes a manual page for `pdk` and one for each verb.
 fn manual(folder: &Path) -> Result<()> {
     let place = || format!("cannot write the manual pages to {}", folder.display());
     std::fs::create_dir_all(folder).place(place())?;
-    clap_mangen::generate_to(Cli::command(), folder).place(place())
+    clap_mangen::generate_to(command(), folder).place(place())
 }
 
 /// Says what went wrong. An interrupted run has the exit code that the signal would have given it.

@@ -6,9 +6,9 @@ use pdk_notice::println;
 use pdk_onnx::layers::{self, Image, LEAST_CELLS, Layer, layers};
 use pdk_onnx::tensor::shape_text;
 use pdk_onnx::{Graph, gradient, model};
-use pdk_pipeline::table::table;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Place, Result};
+use pdk_terminal::table::table;
 use serde_json::{Value, json};
 
 use super::{Global, print_json};

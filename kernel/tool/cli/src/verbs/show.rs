@@ -1,12 +1,13 @@
 //! `pdk show`: a component with its parameters, or the network in a file.
 
+use pdk_components::catalog::Entry;
 use pdk_components::modifiers;
 use pdk_components::suggest;
 use pdk_notice::println;
-use pdk_pipeline::table::table;
 use pdk_preview::reference::{allowed, settings};
 use pdk_sdk::describe::{Description, Kind, Parameter, Temporal};
 use pdk_sdk::error::{Error, Result};
+use pdk_terminal::text::wrapped;
 use serde_json::json;
 
 use super::{Global, network, print_json};
@@ -40,80 +41,87 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         return print_json(&json!(list));
     }
     for component in found {
-        print(&component.description);
-        if component.code() != component.file {
-            println!("code      {}", component.code().display());
-        }
-        println!("file      {}\n", component.file.display());
+        print(component);
     }
     Ok(())
 }
 
-fn print(description: &Description) {
-    println!("{} - {}", description.name, description.doc);
+fn print(component: &Entry) {
+    let description = &component.description;
+    println!("{} - {}\n", description.name, description.doc);
+    let fact = |label: &str, text: &str| {
+        if !text.is_empty() {
+            println!("{}", wrapped(&format!("{label:<10}"), text));
+        }
+    };
+    fact("kind", &kind(description));
+    fact("version", &description.version.to_string());
+    fact("computes", &description.mathematics);
+    fact("once", &description.drawn_per_sequence);
+    fact("per frame", &description.drawn_per_frame);
+    fact("attention", &description.follows_attention);
+    for divergence in &description.divergences {
+        fact("differs", divergence);
+    }
+    if !description.grows_with.is_empty() {
+        fact("grows", &format!("with {}", settings(&description.grows_with)));
+    }
+    fact("source", &description.source);
+    if description.kind == Kind::Perturbation {
+        let names = modifiers::names();
+        fact("modifiers", &format!("{names}, as for every perturbation: `pdk perturb --help`"));
+    }
+    if component.code() != component.file {
+        fact("code", &component.code().display().to_string());
+    }
+    fact("file", &component.file.display().to_string());
+    for parameter in &description.parameters {
+        println!("\n  {}", signature(parameter));
+        println!("{}", wrapped("      ", &parameter.doc));
+    }
     println!();
+}
+
+/// The kind of a component, and of a perturbation also its family and when it is used.
+fn kind(description: &Description) -> String {
+    if description.kind != Kind::Perturbation {
+        return description.kind.to_string();
+    }
+    let family = match description.family.as_str() {
+        "" => String::new(),
+        family => format!(", family {family}"),
+    };
     let temporal = match description.temporal {
         Temporal::Static => "static",
         Temporal::Dynamic => "dynamic",
     };
     let set = if description.default { "in the default set" } else { "by name only" };
-    match description.kind {
-        Kind::Perturbation => {
-            let family = match description.family.as_str() {
-                "" => String::new(),
-                family => format!(", family {family}"),
-            };
-            println!("kind      perturbation{family}, {temporal}, {set}");
-        }
-        kind => println!("kind      {kind}"),
+    format!("perturbation{family}, {temporal}, {set}")
+}
+
+/// A parameter with what it may be, as in `speed = 8.0 (number 0 to 100, in m/s)`.
+fn signature(parameter: &Parameter) -> String {
+    let Parameter { name, unit, .. } = parameter;
+    let mut allowed = allowed(&parameter.kind);
+    if !unit.is_empty() {
+        allowed.push_str(", in ");
+        allowed.push_str(unit);
     }
-    println!("version   {}", description.version);
-    for (label, text) in [
-        ("computes ", &description.mathematics),
-        ("once     ", &description.drawn_per_sequence),
-        ("per frame", &description.drawn_per_frame),
-        ("attention", &description.follows_attention),
-    ] {
-        if !text.is_empty() {
-            println!("{label} {text}");
-        }
-    }
-    for divergence in &description.divergences {
-        println!("differs   {divergence}");
-    }
-    if !description.grows_with.is_empty() {
-        println!("grows     with {}", settings(&description.grows_with));
-    }
-    if !description.source.is_empty() {
-        println!("source    {}", description.source);
-    }
-    if !description.parameters.is_empty() {
-        let mut table = table(["parameter", "type", "unit", "default", "what it is"]);
-        for parameter in &description.parameters {
-            table.add_row([
-                parameter.name.clone(),
-                allowed(&parameter.kind),
-                parameter.unit.clone(),
-                default_text(parameter),
-                parameter.doc.clone(),
-            ]);
-        }
-        println!("{table}");
-    }
-    if description.kind == Kind::Perturbation {
-        println!("modifiers {}, as for every perturbation: `pdk perturb --help`", modifiers::names());
+    match default_text(parameter) {
+        _ if parameter.is_required() => format!("{name} ({allowed}, required)"),
+        default if default.is_empty() => format!("{name} ({allowed})"),
+        default => format!("{name} = {default} ({allowed})"),
     }
 }
 
+/// The default as a spec has it; of a parameter that follows the level, the value at each level.
 fn default_text(parameter: &Parameter) -> String {
     match &parameter.levels {
         Some(levels) => {
             let levels: Vec<_> = levels.iter().map(f64::to_string).collect();
-            format!("by level: {}", levels.join("  "))
+            format!("{} by level", levels.join(" "))
         }
-        None if parameter.is_required() => "required".to_owned(),
         None => match parameter.default.as_str() {
-            Some("") => String::new(),
             Some(text) => text.to_owned(),
             None => parameter.default.to_string(),
         },

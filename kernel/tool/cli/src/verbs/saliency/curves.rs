@@ -12,7 +12,6 @@ use std::collections::BTreeMap;
 
 use pdk_components::registry::Registry;
 use pdk_model::component::ComponentSpec;
-use pdk_pipeline::table::table;
 use pdk_sdk::error::Result;
 use pdk_sdk::prelude::{DriveContext, Driver, Frame, FrameBuf, Random};
 use pdk_sdk::seed;
@@ -20,6 +19,7 @@ use pdk_statistics::CONFIDENCE;
 use pdk_statistics::estimate::Estimate;
 use pdk_statistics::mean;
 use pdk_supervise::calls::{self, Function};
+use pdk_terminal::table::table;
 use serde_json::{Value, json};
 
 use super::shown::Shown;
