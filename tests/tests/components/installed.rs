@@ -40,9 +40,9 @@ fn user(home: &Path, arguments: &[&str]) -> Pdk {
 fn a_new_plugin_is_built_checked_installed_and_used() {
     let home = temp();
     let home = home.path();
-    let said = user(home, &["new", "plugin", "salt_spray"]).succeed().stdout;
+    let said = user(home, &["new", "perturbation", "salt_spray", "--rust"]).succeed().stdout;
     assert!(said.contains("pdk plugin add target/release/libsalt_spray."), "{said}");
-    user(home, &["new", "plugin", "salt_spray"]).fail(1, &["salt_spray exists already"]);
+    user(home, &["new", "perturbation", "salt_spray", "--rust"]).fail(1, &["salt_spray exists already"]);
     let project = home.join("salt_spray");
     let package = fs::read_to_string(project.join("Cargo.toml")).unwrap();
     let homepage = package.replace("# homepage", "homepage");
@@ -73,7 +73,8 @@ fn a_new_plugin_is_built_checked_installed_and_used() {
     let [before, after] = ["in.png", "out.png"].map(|name| image::open(home.join(name)).unwrap().into_rgb8());
     assert!(before.get_pixel(0, 0)[0] / 2 > after.get_pixel(0, 0)[0], "the corner is darker");
     // What is installed has its name.
-    user(home, &["new", "plugin", "salt_spray", "--out", "other"]).fail(1, &["`salt_spray` already, in"]);
+    user(home, &["new", "perturbation", "salt_spray", "--rust", "--out", "other"])
+        .fail(1, &["`salt_spray` already, in"]);
 
     user(home, &["plugin", "remove", "salt_spry"])
         .fail(1, &["no plugin `salt_spry`", "did you mean `salt_spray`?"]);
@@ -158,6 +159,38 @@ fn a_new_adapter_drives_the_simulator_of_its_test() {
     let checked = user(home, &["check"]).arg(&built).succeed().stdout;
     let note = "note simulator `my_bridge` was made and not used, because the simulator my_bridge is not at 127.0.0.1:9000";
     assert!(checked.contains("ok   simulator `my_bridge`") && checked.contains(note), "{checked}");
+}
+
+/// Each of the crates has a test of its own for the rules of its kind, and `pdk check` uses it as pdk does.
+#[test]
+#[ignore = "long: .ci/run runs it"]
+fn a_crate_of_each_other_kind_is_built_and_checked() {
+    let home = temp();
+    let home = home.path();
+    pictures::write(&home.join("in.png"), 64, 48);
+    for what in ["mask", "saliency", "search", "dataset"] {
+        let name = format!("my_{what}");
+        user(home, &["new", what, &name, "--rust"]).succeed();
+        let built = build(&home.join(&name));
+        let checked = user(home, &["check"]).arg(&built).succeed().stdout;
+        assert!(checked.contains(&format!("{what} `{name}`")), "{checked}");
+        user(home, &["plugin", "add"]).arg(&built).succeed();
+    }
+    user(home, &["perturb", "in.png", "-o", "out.png", "--with", r#"contrast@4,where={"mask":"my_mask"}"#])
+        .succeed();
+    user(home, &["saliency", "in.png", "--driver", "dave2", "--with", "my_saliency"]).succeed();
+    let settings = ["strategy=my_search", "evaluations=24", "perturbations=[\"contrast\"]", "duration=0.5"];
+    let search = user(home, &["run", "search", "--out", "record"]);
+    let search = settings.iter().fold(search, |pdk, setting| pdk.arg("--set").arg(setting));
+    search.succeed();
+    let recording = home.join("recording");
+    fs::create_dir(&recording).unwrap();
+    fs::copy(home.join("in.png"), recording.join("0.png")).unwrap();
+    fs::write(recording.join("labels.csv"), "0.png,0.1,0.2,0\n").unwrap();
+    let dataset = json!({ "name": "my_dataset", "path": recording });
+    let offline = user(home, &["run", "offline", "--set", "driver=dave2", "--set"]);
+    let evaluated = offline.arg(format!("dataset={dataset}")).succeed().stdout;
+    assert!(evaluated.contains("1 frames"), "{evaluated}");
 }
 
 #[test]

@@ -549,6 +549,9 @@ fn a_new_perturbation_and_a_new_pipeline_work_as_they_are() {
     let folder = temp();
     Pdk::new(["new", "perturbation", "sun_visor", "--out"]).arg(folder.path()).succeed();
     Pdk::new(["new", "pipeline", "night_shift", "--out"]).arg(folder.path()).succeed();
+    Pdk::new(["new", "pipeline", "x", "--rust"]).folder(folder.path()).fail(1, &["--rust is for components"]);
+    Pdk::new(["new", "mask", "bright", "--out"]).arg(folder.path()).succeed();
+    Pdk::new(["check", "bright.lua"]).folder(folder.path()).succeed();
     pictures::write(&folder.path().join("in.png"), 64, 48);
     Pdk::new(["perturb", "in.png", "--with", "sun_visor@4", "-o", "out.png", "--plugins", "."])
         .folder(folder.path())
@@ -571,7 +574,7 @@ fn a_new_perturbation_and_a_new_pipeline_work_as_they_are() {
     assert_eq!(json_lines(&folder.path().join("runs/night_shift-1/scenarios.jsonl")).len(), 2);
     Pdk::new(["new", "pipeline", "night_shift", "--out"]).arg(folder.path()).fail(1, &["night_shift.lua"]);
     let empty = temp();
-    for what in ["pipeline", "perturbation", "plugin"] {
+    for what in ["pipeline", "perturbation", "mask", "driver"] {
         Pdk::new(["new", what, "Night-Shift"]).folder(empty.path()).fail(1, &["lower-case letters"]);
     }
     assert_eq!(fs::read_dir(empty.path()).unwrap().count(), 0, "what was refused wrote nothing");

@@ -200,7 +200,7 @@ fn places_that_cannot_be_written_are_named() {
 
     let export = |to: &str| Pdk::new(["export", "record", "-o", to]).folder(folder.path());
     export("in.png/x.json").fail(1, &["in.png/x.json"]);
-    for verb in [["new", "pipeline", "x", "--out", "in.png"], ["new", "plugin", "x", "--out", "in.png"]] {
+    for verb in [["new", "pipeline", "x", "--out", "in.png"], ["new", "driver", "x", "--out", "in.png"]] {
         Pdk::new(verb).folder(folder.path()).fail(1, &["in.png"]);
     }
 }

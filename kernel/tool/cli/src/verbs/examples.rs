@@ -64,7 +64,8 @@ pub const EXAMPLES: [(&str, &[(&str, &str)]); 20] = [
         "new",
         &[
             ("pdk new perturbation salt_spray", "a perturbation in Lua that works"),
-            ("pdk new plugin salt_spray", "a plugin in Rust that builds"),
+            ("pdk new perturbation salt_spray --rust", "the same as a plugin in Rust"),
+            ("pdk new driver my_pilot", "a driver that drives, as a plugin"),
         ],
     ),
     ("check", &[("pdk check target/release/libsalt_spray.so", "a plugin, before it is shipped")]),

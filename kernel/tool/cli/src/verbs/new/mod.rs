@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
 use clap::builder::PossibleValuesParser;
 use pdk_components::catalog::Catalog;
 use pdk_components::installation;
@@ -12,7 +11,10 @@ use pdk_notice::println;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
 
+use self::template::{Crate, What};
 use super::Global;
+
+mod template;
 
 /// Arguments of `pdk new`
 #[derive(clap::Args)]
@@ -27,25 +29,12 @@ pub struct Arguments {
     /// The folder of the pdk-sdk crate that a plugin builds against [default: the one that comes with pdk]
     #[arg(long, value_name = "DIR")]
     sdk: Option<PathBuf>,
+    /// Write a perturbation or a mask in Rust; other components are in Rust anyway
+    #[arg(long)]
+    rust: bool,
     /// Begin a pipeline with a copy of this one that comes with pdk
     #[arg(long, value_name = "PIPELINE", value_parser = PossibleValuesParser::new(product::get().pipelines.iter().map(|script| script.name)))]
     from: Option<String>,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum What {
-    /// A perturbation in Lua: one file
-    Perturbation,
-    /// A plugin in Rust with a perturbation: a crate of its own
-    Plugin,
-    /// A plugin in Rust with a simulator: a crate of its own
-    Simulator,
-    /// A plugin in Rust with an adapter to a simulator that is a program of its own: a crate of its own
-    Adapter,
-    /// A plugin in Rust with a driver: a crate of its own
-    Driver,
-    /// A pipeline in Lua: one file
-    Pipeline,
 }
 
 /// Writes the files and says what to do with them.
@@ -57,87 +46,69 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
             "`{name}` is not a name; use lower-case letters, digits and underscores, with a letter first"
         )));
     }
-    if arguments.from.is_some() && !matches!(arguments.what, What::Pipeline) {
+    if arguments.from.is_some() && arguments.what != What::Pipeline {
         return Err(Error::new("--from is for pipelines; leave it out, or write `pdk new pipeline`"));
     }
     if let Some(kind) = arguments.what.kind() {
         refuse_taken(global.registry()?.catalog(), kind, name)?;
     }
     let folder = arguments.out.clone().unwrap_or_default();
-    match arguments.what {
-        What::Perturbation => {
+    match (arguments.what.script(), arguments.what.package()) {
+        (Some([source, attempt]), _) if !arguments.rust => {
             let file = folder.join(format!("{name}.lua"));
-            write(&file, include_str!("../../templates/perturbation.lua"), arguments)?;
-            println!("Wrote {}. Try it:", file.display());
-            println!("  pdk --plugins {} perturb IMAGE --with {name}@2 -o out.png", shown(&folder));
+            write(&file, source, arguments)?;
+            let attempt = attempt.replace("{{folder}}", &shown(&folder)).replace("{{name}}", name);
+            println!("Wrote {}. Try it:\n  {attempt}", file.display());
+            Ok(())
         }
-        What::Pipeline => {
-            let file = folder.join(format!("{name}.lua"));
-            let copied =
-                product::get().pipelines.iter().find(|script| Some(script.name) == arguments.from.as_deref());
-            let template = copied.map_or(product::get().first_pipeline, |script| script.source);
-            write(&file, template, arguments)?;
-            println!("Wrote {}. Try it:\n  pdk run {}", file.display(), file.display());
-        }
-        What::Plugin | What::Simulator | What::Adapter | What::Driver => {
-            write_crate(&folder.join(name), arguments)?;
-        }
+        (_, Some(package)) => write_crate(&folder.join(name), &package, arguments),
+        (_, None) => write_pipeline(&folder.join(format!("{name}.lua")), arguments),
     }
+}
+
+/// Writes a small pipeline, or the copy of one that comes with pdk.
+fn write_pipeline(file: &Path, arguments: &Arguments) -> Result<()> {
+    if arguments.rust {
+        return Err(Error::new("--rust is for components; a pipeline is a script, so leave it out"));
+    }
+    let copied =
+        product::get().pipelines.iter().find(|script| Some(script.name) == arguments.from.as_deref());
+    write(file, copied.map_or(product::get().first_pipeline, |script| script.source), arguments)?;
+    println!("Wrote {}. Try it:\n  pdk run {}", file.display(), file.display());
     Ok(())
 }
 
-impl What {
-    /// The kind of the component that is written; none for a pipeline.
-    fn kind(self) -> Option<Kind> {
-        match self {
-            What::Perturbation | What::Plugin => Some(Kind::Perturbation),
-            What::Simulator | What::Adapter => Some(Kind::Simulator),
-            What::Driver => Some(Kind::Driver),
-            What::Pipeline => None,
-        }
-    }
-}
-
 /// Writes the crate of a plugin.
-fn write_crate(folder: &Path, arguments: &Arguments) -> Result<()> {
+fn write_crate(folder: &Path, package: &Crate, arguments: &Arguments) -> Result<()> {
     let (name, shown) = (&arguments.name, folder.display());
     if folder.exists() {
         return Err(Error::new(format!("{shown} exists already; choose another name")));
     }
-    let (source, readme) = match arguments.what {
-        What::Simulator => (
-            include_str!("../../templates/simulator/lib.rs.txt"),
-            include_str!("../../templates/simulator/README.md"),
-        ),
-        What::Adapter => (
-            include_str!("../../templates/adapter/lib.rs.txt"),
-            include_str!("../../templates/adapter/README.md"),
-        ),
-        What::Driver => (
-            include_str!("../../templates/driver/lib.rs.txt"),
-            include_str!("../../templates/driver/README.md"),
-        ),
-        What::Plugin | What::Perturbation | What::Pipeline => (
-            include_str!("../../templates/plugin/lib.rs.txt"),
-            include_str!("../../templates/plugin/README.md"),
-        ),
-    };
+    let Crate { source, readme, kind, attempt } = package;
     let sdk = sdk_folder(arguments)?;
     let dependency = |folder: PathBuf| format!("{{ path = {:?} }}", folder.to_string_lossy());
-    let mut dependencies = format!("pdk-sdk = {}\n", dependency(sdk.clone()));
-    if source.contains("pdk_adapter::") {
-        dependencies =
-            format!("pdk-adapter = {}\n{dependencies}", dependency(sdk.with_file_name("pdk-adapter")));
+    let further = [
+        (
+            "image::",
+            r#"image = { version = "0.25", default-features = false, features = ["jpeg", "png"] }"#
+                .to_owned(),
+        ),
+        ("libm::", r#"libm = "0.2""#.to_owned()),
+        ("pdk_adapter::", format!("pdk-adapter = {}", dependency(sdk.with_file_name("pdk-adapter")))),
+    ];
+    let mut dependencies = String::new();
+    for (_, line) in further.iter().filter(|(used, _)| source.contains(used)) {
+        dependencies.push_str(line);
+        dependencies.push('\n');
     }
-    if source.contains("libm::") {
-        dependencies = format!("libm = \"0.2\"\n{dependencies}");
-    }
-    let package =
-        include_str!("../../templates/plugin/Cargo.toml.txt").replace("{{dependencies}}", &dependencies);
+    dependencies.push_str(&format!("pdk-sdk = {}\n", dependency(sdk)));
+    let manifest =
+        include_str!("../../../templates/Cargo.toml.txt").replace("{{dependencies}}", &dependencies);
+    let readme = readme.replace("{{kind}}", kind).replace("{{try}}", attempt);
     for (file, text) in [
-        ("Cargo.toml", package.as_str()),
+        ("Cargo.toml", manifest.as_str()),
         ("src/lib.rs", source),
-        ("README.md", readme),
+        ("README.md", &readme),
         (".gitignore", "/target\n"),
     ] {
         write(&folder.join(file), text, arguments)?;
