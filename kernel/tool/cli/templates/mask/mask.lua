@@ -10,7 +10,7 @@ return {
 
 	-- `image` holds a copy of the frame. Make a picture of it whose brightness says how much of each pixel is perturbed:
 	-- black stays as it is, white is perturbed.
-	mask = function(image, cx)
+	mask = function(image: Image, cx: Context)
 		local pixels, row = image.pixels, image.width * 3
 		for y = 0, image.height - 1 do
 			for x = 0, row - 3, 3 do

@@ -14,7 +14,7 @@ return {
 	-- `image` holds a copy of the frame; change it in place. Nothing may be kept from one frame to the next, because any
 	-- frame has to come out the same on its own: take numbers from cx.frame_random, or from cx.sequence_random for what
 	-- is the same in all frames, and say so in the fields draws_per_frame and draws_per_sequence.
-	apply = function(image, cx)
+	apply = function(image: Image, cx: Context)
 		local visor = image:copy()
 		visor:brightness(1 / 3)
 		local shade = image:blank()
