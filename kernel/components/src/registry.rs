@@ -275,7 +275,10 @@ impl Registry {
             let reason = match self.add_script(&file) {
                 Ok(true) => continue,
                 Ok(false) => {
-                    format!("{} is no perturbation: it returns no table with `apply`", file.display())
+                    format!(
+                        "{} is not a perturbation: it does not return a table with `apply`",
+                        file.display()
+                    )
                 }
                 Err(error) => error.to_string(),
             };

@@ -46,7 +46,9 @@ impl FromStr for Shard {
             Some((index, of)) if (1..=of).contains(&index) && of <= MOST => Ok(Self { index, of }),
             _ => Err(Error::of(
                 ErrorKind::Configuration,
-                format!("`{text}` is no part of a run; write 1/8 to 8/8 for eight parts, of {MOST} at most"),
+                format!(
+                    "`{text}` is not a part of a run; write 1/8 to 8/8 for eight parts ({MOST} parts at most)"
+                ),
             )),
         }
     }
@@ -68,7 +70,7 @@ mod tests {
         }
         for wrong in ["", "1", "0/4", "5/4", "1/0", "a/b", "1/4/4", "-1/4", "1/1000000"] {
             let error = wrong.parse::<Shard>().unwrap_err();
-            assert!(error.message().contains("is no part of a run"), "{wrong}");
+            assert!(error.message().contains("is not a part of a run"), "{wrong}");
         }
     }
 }

@@ -41,7 +41,7 @@ impl Inside {
         let path = self.shown.join(name);
         match path.canonicalize() {
             Ok(real) if !real.starts_with(&self.root) => Err(Error::new(format!(
-                "`{}` lies outside of the dataset's folder, where nothing is read; copy it into the folder",
+                "`{}` is outside the dataset's folder, and pdk reads nothing there; copy it into the folder",
                 name.display()
             ))),
             Ok(_) => Ok(path),
@@ -109,7 +109,7 @@ mod tests {
                 assert_eq!(
                     error,
                     format!(
-                        "`{name}` lies outside of the dataset's folder, where nothing is read; copy it into the folder"
+                        "`{name}` is outside the dataset's folder, and pdk reads nothing there; copy it into the folder"
                     )
                 );
             }

@@ -245,7 +245,7 @@ impl Link {
             }
             if late {
                 let done =
-                    if telemetry.done == Some(true) { ", and the road is said to be over" } else { "" };
+                    if telemetry.done == Some(true) { ", and it reports that the road is over" } else { "" };
                 return Err(Error::of(
                     ErrorKind::Late,
                     format!(
@@ -305,7 +305,7 @@ impl Link {
             Heard::Menu => Err(Error::of(
                 ErrorKind::Lost,
                 format!(
-                    "{} has left its scene and shows the menu; somebody else may have used it",
+                    "{} has left its scene and shows the menu; another program may have used it",
                     self.wire.station
                 ),
             )),

@@ -37,8 +37,12 @@ impl Component for Snow {
                     .range(1.0, 20.0),
             )
             .parameter(
-                Parameter::by_level("threshold", [0.5, 0.5, 0.9, 0.85, 0.85], "what is below it is no flake")
-                    .range(-5.0, 5.0),
+                Parameter::by_level(
+                    "threshold",
+                    [0.5, 0.5, 0.9, 0.85, 0.85],
+                    "values below it are not flakes",
+                )
+                .range(-5.0, 5.0),
             )
             .parameter(
                 Parameter::by_level("radius", [10.0, 12.0, 12.0, 12.0, 12.0], "half the length of a streak")

@@ -290,7 +290,7 @@ fn check_external(graph: &pb::GraphProto, folder: &Path) -> Result<()> {
     for location in external {
         if !is_beside(location) {
             return Err(Error::new(format!(
-                "its weights lie in `{}`, outside of its folder, where nothing is read; put them beside the model",
+                "its weights are in `{}`, outside its folder, and pdk reads nothing there; put them beside the model",
                 location.display()
             )));
         }
@@ -537,7 +537,7 @@ mod tests {
             model_in(&path, "auto").err().unwrap().to_string()
         };
         for outside in ["/etc/passwd", "../weights", "a/../../weights"] {
-            assert!(refused(outside).contains("outside of its folder"), "{}", refused(outside));
+            assert!(refused(outside).contains("outside its folder"), "{}", refused(outside));
         }
         assert_eq!(refused("none.bin"), "its weights `none.bin`: it does not exist");
     }

@@ -62,7 +62,7 @@ impl Ffmpeg {
         }
         decoder.read_header(&header).ok_or_else(|| {
             Error::new(format!(
-                "ffmpeg cannot decode it whole: its output begins with `{}`, which are no frames in the form asked for",
+                "ffmpeg cannot decode it whole: its output begins with `{}`, which are not frames in the requested format",
                 header.chars().take(100).collect::<String>().escape_debug()
             ))
         })?;
@@ -181,8 +181,8 @@ mod tests {
         );
         assert_eq!(
             message(start(r"printf 'YUV4MPEG2 W3 H2 F30:1 C444\n'")),
-            "ffmpeg cannot decode it whole: its output begins with `YUV4MPEG2 W3 H2 F30:1 C444`, which are no frames in the \
-             form asked for"
+            "ffmpeg cannot decode it whole: its output begins with `YUV4MPEG2 W3 H2 F30:1 C444`, which are not frames in the \
+             requested format"
         );
         let mut cut =
             start(r"printf 'YUV4MPEG2 W3 H2 F30:1 C420jpeg\nFRAME\nabc'; echo 'ends early' >&2").unwrap();

@@ -77,8 +77,7 @@ impl Shows {
             .range(0.0, 1.0),
         );
         if self == Self::Sun {
-            description.doc +=
-                "; in a bend the sun turns with the vehicle, since perturbations do not know where it heads";
+            description.doc += "; the sun turns with the vehicle in a bend, because a perturbation does not know the vehicle's heading";
         }
         match self {
             Self::Falling { haze, .. } => description

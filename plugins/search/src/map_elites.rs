@@ -57,7 +57,7 @@ impl Rule for MapElites {
             Value::Array(Vec::new()),
             "the variables that the map is over; all if the list is empty",
         ))
-        .parameter(Parameter::text("objective", "the objective that is best in a cell; the first where it is empty").optional())
+        .parameter(Parameter::text("objective", "the objective that is compared within a cell; if it is empty, the first one").optional())
         .parameter(
             Parameter::integer("cells", 100, "cells of the map, or one for each value if these are fewer").range(1.0, 10_000.0),
         )

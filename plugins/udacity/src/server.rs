@@ -127,7 +127,7 @@ impl Server {
         match self.socket.read() {
             Ok(Message::Text(text)) => Ok(Some(text)),
             Ok(Message::Binary(bytes)) => {
-                Err(self.nonsense(&format!("{} bytes that are no text", bytes.len())))
+                Err(self.nonsense(&format!("{} bytes that are not text", bytes.len())))
             }
             // Answered by the library; after a close the next call says that it is closed.
             Ok(Message::Ping(_) | Message::Pong(_) | Message::Close(_) | Message::Frame(_)) => Ok(None),
@@ -221,7 +221,7 @@ impl Server {
             tungstenite::Error::Capacity(_) => {
                 self.nonsense(&format!("a message of more than {LONGEST} bytes"))
             }
-            error => self.nonsense(&format!("what is no WebSocket message ({error})")),
+            error => self.nonsense(&format!("something that is not a WebSocket message ({error})")),
         }
     }
 

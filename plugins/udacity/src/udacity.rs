@@ -297,8 +297,7 @@ impl Link {
             match heard {
                 Heard::Telemetry(telemetry) => return Ok(telemetry),
                 Heard::Manual => {
-                    what =
-                        "sent a picture, only telemetry without one, as where somebody drives with the keys,";
+                    what = "sent a picture, only telemetry without one, as if a person drives with the keys,";
                     if options.build == Build::Stock {
                         self.server.send("manual", &[], deadline)?;
                     }

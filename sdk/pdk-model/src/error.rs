@@ -186,8 +186,11 @@ mod tests {
     fn numbers_of_system_errors_are_left_out() {
         let error = std::io::Error::from_raw_os_error(111);
         assert!(error.to_string().contains("(os error 111)"));
-        let said = Error::new(format!("nobody is there ({error}); start it: {error}"));
-        assert_eq!(said.message(), "nobody is there (Connection refused); start it: Connection refused");
+        let said = Error::new(format!("the server is not running ({error}); start it: {error}"));
+        assert_eq!(
+            said.message(),
+            "the server is not running (Connection refused); start it: Connection refused"
+        );
         for kept in ["a (os error )", "a (os error 1", "(os error 2)", " (os error x)"] {
             assert_eq!(Error::new(kept).message(), kept);
         }

@@ -18,7 +18,7 @@ impl Pace {
         if self.every == 0 {
             Some("a map of every 0 frames cannot be made")
         } else if self.change.is_some() && self.every != 1 {
-            Some("a map stays either for `every` so many frames or until a `change`")
+            Some("a map stays either for a number of frames, `every`, or until a `change`")
         } else if self.change.is_some_and(|change| !(0.0..=255.0).contains(&change)) {
             Some("a change has to be from 0 to 255")
         } else if self.follow && self.every == 1 && self.change.is_none() {

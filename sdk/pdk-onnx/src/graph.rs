@@ -275,7 +275,8 @@ pub(crate) fn describe(node: &NodeProto) -> String {
 /// Type and shape of an input, whose batch may be left open.
 fn input_fact(input: &ValueInfoProto) -> Result<Fact> {
     let name = &input.name;
-    let tensor = input.tensor_type().ok_or_else(|| Error::new(format!("its input `{name}` is no tensor")))?;
+    let tensor =
+        input.tensor_type().ok_or_else(|| Error::new(format!("its input `{name}` is not a tensor")))?;
     let open = || {
         Error::new(format!(
             "its input `{name}` has the shape {}, in which more than the batch is open; export the model with a fixed size",

@@ -176,5 +176,5 @@ fn a_pipeline_that_looks_at_outcomes_is_not_put_together() {
     search.fail(1, &["pdk.search decides by outcomes", "leave out --shard"]);
     run(&script, &folder.path().join("no"))
         .set("shard", "3")
-        .fail(1, &["--set shard: `3` is no part of a run"]);
+        .fail(1, &["--set shard: `3` is not a part of a run"]);
 }

@@ -143,7 +143,7 @@ mod tests {
     fn only_scenarios_with_functions_ask_for_the_rate() {
         let lua = Lua::new();
         let scenario = lua.load("return { perturbations = { 'fog@1' } }").eval().unwrap();
-        let same = evaluated(&lua, &scenario, |_| panic!("nobody needs to know")).unwrap();
+        let same = evaluated(&lua, &scenario, |_| panic!("no result is needed")).unwrap();
         assert_eq!(same, scenario);
     }
 }

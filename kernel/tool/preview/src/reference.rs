@@ -167,7 +167,7 @@ mod tests {
     fn a_page_holds_what_the_description_says() {
         let fog = Description::perturbation("fog", "Hides what is far | away")
             .family("weather")
-            .source("Somebody (2020)")
+            .source("Doe (2020)")
             .mathematics("v (1 - s) + 255 s")
             .drawn_per_frame("the grain")
             .parameter(Parameter::by_level("s", [0.1, 0.2, 0.3, 0.4, 0.5], "density").range(0.0, 1.0))

@@ -66,7 +66,7 @@ impl Replay {
             });
         }
         let manifest = directory.manifest()?.ok_or_else(|| {
-            Error::new(format!("{shown} lost its manifest while it was opened; is somebody deleting it?"))
+            Error::new(format!("{shown} lost its manifest while it was opened; wait until nothing deletes or moves the record"))
         })?;
         let (lines, cut_off) = ledger::read(&directory)?;
         if lines.is_empty() {

@@ -94,7 +94,7 @@ fn what_a_network_remembers_comes_back_with_the_next_frame() {
         for times in [1.0, 2.0, 3.0] {
             let control = drive(&mut driver, &frame);
             assert!((control.steering - times * alone).abs() < 1e-5, "{times}: {control:?}, {alone}");
-            assert_eq!(control.throttle, 0.3, "what is remembered is no throttle");
+            assert_eq!(control.throttle, 0.3, "the throttle is not taken from memory");
         }
         driver.reset().unwrap();
         assert!((drive(&mut driver, &frame).steering - alone).abs() < 1e-6, "it forgets between scenarios");

@@ -24,7 +24,7 @@ pub fn layer_parameters(description: Description) -> Description {
         .parameter(Parameter::boolean(
             "activation",
             true,
-            "whether the layer is taken behind its activation function, where it has one",
+            "whether the layer is taken after its activation function, if it has one",
         ))
 }
 

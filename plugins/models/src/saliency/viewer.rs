@@ -50,7 +50,7 @@ pub fn common_parameters(description: Description) -> Description {
         .parameter(Parameter::text("steering_output", "the output that steers, as for the driver `onnx`"))
         .parameter(Parameter::text("throttle_output", "the output that gives the throttle, as for the driver `onnx`"))
         .parameter(
-            Parameter::number("speed", 8.0, "the speed that a network which takes one is told where it is not known, as for recorded frames").unit("m/s").range(0.0, 100.0).role(Role::Speed),
+            Parameter::number("speed", 8.0, "the speed that is given to a network with a speed input if the real one is not known, as for recorded frames").unit("m/s").range(0.0, 100.0).role(Role::Speed),
         )
         .parameter(Parameter::choice(
             "size",

@@ -13,7 +13,7 @@ pub const OPERATORS: &[Operator] = &[Operator::new("Slice", infer, evaluate, Rul
 /// The axes that are cut, each with the places that are kept.
 pub fn kept(site: &Site<'_>) -> Result<Vec<(usize, Vec<usize>)>> {
     let shape = site.shape(0)?;
-    let missing = || Error::new("it does not say where it starts and ends");
+    let missing = || Error::new("its start and end are missing");
     let starts = site.ints_at(1, "starts")?.ok_or_else(missing)?;
     let ends = site.ints_at(2, "ends")?.ok_or_else(missing)?;
     let axes = site.ints_at(3, "axes")?.unwrap_or_else(|| (0..starts.len() as i64).collect());

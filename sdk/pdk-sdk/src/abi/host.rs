@@ -291,7 +291,7 @@ impl Simulator for HostSimulator {
         // SAFETY: as above.
         let road = collect(|text, error| unsafe { functions.waypoints()(pointer, text, error) })?;
         self.waypoints = serde_json::from_str(&road).map_err(|error| {
-            Error::of(ErrorKind::Nonsense, format!("its waypoints are no list of [x, height, z] ({error})"))
+            Error::of(ErrorKind::Nonsense, format!("its waypoints are not a list of [x, height, z] ({error}); return one point for each waypoint"))
         })?;
         Ok(state)
     }

@@ -27,7 +27,7 @@ pub const PERTURBATION: ApiRecord = ApiRecord {
         field(
             "name",
             "string?",
-            "Its name: lower-case letters, digits and underscores. The file's name where it is left out.",
+            "Its name: lower-case letters, digits and underscores. The default is the file's name.",
         ),
         field("family", "string?", "The family under which it is listed, such as \"noise\"."),
         field("source", "string?", "Where the algorithm comes from: a paper, a standard or a model."),
@@ -45,7 +45,7 @@ pub const PERTURBATION: ApiRecord = ApiRecord {
         field(
             "divergence",
             "(string | { string })?",
-            "Where it differs from what was published, a sentence or a list of them.",
+            "How it differs from what was published: a sentence, or a list of sentences.",
         ),
         field(
             "grows_with",
@@ -56,14 +56,14 @@ pub const PERTURBATION: ApiRecord = ApiRecord {
         field(
             "version",
             "number?",
-            "Version of the algorithm, 1 where it is left out. Raise it with every change of the output.",
+            "Version of the algorithm. Raise it with every change of the output. The default is 1.",
         ),
         field(
             "temporal",
             "(\"static\" | \"dynamic\")?",
-            "Whether the effect moves over time; \"static\" where it is left out.",
+            "Whether the effect moves over time. The default is \"static\".",
         ),
-        field("default", "boolean?", "Whether it belongs to the default set; true where it is left out."),
+        field("default", "boolean?", "Whether it belongs to the default set. The default is true."),
         field("parameters", "{ Parameter }?", "What a user can set."),
     ],
 };
@@ -80,7 +80,7 @@ pub const PARAMETER: ApiRecord = ApiRecord {
         field(
             "type",
             "(\"number\" | \"integer\" | \"boolean\" | \"choice\" | \"text\")?",
-            "Its type; follows from `levels`, `options` or `default` where it is left out.",
+            "Its type. If it is missing, it follows from `levels`, `options` or `default`.",
         ),
         field("options", "{ string }?", "The values that a choice allows."),
         field("min", "number?", "The smallest value allowed."),

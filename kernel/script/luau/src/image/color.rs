@@ -7,7 +7,7 @@ use pdk_sdk::ops::{canny, color, equalise, hsv, jpeg, point, posterize, white_ba
 use super::argument::Argument;
 use super::operation::{Operation, Work};
 
-const WEIGHT: Argument = Argument::number("weight", 0.0, 1.0, "share of the result; 1 where it is left out");
+const WEIGHT: Argument = Argument::number("weight", 0.0, 1.0, "share of the result; the default is 1");
 /// The largest magnitude of a gradient.
 const STEEPEST: f64 = 2040.0;
 
@@ -57,7 +57,7 @@ pub const OPERATIONS: &[Operation] = &[
     },
     Operation {
         name: "posterize",
-        doc: "Leaves so many tones of each channel, evenly spaced from 0 to 255.",
+        doc: "Leaves this many tones of each channel, evenly spaced from 0 to 255.",
         arguments: &[Argument::number(
             "tones",
             2.0,

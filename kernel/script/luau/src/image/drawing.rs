@@ -34,11 +34,7 @@ pub const OPERATIONS: &[Operation] = &[
         arguments: &[
             WIDTH,
             HEIGHT,
-            Argument::choice(
-                "method",
-                &["linear", "nearest", "area"],
-                "how; \"linear\" where it is left out",
-            ),
+            Argument::choice("method", &["linear", "nearest", "area"], "how; the default is \"linear\""),
         ],
         work: Work::Make(|src, dst, arguments, workspaces| match arguments.choice("method") {
             0 => resize::resize_linear(src, dst),
@@ -89,8 +85,8 @@ pub const OPERATIONS: &[Operation] = &[
         arguments: &[
             Argument::pixel("x", "its first column"),
             Argument::pixel("y", "its first row"),
-            Argument::pixel("width", "its width; nothing where it is not positive"),
-            Argument::pixel("height", "its height; nothing where it is not positive"),
+            Argument::pixel("width", "its width; if it is not positive, nothing is drawn"),
+            Argument::pixel("height", "its height; if it is not positive, nothing is drawn"),
             RED,
             GREEN,
             BLUE,

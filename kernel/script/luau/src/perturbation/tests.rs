@@ -77,7 +77,7 @@ fn a_declaration_becomes_a_description() {
     label.default = "x".into();
     let expected = described("fog_bank", "Fog")
         .family("weather")
-        .source("nobody (2020)")
+        .source("Doe (2020)")
         .version(3)
         .dynamic()
         .not_default()

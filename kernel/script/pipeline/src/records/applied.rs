@@ -54,8 +54,16 @@ pub(super) const SELECTION: ApiRecord = ApiRecord {
         field("random", "number?", "A share of the frame at random, in percent."),
         field("above", "number?", "All pixels whose value, from 0 to 1, is above this one."),
         field("label", "(string | { string })?", "What the simulator's own labels say that pixels show."),
-        field("nearer", "number?", "What is at most so many metres away, as the simulator says."),
-        field("farther", "number?", "What is at least so many metres away, as the simulator says."),
+        field(
+            "nearer",
+            "number?",
+            "Perturbs what is at most this many metres away, as the simulator reports.",
+        ),
+        field(
+            "farther",
+            "number?",
+            "Perturbs what is at least this many metres away, as the simulator reports.",
+        ),
         field(
             "mask",
             "(string | Component)?",
@@ -66,16 +74,16 @@ pub(super) const SELECTION: ApiRecord = ApiRecord {
             "(string | Component)?",
             "The saliency method that makes the map, for `top`, `bottom` and `above`.",
         ),
-        field("every", "number?", "A map is made of one frame in so many; of each where it is left out."),
+        field("every", "number?", "A map is made of one frame in this many. The default is every frame."),
         field(
             "change",
             "number?",
             "A map stays until a frame differs from its own by more than this on average, of 255.",
         ),
         field("follow", "boolean?", "Whether a map moves with the image until the next one is made."),
-        field("close", "number?", "Gaps up to twice so many pixels across are closed."),
+        field("close", "number?", "Gaps up to twice this many pixels across are closed."),
         field("smallest", "number?", "Spots of fewer pixels are left out."),
-        field("soft", "number?", "The edges are blended over so many pixels."),
+        field("soft", "number?", "The edges are blended over this many pixels."),
     ],
 };
 

@@ -21,17 +21,17 @@ pub(super) const FAILURE_CRITERIA: ApiRecord = ApiRecord {
         field(
             "comparison",
             "(\"at_least\" | \"more_than\")?",
-            "Whether the error has to reach `lane_departure`, as published and where it is left out, or to exceed it.",
+            "Whether the error has to reach `lane_departure`, which is the default and as published, or to exceed it.",
         ),
         field(
             "standstill_speed",
             "number?",
-            "A vehicle slower than this stands still; 0.1 m/s where it is left out.",
+            "A vehicle slower than this stands still. The default is 0.1 m/s.",
         ),
         field(
             "standstill_seconds",
             "number?",
-            "So many seconds of standing still end a drive; 5 where it is left out.",
+            "A drive ends after this many seconds of standing still. The default is 5.",
         ),
         field(
             "over_line",

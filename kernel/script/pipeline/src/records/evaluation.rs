@@ -16,7 +16,7 @@ pub(super) const EVALUATE_REQUEST: ApiRecord = ApiRecord {
         field("driver", "string | Component", "The driver under test."),
         field("perturbations", "{ string | AppliedPerturbation }", "Each is applied by itself."),
         field("levels", "{ number }", "The intensities at which each is applied."),
-        field("frames", "number?", "How many frames from the first; all where it is left out."),
+        field("frames", "number?", "How many frames, from the first. The default is all."),
     ],
 };
 

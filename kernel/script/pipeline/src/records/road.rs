@@ -14,27 +14,27 @@ pub const ROAD_REQUEST: ApiRecord = ApiRecord {
         field(
             "segment",
             "(number | { number })?",
-            "Metres from node to node, 25 where it is left out; one for each angle where they are given.",
+            "Metres from node to node, or one number for each angle if angles are given. The default is 25.",
         ),
-        field("seed", "number?", "The seed of the draws; that of the run where it is left out."),
+        field("seed", "number?", "The seed of the draws. The default is the run's seed."),
         field(
             "limit",
             "number?",
-            "Largest angle in degrees: 35 for random roads, 60 for informed ones where it is left out.",
+            "Largest angle in degrees. The default is 35 for random roads and 60 for informed ones.",
         ),
         field("turns", "number?", "Nodes at which the road turns by at least 25 degrees, 0 to 8."),
         field("mean_curvature", "number?", "The mean curvature in 1/m that the road should come near."),
         field(
             "width",
             "number?",
-            "Metres from edge to edge, 8 where it is left out; it may not cross itself.",
+            "Metres from edge to edge. The road may not cross itself. The default is 8.",
         ),
         field(
             "smallest_radius",
             "number?",
             "Metres; a road with a tighter bend is not valid. If it is left out, 8.5, which a car can drive.",
         ),
-        field("attempts", "number?", "How many roads are drawn until one is valid; 1 where it is left out."),
+        field("attempts", "number?", "How many roads are drawn until one is valid. The default is 1."),
     ],
 };
 

@@ -41,13 +41,13 @@ pub(super) const SEARCH_STRATEGY: ApiRecord = ApiRecord {
             "How the candidates of the last `ask` did: all of them, in their order. Objectives are those of the search in the order \
              of their names, and smaller is better; there are none where a candidate could not be evaluated.",
         ),
-        field("batch", "number?", "How many candidates it is asked for at once; 16 where it is left out."),
+        field("batch", "number?", "How many candidates it is asked for at once. The default is 16."),
     ],
 };
 
 pub(super) const SEARCH_JUDGEMENT: ApiRecord = ApiRecord {
     name: "SearchJudgement",
-    doc: "What is said of a candidate.",
+    doc: "The result of a candidate.",
     fields: &[
         field(
             "objectives",
@@ -58,12 +58,12 @@ pub(super) const SEARCH_JUDGEMENT: ApiRecord = ApiRecord {
         field(
             "critical",
             "boolean?",
-            "Whether it shows what is searched for; for a scenario, whether the driver failed where it is left out.",
+            "Whether it shows what is searched for. The default for a scenario is whether the driver failed.",
         ),
         field(
             "violations",
             "{ number }?",
-            "By how much each constraint is violated that shows only now; 0 or less where it holds.",
+            "By how much each constraint is violated that only the drive shows; 0 or less if it holds.",
         ),
     ],
 };
@@ -106,12 +106,8 @@ pub(super) const SEARCH_REQUEST: ApiRecord = ApiRecord {
             "{ [string]: number }?",
             "The worst value of each objective that counts for the hypervolume.",
         ),
-        field("name", "string?", "What the files in the record are called; `search` where it is left out."),
-        field(
-            "seed",
-            "number?",
-            "The seed of what the strategy draws; that of the run where it is left out.",
-        ),
+        field("name", "string?", "The name of the files in the record. The default is `search`."),
+        field("seed", "number?", "The seed of what the strategy draws. The default is the run's seed."),
         field("simulator", "(string | Component)?", "The simulator of the scenarios."),
         field("driver", "(string | Component)?", "The driver under test."),
         field("duration", "number?", "The time limit of a scenario in seconds of simulation time."),

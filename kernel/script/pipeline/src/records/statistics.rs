@@ -72,9 +72,9 @@ pub(super) const FAILING_LEVEL: ApiRecord = ApiRecord {
         field(
             "low",
             "number?",
-            "The lower end of its interval, a level that was driven; nothing where it lies above the highest.",
+            "The lower end of its interval, a level that was driven; nil if it lies above the highest.",
         ),
-        field("high", "number?", "The upper end; nothing where it may lie above the highest level."),
+        field("high", "number?", "The upper end; nil if it may lie above the highest level."),
         field("drives", "number", "How many drives it was found with."),
     ],
 };
@@ -83,12 +83,12 @@ pub(super) const BISECTION: ApiRecord = ApiRecord {
     name: "Bisection",
     doc: "Levels in which the failing level is looked for.",
     fields: &[
-        field("lowest", "number?", "The lowest level; 0 where it is left out."),
-        field("highest", "number?", "The highest level; 4 where it is left out."),
+        field("lowest", "number?", "The lowest level. The default is 0."),
+        field("highest", "number?", "The highest level. The default is 4."),
         field(
             "resolution",
             "number?",
-            "How close the levels that were survived and failed come in the end; 0.25 where it is left out.",
+            "How close the survived and the failed level come in the end. The default is 0.25.",
         ),
     ],
 };

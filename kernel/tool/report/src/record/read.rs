@@ -91,7 +91,7 @@ fn unfinished(
     cut_off: bool,
     evaluations: usize,
 ) -> Result<Option<String>> {
-    let what = "What is said here is about the part that was recorded.";
+    let what = "This page is about the part that was recorded.";
     for (name, cut_off) in
         [(SCENARIOS, cut_off), (RESULTS, ends_within_a_line(&directory.path().join(RESULTS)))]
     {
