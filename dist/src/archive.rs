@@ -15,7 +15,7 @@ use crate::project::Project;
 /// Packs the tree, and returns the archive. Every system can unpack gzip.
 ///
 /// # Errors
-/// Where a file cannot be read or written.
+/// If a file cannot be read or written.
 pub fn pack(project: &Project, tree: &Path) -> Result<PathBuf> {
     let title = project.title()?;
     let path = project.out().join(format!("{title}.tar.gz"));

@@ -19,7 +19,7 @@ use crate::tree::{EXECUTABLE, LIBRARIES};
 /// Checks the tree, and reports on it.
 ///
 /// # Errors
-/// Where pdk does not find a part of itself, or what is to be shipped is slower or needs a newer system than it should.
+/// If pdk does not find a part of itself, or what is to be shipped is slower or needs a newer system than it should.
 pub fn run(project: &Project, tree: &Path, profile: Profile) -> Result<String> {
     let files = files(project, tree);
     let mut report = String::new();

@@ -31,7 +31,7 @@ pub struct Compiled {
 /// Compiles everything.
 ///
 /// # Errors
-/// Where a tool is missing, with the remedy, or something does not compile.
+/// If a tool is missing, with the remedy, or something does not compile.
 pub fn run(project: &Project, profile: Profile) -> Result<Compiled> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);

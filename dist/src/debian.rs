@@ -14,7 +14,7 @@ const VERSION: &str = "3.8.0";
 /// Makes the package, and returns it. Installs cargo-deb below `target/pdk-dist` where it is not there yet.
 ///
 /// # Errors
-/// Where cargo-deb cannot be installed or fails.
+/// If cargo-deb cannot be installed or fails.
 pub fn pack(project: &Project) -> Result<PathBuf> {
     let tools = project.out().join("tools");
     let tool = tools.join("bin/cargo-deb");

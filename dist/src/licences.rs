@@ -40,7 +40,7 @@ struct Part {
 /// The page with all licences.
 ///
 /// # Errors
-/// Where a crate names no licence, or names one without a text that is known.
+/// If a crate names no licence, or names one without a text that is known.
 pub fn page(project: &Project, profile: Profile) -> Result<String> {
     let mut parts = compiled_in(project)?.into_iter().map(part).collect::<Result<Vec<_>>>()?;
     let named = |name: &str, licence: &str, home: &str| -> Result<Part> {

@@ -22,7 +22,7 @@ impl Project {
     /// The workspace that this program was built from.
     ///
     /// # Errors
-    /// Where cargo cannot read it.
+    /// If cargo cannot read it.
     pub fn here() -> Result<Self> {
         let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml");
         let mut command = MetadataCommand::new();
@@ -48,7 +48,7 @@ impl Project {
     /// The package with the executable.
     ///
     /// # Errors
-    /// Where there is none.
+    /// If there is none.
     pub fn executable(&self) -> Result<&Package> {
         self.named(EXECUTABLE)
     }
@@ -62,7 +62,7 @@ impl Project {
     /// The package with the extension module for Python.
     ///
     /// # Errors
-    /// Where there is none.
+    /// If there is none.
     pub fn python(&self) -> Result<&Package> {
         self.named(PYTHON)
     }
@@ -77,7 +77,7 @@ impl Project {
     /// The name of the archive without its ending, and of the folder in it.
     ///
     /// # Errors
-    /// Where there is no package with the executable.
+    /// If there is no package with the executable.
     pub fn title(&self) -> Result<String> {
         Ok(format!("pdk-{}-x86_64-linux", self.executable()?.version))
     }
@@ -86,7 +86,7 @@ impl Project {
 /// Runs a program to its end, with its output where this one's goes.
 ///
 /// # Errors
-/// Where it cannot be started or fails.
+/// If it cannot be started or fails.
 pub fn succeed(command: &mut Command) -> Result<()> {
     let shown = format!("{command:?}");
     eprintln!("== {shown}");
@@ -97,7 +97,7 @@ pub fn succeed(command: &mut Command) -> Result<()> {
 /// Runs a program to its end, and returns what it wrote to standard output.
 ///
 /// # Errors
-/// Where it cannot be started or fails.
+/// If it cannot be started or fails.
 pub fn output(command: &mut Command) -> Result<Vec<u8>> {
     let shown = format!("{command:?}");
     let output = command.output().place(format_args!("cannot start {shown}"))?;

@@ -18,7 +18,7 @@ const FOR_DRIVERS: [&str; 3] = ["pdk_driver.py", "examples/function.py", "exampl
 /// Copies the SDK from the workspace at `root`, and gives it a manifest that says what the workspace's says of it.
 ///
 /// # Errors
-/// Where something cannot be read or written, or a manifest is not what is expected.
+/// If something cannot be read or written, or a manifest is not what is expected.
 pub fn copy(root: &Path, into: &Path) -> Result<()> {
     let folder = root.join(FOLDER);
     copy_files(&folder, into)?;

@@ -49,7 +49,7 @@ const DOCUMENTS: [(&str, &str); 6] = [
 /// Lays out the tree anew, and returns its folder.
 ///
 /// # Errors
-/// Where a file is missing or cannot be written.
+/// If a file is missing or cannot be written.
 pub fn lay_out(project: &Project, compiled: &Compiled, profile: Profile) -> Result<PathBuf> {
     let tree = project.out().join("tree");
     if tree.exists() {

@@ -28,7 +28,7 @@ const INSTALLATION: &str = "pdk/installation";
 /// Makes the wheel, and returns it. The extension module is compiled here.
 ///
 /// # Errors
-/// Where maturin is missing or fails, or a file cannot be written.
+/// If maturin is missing or fails, or a file cannot be written.
 pub fn pack(project: &Project, tree: &Path, profile: Profile) -> Result<PathBuf> {
     let maturin = maturin()?;
     let folder = project.out().join("wheel");

@@ -163,7 +163,7 @@ impl BeamNgGame {
     /// Starts one.
     ///
     /// # Panics
-    /// Where its ports are taken.
+    /// If its ports are taken.
     pub fn start(setup: Setup) -> Self {
         let port = if setup.port == 0 { free_ports(2) } else { setup.port };
         let world = World {

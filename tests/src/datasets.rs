@@ -14,7 +14,7 @@ pub fn steering(number: u32) -> f64 {
 /// A folder of `count` images with one record each.
 ///
 /// # Panics
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn folder(path: &Path, count: u32, width: u32, height: u32) {
     std::fs::create_dir_all(path).unwrap();
     for number in 0..count {
@@ -27,7 +27,7 @@ pub fn folder(path: &Path, count: u32, width: u32, height: u32) {
 /// A DonkeyCar tub, version 2, of `count` images.
 ///
 /// # Panics
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn tub(path: &Path, count: u32, width: u32, height: u32) {
     std::fs::create_dir_all(path.join("images")).unwrap();
     let mut catalog = String::new();

@@ -71,7 +71,7 @@ impl Installation {
     /// Takes a file away.
     ///
     /// # Panics
-    /// Where it is not there.
+    /// If it is not there.
     pub fn remove(&self, file: &str) {
         self.protect(0o755);
         fs::remove_file(self.place.path().join(file)).unwrap();

@@ -31,7 +31,7 @@ pub use process::{Finished, Pdk};
 /// The folder with the built binary and plugins: `target/release`.
 ///
 /// # Panics
-/// Where the test does not lie in a target folder.
+/// If the test does not lie in a target folder.
 pub fn target_folder() -> PathBuf {
     // Test executables lie in `deps` below it.
     let executable = std::env::current_exe().unwrap();
@@ -41,7 +41,7 @@ pub fn target_folder() -> PathBuf {
 /// A built file beside the binary.
 ///
 /// # Panics
-/// Where it has not been built.
+/// If it has not been built.
 pub fn built(name: &str) -> PathBuf {
     let file = target_folder().join(name);
     assert!(file.is_file(), "{} is missing: run `cargo build --release` first", file.display());
@@ -60,7 +60,7 @@ pub fn registry(search: &SearchPath) -> Registry {
 /// The library of a built-in plugin by its name in Cargo, such as `pdk_noise`.
 ///
 /// # Panics
-/// Where it has not been built.
+/// If it has not been built.
 pub fn library(name: &str) -> PathBuf {
     built(&library_file(name))
 }
@@ -69,7 +69,7 @@ pub fn library(name: &str) -> PathBuf {
 /// has built it for them, and it lies beside them.
 ///
 /// # Panics
-/// Where there is none.
+/// If there is none.
 pub fn test_library(name: &str) -> PathBuf {
     built(&format!("deps/{}", library_file(name)))
 }
@@ -116,7 +116,7 @@ pub fn nothing() -> &'static Path {
 /// A temporary folder that is removed when it is dropped.
 ///
 /// # Panics
-/// Where it cannot be made.
+/// If it cannot be made.
 pub fn temp() -> tempfile::TempDir {
     tempfile::Builder::new().prefix("pdk-test-").tempdir().unwrap()
 }

@@ -47,7 +47,7 @@ fn value(name: &str, shape: &[u64]) -> Vec<u8> {
 /// steering and throttle out. Three channels make a picture; other numbers make a network that cannot drive.
 ///
 /// # Panics
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn pilot(path: &Path, channels: u64, height: u64, width: u64) {
     let inputs = channels * height * width;
     write_pilot(path, [channels, height, width], &bytes(9, &pilot_weights(inputs, 7)));
@@ -56,7 +56,7 @@ pub fn pilot(path: &Path, channels: u64, height: u64, width: u64) {
 /// Writes such a network for pictures, with its weights in a file of this name beside it. Another `mix` makes other weights.
 ///
 /// # Panics
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn pilot_with_weights_beside(path: &Path, weights: &str, height: u64, width: u64, mix: u64) {
     std::fs::write(path.with_file_name(weights), pilot_weights(3 * height * width, mix)).unwrap();
     let location = [bytes(1, b"location"), bytes(2, weights.as_bytes())].concat();
@@ -88,7 +88,7 @@ fn write_pilot(path: &Path, [channels, height, width]: [u64; 3], weights: &[u8])
 /// Writes a network in which two nodes compute what is called `control`.
 ///
 /// # Panics
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn ambiguous(path: &Path, height: u64, width: u64) {
     let graph = [
         bytes(1, &node("GlobalAveragePool", ["image", ""], "control")),
@@ -105,7 +105,7 @@ pub fn ambiguous(path: &Path, height: u64, width: u64) {
 /// Writes a network that gives the picture that it gets: three planes of `height` x `width` pixels.
 ///
 /// # Panics
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn mirror(path: &Path, height: u64, width: u64) {
     let shape = [1, 3, height, width];
     let graph = [
@@ -144,7 +144,7 @@ impl Convolution<'_> {
     /// Writes the network: a convolution of 3 x 3 over an image of 16 x 32 pixels, Relu, steering and throttle.
     ///
     /// # Panics
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn write(&self, path: &Path) {
         let floats = |name: &str, shape: &[u64], factor: f32| {
             let count = shape.iter().product::<u64>();

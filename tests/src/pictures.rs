@@ -20,7 +20,7 @@ pub fn road(width: u32, height: u32, shift: u32) -> RgbImage {
 /// Writes [`road`] in the format that the name says.
 ///
 /// # Panics
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn write(path: &Path, width: u32, height: u32) {
     road(width, height, 0).save(path).unwrap();
 }
@@ -28,7 +28,7 @@ pub fn write(path: &Path, width: u32, height: u32) {
 /// The content of a file, cut off in the middle.
 ///
 /// # Panics
-/// Where it cannot be read.
+/// If it cannot be read.
 pub fn cut(path: &Path) {
     let bytes = std::fs::read(path).unwrap();
     std::fs::write(path, &bytes[..bytes.len() / 2]).unwrap();

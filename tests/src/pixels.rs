@@ -10,7 +10,7 @@ use pdk_record::trace::step::ImageTopic;
 /// By how much the brightest change of each pixel's channels is, in the first recorded frame of a trace.
 ///
 /// # Panics
-/// Where the trace cannot be read, or has no images.
+/// If the trace cannot be read, or has no images.
 pub fn changes(trace: &Path) -> GrayImage {
     let frame = |topic| {
         let mut images = TraceReader::open(trace).unwrap().filter_map(|entry| match entry.unwrap() {

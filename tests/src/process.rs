@@ -104,7 +104,7 @@ impl Pdk {
     /// Gives it a text as its standard input, which ends behind that.
     ///
     /// # Panics
-    /// Where there is no place for a file.
+    /// If there is no place for a file.
     pub fn input(self, text: &str) -> Self {
         let mut file = tempfile::tempfile().unwrap();
         file.write_all(text.as_bytes()).unwrap();
@@ -127,7 +127,7 @@ impl Pdk {
     /// Starts it, with its output in pipes.
     ///
     /// # Panics
-    /// Where it cannot be started.
+    /// If it cannot be started.
     pub fn spawn(mut self) -> Child {
         for (key, value) in &self.settings {
             self.command.arg("--set").arg(format!("{key}={value}"));
@@ -160,7 +160,7 @@ impl Pdk {
     /// Runs it to its end, which has to be a good one.
     ///
     /// # Panics
-    /// Where its exit code is not 0.
+    /// If its exit code is not 0.
     pub fn succeed(self) -> Finished {
         let finished = self.run();
         assert_eq!(finished.code, Some(0), "{}{}", finished.stdout, finished.stderr);
@@ -171,7 +171,7 @@ impl Pdk {
     /// Returns the sentence.
     ///
     /// # Panics
-    /// Where it ends otherwise.
+    /// If it ends otherwise.
     pub fn fail(self, code: i32, parts: &[&str]) -> String {
         let finished = self.run();
         assert_eq!(finished.code, Some(code), "{}{}", finished.stdout, finished.stderr);
@@ -201,7 +201,7 @@ impl Finished {
     /// Standard output as JSON.
     ///
     /// # Panics
-    /// Where it is none.
+    /// If it is none.
     pub fn json(&self) -> Value {
         serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {}", self.stdout))
     }
@@ -210,7 +210,7 @@ impl Finished {
 /// Writes a pipeline to a folder and returns its path.
 ///
 /// # Panics
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn pipeline(folder: &Path, source: &str) -> PathBuf {
     let path = folder.join("pipeline.lua");
     std::fs::write(&path, source).unwrap();
@@ -220,7 +220,7 @@ pub fn pipeline(folder: &Path, source: &str) -> PathBuf {
 /// The lines of a file, each of which has to be complete JSON.
 ///
 /// # Panics
-/// Where the file cannot be read or a line is not.
+/// If the file cannot be read or a line is not.
 pub fn json_lines(path: &Path) -> Vec<Value> {
     let text = std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     assert!(text.is_empty() || text.ends_with('\n'), "{} ends within a line", path.display());
@@ -230,7 +230,7 @@ pub fn json_lines(path: &Path) -> Vec<Value> {
 /// A JSON file.
 ///
 /// # Panics
-/// Where the file cannot be read or is no JSON.
+/// If the file cannot be read or is no JSON.
 pub fn json_file(path: &Path) -> Value {
     let text = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     serde_json::from_slice(&text).unwrap()

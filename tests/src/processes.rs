@@ -20,7 +20,7 @@ impl BusFolder {
     /// Makes one.
     ///
     /// # Panics
-    /// Where it cannot be made.
+    /// If it cannot be made.
     #[allow(clippy::new_without_default)]
     pub fn new() -> Self {
         Self {
@@ -83,7 +83,7 @@ impl BusFolder {
     /// What the buses in it have in memory: their folders, and the files that belong to them.
     ///
     /// # Panics
-    /// Where the folder cannot be read.
+    /// If the folder cannot be read.
     pub fn left(&self) -> Vec<PathBuf> {
         fs::read_dir(self.path()).unwrap().map(|entry| entry.unwrap().path()).collect()
     }
@@ -151,7 +151,7 @@ fn pid(id: u32) -> Pid {
 /// Sends a child a signal.
 ///
 /// # Panics
-/// Where it has been waited for.
+/// If it has been waited for.
 pub fn signal(child: &Child, signal: Signal) {
     kill_process(pid(child.id()), signal).unwrap();
 }
@@ -159,7 +159,7 @@ pub fn signal(child: &Child, signal: Signal) {
 /// Waits for a child's end; none where it has not ended by then.
 ///
 /// # Panics
-/// Where the system does not say.
+/// If the system does not say.
 pub fn ended_within(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
     let started = Instant::now();
     loop {

@@ -19,7 +19,7 @@ use crate::process::LIMIT;
 /// The trace of a scenario, of which this is the line in `scenarios.jsonl`.
 ///
 /// # Panics
-/// Where the line has no id.
+/// If the line has no id.
 pub fn trace(record: &Path, line: &Value) -> PathBuf {
     record.join(format!("traces/{}.mcap", line["id"].as_str().unwrap()))
 }
@@ -27,7 +27,7 @@ pub fn trace(record: &Path, line: &Value) -> PathBuf {
 /// Changes the lines of `scenarios.jsonl`, and makes their checksums right again.
 ///
 /// # Panics
-/// Where they cannot be read or written.
+/// If they cannot be read or written.
 pub fn edit(record: &Path, change: impl FnOnce(&mut Vec<Line>)) {
     let directory = RunDirectory::open(record).unwrap();
     let (mut lines, cut_off) = ledger::read(&directory).unwrap();
@@ -41,7 +41,7 @@ pub fn edit(record: &Path, change: impl FnOnce(&mut Vec<Line>)) {
 /// Changes the scenario of a line as if it had been submitted so: the line has its id, and the trace is of it.
 ///
 /// # Panics
-/// Where line or trace cannot be read or written.
+/// If line or trace cannot be read or written.
 pub fn change_scenario(record: &Path, number: usize, change: impl FnOnce(&mut Scenario)) {
     let (mut before, mut after) = (None, None);
     edit(record, |lines| {
@@ -59,7 +59,7 @@ pub fn change_scenario(record: &Path, number: usize, change: impl FnOnce(&mut Sc
 /// Changes the steps of a trace and leaves out its images, and makes the digest in the line of its scenario right again.
 ///
 /// # Panics
-/// Where line or trace cannot be read or written.
+/// If line or trace cannot be read or written.
 pub fn change_steps(trace: &Path, change: impl FnOnce(&mut Vec<Step>)) {
     let digest = write_trace_again(trace, trace, change);
     let record = trace.ancestors().nth(2).unwrap();
@@ -99,7 +99,7 @@ fn write_trace_again(from: &Path, to: &Path, change: impl FnOnce(&mut Vec<Step>)
 /// All files of a record by their path in it, but the one with times.
 ///
 /// # Panics
-/// Where one cannot be read.
+/// If one cannot be read.
 pub fn files(record: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     assert!(record.is_dir(), "there is no {}", record.display());
     let read = |path: PathBuf| {
@@ -112,7 +112,7 @@ pub fn files(record: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 /// The first thing in which a record differs from what is expected; none where it is equal.
 ///
 /// # Panics
-/// Where a file cannot be read.
+/// If a file cannot be read.
 pub fn difference(record: &Path, expected: &BTreeMap<PathBuf, Vec<u8>>) -> Option<String> {
     let found = files(record);
     let missing = expected.keys().find(|path| !found.contains_key(*path));
@@ -143,7 +143,7 @@ pub fn difference(record: &Path, expected: &BTreeMap<PathBuf, Vec<u8>>) -> Optio
 /// Makes sure that a record is as expected.
 ///
 /// # Panics
-/// Where it differs.
+/// If it differs.
 #[track_caller]
 pub fn assert_equal(record: &Path, expected: &BTreeMap<PathBuf, Vec<u8>>) {
     if let Some(difference) = difference(record, expected) {

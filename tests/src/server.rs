@@ -49,7 +49,7 @@ impl<W: Send + 'static> Server<W> {
     /// Listens at these ports of [`stand_in::free_ports`].
     ///
     /// # Panics
-    /// Where one of them stays taken.
+    /// If one of them stays taken.
     pub fn start(world: W, ports: &[(u16, Serve<W>)]) -> Self {
         let shared = Arc::new(Shared {
             world: Mutex::new(world),

@@ -18,7 +18,7 @@ impl StandIn {
     /// Starts one: `donkey` or `udacity`, at a port, with options and their values.
     ///
     /// # Panics
-    /// Where it cannot be started.
+    /// If it cannot be started.
     pub fn start(which: &str, port: u16, options: &[&str]) -> Self {
         let mut command = Command::new(program());
         command.args([which, &port.to_string()]).args(options).stdin(Stdio::null());
@@ -37,7 +37,7 @@ impl Drop for StandIn {
 /// The program, for whoever starts it otherwise.
 ///
 /// # Panics
-/// Where it has not been built.
+/// If it has not been built.
 pub fn program() -> PathBuf {
     built("stand_in")
 }
@@ -45,7 +45,7 @@ pub fn program() -> PathBuf {
 /// So many ports, one after the other, that nothing listens at. Other tests get others.
 ///
 /// # Panics
-/// Where there are none.
+/// If there are none.
 pub fn free_ports(count: u16) -> u16 {
     static NEXT: AtomicU16 = AtomicU16::new(0);
     // Test programs run one after the other, and tests of one at the same time. Below the ports that the system gives away.
@@ -62,7 +62,7 @@ pub fn free_ports(count: u16) -> u16 {
 /// Listens at a port of [`free_ports`]. A process that another test is just starting may have it open until it runs its program.
 ///
 /// # Panics
-/// Where the port stays taken.
+/// If the port stays taken.
 pub fn listen(port: u16) -> TcpListener {
     let began = Instant::now();
     loop {

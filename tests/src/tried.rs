@@ -35,7 +35,7 @@ pub fn python() -> bool {
 /// Runs a pipeline with these settings and one worker, unless they say otherwise. Drivers in Python find their module.
 ///
 /// # Panics
-/// Where a process of the run is left, or something of it in shared memory.
+/// If a process of the run is left, or something of it in shared memory.
 #[track_caller]
 pub fn run(source: &str, settings: &[(&str, &str)]) -> Tried {
     let bus = BusFolder::new();
@@ -98,7 +98,7 @@ impl Tried {
     /// It ended with this code, and said all of this.
     ///
     /// # Panics
-    /// Where not.
+    /// If not.
     #[track_caller]
     pub fn says(&self, code: i32, parts: &[&str]) {
         let stderr = &self.finished.stderr;
@@ -126,7 +126,7 @@ impl Tried {
 /// `which` is that of the stand-in, with `options`; the fault comes `at` so many controls.
 ///
 /// # Panics
-/// Where it is not.
+/// If it is not.
 #[track_caller]
 pub fn is_started_again(source: &str, simulator: &Value, which: &str, options: &str, at: u64) {
     for (fault, says) in [("die", "ended (exit status: 3)"), ("hang", "has not sent telemetry within 3 s")] {

@@ -55,7 +55,7 @@ impl Chain {
     /// it; so neither other perturbations nor their order change what it draws.
     ///
     /// # Errors
-    /// Where a perturbation does not exist or refuses its parameters.
+    /// If a perturbation does not exist or refuses its parameters.
     pub fn new(registry: &Registry, perturbations: &[AppliedPerturbation], seed: u64) -> Result<Self> {
         let mut seen = BTreeMap::new();
         let mut links = Vec::with_capacity(perturbations.len());
@@ -142,7 +142,7 @@ impl Chain {
     /// Writes the perturbed `src` to `dst`; without perturbations it is a copy.
     ///
     /// # Errors
-    /// Where a perturbation fails, with its name.
+    /// If a perturbation fails, with its name.
     pub fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, moment: &Moment<'_>) -> Result<()> {
         let Some((last, earlier)) = self.links.split_last_mut() else {
             dst.copy_from(src);

@@ -102,7 +102,7 @@ impl Maps {
     /// Makes the method.
     ///
     /// # Errors
-    /// Where there is no such method, or it refuses its parameters.
+    /// If there is no such method, or it refuses its parameters.
     pub fn new(registry: &Registry, by: &ComponentSpec, key: Key) -> Result<Self> {
         let (method, _) = registry.saliency(&by.name, &by.parameters)?;
         let description = registry.catalog().get(Kind::Saliency, &by.name)?.description.clone();
@@ -137,7 +137,7 @@ impl Maps {
     /// The map that a frame has, a value from 0 to 1 for each pixel, row by row.
     ///
     /// # Errors
-    /// Where the method fails.
+    /// If the method fails.
     pub fn of(&mut self, raw: Frame<'_>, moment: &Moment<'_>, turn: Turn) -> Result<&[f32]> {
         if turn.new {
             let cx = context(moment, &self.key);
@@ -234,7 +234,7 @@ impl Attended {
     /// Makes the method.
     ///
     /// # Errors
-    /// Where there is no such method, or it refuses its parameters.
+    /// If there is no such method, or it refuses its parameters.
     pub fn new(registry: &Registry, attention: &Attention, key: Key) -> Result<Self> {
         let (turns, maps) = (Turns::new(attention.pace()), Maps::new(registry, &attention.by, key)?);
         Ok(Self { turns, maps, times: Vec::new(), values: Vec::new(), size: [0, 0] })
@@ -256,7 +256,7 @@ impl Attended {
     /// The map of a frame, and those of the sequence so far with it.
     ///
     /// # Errors
-    /// Where the method fails.
+    /// If the method fails.
     pub fn look(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Result<(&[f32], EarlierMaps<'_>)> {
         let turn = self.turns.of(raw, moment);
         let now = self.maps.of(raw, moment, turn)?;
@@ -306,7 +306,7 @@ pub fn context<'a>(moment: &Moment<'_>, key: &'a Key) -> MapContext<'a> {
 /// The map of a frame by a method, brought to the size of the frame. `label` is what messages call the method.
 ///
 /// # Errors
-/// Where the method fails, or a value is no number.
+/// If the method fails, or a value is no number.
 pub fn map(
     method: &mut dyn Saliency,
     label: &str,

@@ -21,7 +21,7 @@ impl Mask {
     /// Reads what the region needs.
     ///
     /// # Errors
-    /// Where its image cannot be read.
+    /// If its image cannot be read.
     pub fn new(region: &Region) -> Result<Self> {
         let image = match region {
             Region::Mask(path) => Some(read_weights(path)?),

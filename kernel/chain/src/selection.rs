@@ -53,7 +53,7 @@ impl Selector {
     /// Makes the method.
     ///
     /// # Errors
-    /// Where there is no such method, or it refuses its parameters.
+    /// If there is no such method, or it refuses its parameters.
     pub fn new(registry: &Registry, selection: &Selection, key: Key) -> Result<Self> {
         let source = match (&selection.by, &selection.mask) {
             (Some(by), _) => Source::Maps(Box::new(Maps::new(registry, by, key)?)),
@@ -86,7 +86,7 @@ impl Selector {
     /// How much of each pixel is changed, 0 to 255, row by row; `raw` is the frame as the camera saw it.
     ///
     /// # Errors
-    /// Where the method fails.
+    /// If the method fails.
     pub fn weights(&mut self, raw: Frame<'_>, moment: &Moment<'_>) -> Result<&[u8]> {
         let turn = self.turns.of(raw, moment);
         // What follows the image is chosen again, so that it is as many pixels as before.

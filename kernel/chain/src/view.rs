@@ -23,7 +23,7 @@ impl View {
     /// A method with its parameters, the model among them.
     ///
     /// # Errors
-    /// Where there is no such method, or it refuses its parameters.
+    /// If there is no such method, or it refuses its parameters.
     pub fn new(registry: &Registry, by: &ComponentSpec, seed: u64) -> Result<Self> {
         let (method, _) = registry.saliency(&by.name, &by.parameters)?;
         Ok(Self { method, label: format!("saliency `{}`", by.name), key: seed::key(seed, "maps", 0) })
@@ -32,7 +32,7 @@ impl View {
     /// The map of a frame, a number from 0 to 1 for each of its pixels.
     ///
     /// # Errors
-    /// Where the method fails.
+    /// If the method fails.
     pub fn map(&mut self, frame: Frame<'_>, moment: &Moment<'_>) -> Result<Vec<f32>> {
         map(&mut *self.method, &self.label, frame, &context(moment, &self.key))
     }
@@ -40,7 +40,7 @@ impl View {
     /// A frame with its map laid over.
     ///
     /// # Errors
-    /// Where the method fails.
+    /// If the method fails.
     pub fn picture(&mut self, frame: Frame<'_>, moment: &Moment<'_>) -> Result<FrameBuf> {
         Ok(heat(frame, &self.map(frame, moment)?))
     }
@@ -60,7 +60,7 @@ pub fn named(catalog: &Catalog, text: &str) -> Result<ComponentSpec> {
 /// A method for the network of a driver: the method with the driver's own parameters where it has the same, and with its network.
 ///
 /// # Errors
-/// Where there is no such method or driver, or the driver has no network.
+/// If there is no such method or driver, or the driver has no network.
 pub fn of_driver(catalog: &Catalog, driver: &ComponentSpec, method: &ComponentSpec) -> Result<ComponentSpec> {
     let description = &catalog.get(Kind::Saliency, &method.name)?.description;
     // A driver of a record from elsewhere is not to say what a method starts.

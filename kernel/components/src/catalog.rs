@@ -116,7 +116,7 @@ impl Catalog {
     /// A component by kind and name.
     ///
     /// # Errors
-    /// Where there is none, with what was probably meant.
+    /// If there is none, with what was probably meant.
     pub fn get(&self, kind: Kind, name: &str) -> Result<&Entry> {
         self.place(kind, name).map(|place| &self.entries[place]).map_err(|_| {
             let known = self.of_kind(kind).map(|entry| entry.description.name.as_str());
@@ -163,7 +163,7 @@ impl Catalog {
     /// Says what is wrong with a component's name or its parameters.
     ///
     /// # Errors
-    /// Where there is no such component, or its description does not allow the parameters.
+    /// If there is no such component, or its description does not allow the parameters.
     pub fn check(&self, kind: Kind, name: &str, parameters: &Map<String, Value>) -> Result<Config> {
         Config::check(&self.get(kind, name)?.description, parameters)
     }

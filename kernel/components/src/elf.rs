@@ -17,7 +17,7 @@ use pdk_sdk::file;
 /// everything else is left to the system.
 ///
 /// # Errors
-/// Where the file cannot be read.
+/// If the file cannot be read.
 pub fn missing_part(path: &Path) -> Result<Option<(u64, u64)>> {
     let (file, has) = file::open(path)?;
     let needed = needed(&ReadCache::new(file)).unwrap_or(0);
@@ -42,7 +42,7 @@ fn needed<'data>(data: impl ReadRef<'data>) -> object::Result<u64> {
 /// process to process, so such a library may crash one and not the other.
 ///
 /// # Errors
-/// Where the file cannot be read.
+/// If the file cannot be read.
 pub fn strays(path: &Path) -> Result<bool> {
     let (file, _) = file::open(path)?;
     // What cannot be followed cannot be loaded either, and the system says why.

@@ -8,7 +8,7 @@ use pdk_sdk::file;
 /// BLAKE3 of a file, in hexadecimal.
 ///
 /// # Errors
-/// Where it cannot be read.
+/// If it cannot be read.
 pub fn of(path: &Path) -> Result<String> {
     let mut hasher = blake3::Hasher::new();
     let (mut file, _) = file::open(path).place(path.display())?;

@@ -51,7 +51,7 @@ struct Said {
 /// Inspects libraries: for each the reason why it cannot be used, where there is one.
 ///
 /// # Errors
-/// Where no process can be started.
+/// If no process can be started.
 pub fn inspect(libraries: &[PathBuf]) -> Result<Vec<Option<Error>>> {
     if !ENABLED.load(Ordering::Relaxed) {
         return Ok(libraries.iter().map(|_| None).collect());
@@ -148,7 +148,7 @@ fn in_a_process(libraries: &[&Path]) -> Result<(Vec<Said>, Option<Error>)> {
 /// What the process does: opens libraries, one after the other, and says what came of each.
 ///
 /// # Errors
-/// Where nobody listens.
+/// If nobody listens.
 pub fn serve(libraries: &[PathBuf]) -> Result<()> {
     const CANNOT: &str = "cannot set up the files of the inspection";
     let mut output = File::from(std::io::stdout().as_fd().try_clone_to_owned().place(CANNOT)?);

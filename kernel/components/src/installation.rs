@@ -28,7 +28,7 @@ pub fn set_executable(file: PathBuf) {
 /// The executable of pdk: the running one, unless [`set_executable`] has named another.
 ///
 /// # Errors
-/// Where the system does not tell it.
+/// If the system does not tell it.
 pub fn executable() -> Result<PathBuf> {
     match EXECUTABLE.get() {
         Some(file) => Ok(file.clone()),
@@ -39,7 +39,7 @@ pub fn executable() -> Result<PathBuf> {
 /// The folder of the executable, without symbolic links.
 ///
 /// # Errors
-/// Where the system does not tell it.
+/// If the system does not tell it.
 pub fn executable_folder() -> Result<PathBuf> {
     let unknown = "the folder of the pdk executable is not known";
     let executable = std::fs::canonicalize(executable()?).place(unknown)?;
@@ -65,7 +65,7 @@ fn library_folder_of(executables: &Path) -> PathBuf {
 /// The libraries of the built-in plugins. They are built together with the executable, and all of them have to be there.
 ///
 /// # Errors
-/// Where one of them is missing, with the remedy.
+/// If one of them is missing, with the remedy.
 pub fn libraries() -> Result<Vec<PathBuf>> {
     libraries_in(product::get(), &library_folder()?)
 }
@@ -90,7 +90,7 @@ fn libraries_in(product: &Product, folder: &Path) -> Result<Vec<PathBuf>> {
 /// The folder with the source of the SDK: one folder for each of its crates, such as `pdk-sdk`.
 ///
 /// # Errors
-/// Where there is none, with the remedy.
+/// If there is none, with the remedy.
 pub fn sdk() -> Result<PathBuf> {
     sdk_of(&executable_folder()?)
 }

@@ -53,7 +53,7 @@ impl Plugin {
     /// Makes an instance of the component at `index` of the description.
     ///
     /// # Errors
-    /// Where the component refuses the parameters or panics.
+    /// If the component refuses the parameters or panics.
     pub fn create(&self, index: usize, parameters: &Map<String, Value>) -> Result<Instance> {
         let kind = self.description.components[index].kind;
         self.module.create(kind, self.places[index], &serde_json::to_string(parameters)?)

@@ -25,13 +25,13 @@ pub trait Scripts: Send + Sync {
     /// What the component in a script says of itself; none where the script is something else, such as a pipeline.
     ///
     /// # Errors
-    /// Where it is meant as a component and is not a valid one.
+    /// If it is meant as a component and is not a valid one.
     fn describe(&self, script: Script<'_>) -> Result<Option<Description>>;
 
     /// Makes an instance of the component in a script, with parameters that have been checked.
     ///
     /// # Errors
-    /// Where it cannot be made.
+    /// If it cannot be made.
     fn create(&self, script: Script<'_>, config: &Config) -> Result<Instance>;
 }
 
@@ -82,7 +82,7 @@ impl Registry {
     /// everywhere. What cannot be used is left out and listed by [`Registry::refused`].
     ///
     /// # Errors
-    /// Where a given folder does not exist or is something else, or a part of pdk itself is missing or cannot be used.
+    /// If a given folder does not exist or is something else, or a part of pdk itself is missing or cannot be used.
     pub fn discover(search: &SearchPath, scripts: Box<dyn Scripts>) -> Result<Self> {
         let given = search.plugins.iter().map(|folder| ("plugins", folder));
         let drop_ins = search.drop_ins.iter().map(|folder| ("drop-ins", folder));
@@ -159,7 +159,7 @@ impl Registry {
     /// Makes an instance of any kind.
     ///
     /// # Errors
-    /// Where there is no such component, or it refuses the parameters.
+    /// If there is no such component, or it refuses the parameters.
     pub fn create(
         &self,
         kind: Kind,
@@ -450,7 +450,7 @@ macro_rules! create_functions {
                 $(#[$doc])*
                 ///
                 /// # Errors
-                /// Where there is no such component, or it refuses the parameters.
+                /// If there is no such component, or it refuses the parameters.
                 pub fn $function(
                     &self,
                     name: &str,

@@ -119,7 +119,7 @@ impl<'a> Run<'a> {
     /// Drives it to its end.
     ///
     /// # Errors
-    /// Where a component fails, or the routing.
+    /// If a component fails, or the routing.
     pub fn drive(&mut self, with: &mut Instances<'_>, witnesses: &mut Witnesses<'_>) -> Result<(), Fault> {
         self.start(with, witnesses)?;
         loop {

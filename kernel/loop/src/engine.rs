@@ -186,7 +186,7 @@ impl<'a> Engine<'a> {
     /// Drives a scenario. A component that fails is its outcome.
     ///
     /// # Errors
-    /// Where the record or the routing fails, or the machine or its set-up, which says nothing about the scenario.
+    /// If the record or the routing fails, or the machine or its set-up, which says nothing about the scenario.
     fn drive(&mut self, drive: &Drive, job: &Job, progress: &mut dyn FnMut(u64)) -> Result<Driven> {
         let external = self.simulator_of(drive).is_ok_and(|description| description.external);
         let mut warnings = Vec::new();

@@ -27,7 +27,7 @@ impl Evaluator {
     /// The evaluator that is kept, made anew where another evaluation is asked for.
     ///
     /// # Errors
-    /// Where a component cannot be made.
+    /// If a component cannot be made.
     pub fn kept<'a>(
         kept: &'a mut Option<Self>,
         registry: &Registry,
@@ -59,7 +59,7 @@ impl Evaluator {
     /// Evaluates a frame.
     ///
     /// # Errors
-    /// Where the frame cannot be read, or a component fails; with the name of the frame, unless that is what failed.
+    /// If the frame cannot be read, or a component fails; with the name of the frame, unless that is what failed.
     pub fn evaluate(&mut self, index: usize) -> Result<Evaluated, Failure> {
         let frame =
             self.dataset.call(Function::Name, Some(index as u64), |dataset| Ok(dataset.name(index)))?;

@@ -64,7 +64,7 @@ impl<T: ?Sized> Drop for Held<T> {
 /// The instance that is kept, made anew where another component is asked for.
 ///
 /// # Errors
-/// Where it cannot be made.
+/// If it cannot be made.
 pub fn keep<'a, T: ?Sized>(
     kept: &'a mut Option<Held<T>>,
     kind: Kind,

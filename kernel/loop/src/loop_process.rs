@@ -30,7 +30,7 @@ const PROGRESS: Duration = Duration::from_millis(200);
 /// Does jobs until there are no more. `scripts` makes components from scripts, which are looked for in these places.
 ///
 /// # Errors
-/// Where the worker does not speak as it should, or components cannot be looked for.
+/// If the worker does not speak as it should, or components cannot be looked for.
 pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> {
     let (input, mut output) = take_standard_files().place("cannot set up the files of the worker")?;
     let environment = Environment::this();

@@ -47,7 +47,7 @@ impl Recorder {
     /// Starts the thread.
     ///
     /// # Errors
-    /// Where the system has no thread left.
+    /// If the system has no thread left.
     pub fn new() -> Result<Self> {
         let (sender, messages) = sync_channel(QUEUE);
         let (give_back, spare) = sync_channel(IMAGES);

@@ -64,7 +64,7 @@ pub fn printable(text: &str) -> Cow<'_, str> {
 /// Writes what is left in memory.
 ///
 /// # Errors
-/// Where standard output did not take everything although somebody reads it.
+/// If standard output did not take everything although somebody reads it.
 pub fn finish() -> Result<()> {
     note(io::stdout().lock().flush());
     match FAILURE.lock().unwrap_or_else(PoisonError::into_inner).take() {

@@ -74,7 +74,7 @@ impl RunDirectory {
     /// [`RunDirectory::manifest`] and the ledger to say.
     ///
     /// # Errors
-    /// Where the folder holds something else, another process writes there, or it cannot be made.
+    /// If the folder holds something else, another process writes there, or it cannot be made.
     pub fn create(path: &Path) -> Result<Self> {
         let remedy = "choose another with --out";
         if !path.is_dir() {
@@ -121,7 +121,7 @@ impl RunDirectory {
     /// The manifest that an earlier process wrote here; none where it did not come to that.
     ///
     /// # Errors
-    /// Where it is damaged.
+    /// If it is damaged.
     pub fn manifest(&self) -> Result<Option<Manifest>> {
         let path = self.path.join(MANIFEST);
         match path.is_file() {
@@ -136,7 +136,7 @@ impl RunDirectory {
     /// different ones.
     ///
     /// # Errors
-    /// Where the folder cannot be made.
+    /// If the folder cannot be made.
     pub fn create_first(places: impl IntoIterator<Item = PathBuf>) -> Result<Self> {
         for place in places {
             let made =
@@ -158,7 +158,7 @@ impl RunDirectory {
     /// The folder of a run that was recorded earlier.
     ///
     /// # Errors
-    /// Where it holds no record.
+    /// If it holds no record.
     pub fn open(path: &Path) -> Result<Self> {
         if !path.join(MANIFEST).is_file() {
             return Err(Error::new(format!(
@@ -177,7 +177,7 @@ impl RunDirectory {
     /// Writes a JSON file as a whole: it is there complete, or not at all.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn write_json(&self, name: &str, value: &impl Serialize) -> Result<()> {
         let mut failed = None;
         let written = self.write(name, |file| match serde_json::to_writer_pretty(&mut *file, value) {
@@ -195,7 +195,7 @@ impl RunDirectory {
     /// Writes a text file as a whole: it is there complete, or not at all.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn write_text(&self, name: &str, text: &str) -> Result<()> {
         self.write(name, |file| file.write_all(text.as_bytes()))
     }
@@ -214,7 +214,7 @@ impl RunDirectory {
     /// The path of a scenario's trace; makes the folder around it.
     ///
     /// # Errors
-    /// Where the folder cannot be made.
+    /// If the folder cannot be made.
     pub fn trace(&self, scenario: &ScenarioId) -> Result<PathBuf> {
         let folder = self.path.join(TRACES);
         fs::create_dir_all(&folder).map_err(|error| write_error(&folder, &error))?;

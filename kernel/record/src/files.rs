@@ -29,7 +29,7 @@ impl FileRecord {
     /// Reads a file's hash.
     ///
     /// # Errors
-    /// Where it cannot be read.
+    /// If it cannot be read.
     pub fn of(path: &Path) -> Result<Self> {
         Ok(Self::new(path.to_owned(), hash::of(path)?))
     }

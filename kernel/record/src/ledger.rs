@@ -49,7 +49,7 @@ impl Line {
     /// As it is written, with its checksum and a line feed.
     ///
     /// # Errors
-    /// Where it cannot be JSON.
+    /// If it cannot be JSON.
     fn print(&self) -> Result<String> {
         let mut text = serde_json::to_string(self)?;
         text.pop();
@@ -159,7 +159,7 @@ impl Ledger {
     /// Adds a line, which is on the disk when this returns.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn add(&mut self, line: &Line) -> Result<()> {
         self.add_all(std::slice::from_ref(line))
     }
@@ -167,7 +167,7 @@ impl Ledger {
     /// Adds lines, which are on the disk when this returns.
     ///
     /// # Errors
-    /// Where they cannot be written.
+    /// If they cannot be written.
     pub fn add_all(&mut self, lines: &[Line]) -> Result<()> {
         for line in lines {
             let text = line.print()?;
@@ -181,7 +181,7 @@ impl Ledger {
     /// Puts the lines in this order, in which each scenario stands once; others come behind them.
     ///
     /// # Errors
-    /// Where the file cannot be read or written.
+    /// If the file cannot be read or written.
     pub fn finish(&mut self, order: &[ScenarioId]) -> Result<()> {
         let mut rank: HashMap<ScenarioId, usize> = HashMap::with_capacity(order.len());
         for (number, id) in order.iter().enumerate() {

@@ -19,7 +19,7 @@ impl Lines {
     /// Opens a file, and returns the complete lines that are in it. A last line that was cut off is removed.
     ///
     /// # Errors
-    /// Where it cannot be read or written.
+    /// If it cannot be read or written.
     pub fn open(path: &Path) -> Result<(Self, Vec<u8>)> {
         let failed = |error| write_error(path, &error);
         // What is there has to be a file: to write to a pipe would wait for its reader.
@@ -45,7 +45,7 @@ impl Lines {
     /// Forgets what lies behind this length.
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// If the file cannot be written.
     pub fn truncate(&mut self, length: u64) -> Result<()> {
         self.file.set_len(length).map_err(|error| write_error(&self.path, &error))?;
         self.complete = length;
@@ -56,7 +56,7 @@ impl Lines {
     /// complete lines only.
     ///
     /// # Errors
-    /// Where they cannot be written.
+    /// If they cannot be written.
     pub fn add(&mut self, lines: &[u8]) -> Result<()> {
         match self.file.write_all(lines) {
             Ok(()) => {
@@ -74,7 +74,7 @@ impl Lines {
     /// Makes sure that the lines survive a power cut.
     ///
     /// # Errors
-    /// Where the disk does not take them.
+    /// If the disk does not take them.
     pub fn sync(&mut self) -> Result<()> {
         self.file.sync_data().map_err(|error| write_error(&self.path, &error))
     }

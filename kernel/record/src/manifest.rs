@@ -113,7 +113,7 @@ impl Manifest {
     /// one has not come to yet.
     ///
     /// # Errors
-    /// Where the two are not of the same run: says what differs, first the recorded value.
+    /// If the two are not of the same run: says what differs, first the recorded value.
     pub fn continuing(mut self, recorded: &Manifest) -> Result<Self, String> {
         let differs = |what: &str, was: &dyn Display, is: &dyn Display| Err(differs(what, was, is));
         if self.pdk != recorded.pdk {
@@ -311,7 +311,7 @@ impl InUse {
     /// that a drop-in is made from.
     ///
     /// # Errors
-    /// Where the component does not exist, or one of its files cannot be read.
+    /// If the component does not exist, or one of its files cannot be read.
     pub fn add(
         &mut self,
         catalog: &Catalog,
@@ -383,7 +383,7 @@ impl InUse {
     /// Notes a file.
     ///
     /// # Errors
-    /// Where it cannot be read.
+    /// If it cannot be read.
     pub fn add_file(&mut self, path: &Path) -> Result<()> {
         if !self.files.iter().any(|file| file.path == path) {
             self.files.insert(FileRecord::of(path)?);

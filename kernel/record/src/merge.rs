@@ -88,7 +88,7 @@ pub type CheckTrace<'a> = dyn Fn(&Path, &Line) -> Result<()> + 'a;
 /// pipeline on the new folder completes it: what is there is not computed again.
 ///
 /// # Errors
-/// Where a part is missing, is there twice, has not come to its end, or is of another run or of a run that went another way; where the
+/// If a part is missing, is there twice, has not come to its end, or is of another run or of a run that went another way; where the
 /// folder is not empty, or something cannot be read or written. Also what `check_trace` says of a trace.
 pub fn merge(parts: &[PathBuf], out: &Path, check_trace: &CheckTrace<'_>) -> Result<Merged> {
     let mut parts = parts.iter().map(|path| Part::open(path)).collect::<Result<Vec<Part>>>()?;

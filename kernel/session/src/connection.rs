@@ -118,7 +118,7 @@ impl Connection {
     /// Starts a process and says hello. What it says comes as events.
     ///
     /// # Errors
-    /// Where it cannot be started.
+    /// If it cannot be started.
     pub fn open<E: Send + 'static>(
         pool: &Pool,
         hello: &Hello,
@@ -154,7 +154,7 @@ impl Connection {
     /// Takes the answer to hello. Slots of these numbers are given nothing.
     ///
     /// # Errors
-    /// Where the other end speaks another version.
+    /// If the other end speaks another version.
     pub fn ready(&mut self, ready: &Ready, pool: &Pool, out: &BTreeMap<u32, Error>) -> Result<()> {
         if ready.protocol != VERSION {
             return Err(Error::new(format!(

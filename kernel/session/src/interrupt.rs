@@ -22,7 +22,7 @@ pub enum Wish {
 /// From here on, the signals do not end this process but are noted.
 ///
 /// # Errors
-/// Where the system does not allow it.
+/// If the system does not allow it.
 pub fn watch() -> Result<()> {
     if WATCHED.swap(true, Ordering::SeqCst) {
         return Ok(());

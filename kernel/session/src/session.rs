@@ -45,7 +45,7 @@ impl Session {
     /// Starts a session with its first worker, and waits until that has told which components there are.
     ///
     /// # Errors
-    /// Where the worker cannot be started, or is of another version.
+    /// If the worker cannot be started, or is of another version.
     pub fn start(options: Options) -> Result<Self> {
         let connections = options.pool.connections();
         let (requests, events) = mpsc::channel();
@@ -126,7 +126,7 @@ impl Session {
     /// Makes a component, and says what it is like.
     ///
     /// # Errors
-    /// Where there is no such component, or it refuses its parameters.
+    /// If there is no such component, or it refuses its parameters.
     pub fn make(&mut self, kind: Kind, component: &ComponentSpec) -> Result<Made> {
         self.catalog.check(kind, &component.name, &component.parameters).map_err(|error| {
             // It may be there and broken.
@@ -224,7 +224,7 @@ impl Session {
     /// The next answer to any of these, as they come; none where all of theirs have been taken.
     ///
     /// # Errors
-    /// Where the session is over.
+    /// If the session is over.
     pub fn next(
         &mut self,
         among: &BTreeSet<Ticket>,
@@ -273,7 +273,7 @@ impl Session {
     /// Puts the ledger in the order of submission.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn finish(&mut self) -> Result<()> {
         let (done, finished) = mpsc::channel();
         self.requests.send(Event::Finish(done)).map_err(|_| gone())?;

@@ -28,7 +28,7 @@ const LEAVE: Duration = Duration::from_secs(8);
 /// Does jobs until there are no more.
 ///
 /// # Errors
-/// Where the session does not speak as it should, or no process can be started.
+/// If the session does not speak as it should, or no process can be started.
 pub fn run() -> Result<()> {
     let (sender, events) = mpsc::channel();
     let from_session = sender.clone();

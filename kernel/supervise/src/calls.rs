@@ -309,7 +309,7 @@ impl Observed {
     /// Makes a page.
     ///
     /// # Errors
-    /// Where the system has no memory for it.
+    /// If the system has no memory for it.
     pub fn new() -> std::io::Result<Self> {
         // Without close-on-exec: the process that is supervised gets it.
         let file = rustix::fs::memfd_create("pdk-calls", rustix::fs::MemfdFlags::empty())?;

@@ -64,7 +64,7 @@ impl Supervised {
     /// this process, and with it what is typed at the terminal.
     ///
     /// # Errors
-    /// Where it cannot be started.
+    /// If it cannot be started.
     pub fn start(mut command: Command, limits: Limits, group: bool) -> io::Result<Self> {
         let calls = Observed::new()?;
         command.env(PAGE_VARIABLE, calls.number().to_string());
@@ -82,7 +82,7 @@ impl Supervised {
     /// Looks whether it is over, or has to be ended; none while it may go on.
     ///
     /// # Errors
-    /// Where the system does not say.
+    /// If the system does not say.
     pub fn look(&mut self) -> io::Result<Option<End>> {
         if let Some(status) = self.child.try_wait()? {
             return Ok(Some(self.ended(status)));
@@ -107,7 +107,7 @@ impl Supervised {
     /// Waits for its end, which it comes to by itself.
     ///
     /// # Errors
-    /// Where the system does not say.
+    /// If the system does not say.
     pub fn wait(&mut self) -> io::Result<End> {
         let status = self.child.wait()?;
         Ok(self.ended(status))

@@ -56,7 +56,7 @@ impl Messages {
     /// Takes a connection and says hello. Both sides have to have the same version of the protocol.
     ///
     /// # Errors
-    /// Where the other end is no BeamNG.tech, or has another version.
+    /// If the other end is no BeamNG.tech, or has another version.
     pub fn open(connection: Connection, version: &str, deadline: &Deadline) -> Result<Self> {
         let mut messages = Self { connection, next: 0 };
         let answer = messages.call("Hello", vec![("protocolVersion", version.into())], "Hello", deadline)?;
@@ -87,7 +87,7 @@ impl Messages {
     /// Sends a request and waits for its answer, which says that it is an `expected`.
     ///
     /// # Errors
-    /// Where the other end is gone, does not answer in time, refuses, or answers something else.
+    /// If the other end is gone, does not answer in time, refuses, or answers something else.
     pub fn call(
         &mut self,
         what: &str,

@@ -67,7 +67,7 @@ impl Session {
     /// Connects to the game of a slot.
     ///
     /// # Errors
-    /// Where it is not there, or another version.
+    /// If it is not there, or another version.
     pub fn open(settings: &Settings, options: &Options, slot: u32, deadline: &Deadline) -> Result<Self> {
         let mut station = Station::new(settings, slot)?;
         let engine = station.connect(0, deadline).and_then(|socket| {
@@ -92,7 +92,7 @@ impl Session {
     /// Puts a vehicle at the start of a scenario.
     ///
     /// # Errors
-    /// Where the game does not do what it is asked for.
+    /// If the game does not do what it is asked for.
     pub fn begin(&mut self, scenario: &Scenario, deadline: &Deadline) -> Result<State> {
         let begun = self.prepare(scenario, deadline);
         begun.map_err(|error| self.station.blame(error))
@@ -101,7 +101,7 @@ impl Session {
     /// Moves the scenario on by one frame.
     ///
     /// # Errors
-    /// Where the game does not do what it is asked for.
+    /// If the game does not do what it is asked for.
     pub fn act(&mut self, control: Control) -> Result<State> {
         let stepped = self.step(control.checked()?);
         stepped.map_err(|error| self.station.blame(error))
@@ -110,7 +110,7 @@ impl Session {
     /// The latest state.
     ///
     /// # Errors
-    /// Where there is no scenario.
+    /// If there is no scenario.
     pub fn state(&self) -> Result<State> {
         self.drive.as_ref().map(|drive| drive.state).ok_or_else(not_started)
     }
@@ -123,7 +123,7 @@ impl Session {
     /// Writes the latest frame.
     ///
     /// # Errors
-    /// Where there is none, or it is of another size.
+    /// If there is none, or it is of another size.
     pub fn write(&self, into: FrameMut<'_>) -> Result<()> {
         self.drive.as_ref().ok_or_else(not_started)?.picture.write(into)
     }

@@ -46,7 +46,7 @@ const LARGEST: u32 = (1 << 24) - 1;
 /// Writes the place among the names for each pixel, red, green and blue, of a server of this version.
 ///
 /// # Errors
-/// Where there is another number of pixels.
+/// If there is another number of pixels.
 pub fn labels(pixels: &[u8], version: Version, into: &mut [u8]) -> Result<()> {
     fits(pixels, into.len())?;
     let tags: &[u8] = if version < Version::CITYSCAPES { &TAGS_0_9_13 } else { &TAGS };
@@ -60,7 +60,7 @@ pub fn labels(pixels: &[u8], version: Version, into: &mut [u8]) -> Result<()> {
 /// Writes the distance in metres for each pixel, red, green and blue; infinite for the sky.
 ///
 /// # Errors
-/// Where there is another number of pixels.
+/// If there is another number of pixels.
 pub fn depth(pixels: &[u8], into: &mut [f32]) -> Result<()> {
     fits(pixels, into.len())?;
     for (pixel, distance) in pixels.chunks_exact(3).zip(into) {

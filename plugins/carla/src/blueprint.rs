@@ -22,7 +22,7 @@ impl Blueprints {
     /// not are left out, since versions differ.
     ///
     /// # Errors
-    /// Where the server has no such kind, with those that it has.
+    /// If the server has no such kind, with those that it has.
     pub fn describe(&self, kind: &str, attributes: &[(&str, String)]) -> Result<Value> {
         let found = elements(&self.0).iter().find(|definition| text(element(definition, 1)) == kind);
         let definition = found.ok_or_else(|| self.unknown(kind))?;

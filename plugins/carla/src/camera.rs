@@ -21,7 +21,7 @@ impl Camera {
     /// Subscribes to the stream of a camera with frames of this size.
     ///
     /// # Errors
-    /// Where the stream cannot be had.
+    /// If the stream cannot be had.
     pub fn subscribe(
         station: &mut Station,
         token: Token,
@@ -42,7 +42,7 @@ impl Camera {
     /// Waits for the frame of this number.
     ///
     /// # Errors
-    /// Where it does not come, is missing, or is of another size.
+    /// If it does not come, is missing, or is of another size.
     pub fn look(&mut self, frame: u64, deadline: &Deadline) -> Result<()> {
         loop {
             let (header, body) = self.stream.next(deadline)?;
@@ -74,7 +74,7 @@ impl Camera {
     /// Writes the latest frame.
     ///
     /// # Errors
-    /// Where it is of another size.
+    /// If it is of another size.
     pub fn write(&self, into: FrameMut<'_>) -> Result<()> {
         self.picture.write(into)
     }

@@ -38,7 +38,7 @@ impl Collisions {
     /// Subscribes to the stream of a collision sensor.
     ///
     /// # Errors
-    /// Where it cannot be had.
+    /// If it cannot be had.
     pub fn subscribe(station: &mut Station, token: Token, deadline: &Deadline) -> Result<Self> {
         let stream = open(station, token, deadline)?;
         Ok(Self { token, stream, since: Instant::now(), next: None })
@@ -57,7 +57,7 @@ impl Collisions {
     /// Subscribes again, where it is time for that.
     ///
     /// # Errors
-    /// Where the stream cannot be had again.
+    /// If the stream cannot be had again.
     pub fn renew(&mut self, station: &mut Station, deadline: &Deadline) -> Result<()> {
         if self.next.is_none() && self.since.elapsed() > RENEWAL {
             self.next = Some(open(station, self.token, deadline)?);
@@ -68,7 +68,7 @@ impl Collisions {
     /// Whether the vehicle has hit something since this was asked last.
     ///
     /// # Errors
-    /// Where a stream ends, or brings something else.
+    /// If a stream ends, or brings something else.
     pub fn look(&mut self, deadline: &Deadline) -> Result<bool> {
         let mut collided = false;
         for stream in std::iter::once(&mut self.stream).chain(&mut self.next) {

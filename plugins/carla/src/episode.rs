@@ -48,7 +48,7 @@ impl Episode {
     /// Connects to the server of a slot, and removes what a worker that was killed has left there.
     ///
     /// # Errors
-    /// Where the server is not there or no CARLA, or another client uses it.
+    /// If the server is not there or no CARLA, or another client uses it.
     pub fn open(settings: &Settings, slot: u32, deadline: &Deadline) -> Result<Self> {
         let mut station = Station::new(settings, slot)?;
         let opened = Self::greet(&mut station, deadline);
@@ -96,7 +96,7 @@ impl Episode {
     /// Puts a vehicle at the start of a scenario.
     ///
     /// # Errors
-    /// Where the server does not do what it is asked for.
+    /// If the server does not do what it is asked for.
     pub fn begin(&mut self, scenario: &Scenario, options: &Options, deadline: &Deadline) -> Result<State> {
         let begun = self.prepare(scenario, options, deadline);
         begun.map_err(|error| self.station.blame(error))
@@ -110,7 +110,7 @@ impl Episode {
     /// Moves the scenario on by one frame.
     ///
     /// # Errors
-    /// Where there is none, or the server does not do what it is asked for.
+    /// If there is none, or the server does not do what it is asked for.
     pub fn step(
         &mut self,
         step: impl FnOnce(&mut Stage, &mut Server, &mut Stream) -> Result<State>,

@@ -30,7 +30,7 @@ impl Ground {
     /// there is none, one with random angles is drawn from the scenario's seed.
     ///
     /// # Errors
-    /// Where it is none of these, or cannot be driven on.
+    /// If it is none of these, or cannot be driven on.
     pub fn read(road: &Value, seed: u64) -> Result<Self> {
         if let Value::Object(fields) = road
             && ["map", "start", "length"].iter().any(|name| fields.contains_key(*name))
@@ -97,7 +97,7 @@ impl Lane {
     /// The lane of a map, given as OpenDRIVE, that leads on from a place.
     ///
     /// # Errors
-    /// Where the map cannot be read, or has no lane there.
+    /// If the map cannot be read, or has no lane there.
     pub fn of_map(document: &str, at: Point, heading: f64, length: f64) -> Result<Self> {
         let lane = opendrive::Map::read(document)
             .and_then(|map| map.follow(at, heading, length))

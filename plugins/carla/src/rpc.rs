@@ -50,7 +50,7 @@ impl Rpc {
     /// Sends a request and returns its number, by which its answer is told.
     ///
     /// # Errors
-    /// Where the server is gone or takes nothing.
+    /// If the server is gone or takes nothing.
     pub fn send(&mut self, name: &str, arguments: Vec<Value>, deadline: &Deadline) -> Result<u32> {
         let number = self.next;
         self.next = self.next.wrapping_add(1);
@@ -61,7 +61,7 @@ impl Rpc {
     /// The answer to request `number`, whose name was `name`; what nobody waits for any more is dropped.
     ///
     /// # Errors
-    /// Where the server is gone, does not answer in time, answers what is no answer, or refuses the request.
+    /// If the server is gone, does not answer in time, answers what is no answer, or refuses the request.
     pub fn answer(&mut self, number: u32, name: &str, deadline: &Deadline) -> Result<Value> {
         loop {
             let message = self.message(name, deadline)?;

@@ -36,7 +36,7 @@ impl Sensors {
     /// Fixes the sensors to a vehicle and subscribes to what they see.
     ///
     /// # Errors
-    /// Where one cannot be had.
+    /// If one cannot be had.
     pub fn mount(
         station: &mut Station,
         server: &mut Server,
@@ -81,7 +81,7 @@ impl Sensors {
     /// Keeps the streams: whether all of them still stand.
     ///
     /// # Errors
-    /// Where one that is to be renewed cannot be.
+    /// If one that is to be renewed cannot be.
     pub fn keep(&mut self, station: &mut Station, deadline: &Deadline) -> Result<bool> {
         if !self.cameras().all(|camera| camera.stream().is_open()) || !self.collisions.is_open() {
             return Ok(false);
@@ -93,7 +93,7 @@ impl Sensors {
     /// Subscribes to the streams again, which the server has closed because it had nothing to send over them.
     ///
     /// # Errors
-    /// Where they cannot be had.
+    /// If they cannot be had.
     pub fn subscribe_again(
         &mut self,
         station: &mut Station,
@@ -115,7 +115,7 @@ impl Sensors {
     /// Waits until all cameras have sent the frame of this number.
     ///
     /// # Errors
-    /// Where one does not, or sends another one.
+    /// If one does not, or sends another one.
     pub fn look(&mut self, frame: u64, deadline: &Deadline) -> Result<()> {
         self.cameras().try_for_each(|camera| camera.look(frame, deadline))
     }
@@ -123,7 +123,7 @@ impl Sensors {
     /// Whether the vehicle has hit something since this was asked last.
     ///
     /// # Errors
-    /// Where the stream ends, or brings something else.
+    /// If the stream ends, or brings something else.
     pub fn collided(&mut self, deadline: &Deadline) -> Result<bool> {
         self.collisions.look(deadline)
     }
@@ -131,7 +131,7 @@ impl Sensors {
     /// Writes the latest frame.
     ///
     /// # Errors
-    /// Where it is of another size.
+    /// If it is of another size.
     pub fn write(&self, into: FrameMut<'_>) -> Result<()> {
         self.camera.write(into)
     }
@@ -139,7 +139,7 @@ impl Sensors {
     /// Writes what the pixels of the latest frame show.
     ///
     /// # Errors
-    /// Where this was not asked for before the scenario, or another number of pixels is asked for.
+    /// If this was not asked for before the scenario, or another number of pixels is asked for.
     pub fn labels(&self, into: &mut [u8]) -> Result<()> {
         let camera = self.labels.as_ref().ok_or_else(unasked)?;
         annotation::labels(camera.pixels(), self.version, into)

@@ -80,7 +80,7 @@ impl Server {
     /// Connects to the server of a station and asks for its version.
     ///
     /// # Errors
-    /// Where it is not there, is no CARLA, or another version than those that the adapter speaks.
+    /// If it is not there, is no CARLA, or another version than those that the adapter speaks.
     pub fn open(station: &mut Station, deadline: &Deadline) -> Result<Self> {
         let socket = station.connect(0, deadline)?;
         let settings = station.settings().clone();
@@ -116,7 +116,7 @@ impl Server {
     /// These settings and this weather are to be put back in the end, however that comes.
     ///
     /// # Errors
-    /// Where that cannot be arranged.
+    /// If that cannot be arranged.
     pub fn keep(&mut self, settings: EpisodeSettings, weather: Vec<f64>) -> Result<()> {
         self.found = Some((settings, weather));
         self.arrange()
@@ -154,7 +154,7 @@ impl Server {
     /// Takes away everything that was spawned; what is fixed to another one goes first.
     ///
     /// # Errors
-    /// Where the server is gone or late; an actor that it does not know any more is taken away already.
+    /// If the server is gone or late; an actor that it does not know any more is taken away already.
     pub fn clear(&mut self) -> Result<()> {
         while let Some(actor) = self.actors.last() {
             match self.destroy(*actor) {
@@ -168,7 +168,7 @@ impl Server {
     /// Nothing is there any more that was spawned: another map has been loaded.
     ///
     /// # Errors
-    /// Where what is put back cannot be arranged.
+    /// If what is put back cannot be arranged.
     pub fn forget(&mut self) -> Result<()> {
         self.actors.clear();
         self.arrange()

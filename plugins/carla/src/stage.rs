@@ -47,7 +47,7 @@ impl Stage {
     /// A scenario on a lane; nothing is spawned yet.
     ///
     /// # Errors
-    /// Where the lane is no road.
+    /// If the lane is no road.
     pub fn new(lane: Lane, options: Options, seed: u64) -> Result<Self> {
         let front = traffic::SIZE[2] / 2.0;
         Ok(Self {
@@ -81,7 +81,7 @@ impl Stage {
     /// Spawns the vehicle with what it senses, and waits until it stands.
     ///
     /// # Errors
-    /// Where something cannot be spawned, or does not answer.
+    /// If something cannot be spawned, or does not answer.
     pub fn set_up(
         &mut self,
         station: &mut Station,
@@ -108,7 +108,7 @@ impl Stage {
     /// Keeps the streams: whether all of them still stand.
     ///
     /// # Errors
-    /// Where one that is to be renewed cannot be.
+    /// If one that is to be renewed cannot be.
     pub fn keep(&mut self, station: &mut Station, deadline: &Deadline) -> Result<bool> {
         self.ego.as_mut().map_or(Ok(true), |(_, sensors)| sensors.keep(station, deadline))
     }
@@ -116,7 +116,7 @@ impl Stage {
     /// Subscribes to the streams again, which the server has closed because it had nothing to send over them.
     ///
     /// # Errors
-    /// Where they cannot be had.
+    /// If they cannot be had.
     pub fn subscribe_again(
         &mut self,
         station: &mut Station,
@@ -129,7 +129,7 @@ impl Stage {
     /// Moves the scenario on by one frame under a control.
     ///
     /// # Errors
-    /// Where the server does not do what it is asked for.
+    /// If the server does not do what it is asked for.
     pub fn act(
         &mut self,
         control: Control,

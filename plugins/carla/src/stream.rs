@@ -50,7 +50,7 @@ impl Stream {
     /// Subscribes to a stream of messages of `sizes` bytes, least and most.
     ///
     /// # Errors
-    /// Where the server cannot be reached at the port of the stream.
+    /// If the server cannot be reached at the port of the stream.
     pub fn subscribe(
         station: &mut Station,
         token: Token,
@@ -77,7 +77,7 @@ impl Stream {
     /// The next message, without its length. Where it does not come in time, what has come of it is kept.
     ///
     /// # Errors
-    /// Where the stream ends, nothing comes in time, or a message has another size than these messages have.
+    /// If the stream ends, nothing comes in time, or a message has another size than these messages have.
     pub fn next(&mut self, deadline: &Deadline) -> Result<(Header, &[u8])> {
         let what = format!("sent {}", self.what);
         let size = match self.size {

@@ -33,7 +33,7 @@ impl Fleet {
     /// The vehicles that are wanted on a lane; `front` is from the middle of the ego vehicle to its front, in metres.
     ///
     /// # Errors
-    /// Where oncoming vehicles are wanted on a lane of a map, of which nobody knows where the other lane is.
+    /// If oncoming vehicles are wanted on a lane of a map, of which nobody knows where the other lane is.
     pub fn new(wanted: Wanted, lane: &Lane, front: f64, seed: u64) -> Result<Self> {
         if wanted.oncoming > 0.0 && !lane.has_opposite {
             return Err(Error::new(
@@ -52,7 +52,7 @@ impl Fleet {
     /// Spawns them.
     ///
     /// # Errors
-    /// Where the server refuses to.
+    /// If the server refuses to.
     pub fn spawn(&mut self, server: &mut Server, kinds: &Blueprints, kind: &str) -> Result<()> {
         for (number, seen) in self.traffic.all(0.0).enumerate() {
             let color = seen.tint.map(|part| (part * 255.0).round().clamp(0.0, 255.0).to_string()).join(",");
@@ -70,7 +70,7 @@ impl Fleet {
     /// Puts them where they are at a time of the scenario.
     ///
     /// # Errors
-    /// Where the server refuses to.
+    /// If the server refuses to.
     pub fn place(&mut self, server: &mut Server, time: f64) -> Result<()> {
         let mut moves = Vec::with_capacity(self.vehicles.len());
         for (number, seen) in self.traffic.all(time).enumerate() {

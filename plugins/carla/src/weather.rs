@@ -57,7 +57,7 @@ impl Weather {
     /// Reads it: null for the server's, the name of one of CARLA's kinds, or an object with some of the numbers.
     ///
     /// # Errors
-    /// Where it is none of these.
+    /// If it is none of these.
     pub fn read(value: &Value) -> Result<Self> {
         match value {
             Value::Null => Ok(Self::default()),

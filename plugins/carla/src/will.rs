@@ -50,7 +50,7 @@ impl Will {
     /// Will be said over this connection. There are no words yet.
     ///
     /// # Errors
-    /// Where the system has no memory or no process left.
+    /// If the system has no memory or no process left.
     pub fn new(connection: &TcpStream) -> Result<Self> {
         let cannot = |error: std::io::Error| {
             Error::new(format!("cannot prepare for the end of this process: {error}"))
@@ -90,7 +90,7 @@ impl Will {
     /// From now on these are the words.
     ///
     /// # Errors
-    /// Where they have no room.
+    /// If they have no room.
     pub fn write(&mut self, words: &[u8]) -> Result<()> {
         if words.len() > ROOM {
             return Err(Error::new(format!(

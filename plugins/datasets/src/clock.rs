@@ -44,7 +44,7 @@ impl Clock {
     /// Seconds since the first frame.
     ///
     /// # Errors
-    /// Where the recording has times and this record has none.
+    /// If the recording has times and this record has none.
     pub fn time(&self, index: usize, record: &Record) -> Result<f64> {
         match (self, record.milliseconds) {
             (Clock::Rate(rate), _) => Ok(index as f64 / rate),

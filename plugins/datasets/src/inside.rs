@@ -24,7 +24,7 @@ impl Inside {
     /// A dataset's folder.
     ///
     /// # Errors
-    /// Where there is none.
+    /// If there is none.
     pub fn new(folder: &Path) -> Result<Self> {
         match folder.canonicalize() {
             Ok(root) if root.is_dir() => Ok(Self { shown: folder.to_owned(), root }),
@@ -36,7 +36,7 @@ impl Inside {
     /// Where a file of the dataset is.
     ///
     /// # Errors
-    /// Where the name, or a link, leads out of the folder.
+    /// If the name, or a link, leads out of the folder.
     pub fn path(&self, name: &Path) -> Result<PathBuf> {
         let path = self.shown.join(name);
         match path.canonicalize() {
@@ -66,7 +66,7 @@ impl Inside {
     /// The text of a manifest or a catalog.
     ///
     /// # Errors
-    /// As [`path`](Self::path), and where it cannot be read or is no text.
+    /// As [`path`](Self::path), and if it cannot be read or is no text.
     pub fn catalog(&self, name: &Path) -> Result<String> {
         self.text(name, LARGEST_CATALOG)
     }
@@ -74,7 +74,7 @@ impl Inside {
     /// The text of the record of a frame.
     ///
     /// # Errors
-    /// As [`path`](Self::path), and where it cannot be read or is no text.
+    /// As [`path`](Self::path), and if it cannot be read or is no text.
     pub fn record(&self, name: &Path) -> Result<String> {
         self.text(name, LARGEST_RECORD)
     }

@@ -19,7 +19,7 @@ impl Record {
     /// or `milliseconds` (tub v1).
     ///
     /// # Errors
-    /// Where the steering or the throttle is missing, is not a number, or is outside -1 to 1.
+    /// If the steering or the throttle is missing, is not a number, or is outside -1 to 1.
     pub fn from_json(json: &Map<String, Value>) -> Result<Self> {
         Ok(Self {
             steering: control(json, "user/angle")?,

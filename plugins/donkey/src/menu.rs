@@ -29,7 +29,7 @@ enum Said {
 /// protocol with it; empty where it does not tell.
 ///
 /// # Errors
-/// Where it is not there, is another build, or has no such scene.
+/// If it is not there, is another build, or has no such scene.
 pub fn open(station: Station, options: &Options) -> Result<(Wire, String)> {
     let starting = options.settings.starting();
     let mut wire = Wire::open(station, &starting)?;

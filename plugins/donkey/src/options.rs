@@ -143,7 +143,7 @@ impl Options {
     /// Reads the parameters.
     ///
     /// # Errors
-    /// Where the colour is none, or `launch` no list of texts.
+    /// If the colour is none, or `launch` no list of texts.
     pub fn read(config: &Config) -> Result<Self> {
         let build = Build::named(config.text("build"));
         let camera = config.camera();

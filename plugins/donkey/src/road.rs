@@ -20,7 +20,7 @@ impl Road {
     /// Reads the road of a scenario.
     ///
     /// # Errors
-    /// Where it is none that the build can have.
+    /// If it is none that the build can have.
     pub fn read(road: &Value, build: Build) -> Result<Self> {
         match (build, road) {
             (_, Value::Null) => Ok(Self::Given),

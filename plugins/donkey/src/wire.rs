@@ -39,7 +39,7 @@ impl Wire {
     /// Starts the simulator where that is to be done, and connects to it.
     ///
     /// # Errors
-    /// Where it is not there.
+    /// If it is not there.
     pub fn open(mut station: Station, deadline: &Deadline) -> Result<Self> {
         let stream = station.connect(0, deadline)?;
         let peer = station.to_string();
@@ -50,7 +50,7 @@ impl Wire {
     /// Sends a message.
     ///
     /// # Errors
-    /// Where it is none that the simulator can read, or the simulator is gone.
+    /// If it is none that the simulator can read, or the simulator is gone.
     pub fn send(&mut self, kind: &str, fields: &[(&str, String)], deadline: &Deadline) -> Result<()> {
         if let Some(sent) = self.unheard {
             std::thread::sleep(GAP.saturating_sub(sent.elapsed()));
@@ -71,7 +71,7 @@ impl Wire {
     /// Waits for the next message, and looks at it.
     ///
     /// # Errors
-    /// Where the simulator is gone, nothing comes in time, or it is no message.
+    /// If the simulator is gone, nothing comes in time, or it is no message.
     pub fn next<R>(
         &mut self,
         deadline: &Deadline,
@@ -93,7 +93,7 @@ impl Wire {
     /// Whether a message has come already.
     ///
     /// # Errors
-    /// Where the simulator is gone.
+    /// If the simulator is gone.
     pub fn has_message(&mut self) -> Result<bool> {
         self.connection.has_line().map_err(|error| self.station.blame(error))
     }

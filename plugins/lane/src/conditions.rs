@@ -205,7 +205,7 @@ impl Conditions {
     /// The conditions that parameters ask for.
     ///
     /// # Errors
-    /// Where a parameter is set that has no effect in scenes that look like a drawing.
+    /// If a parameter is set that has no effect in scenes that look like a drawing.
     pub fn new(config: &Config) -> Result<Self> {
         let level = NAMES.iter().position(|name| *name == config.text("conditions")).unwrap_or(0);
         let given = SETTINGS

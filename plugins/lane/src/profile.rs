@@ -22,7 +22,7 @@ impl Profile {
     /// The profile through points, each the distance along the road and the height there, in metres and in order.
     ///
     /// # Errors
-    /// Where it is steeper than vehicles can drive.
+    /// If it is steeper than vehicles can drive.
     pub fn through(points: &[(f64, f64)]) -> Result<Self> {
         let [(first, start), .., (last, _)] = points else {
             return Ok(Self { heights: vec![points.first().map_or(0.0, |p| p.1)], flat: true });

@@ -58,7 +58,7 @@ impl Road {
     /// Makes the road of a scenario.
     ///
     /// # Errors
-    /// Where the road is not written as it has to be, or nothing that can be driven on: it bends too sharply, crosses
+    /// If the road is not written as it has to be, or nothing that can be driven on: it bends too sharply, crosses
     /// itself, is too steep, too short or too long.
     pub fn new(road: &Value, seed: u64, layout: Layout) -> Result<Self> {
         let Some(mut waypoints) = pdk_road::read(road).map_err(Error::new)? else {

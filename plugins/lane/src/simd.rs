@@ -58,7 +58,7 @@ pub mod avx2 {
     /// The table is `&[[f32; 4]]`, or anything else that is indexed by places.
     ///
     /// # Panics
-    /// Where a place lies outside of the table.
+    /// If a place lies outside of the table.
     macro_rules! look_up {
         ($table:expr, $places:expr) => {{
             let (table, places): (_, __m256i) = ($table, $places);

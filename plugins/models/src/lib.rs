@@ -31,7 +31,7 @@ mod gradient_tests;
 /// Reads a model, prepares it and runs it once: what fuzzing tries.
 ///
 /// # Errors
-/// Where it cannot be read, prepared or run.
+/// If it cannot be read, prepared or run.
 #[doc(hidden)]
 pub fn try_model(path: &std::path::Path) -> pdk_sdk::error::Result<()> {
     let model = model_file::ModelFile::read(model_file::Source::File(path.to_owned()), "auto")?;

@@ -53,7 +53,7 @@ impl Search {
     /// The library to use; nothing where there is none that is recent enough.
     ///
     /// # Errors
-    /// Where the environment variable names a file that is not there.
+    /// If the environment variable names a file that is not there.
     pub fn find(&self) -> Result<Option<Found>> {
         if let Some(path) = &self.named {
             return if path.is_file() {
@@ -68,7 +68,7 @@ impl Search {
     /// The library, where the user asks for it.
     ///
     /// # Errors
-    /// Where it is not there, with what to do.
+    /// If it is not there, with what to do.
     pub fn require(&self) -> Result<PathBuf> {
         if let Some(found) = self.find()? {
             return Ok(found.path);

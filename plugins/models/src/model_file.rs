@@ -90,7 +90,7 @@ impl Source {
     /// The content.
     ///
     /// # Errors
-    /// Where the file cannot be read, or is too large.
+    /// If the file cannot be read, or is too large.
     pub fn content(&self) -> Result<Cow<'_, [u8]>> {
         match self {
             Self::File(path) if !path.exists() => {
@@ -141,7 +141,7 @@ impl ModelFile {
     /// Runs it on a black image at a speed, and gives the number of values of each output, which files need not declare.
     ///
     /// # Errors
-    /// Where the engine cannot run it, or what it remembers does not fit its input.
+    /// If the engine cannot run it, or what it remembers does not fit its input.
     pub fn try_out(&self, session: &mut dyn Session, speed: f32) -> Result<Vec<usize>> {
         let mut outputs = vec![Vec::new(); self.outputs.len()];
         let mut inputs = self.inputs();
@@ -177,7 +177,7 @@ impl ModelFile {
     /// Reads a model. `layout` is `nchw`, `nhwc` or `auto`.
     ///
     /// # Errors
-    /// Where the file cannot be read, is not an ONNX model, or takes anything but one float image of a fixed size, maybe
+    /// If the file cannot be read, is not an ONNX model, or takes anything but one float image of a fixed size, maybe
     /// `speed`, one float, and maybe memories: floats called `NAME_in` that come from the output `NAME_out`.
     pub fn read(source: Source, layout: &str) -> Result<Self> {
         Self::read_at(source, layout, None)

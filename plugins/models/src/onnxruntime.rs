@@ -62,7 +62,7 @@ impl Runtime {
 /// Loads the library, or gives the one that is loaded.
 ///
 /// # Errors
-/// Where the library cannot be loaded, is another one, or is too old; and where the process already uses another file,
+/// If the library cannot be loaded, is another one, or is too old; and where the process already uses another file,
 /// because there can be one only.
 pub fn load(path: &Path) -> Result<Arc<Runtime>> {
     // Two names of the same file are no contradiction.
@@ -137,7 +137,7 @@ impl OnnxRuntime {
     /// Prepares a network.
     ///
     /// # Errors
-    /// Where ONNX Runtime cannot run the network.
+    /// If ONNX Runtime cannot run the network.
     pub fn new(network: &Network<'_>, runtime: Arc<Runtime>) -> Result<Self> {
         let place = "it cannot prepare the model";
         let mut builder = OrtSession::builder(&runtime.environment)

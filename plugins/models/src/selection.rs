@@ -26,7 +26,7 @@ impl Selection {
     /// steering and throttle.
     ///
     /// # Errors
-    /// Where a name is not there, or the outputs are none of these.
+    /// If a name is not there, or the outputs are none of these.
     pub fn new(names: &[String], sizes: &[usize], steering: &str, throttle: &str) -> Result<Self> {
         let wrong = |expected: &str| {
             let outputs: Vec<_> =

@@ -110,7 +110,7 @@ impl Tract {
     /// Prepares a network.
     ///
     /// # Errors
-    /// Where the network has operators that tract does not know or contradicts itself.
+    /// If the network has operators that tract does not know or contradicts itself.
     pub fn new(network: &Network<'_>) -> Result<Self> {
         pin()?;
         let onnx = tract_onnx::onnx();

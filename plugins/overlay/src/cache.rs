@@ -49,7 +49,7 @@ pub fn file(folder: &Path, hash: &blake3::Hash) -> PathBuf {
 /// for that; what cannot be made for the one cannot for those who waited either.
 ///
 /// # Errors
-/// Where the folder cannot be written, with what can be done; or the error of `write`, or of `find` in the end.
+/// If the folder cannot be written, with what can be done; or the error of `write`, or of `find` in the end.
 pub fn find_or_create<T>(
     path: &Path,
     find: impl Fn() -> Result<T>,

@@ -59,7 +59,7 @@ impl Clip {
     /// The clip's content as a hash: of a file its bytes, of a folder the names and bytes of its files.
     ///
     /// # Errors
-    /// Where it cannot be read.
+    /// If it cannot be read.
     pub fn hash(&self) -> Result<blake3::Hash> {
         let mut hasher = blake3::Hasher::new();
         match self {
@@ -86,7 +86,7 @@ impl Clip {
     /// enough to find the screen.
     ///
     /// # Errors
-    /// Where it is nothing that can be decoded here.
+    /// If it is nothing that can be decoded here.
     pub fn open(&self, few: bool) -> Result<Box<dyn Frames>> {
         let (input, head, size): (Box<dyn Input>, Vec<u8>, u64) = match self {
             Self::BuiltIn(_, bytes) => {
@@ -159,7 +159,7 @@ fn is_text(head: &[u8]) -> bool {
 /// Decodes the first of the frames that `few` leaves, at most `most`.
 ///
 /// # Errors
-/// Where the clip is damaged, or has no frames.
+/// If the clip is damaged, or has no frames.
 pub fn some_pictures(clip: &Clip, most: usize) -> Result<Vec<Picture>> {
     let mut frames = clip.open(true)?;
     let mut pictures = Vec::new();

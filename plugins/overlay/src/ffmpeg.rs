@@ -35,7 +35,7 @@ impl Ffmpeg {
     /// Starts `program` on a clip; `codec` says what the clip is, for the error.
     ///
     /// # Errors
-    /// Where there is no such program, or it cannot decode the clip.
+    /// If there is no such program, or it cannot decode the clip.
     pub fn start(program: &Path, clip: &Path, codec: &str) -> Result<Self> {
         // A relative path could start with a dash, or read as a protocol.
         let clip = std::path::absolute(clip)?;

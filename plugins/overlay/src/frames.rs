@@ -9,7 +9,7 @@ pub trait Frames {
     /// Reads the next frame; false at the end.
     ///
     /// # Errors
-    /// Where the clip is damaged or cut off.
+    /// If the clip is damaged or cut off.
     fn next(&mut self, into: &mut Picture) -> Result<bool>;
 
     /// When the frame that was read last ends, in seconds after the first one began.

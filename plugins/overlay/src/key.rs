@@ -44,7 +44,7 @@ impl Matte {
     /// Looks for the screen in a few pictures of a clip. `key` is the screen's colour where the user gives it.
     ///
     /// # Errors
-    /// Where no colour dominates, or the given one does not occur.
+    /// If no colour dominates, or the given one does not occur.
     pub fn find(pictures: &[Picture], key: Option<[u8; 3]>) -> Result<Self> {
         if key.is_none() && pictures.iter().any(Picture::has_transparency) {
             return Ok(Self::Alpha);

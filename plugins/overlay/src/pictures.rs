@@ -30,7 +30,7 @@ impl Animation {
     /// Opens a picture file.
     ///
     /// # Errors
-    /// Where it is damaged or too large.
+    /// If it is damaged or too large.
     pub fn open(mut input: Box<dyn Input>, format: ImageFormat) -> Result<Self> {
         input.rewind()?;
         let mut input = BufReader::new(input);
@@ -135,7 +135,7 @@ impl Folder {
     /// Opens a folder.
     ///
     /// # Errors
-    /// Where it cannot be read, or has no pictures.
+    /// If it cannot be read, or has no pictures.
     pub fn open(folder: &Path) -> Result<Self> {
         Ok(Self { files: Self::files(folder)?.into(), count: 0 })
     }
@@ -143,7 +143,7 @@ impl Folder {
     /// The picture files of a folder, in the order of their names.
     ///
     /// # Errors
-    /// Where the folder cannot be read, or has no pictures.
+    /// If the folder cannot be read, or has no pictures.
     pub fn files(folder: &Path) -> Result<Vec<PathBuf>> {
         let mut files = Vec::new();
         for entry in std::fs::read_dir(folder)? {

@@ -83,7 +83,7 @@ impl Player {
     /// A player of a clip. Nothing is prepared until the size of the frames is known.
     ///
     /// # Errors
-    /// Where the clip cannot be read.
+    /// If the clip cannot be read.
     pub fn new(clip: Clip, settings: Settings, motion: Motion) -> Result<Self> {
         let hash = clip.hash().place(&clip)?;
         let folder = cache::folder()?;
@@ -100,7 +100,7 @@ impl Player {
     /// Lays the clip over a frame.
     ///
     /// # Errors
-    /// Where the clip cannot be prepared.
+    /// If the clip cannot be prepared.
     pub fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let size = (src.width(), src.height());
         let fits = |store: &Store| (store.index().width, store.index().height) == size;

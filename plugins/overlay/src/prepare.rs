@@ -39,7 +39,7 @@ pub struct Settings {
 /// What the pixels of a clip are made transparent by.
 ///
 /// # Errors
-/// Where the clip cannot be decoded, or has no screen.
+/// If the clip cannot be decoded, or has no screen.
 pub fn matte(clip: &Clip, settings: &Settings) -> Result<Matte> {
     if let (Clip::BuiltIn(..), None) = (clip, settings.key) {
         return Ok(Matte::Screen(Screen::known(SCREEN)));
@@ -50,7 +50,7 @@ pub fn matte(clip: &Clip, settings: &Settings) -> Result<Matte> {
 /// Makes sure that a clip can be decoded and has a screen, once for each clip: what was found good is noted in the cache.
 ///
 /// # Errors
-/// Where the clip cannot be decoded or has no screen, or the cache cannot be written.
+/// If the clip cannot be decoded or has no screen, or the cache cannot be written.
 pub fn check(clip: &Clip, settings: &Settings, folder: &Path) -> Result<()> {
     let hash = clip.hash().place(clip)?;
     // No frame has this size.
@@ -63,7 +63,7 @@ pub fn check(clip: &Clip, settings: &Settings, folder: &Path) -> Result<()> {
 /// Other clips and sizes can be made at the same time; who wants the same one waits for it.
 ///
 /// # Errors
-/// Where the clip cannot be decoded or has no screen, or the cache cannot be written.
+/// If the clip cannot be decoded or has no screen, or the cache cannot be written.
 pub fn open(
     clip: &Clip,
     hash: &blake3::Hash,

@@ -27,7 +27,7 @@ impl Process {
     /// ends with the thread that started it.
     ///
     /// # Errors
-    /// Where it cannot be started.
+    /// If it cannot be started.
     pub fn start(mut command: Command) -> std::io::Result<(Self, BufReader<ChildStdout>)> {
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         #[cfg(target_os = "linux")]

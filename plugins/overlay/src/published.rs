@@ -21,7 +21,7 @@ pub const PREFIX: &str = "built-in:";
 /// A clip by name.
 ///
 /// # Errors
-/// Where there is no such clip, with those that there are.
+/// If there is no such clip, with those that there are.
 pub fn clip(name: &str) -> Result<Clip> {
     let clips =
         [clip!("rain"), clip!("snow"), clip!("smoke"), clip!("birds"), clip!("sun"), clip!("lightning")];

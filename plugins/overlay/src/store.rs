@@ -73,7 +73,7 @@ impl Writer {
     /// Begins a store in an empty file that can be read and written.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn new(mut file: File, width: usize, height: usize) -> Result<Self> {
         file.write_all(MARK)?;
         let mut compressor = Compressor::new(LEVEL)?;
@@ -94,7 +94,7 @@ impl Writer {
     /// Adds a frame.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn push(&mut self, colours: &[u8], alphas: &[u8]) -> Result<()> {
         self.data.clear();
         self.data.extend_from_slice(colours);
@@ -114,7 +114,7 @@ impl Writer {
     /// Reads a frame that was added.
     ///
     /// # Errors
-    /// Where it cannot be read.
+    /// If it cannot be read.
     pub fn read(&mut self, frame: usize, layer: &mut Layer) -> Result<()> {
         let mut decompressor = Decompressor::new()?;
         read_layer(&mut self.file, &mut decompressor, &self.index, frame, &mut self.compressed, layer)?;
@@ -125,7 +125,7 @@ impl Writer {
     /// Writes the index. Of all frames added, the first `frames` are the clip's own; `durations` as in the [`Index`].
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn finish(mut self, rate: f64, durations: Vec<u64>, frames: usize) -> Result<()> {
         (self.index.rate, self.index.durations, self.index.frames) = (rate, durations, frames);
         let index = serde_json::to_vec(&to_json(&self.index))?;
@@ -149,7 +149,7 @@ impl Store {
     /// Opens a store.
     ///
     /// # Errors
-    /// Where the file does not exist, or is no whole store.
+    /// If the file does not exist, or is no whole store.
     pub fn open(path: &Path) -> Result<Self> {
         let mut file = File::open(path)?;
         let index = read_index(&mut file)?;
@@ -164,7 +164,7 @@ impl Store {
     /// Reads a frame.
     ///
     /// # Errors
-    /// Where the file was changed since it was opened.
+    /// If the file was changed since it was opened.
     pub fn read(&mut self, frame: usize, layer: &mut Layer) -> Result<()> {
         read_layer(&mut self.file, &mut self.decompressor, &self.index, frame, &mut self.compressed, layer)
     }

@@ -31,7 +31,7 @@ pub struct Ours {
 /// Takes the turn, or waits until whoever has it is done.
 ///
 /// # Errors
-/// Where the file at the path cannot be made or read.
+/// If the file at the path cannot be made or read.
 pub fn take_turn(path: &Path) -> Result<Turn> {
     wait(open(path)?, path)
 }

@@ -39,7 +39,7 @@ impl Exchange {
     /// Makes the services, for frames of this size. `name` is that of the folder that they are found in.
     ///
     /// # Errors
-    /// Where shared memory cannot be used.
+    /// If shared memory cannot be used.
     pub fn new(name: &str, width: usize, height: usize) -> Result<Self> {
         let room = Room::new(name, width, height)?;
         let answers = room
@@ -76,7 +76,7 @@ impl Exchange {
     /// Sends a frame.
     ///
     /// # Errors
-    /// Where shared memory was damaged.
+    /// If shared memory was damaged.
     pub fn send(&self, frame: Frame<'_>, stamp: Stamp, speed: f64) -> Result<()> {
         let (width, height) = self.size;
         // Before the frame, so that it is there with it.
@@ -92,7 +92,7 @@ impl Exchange {
     /// Waits for the answer to the frame with this stamp. `look` is asked now and then whether the other process is still there.
     ///
     /// # Errors
-    /// That of `look`, or where no answer comes in time, or those of two drivers.
+    /// That of `look`, or if no answer comes in time, or those of two drivers.
     pub fn answer(
         &mut self,
         stamp: Stamp,

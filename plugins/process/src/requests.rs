@@ -45,7 +45,7 @@ impl Requests {
     /// Makes the services. `name` is that of the folder that they are found in.
     ///
     /// # Errors
-    /// Where shared memory cannot be used.
+    /// If shared memory cannot be used.
     pub fn new(name: &str) -> Result<Self> {
         // Pictures come on a topic of the program's, so the bus needs no memory for frames.
         let room = Room::new(name, 1, 1)?;
@@ -87,7 +87,7 @@ impl Requests {
     /// Asks, and returns the reply. Where `fresh`, the program may still be starting, and is asked again and again.
     ///
     /// # Errors
-    /// What the program says went wrong, that of `wait.look`, or where no reply comes in time.
+    /// What the program says went wrong, that of `wait.look`, or if no reply comes in time.
     pub fn ask(&mut self, request: &Value, fresh: bool, mut wait: Wait<'_>) -> Result<Value> {
         self.exchange(request, fresh, &mut wait, |_| Ok(()))?
             .ok_or_else(|| nonsense(wait.who, "a picture where none was asked for"))
@@ -96,7 +96,7 @@ impl Requests {
     /// Asks for the picture of the present state.
     ///
     /// # Errors
-    /// As [`Requests::ask`], or where the picture has another size.
+    /// As [`Requests::ask`], or if the picture has another size.
     pub fn frame(&mut self, request: &Value, mut into: FrameMut<'_>, mut wait: Wait<'_>) -> Result<()> {
         let (width, height) = (into.width(), into.height());
         let who = wait.who;

@@ -35,7 +35,7 @@ impl Room {
     /// Makes a bus for frames of this size. `name` is that of the folder in which its folder is found.
     ///
     /// # Errors
-    /// Where shared memory cannot be used.
+    /// If shared memory cannot be used.
     pub fn new(name: &str, width: usize, height: usize) -> Result<Self> {
         // There is one in a process; the number tells those of other processes apart.
         let bus = Bus::create(name, std::process::id(), width as u32, height as u32)
@@ -59,7 +59,7 @@ impl Room {
     /// Starts the program of a command, which finds the room by a variable; nothing where the command is empty.
     ///
     /// # Errors
-    /// Where there is no such program.
+    /// If there is no such program.
     pub fn launch(&self, what: &'static str, command: &[String]) -> Result<Option<Launched>> {
         if command.is_empty() {
             return Ok(None);
@@ -73,7 +73,7 @@ impl Room {
     /// Tells the program that there is something new.
     ///
     /// # Errors
-    /// Where shared memory cannot be used.
+    /// If shared memory cannot be used.
     pub fn bell(&self, name: &str) -> Result<Bell> {
         let service = self.node.service_builder(&named(name)?).event().create();
         let service = service.map_err(|error| failed(&error))?;
@@ -84,7 +84,7 @@ impl Room {
     /// Hears that the program has something new.
     ///
     /// # Errors
-    /// Where shared memory cannot be used.
+    /// If shared memory cannot be used.
     pub fn listener(&self, name: &str) -> Result<Listener<Service>> {
         let service = self.node.service_builder(&named(name)?).event().create();
         service.map_err(|error| failed(&error))?.listener_builder().create().map_err(|error| failed(&error))
@@ -141,7 +141,7 @@ pub fn nobody(what: &str, exchange: &str, deadline: &Deadline) -> Error {
 /// The name of a service.
 ///
 /// # Errors
-/// Where it cannot be one.
+/// If it cannot be one.
 pub fn named(name: &str) -> Result<ServiceName> {
     ServiceName::new(name).map_err(|error| failed(&error))
 }

@@ -26,13 +26,13 @@ pub trait Rule: Sized + Send {
     /// Makes a rule from checked parameters.
     ///
     /// # Errors
-    /// Where values do not go together.
+    /// If values do not go together.
     fn new(config: &Config) -> Result<Self>;
 
     /// Begins a search.
     ///
     /// # Errors
-    /// Where it cannot search this space.
+    /// If it cannot search this space.
     fn start(&mut self, problem: &Problem, domain: &Domain) -> Result<()>;
 
     /// The next candidate, after `proposed` earlier ones, of which the first have been evaluated. It may use as many of these

@@ -84,7 +84,7 @@ impl Options {
     /// Reads the parameters.
     ///
     /// # Errors
-    /// Where `launch` is no list of texts.
+    /// If `launch` is no list of texts.
     pub fn read(config: &Config) -> Result<Self> {
         Ok(Self {
             settings: Settings::read("the Udacity simulator", config)?,

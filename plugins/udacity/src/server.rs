@@ -39,7 +39,7 @@ impl Server {
     /// Listens, starts the simulator where that is to be done, and waits until it has connected.
     ///
     /// # Errors
-    /// Where the port is taken, the simulator ends, or none connects in time.
+    /// If the port is taken, the simulator ends, or none connects in time.
     pub fn open(mut station: Station, deadline: &Deadline) -> Result<Self> {
         let listener = station.listen()?;
         let mut door = Door::default();
@@ -60,7 +60,7 @@ impl Server {
     /// Sends an event with texts in it.
     ///
     /// # Errors
-    /// Where the simulator is gone, or does not take it in time.
+    /// If the simulator is gone, or does not take it in time.
     pub fn send(&mut self, event: &str, fields: &[(&str, &str)], deadline: &Deadline) -> Result<()> {
         let fields: Vec<String> =
             fields.iter().map(|(name, text)| format!("\"{name}\":\"{text}\"")).collect();
@@ -70,7 +70,7 @@ impl Server {
     /// Waits for the next packet that is of use, and looks at it. Pings are answered.
     ///
     /// # Errors
-    /// Where the simulator is gone, nothing comes in time, or it is no packet.
+    /// If the simulator is gone, nothing comes in time, or it is no packet.
     pub fn next<R>(
         &mut self,
         deadline: &Deadline,
@@ -92,7 +92,7 @@ impl Server {
     /// Looks at the next packet that is of use where it has come already.
     ///
     /// # Errors
-    /// Where the simulator is gone, or it is no packet.
+    /// If the simulator is gone, or it is no packet.
     pub fn take<R>(&mut self, deadline: &Deadline, look: impl FnOnce(Packet<'_>) -> R) -> Result<Option<R>> {
         self.refuse_others();
         self.ping(deadline)?;

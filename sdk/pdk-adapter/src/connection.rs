@@ -31,7 +31,7 @@ impl Connection {
     /// Takes a connected stream. No message may be longer than `longest` bytes.
     ///
     /// # Errors
-    /// Where the system refuses to send messages at once.
+    /// If the system refuses to send messages at once.
     pub fn new(stream: TcpStream, peer: impl Into<String>, longest: usize) -> Result<Self> {
         stream.set_nodelay(true)?;
         stream.set_nonblocking(false)?;
@@ -46,7 +46,7 @@ impl Connection {
     /// Sends a message in one piece.
     ///
     /// # Errors
-    /// Where the other end is gone, or does not take it in time.
+    /// If the other end is gone, or does not take it in time.
     pub fn send(&mut self, message: &[u8], deadline: &Deadline) -> Result<()> {
         let mut rest = message;
         while !rest.is_empty() {
@@ -66,7 +66,7 @@ impl Connection {
     /// The next line, without its line feed; `what` is what the other end has not done where none comes, as in "sent telemetry".
     ///
     /// # Errors
-    /// Where the other end is gone, in the middle of a line or not, where none comes in time, or it is too long.
+    /// If the other end is gone, in the middle of a line or not, where none comes in time, or it is too long.
     pub fn line(&mut self, deadline: &Deadline, what: &str) -> Result<&[u8]> {
         loop {
             if let Some(length) = self.whole_line() {
@@ -82,7 +82,7 @@ impl Connection {
     /// Whether a whole line is there, without waiting for one.
     ///
     /// # Errors
-    /// Where the other end is gone, or the line is too long.
+    /// If the other end is gone, or the line is too long.
     pub fn has_line(&mut self) -> Result<bool> {
         loop {
             if self.whole_line().is_some() {
@@ -97,7 +97,7 @@ impl Connection {
     /// The next bytes, exactly so many.
     ///
     /// # Errors
-    /// Where the other end is gone, they do not come in time, or they are too many.
+    /// If the other end is gone, they do not come in time, or they are too many.
     pub fn bytes(&mut self, length: usize, deadline: &Deadline, what: &str) -> Result<&[u8]> {
         self.fill(length, deadline, what)?;
         let bytes = self.start..self.start + length;
@@ -109,7 +109,7 @@ impl Connection {
     /// Whether so many bytes are there, without waiting for them.
     ///
     /// # Errors
-    /// Where the other end is gone.
+    /// If the other end is gone.
     pub fn has_bytes(&mut self, length: usize) -> Result<bool> {
         while self.end - self.start < length {
             if !self.take_what_is_there()? {

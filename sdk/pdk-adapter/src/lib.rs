@@ -52,7 +52,7 @@ use pdk_sdk::serde_json::Value;
 /// simulator. It is written as for every simulator: angles, or waypoints.
 ///
 /// # Errors
-/// Where it is written otherwise; that is the outcome of this scenario, and not a mistake in the set-up.
+/// If it is written otherwise; that is the outcome of this scenario, and not a mistake in the set-up.
 pub fn road(road: &Value) -> Result<Option<Vec<[f64; 3]>>> {
     match pdk_road::read(road).map_err(Error::new)? {
         Some(points) if points.len() < 2 => {
@@ -71,7 +71,7 @@ const SMALLEST_RADIUS: f64 = 8.0;
 /// the roads of one simulator apart from those of another.
 ///
 /// # Errors
-/// Where the seed gives no such road.
+/// If the seed gives no such road.
 pub fn random_road(seed: u64, purpose: &str) -> Result<Vec<[f64; 3]>> {
     let mut random = pdk_sdk::seed::key(seed, purpose, 0).sequence();
     for _ in 0..1000 {

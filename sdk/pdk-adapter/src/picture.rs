@@ -64,7 +64,7 @@ impl Picture {
     /// Writes it to a frame of the loop.
     ///
     /// # Errors
-    /// Where that has another size.
+    /// If that has another size.
     pub fn write(&self, mut into: FrameMut<'_>) -> Result<()> {
         if (into.width(), into.height()) != (self.width, self.height) {
             return Err(Error::new(format!(
@@ -85,7 +85,7 @@ impl Picture {
 /// Decodes a picture of the simulator `peer` into a frame of the loop.
 ///
 /// # Errors
-/// Where it cannot be decoded, or has another size than the frame.
+/// If it cannot be decoded, or has another size than the frame.
 pub fn decode(encoded: &[u8], peer: impl Display, mut into: FrameMut<'_>) -> Result<()> {
     match pdk_image::decode_into(encoded, into.reborrow()) {
         Ok(size) if size == (into.width(), into.height()) => Ok(()),

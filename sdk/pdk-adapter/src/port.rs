@@ -22,7 +22,7 @@ impl Claim {
     /// Takes it.
     ///
     /// # Errors
-    /// Where another process has it, or its file cannot be made.
+    /// If another process has it, or its file cannot be made.
     pub fn new(host: &str, port: u16) -> Result<Self> {
         let folder = cache()?.folder.join("ports");
         let name: String =

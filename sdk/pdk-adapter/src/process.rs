@@ -56,7 +56,7 @@ impl Launched {
     /// Starts a program.
     ///
     /// # Errors
-    /// Where there is no such program, or the system cannot start it.
+    /// If there is no such program, or the system cannot start it.
     pub fn start(launch: &Launch<'_>) -> Result<Self> {
         let Launch { what, parameter, words, environment } = *launch;
         let mistake = |sentence| Error::of(ErrorKind::Configuration, sentence);

@@ -80,7 +80,7 @@ impl Settings {
     /// Reads the parameters.
     ///
     /// # Errors
-    /// Where `launch` is no list of texts.
+    /// If `launch` is no list of texts.
     pub fn read(title: &'static str, config: &Config) -> Result<Self> {
         let whole = |name| u16::try_from(config.integer(name)).unwrap_or(u16::MAX);
         let host = match config.text("host") {
@@ -101,7 +101,7 @@ impl Settings {
     /// The port of a slot's simulator.
     ///
     /// # Errors
-    /// Where there is no such port.
+    /// If there is no such port.
     pub fn port_of(&self, slot: u32) -> Result<u16> {
         let port = u64::from(self.port) + u64::from(slot) * u64::from(self.port_step);
         u16::try_from(port).map_err(|_| {
@@ -136,7 +136,7 @@ pub fn gpus() -> Parameter {
 /// A program with its arguments, from the value of a parameter: a list of texts, or null for none.
 ///
 /// # Errors
-/// Where it is something else.
+/// If it is something else.
 pub fn words(parameter: &str, value: &Value) -> Result<Vec<String>> {
     list(value).ok_or_else(|| {
         mistake(format!(

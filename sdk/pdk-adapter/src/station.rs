@@ -39,7 +39,7 @@ impl Station {
     /// The station of a slot. Nothing is started yet.
     ///
     /// # Errors
-    /// Where the slot's port belongs to another process of pdk, or there is no such port.
+    /// If the slot's port belongs to another process of pdk, or there is no such port.
     pub fn new(settings: &Settings, slot: u32) -> Result<Self> {
         let port = settings.port_of(slot)?;
         let claim = Claim::new(&settings.host, port)?;
@@ -64,7 +64,7 @@ impl Station {
     /// Starts the simulator, where `launch` says how; one that has ended is started again, and one that runs goes on.
     ///
     /// # Errors
-    /// Where it cannot be started.
+    /// If it cannot be started.
     pub fn launch(&mut self) -> Result<()> {
         if self.settings.launch.is_empty() || self.check().is_ok() && self.process.is_some() {
             return Ok(());
@@ -122,7 +122,7 @@ impl Station {
     /// the simulator has not done where it comes to nothing, as in "loaded the scene".
     ///
     /// # Errors
-    /// That of `poll`, or where the simulator ends or the time is over.
+    /// That of `poll`, or if the simulator ends or the time is over.
     pub fn wait<T>(
         &mut self,
         deadline: &Deadline,
@@ -143,7 +143,7 @@ impl Station {
     /// simulators with several.
     ///
     /// # Errors
-    /// Where the host is unknown, the simulator ends, or nothing listens before the deadline.
+    /// If the host is unknown, the simulator ends, or nothing listens before the deadline.
     pub fn connect(&mut self, offset: u16, deadline: &Deadline) -> Result<TcpStream> {
         self.connect_to(self.port.saturating_add(offset), deadline)
     }
@@ -180,7 +180,7 @@ impl Station {
     /// Listens for a simulator that connects to pdk, and starts it where that is to be done. The listener does not block.
     ///
     /// # Errors
-    /// Where the port is taken, or the simulator cannot be started.
+    /// If the port is taken, or the simulator cannot be started.
     pub fn listen(&mut self) -> Result<TcpListener> {
         let (host, port) = (&self.settings.host, self.port);
         let addresses = addresses(host, port)?;

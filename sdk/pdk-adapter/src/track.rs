@@ -44,7 +44,7 @@ impl Track {
     /// A road through these waypoints, `[x, height, z]` in metres, x to the right where z is ahead. The vehicle is at its start.
     ///
     /// # Errors
-    /// Where there are fewer than two waypoints, or two that follow each other are at the same place.
+    /// If there are fewer than two waypoints, or two that follow each other are at the same place.
     pub fn new(waypoints: Vec<[f64; 3]>) -> Result<Self> {
         let points: Vec<Point> = waypoints.iter().map(|&[x, _, z]| [x, z]).collect();
         if points.len() < 2 {

@@ -55,7 +55,7 @@ fn choose(named: Option<OsString>, runtime: Option<OsString>) -> Result<PathBuf>
 /// Makes a folder that only this user can enter, unless it is there.
 ///
 /// # Errors
-/// Where it cannot be made, or [`is_there`] refuses it.
+/// If it cannot be made, or [`is_there`] refuses it.
 pub(crate) fn make(folder: &Path) -> Result<()> {
     let made = DirBuilder::new().recursive(true).mode(0o700).create(folder);
     // What is there in its place is said better below.
@@ -73,7 +73,7 @@ pub(crate) fn make(folder: &Path) -> Result<()> {
 /// Whether there is such a folder.
 ///
 /// # Errors
-/// Where others could have put something into it: it belongs to another user, can be written by others, or is
+/// If others could have put something into it: it belongs to another user, can be written by others, or is
 /// a symbolic link to who knows where.
 pub(crate) fn is_there(folder: &Path) -> Result<bool> {
     let refused = |reason: &str| {

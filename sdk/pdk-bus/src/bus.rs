@@ -116,7 +116,7 @@ impl Bus {
     /// Sends what the driver answered to the frame with the same stamp.
     ///
     /// # Errors
-    /// Where the topic's memory is damaged.
+    /// If the topic's memory is damaged.
     pub fn publish_control(&self, stamp: Stamp, control: Control) -> Result<()> {
         self.topics.control.send(self.stamped(stamp), control.into())
     }
@@ -124,7 +124,7 @@ impl Bus {
     /// Sends what the vehicle did.
     ///
     /// # Errors
-    /// Where the topic's memory is damaged.
+    /// If the topic's memory is damaged.
     pub fn publish_state(&self, stamp: Stamp, state: State) -> Result<()> {
         self.topics.state.send(self.stamped(stamp), state.into())
     }

@@ -21,7 +21,7 @@ pub(crate) const CONFIG_FILE: &str = "iceoryx2.toml";
 pub(crate) const UNFINISHED_CONFIG_FILE: &str = "iceoryx2.toml.new";
 
 /// # Errors
-/// Where `run` cannot be the name of a folder of a run.
+/// If `run` cannot be the name of a folder of a run.
 pub(crate) fn check_run_id(run: &str) -> Result<()> {
     let allowed = |byte: u8| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte);
     let fits = (1..=MAX_RUN_ID).contains(&run.len()) && run.bytes().all(allowed) && !run.starts_with('.');

@@ -21,7 +21,7 @@ use crate::{
 /// tap is just being opened, would be left.
 ///
 /// # Errors
-/// Where `root` is not the root of a bus, or something in it cannot be deleted.
+/// If `root` is not the root of a bus, or something in it cannot be deleted.
 pub fn remove(root: &Path) -> Result<()> {
     if parse_root(root).is_none() {
         return Err(Error::new(format!(

@@ -230,7 +230,7 @@ fn look(path: PathBuf) -> Option<LivingRoot> {
 /// All roots of one run or of all, in whatever state.
 ///
 /// # Errors
-/// Where the base is not this user's alone, or cannot be read.
+/// If the base is not this user's alone, or cannot be read.
 pub(crate) fn all(base: &Path, run: Option<&str>) -> Result<Vec<PathBuf>> {
     if !base::is_there(base)? {
         return Ok(Vec::new());

@@ -18,7 +18,7 @@ const AT_A_TIME: usize = 64;
 /// number of processes may sweep at the same time.
 ///
 /// # Errors
-/// Where the base is not this user's alone or cannot be read, or something cannot be deleted.
+/// If the base is not this user's alone or cannot be read, or something cannot be deleted.
 pub fn sweep() -> Result<usize> {
     sweep_below(&base()?, None)
 }
@@ -26,7 +26,7 @@ pub fn sweep() -> Result<usize> {
 /// Like [`sweep`], for the buses of one run.
 ///
 /// # Errors
-/// As for [`sweep`], and where `run` cannot be a run id.
+/// As for [`sweep`], and if `run` cannot be a run id.
 pub fn sweep_run(run: &str) -> Result<usize> {
     check_run_id(run)?;
     sweep_below(&base()?, Some(run))

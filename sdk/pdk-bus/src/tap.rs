@@ -70,7 +70,7 @@ impl Tap {
     /// The runs that publish at this moment, the one that started last first.
     ///
     /// # Errors
-    /// Where the base is not this user's alone, or cannot be read.
+    /// If the base is not this user's alone, or cannot be read.
     pub fn list() -> Result<Vec<RunTopics>> {
         list_below(&base()?)
     }
@@ -125,7 +125,7 @@ impl Tap {
     /// The oldest message that waits; where none does, waits for one up to `timeout`. `None` after that.
     ///
     /// # Errors
-    /// Where the caller holds two frames already, or the next loop in this slot cannot be tapped.
+    /// If the caller holds two frames already, or the next loop in this slot cannot be tapped.
     pub fn receive(&mut self, timeout: Duration) -> Result<Option<Message>> {
         let start = Instant::now();
         let mut polls = 0;
@@ -157,7 +157,7 @@ impl Tap {
     /// wait.
     ///
     /// # Errors
-    /// Where the base cannot be read.
+    /// If the base cannot be read.
     pub fn is_over(&self) -> Result<bool> {
         Ok(!self.link.is_alive() && find(&self.base, Some(&self.run), self.slot)?.is_none())
     }

@@ -167,7 +167,7 @@ impl FrameLoan<'_> {
     /// Sends the frame to every tap and returns it, readable, from the same memory.
     ///
     /// # Errors
-    /// Where the loop holds more than one earlier frame of this topic, or the topic's memory is damaged.
+    /// If the loop holds more than one earlier frame of this topic, or the topic's memory is damaged.
     pub fn publish(self) -> Result<FrameSample> {
         let Self { mut sample, topic } = self;
         let failed = |error: &dyn std::error::Error| {

@@ -27,7 +27,7 @@ const JPEG_QUALITY: u8 = 95;
 /// (the orientation of the file's EXIF data) is turned upright.
 ///
 /// # Errors
-/// Where the file cannot be read, is no such image, has more than [`most_pixels`], is an animation, has pixels that are not
+/// If the file cannot be read, is no such image, has more than [`most_pixels`], is an animation, has pixels that are not
 /// opaque, or is damaged or cut off: there is no partial image.
 pub fn read(path: &Path) -> Result<FrameBuf> {
     read_as(path, |image| {
@@ -151,7 +151,7 @@ fn is_still(format: &ImageFormat) -> bool {
 /// Writes a frame as PNG, JPEG (of quality 95), BMP or WebP; the ending of the name says which. Folders on the way are made.
 ///
 /// # Errors
-/// Where the ending is another one, or the file cannot be written.
+/// If the ending is another one, or the file cannot be written.
 pub fn write(path: &Path, frame: Frame<'_>) -> Result<()> {
     let place = format!("cannot write the image {}", path.display());
     let format = ImageFormat::from_path(path)

@@ -50,7 +50,7 @@ fn orientation(reader: &PngReader<'_>) -> Orientation {
 /// Reads all pictures of an animation and the checksums of their pixels, which its decoder does not look at.
 ///
 /// # Errors
-/// Where it is damaged or too large.
+/// If it is damaged or too large.
 pub fn check_animation(bytes: &[u8]) -> Result<()> {
     let (mut reader, length) = read_with(bytes, Transformations::IDENTITY)?;
     let mut pixels = vec![0; length];
@@ -178,7 +178,7 @@ pub fn decode_into(bytes: &[u8], into: &mut FrameMut<'_>) -> Result<bool> {
 /// A PNG file without all that is no part of its pictures: texts and color profiles, which a decoder would expand to any size.
 ///
 /// # Errors
-/// Where it is cut off.
+/// If it is cut off.
 pub fn without_texts(bytes: &[u8]) -> Result<Vec<u8>> {
     let cut_off = || Error::new("it is cut off: the end of the PNG is missing");
     let mut rest = bytes.strip_prefix(SIGNATURE).ok_or_else(cut_off)?;

@@ -21,7 +21,7 @@ const UNKNOWN: u8 = u8::MAX;
 /// coding, lossless, hierarchical) are left to the decoder to refuse.
 ///
 /// # Errors
-/// Where something is missing, or what is there cannot be.
+/// If something is missing, or what is there cannot be.
 pub fn check(bytes: &[u8]) -> Result<()> {
     let mut file = Jpeg { bytes, at: 0, frame: None, tables: Default::default(), interval: 0 };
     loop {

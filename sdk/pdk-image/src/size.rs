@@ -14,7 +14,7 @@ pub const LARGEST_FILE: u64 = 512 << 20;
 /// The pixels that a picture may have: 64 megapixels of 2^20, or as many as `PDK_MEGAPIXELS` says.
 ///
 /// # Errors
-/// Where the variable is no whole number from 1 to 256.
+/// If the variable is no whole number from 1 to 256.
 pub fn most_pixels() -> Result<usize> {
     match std::env::var(VARIABLE) {
         Err(_) => Ok(MEGAPIXELS << 20),
@@ -29,7 +29,7 @@ pub fn most_pixels() -> Result<usize> {
 /// Looks at the size of a picture before memory is taken for it.
 ///
 /// # Errors
-/// Where it is too large, with what can be done.
+/// If it is too large, with what can be done.
 pub fn check_size(width: u32, height: u32) -> Result<()> {
     let most = most_pixels()?;
     match width.max(height) <= LONGEST && width as usize * height as usize <= most {

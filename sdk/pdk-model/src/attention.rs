@@ -29,7 +29,7 @@ impl Attention {
     /// Reads it from a script or the command line: a saliency method as a text, or a table with `by` and how long a map is used.
     ///
     /// # Errors
-    /// Where it is neither, or contradicts itself.
+    /// If it is neither, or contradicts itself.
     pub fn from_json(value: &Value) -> Result<Self> {
         let wrong = |why: &str| Error::new(format!("`attention` is {value}, but {why}"));
         let mut table = match value {

@@ -30,7 +30,7 @@ impl ComponentSpec {
     /// Reads `NAME` with parameters behind it, as on the command line: `NAME,key=value,...`; `what` is what the error calls it.
     ///
     /// # Errors
-    /// Where there is no name, or a parameter has no value.
+    /// If there is no name, or a parameter has no value.
     pub fn parse(what: &str, text: &str) -> Result<Self> {
         let mut parts = split_outside_brackets(text).into_iter();
         let name = parts.next().unwrap_or_default();
@@ -55,7 +55,7 @@ impl ComponentSpec {
     /// `parameters`.
     ///
     /// # Errors
-    /// Where it is neither, or a parameter has no value; `what` is what the error calls it.
+    /// If it is neither, or a parameter has no value; `what` is what the error calls it.
     pub fn from_json(what: &str, value: &Value) -> Result<Self> {
         match value {
             Value::String(name) => Ok(Self::new(name.as_str())),

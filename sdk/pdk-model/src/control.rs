@@ -31,7 +31,7 @@ impl Control {
     /// The control with both numbers limited to their range.
     ///
     /// # Errors
-    /// Where one of them is not finite.
+    /// If one of them is not finite.
     pub fn checked(self) -> Result<Self> {
         if !self.numbers().iter().all(|number| number.is_finite()) {
             return Err(Error::of(

@@ -81,7 +81,7 @@ impl Level {
     /// Reads a level from a script or the command line.
     ///
     /// # Errors
-    /// Where it is neither a number from 0 to 4 nor a course of such numbers.
+    /// If it is neither a number from 0 to 4 nor a course of such numbers.
     pub fn from_json(what: &str, value: &Value) -> Result<Self> {
         if !value.is_number() && !value.is_object() {
             let shown = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
@@ -114,7 +114,7 @@ impl Level {
     /// Checks a level that was not read by [`Level::from_json`]; `what` is what the error calls the perturbation.
     ///
     /// # Errors
-    /// Where a level is not from 0 to 4, or the course is none.
+    /// If a level is not from 0 to 4, or the course is none.
     pub fn check(&self, what: &str) -> Result<()> {
         let levels: Vec<f64> = match self {
             Level::Constant(level) => vec![*level],

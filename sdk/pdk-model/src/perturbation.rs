@@ -219,7 +219,7 @@ impl AppliedPerturbation {
     /// [`DEFAULT_LEVEL`].
     ///
     /// # Errors
-    /// Where the level is not a number from 0 to 4, or a parameter has no value.
+    /// If the level is not a number from 0 to 4, or a parameter has no value.
     pub fn parse(text: &str) -> Result<Self> {
         Self::from_table(&read_text(text)?)
     }
@@ -228,7 +228,7 @@ impl AppliedPerturbation {
     /// parameters, which may stand in a table `parameters` as they do in records.
     ///
     /// # Errors
-    /// Where it is neither, or one of them is out of range or null.
+    /// If it is neither, or one of them is out of range or null.
     pub fn from_json(value: &Value) -> Result<Self> {
         Self::from_table(&read(value)?)
     }
@@ -236,7 +236,7 @@ impl AppliedPerturbation {
     /// Reads a perturbation to which somebody else gives the levels, by [`AppliedPerturbation::at_level`].
     ///
     /// # Errors
-    /// As [`AppliedPerturbation::from_json`], and where it has a level of its own.
+    /// As [`AppliedPerturbation::from_json`], and if it has a level of its own.
     pub fn from_json_without_level(value: &Value) -> Result<Self> {
         let table = read(value)?;
         if table.contains_key("level") {

@@ -21,7 +21,7 @@ impl Region {
     /// Reads a region from a script or the command line.
     ///
     /// # Errors
-    /// Where it is none, or lies outside the frame.
+    /// If it is none, or lies outside the frame.
     pub fn from_json(value: &Value) -> Result<Self> {
         let region: Self = serde_json::from_value(value.clone()).map_err(|_| {
             Error::new(format!(

@@ -122,7 +122,7 @@ impl Space {
     /// Makes sure that something can be searched.
     ///
     /// # Errors
-    /// Where there is no variable, two have one name, a range is empty or not finite, or a constraint names a variable without
+    /// If there is no variable, two have one name, a range is empty or not finite, or a constraint names a variable without
     /// an order.
     pub fn check(&self) -> Result<()> {
         if self.variables.is_empty() {
@@ -181,7 +181,7 @@ impl Space {
     /// The positions of values, in the order of the variables.
     ///
     /// # Errors
-    /// Where a variable has no value, one that is out of its range, or there is a value without a variable.
+    /// If a variable has no value, one that is out of its range, or there is a value without a variable.
     pub fn positions(&self, values: &Map<String, Value>) -> Result<Vec<f64>> {
         if let Some(unknown) = values.keys().find(|name| self.variables.iter().all(|v| v.name != **name)) {
             return Err(nonsense(format!(

@@ -96,7 +96,7 @@ impl Selection {
     /// Reads a selection from a script or the command line; `by` is a text as for a component on the command line, or a table.
     ///
     /// # Errors
-    /// Where it is none, or contradicts itself.
+    /// If it is none, or contradicts itself.
     pub fn from_json(value: &Value) -> Result<Self> {
         let wrong = |why: &str| Error::new(format!("`where` is {value}, but {why}"));
         let mut table = value.as_object().ok_or_else(|| wrong(FORM))?.clone();
@@ -165,7 +165,7 @@ impl Selection {
 /// Reads a component that a modifier names under a key: a text as on the command line, or a table.
 ///
 /// # Errors
-/// Where it is none.
+/// If it is none.
 pub(crate) fn component(kind: &str, key: &str, value: &Value) -> Result<ComponentSpec> {
     match value {
         Value::String(text) => ComponentSpec::parse(kind, text),

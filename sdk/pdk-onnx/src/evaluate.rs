@@ -14,7 +14,7 @@ impl Graph {
     /// Computes `values` from `given`: the graph's inputs, or any values in their place.
     ///
     /// # Errors
-    /// Where an operator is not known here, or something that is needed is not given.
+    /// If an operator is not known here, or something that is needed is not given.
     pub fn evaluate(&self, given: &[(&str, &Tensor)], values: &[&str]) -> Result<Vec<Tensor>> {
         let mut known: HashMap<&str, Cow<'_, Tensor>> = HashMap::new();
         for (name, tensor) in given {

@@ -33,7 +33,7 @@ impl Graph {
     /// Reads the graph of a model, whose operators `shapes` knows. A batch that is left open is one.
     ///
     /// # Errors
-    /// Where the graph contradicts itself, or an input leaves more than its batch open.
+    /// If the graph contradicts itself, or an input leaves more than its batch open.
     pub(crate) fn with(model: ModelProto, shapes: fn(&NodeProto) -> Option<&'static Shapes>) -> Result<Self> {
         let proto = model.graph.unwrap_or_default();
         let own = |domain: &str| domain.is_empty() || domain == "ai.onnx";
@@ -79,7 +79,7 @@ impl Graph {
     /// Adds a node; everything that goes in has to be there.
     ///
     /// # Errors
-    /// Where something that goes in is not there, or a name is taken.
+    /// If something that goes in is not there, or a name is taken.
     pub(crate) fn add_node(&mut self, node: NodeProto) -> Result<()> {
         for input in node.input.iter().filter(|input| !input.is_empty()) {
             if !self.values.contains(input) {
@@ -210,7 +210,7 @@ impl Graph {
     /// A model that computes these values, with as few nodes as that takes.
     ///
     /// # Errors
-    /// Where the type or shape of one of them is not known.
+    /// If the type or shape of one of them is not known.
     pub fn model(&self, outputs: &[&str]) -> Result<ModelProto> {
         // Bodies of control flow may use any value, without naming it in the node.
         let whole = self

@@ -74,7 +74,7 @@ pub fn layers(graph: &Graph, image: Image<'_>, target: &str) -> Vec<Layer> {
 /// The layer that the image itself is.
 ///
 /// # Errors
-/// Where the graph has no such input.
+/// If the graph has no such input.
 pub fn image_layer(graph: &Graph, image: Image<'_>) -> Result<Layer> {
     let shape = graph.fact(image.input)?.shape.clone();
     let looks = looks(graph, image.input, image.height, image.width);
@@ -104,7 +104,7 @@ pub fn default(layers: &[Layer]) -> Option<&Layer> {
 /// The layer of this name, of its node or its value; the [`default`] if the name is empty.
 ///
 /// # Errors
-/// Where there is none, with those that there are.
+/// If there is none, with those that there are.
 pub fn find<'a>(layers: &'a [Layer], name: &str) -> Result<&'a Layer> {
     if name.is_empty() {
         return default(layers).ok_or_else(|| {

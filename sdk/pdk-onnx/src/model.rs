@@ -16,7 +16,7 @@ const MAX_BYTES: u64 = 1 << 31;
 /// Reads a model with the weights that lie in files beside it.
 ///
 /// # Errors
-/// Where a file cannot be read, is none, or is not an ONNX model.
+/// If a file cannot be read, is none, or is not an ONNX model.
 pub fn read(path: &Path) -> Result<ModelProto> {
     let mut model = decode(&file::read(path, MAX_BYTES)?)?;
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -32,7 +32,7 @@ pub fn read(path: &Path) -> Result<ModelProto> {
 /// Reads a model from the content of its file.
 ///
 /// # Errors
-/// Where it is not an ONNX model or holds no graph.
+/// If it is not an ONNX model or holds no graph.
 pub fn decode(bytes: &[u8]) -> Result<ModelProto> {
     let model =
         ModelProto::decode(bytes).map_err(|_| Error::new("the file is not an ONNX model, or is damaged"))?;

@@ -69,7 +69,7 @@ const MAX_ELEMENTS: usize = 1 << 30;
 /// The number of elements of a shape.
 ///
 /// # Errors
-/// Where there are too many.
+/// If there are too many.
 pub fn elements(shape: &[usize]) -> Result<usize> {
     let product = shape.iter().try_fold(1usize, |product, &dim| product.checked_mul(dim));
     product
@@ -111,7 +111,7 @@ impl Tensor {
     /// The same number everywhere.
     ///
     /// # Errors
-    /// Where the shape is too large.
+    /// If the shape is too large.
     pub fn filled(element: Element, shape: &[usize], value: f64) -> Result<Self> {
         Ok(Self { element, shape: shape.to_vec(), values: vec![value; elements(shape)?] })
     }
@@ -119,7 +119,7 @@ impl Tensor {
     /// An element of `shape` for each position, in order.
     ///
     /// # Errors
-    /// Where the shape is too large.
+    /// If the shape is too large.
     pub fn from_fn(
         element: Element,
         shape: &[usize],
@@ -149,7 +149,7 @@ impl Tensor {
     /// Reads a constant.
     ///
     /// # Errors
-    /// Where its shape and its data contradict each other, or it holds no numbers.
+    /// If its shape and its data contradict each other, or it holds no numbers.
     pub fn from_proto(proto: &TensorProto) -> Result<Self> {
         let element = Element(proto.data_type);
         let shape = dims(proto)?;
@@ -203,7 +203,7 @@ impl Tensor {
 /// The shape of a constant.
 ///
 /// # Errors
-/// Where a dimension is negative.
+/// If a dimension is negative.
 pub fn dims(proto: &TensorProto) -> Result<Vec<usize>> {
     let shape = proto.dims.iter().map(|&dim| usize::try_from(dim)).collect::<Result<Vec<_>, _>>();
     shape.map_err(|_| Error::new(format!("its shape is {:?}, but cannot be negative", proto.dims)))
@@ -267,7 +267,7 @@ pub fn for_each_position(shape: &[usize], mut visit: impl FnMut(&[usize])) {
 /// The shape that several are broadcast to.
 ///
 /// # Errors
-/// Where they do not go together.
+/// If they do not go together.
 pub fn broadcast(shapes: &[&[usize]]) -> Result<Vec<usize>> {
     let rank = shapes.iter().map(|shape| shape.len()).max().unwrap_or(0);
     let mut result = vec![1; rank];

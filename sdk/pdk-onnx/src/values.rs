@@ -78,7 +78,7 @@ impl Values {
     /// Adds a constant.
     ///
     /// # Errors
-    /// Where its shape makes no sense, or its name is taken.
+    /// If its shape makes no sense, or its name is taken.
     pub fn add_initializer(&mut self, tensor: TensorProto) -> Result<()> {
         let place = |error: Error| error.at(format!("its weights `{}`", tensor.name));
         let shape = dims(&tensor).map_err(place)?;
@@ -119,7 +119,7 @@ impl Values {
     /// Type and shape of a value.
     ///
     /// # Errors
-    /// Where there is no such value, or why they are not known.
+    /// If there is no such value, or why they are not known.
     pub fn fact(&self, name: &str) -> Result<&Fact> {
         match self.known.get(name) {
             Some(value) => value.fact.as_ref().map_err(Clone::clone),
@@ -130,7 +130,7 @@ impl Values {
     /// The elements of a value; nothing where they depend on the inputs, or are many and are not in the file.
     ///
     /// # Errors
-    /// Where the constant in the file contradicts itself.
+    /// If the constant in the file contradicts itself.
     pub fn constant(&self, name: &str) -> Result<Option<Arc<Tensor>>> {
         match self.known.get(name) {
             Some(Value { constant: Some(tensor), .. }) => Ok(Some(tensor.clone())),

@@ -44,7 +44,7 @@ fn half_widths(radius: f64, into: &mut Vec<usize>) {
 /// Replaces each pixel by the mean of the disc around it: all pixels with `x^2 + y^2 <= radius^2`, at any real radius.
 ///
 /// # Panics
-/// Where the sizes differ or `radius` is not within 0..=[`MAX_RADIUS`].
+/// If the sizes differ or `radius` is not within 0..=[`MAX_RADIUS`].
 pub fn disc_blur(src: Frame<'_>, mut dst: FrameMut<'_>, radius: f64, workspace: &mut Workspace) {
     assert!(src.same_size(&dst.as_ref()), "disc_blur between frames of different size");
     assert!(
@@ -144,7 +144,7 @@ fn fill_prefix(row: &[u8], prefix: &mut [u16], reach: usize) {
 /// Replaces each pixel by the mean of the pixels at the given places `(right, down)` relative to it.
 ///
 /// # Panics
-/// Where the sizes differ, or there are no neighbours or more than [`MAX_NEIGHBOURS`].
+/// If the sizes differ, or there are no neighbours or more than [`MAX_NEIGHBOURS`].
 pub fn pixel_average(
     src: Frame<'_>,
     mut dst: FrameMut<'_>,
@@ -174,7 +174,7 @@ pub const MAX_LINE: f64 = (MAX_NEIGHBOURS - 1) as f64;
 /// with its middle on the pixel: one pixel in each column, or in each row where the line is steeper than a diagonal.
 ///
 /// # Panics
-/// Where the sizes differ or `right` or `down` is not within -[`MAX_LINE`]..=[`MAX_LINE`].
+/// If the sizes differ or `right` or `down` is not within -[`MAX_LINE`]..=[`MAX_LINE`].
 pub fn line_blur(src: Frame<'_>, dst: FrameMut<'_>, right: f64, down: f64, workspace: &mut Workspace) {
     let longest = right.abs().max(down.abs());
     assert!(longest <= MAX_LINE, "line_blur takes lines of up to 256 pixels, not {right} and {down}");

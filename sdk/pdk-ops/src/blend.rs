@@ -20,7 +20,7 @@ fn shares(weight: f64) -> (f32, f32) {
 /// `weight * a + (1 - weight) * b`, rounded half to even. The weight is clipped to 0..=1.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn blend(a: Frame<'_>, weight: f64, b: Frame<'_>, mut dst: FrameMut<'_>) {
     assert!(a.same_size(&b) && a.same_size(&dst.as_ref()), "blend of frames of different size");
     let (weight, rest) = shares(weight);
@@ -43,7 +43,7 @@ vectorised! {
 /// Blends the frame with its own grey: `weight * grey + (1 - weight) * src`, rounded half to even.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn blend_with_grey(src: Frame<'_>, dst: FrameMut<'_>, weight: f64) {
     let (weight, rest) = shares(weight);
     for_each_row(src, dst, |from, to| blend_with_grey_row(from, to, weight, rest));

@@ -49,7 +49,7 @@ impl Workspace {
 /// fraction, and the smaller one is the lower. The weight is clipped to 0..=1.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn blend_with_edges(
     src: Frame<'_>,
     mut dst: FrameMut<'_>,

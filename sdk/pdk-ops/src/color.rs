@@ -12,7 +12,7 @@ pub fn grey(r: u8, g: u8, b: u8) -> u8 {
 /// Writes each pixel's grey to all of its three channels.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn grayscale(src: Frame<'_>, dst: FrameMut<'_>) {
     for_each_row(src, dst, grayscale_row);
 }

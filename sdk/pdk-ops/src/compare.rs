@@ -5,7 +5,7 @@ use crate::frame::Frame;
 /// Mean squared difference of all values of two frames of the same size; 0 where they are equal, at most 255².
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn mean_squared_difference(a: Frame<'_>, b: Frame<'_>) -> f64 {
     assert!(a.same_size(&b), "frames of different size cannot be compared");
     let squares = a.rows().zip(b.rows()).map(|(a, b)| {
@@ -24,7 +24,7 @@ const RADIUS: usize = 5;
 /// Wang, Bovik, Sheikh and Simoncelli, "Image quality assessment: from error visibility to structural similarity" (2004).
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn structural_similarity(a: Frame<'_>, b: Frame<'_>) -> f64 {
     assert!(a.same_size(&b), "frames of different size cannot be compared");
     (0..3).map(|channel| channel_similarity(&plane(a, channel), &plane(b, channel))).sum::<f64>() / 3.0

@@ -33,7 +33,7 @@ pub struct Workspace {
 /// (2003).
 ///
 /// # Panics
-/// Where the sizes differ, `alpha` is not within 0..=1000 or `sigma` not within 0.1..=20.
+/// If the sizes differ, `alpha` is not within 0..=1000 or `sigma` not within 0.1..=20.
 pub fn elastic(
     src: Frame<'_>,
     mut dst: FrameMut<'_>,

@@ -44,7 +44,7 @@ fn padded(len: usize, other: usize) -> usize {
 /// may have in a tile's histogram, as a multiple of its share in a flat one; what exceeds it is spread over all values.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn equalise_value(src: Frame<'_>, mut dst: FrameMut<'_>, limit: f64, workspace: &mut Workspace) {
     assert!(src.same_size(&dst.as_ref()), "equalisation between frames of different size");
     let (width, height) = (src.width(), src.height());

@@ -34,7 +34,7 @@ const MEANS: usize = 5;
 /// numbers their effects are blended, rounded half to even; outside 0..=4 the nearest counts.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn false_color(src: Frame<'_>, dst: FrameMut<'_>, position: f64, sums: Sums) {
     let position = position.clamp(0.0, 4.0);
     let first = position as usize;

@@ -63,7 +63,7 @@ impl Image {
     /// Writes it to a frame of the same size: clipped to 0 to 255, the fraction dropped.
     ///
     /// # Panics
-    /// Where the sizes differ.
+    /// If the sizes differ.
     pub fn write(&self, mut dst: FrameMut<'_>) {
         let line = self.width * self.channels;
         assert!(

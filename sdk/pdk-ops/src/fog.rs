@@ -31,7 +31,7 @@ impl Field {
     /// The field as a grey frame, drawn from the sequence stream of `key`.
     ///
     /// # Panics
-    /// Where the width or the height is zero.
+    /// If the width or the height is zero.
     pub fn frame(&mut self, width: usize, height: usize, key: Key) -> Frame<'_> {
         let wanted = Some((width, height, key));
         if self.made_for != wanted {
@@ -212,7 +212,7 @@ impl Grain {
     /// white; drawn for each value by itself. The share is clipped to 0..=1.
     ///
     /// # Panics
-    /// Where the width or the height is zero.
+    /// If the width or the height is zero.
     pub fn frame(
         &mut self,
         width: usize,

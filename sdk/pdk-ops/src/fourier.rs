@@ -143,7 +143,7 @@ impl Plan {
     /// With `re` and `im` exchanged it is the inverse, larger by the length.
     ///
     /// # Panics
-    /// Where a slice has another length than the plan.
+    /// If a slice has another length than the plan.
     pub(crate) fn transform(&mut self, re: &mut [Lane], im: &mut [Lane]) {
         assert!(re.len() == self.len && im.len() == self.len, "the plan is for another length");
         let Sequences { re: other_re, im: other_im } = &mut self.scratch;

@@ -61,7 +61,7 @@ impl<'a> Frame<'a> {
     /// A frame whose rows follow each other without a gap.
     ///
     /// # Errors
-    /// Where the size is zero or `data` is too short.
+    /// If the size is zero or `data` is too short.
     pub fn new(data: &'a [u8], width: usize, height: usize) -> Result<Self, FrameError> {
         Self::with_stride(data, width, height, width.saturating_mul(CHANNELS))
     }
@@ -69,7 +69,7 @@ impl<'a> Frame<'a> {
     /// A frame whose rows start `stride` bytes apart.
     ///
     /// # Errors
-    /// Where the size is zero, `stride` is shorter than a row or `data` is too short.
+    /// If the size is zero, `stride` is shorter than a row or `data` is too short.
     pub fn with_stride(
         data: &'a [u8],
         width: usize,
@@ -161,7 +161,7 @@ impl<'a> FrameMut<'a> {
     /// A frame whose rows follow each other without a gap.
     ///
     /// # Errors
-    /// Where the size is zero or `data` is too short.
+    /// If the size is zero or `data` is too short.
     pub fn new(data: &'a mut [u8], width: usize, height: usize) -> Result<Self, FrameError> {
         Self::with_stride(data, width, height, width.saturating_mul(CHANNELS))
     }
@@ -169,7 +169,7 @@ impl<'a> FrameMut<'a> {
     /// A frame whose rows start `stride` bytes apart.
     ///
     /// # Errors
-    /// Where the size is zero, `stride` is shorter than a row or `data` is too short.
+    /// If the size is zero, `stride` is shorter than a row or `data` is too short.
     pub fn with_stride(
         data: &'a mut [u8],
         width: usize,
@@ -242,7 +242,7 @@ impl<'a> FrameMut<'a> {
     /// Copies the pixels of `src`.
     ///
     /// # Panics
-    /// Where the sizes differ.
+    /// If the sizes differ.
     pub fn copy_from(&mut self, src: Frame<'_>) {
         assert!(src.same_size(&self.as_ref()), "copy between frames of different size");
         match (src.contiguous(), self.contiguous_mut()) {
@@ -274,7 +274,7 @@ impl FrameBuf {
     /// A black frame.
     ///
     /// # Panics
-    /// Where the width or the height is zero.
+    /// If the width or the height is zero.
     pub fn new(width: usize, height: usize) -> Self {
         assert!(width > 0 && height > 0, "a frame has at least one pixel");
         Self { data: vec![0; width * height * CHANNELS], width, height }
@@ -283,7 +283,7 @@ impl FrameBuf {
     /// Takes pixels that are already laid out without gaps.
     ///
     /// # Errors
-    /// Where the size is zero or `data` has another length than `width * height * 3`.
+    /// If the size is zero or `data` has another length than `width * height * 3`.
     pub fn from_vec(data: Vec<u8>, width: usize, height: usize) -> Result<Self, FrameError> {
         let stride = width.saturating_mul(CHANNELS);
         check(data.len(), width, height, stride)?;
@@ -331,7 +331,7 @@ impl FrameBuf {
     /// Gives the frame this size, keeping its memory where it is large enough. The pixels are unspecified.
     ///
     /// # Panics
-    /// Where the width or the height is zero.
+    /// If the width or the height is zero.
     pub fn resize(&mut self, width: usize, height: usize) {
         assert!(width > 0 && height > 0, "a frame has at least one pixel");
         self.data.resize(width * height * CHANNELS, 0);
@@ -348,7 +348,7 @@ impl fmt::Debug for FrameBuf {
 /// Calls `row` with each row of `src` and the same row of `dst`; once with everything where neither has gaps.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn for_each_row(src: Frame<'_>, mut dst: FrameMut<'_>, mut row: impl FnMut(&[u8], &mut [u8])) {
     assert!(
         src.same_size(&dst.as_ref()),

@@ -62,7 +62,7 @@ fn weights(size: usize, into: &mut Vec<u16>) {
 /// deviation is [`sigma_of_kernel`]; mirrored at the edges without repeating them.
 ///
 /// # Panics
-/// Where the sizes of the frames differ.
+/// If the sizes of the frames differ.
 pub fn gaussian_blur(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, workspace: &mut Workspace) {
     assert!(src.same_size(&dst.as_ref()), "gaussian_blur between frames of different size");
     workspace.prepare::<CHANNELS>(src.width(), kernel_size);
@@ -74,7 +74,7 @@ pub fn gaussian_blur(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, 
 /// Blurs a single channel as [`gaussian_blur`] does a frame. Rows are `width` bytes and follow each other without gaps.
 ///
 /// # Panics
-/// Where the lengths differ or are no whole number of rows.
+/// If the lengths differ or are no whole number of rows.
 pub fn gaussian_blur_plane(
     src: &[u8],
     dst: &mut [u8],

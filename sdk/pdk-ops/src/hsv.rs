@@ -56,7 +56,7 @@ pub fn hsv_to_rgb(hsv: [u8; 3]) -> [u8; 3] {
 /// count as 0.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn scale_hsv(src: Frame<'_>, dst: FrameMut<'_>, saturation_factor: f64, value_factor: f64) {
     // What keeps its size is not looked up.
     let table = |factor: f64| -> Option<[u8; 256]> {
@@ -92,7 +92,7 @@ vectorised! {
 /// Turns the hue by an angle in degrees, rounded to the steps of two degrees that 8-bit HSV has; saturation and value stay.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn turn_hue(src: Frame<'_>, dst: FrameMut<'_>, degrees: f64) {
     // What is left of whole turns is exact; a number that is none turns nothing.
     let steps = ((degrees % 360.0) / 2.0).round_ties_even() as i32;

@@ -128,7 +128,7 @@ impl Table {
 /// Compresses and decompresses a frame at a quality from 1 to 100; what lies outside counts as the nearest.
 ///
 /// # Panics
-/// Where the sizes of the frames differ.
+/// If the sizes of the frames differ.
 pub fn jpeg(
     src: Frame<'_>,
     mut dst: FrameMut<'_>,

@@ -7,7 +7,7 @@ use crate::simd::vectorised;
 /// multiplied by the cover here: a caller who wants that has done it already. The opacity is clipped to 0..=1.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn lay_over(src: Frame<'_>, colour: Frame<'_>, cover: Frame<'_>, opacity: f64, mut dst: FrameMut<'_>) {
     let same = |other: &Frame<'_>| src.same_size(other);
     assert!(

@@ -19,7 +19,7 @@ pub struct Workspace {
 /// pixels wide (an even size counts as the next odd one).
 ///
 /// # Panics
-/// Where the sizes of the frames differ.
+/// If the sizes of the frames differ.
 pub fn low_pass(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, workspace: &mut Workspace) {
     assert!(src.same_size(&dst.as_ref()), "low_pass between frames of different size");
     let Workspace { hue, saturation, value, smooth, gaussian } = workspace;

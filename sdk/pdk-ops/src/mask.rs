@@ -9,7 +9,7 @@ use crate::simd::vectorised;
 /// `(mask * other + (255 - mask) * src) / 255` for each value, rounded.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn blend_through(src: Frame<'_>, other: Frame<'_>, mask: Frame<'_>, mut dst: FrameMut<'_>) {
     assert!(
         src.same_size(&other) && src.same_size(&mask) && src.same_size(&dst.as_ref()),
@@ -23,7 +23,7 @@ pub fn blend_through(src: Frame<'_>, other: Frame<'_>, mask: Frame<'_>, mut dst:
 /// As [`blend_through`] with a frame of one colour. `row` is a workspace.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn tint(src: Frame<'_>, rgb: [u8; 3], mask: Frame<'_>, mut dst: FrameMut<'_>, row: &mut Vec<u8>) {
     assert!(src.same_size(&mask) && src.same_size(&dst.as_ref()), "tint between frames of different size");
     row.resize(src.width() * CHANNELS, 0);

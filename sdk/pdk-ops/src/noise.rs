@@ -32,7 +32,7 @@ pub(crate) fn normal_table() -> &'static [i16; 65536] {
 /// Adds normal noise with a standard deviation of `sigma` times 255 to each value; clipped, rounded half to even.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn gaussian_noise(src: Frame<'_>, dst: FrameMut<'_>, sigma: f64, random: &mut Random) {
     let scale = (sigma * 255.0) as f32 * NORMAL_SCALE;
     each_block(src, dst, random, |from, normal, to| add_normal(from, normal, to, scale));
@@ -41,7 +41,7 @@ pub fn gaussian_noise(src: Frame<'_>, dst: FrameMut<'_>, sigma: f64, random: &mu
 /// As [`gaussian_noise`], with the fraction dropped.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn gaussian_noise_truncated(src: Frame<'_>, dst: FrameMut<'_>, sigma: f64, random: &mut Random) {
     let scale = (sigma * 255.0) as f32 * NORMAL_SCALE;
     each_block(src, dst, random, |from, normal, to| add_normal_truncated(from, normal, to, scale));
@@ -50,7 +50,7 @@ pub fn gaussian_noise_truncated(src: Frame<'_>, dst: FrameMut<'_>, sigma: f64, r
 /// Multiplies each value by a normal number with mean 1 and standard deviation `sigma`; clipped, the fraction dropped.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn speckle_noise(src: Frame<'_>, dst: FrameMut<'_>, sigma: f64, random: &mut Random) {
     let scale = sigma as f32 * NORMAL_SCALE;
     each_block(src, dst, random, |from, normal, to| multiply_normal(from, normal, to, scale));
@@ -133,7 +133,7 @@ pub enum Impulses {
 /// little less than `fraction` of the image changes. Where `Published` leaves no row or column, the only one is used.
 ///
 /// # Panics
-/// Where the sizes differ or `fraction` is not within 0..=1.
+/// If the sizes differ or `fraction` is not within 0..=1.
 pub fn impulse_noise(
     src: Frame<'_>,
     mut dst: FrameMut<'_>,

@@ -11,7 +11,7 @@ const BLOCK: usize = 256;
 /// alpha in `alphas`. `opacity` is clipped to 0..=1 and rounded to 1/256.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn overlay(src: Frame<'_>, mut dst: FrameMut<'_>, colours: &[u8], alphas: &[u8], opacity: f64) {
     let (width, height) = (src.width(), src.height());
     assert!(src.same_size(&dst.as_ref()), "overlay between frames of different size");

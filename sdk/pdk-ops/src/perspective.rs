@@ -80,7 +80,7 @@ pub struct Workspace {
 /// be inverted gives a black frame.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn warp_perspective(src: Frame<'_>, mut dst: FrameMut<'_>, map: &Perspective, workspace: &mut Workspace) {
     assert!(src.same_size(&dst.as_ref()), "warp_perspective between frames of different size");
     let Some(Perspective([a, b, c, d, e, f, g, h, i])) = map.inverse() else {

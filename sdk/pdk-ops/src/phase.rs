@@ -39,7 +39,7 @@ pub struct Workspace {
 /// strength is clipped to 0..=1.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn scramble_phase(
     src: Frame<'_>,
     mut dst: FrameMut<'_>,

@@ -7,7 +7,7 @@ use crate::table::look_up;
 /// Replaces each value `v` by `table[v]`.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn lookup(src: Frame<'_>, dst: FrameMut<'_>, table: &[u8; 256]) {
     look_up(src, dst, table);
 }
@@ -16,7 +16,7 @@ pub fn lookup(src: Frame<'_>, dst: FrameMut<'_>, table: &[u8; 256]) {
 /// and rounded half to even. A pivot of 0 changes brightness, one of 127.5 contrast.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn scale_about(src: Frame<'_>, dst: FrameMut<'_>, pivot: f64, factor: f64) {
     let (pivot, factor) = (pivot as f32, factor as f32);
     look_up(src, dst, &std::array::from_fn(|v| round_to_byte(pivot + (v as f32 - pivot) * factor)));

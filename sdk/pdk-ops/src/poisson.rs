@@ -29,7 +29,7 @@ impl PoissonTable {
     /// Tables for white pixels that count `count` photons on average.
     ///
     /// # Panics
-    /// Where `count` is not positive or larger than [`MAX_COUNT`].
+    /// If `count` is not positive or larger than [`MAX_COUNT`].
     pub fn new(count: f64) -> Self {
         let mut table = Self { count: 0.0, truncated: false, entries: Box::new([0; 65536]) };
         table.set_count(count);
@@ -120,7 +120,7 @@ fn alias_table(probabilities: &[f64; 256], entries: &mut [u32]) {
 /// `255 / count`, clipped and rounded half to even.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn poisson_noise(src: Frame<'_>, mut dst: FrameMut<'_>, table: &PoissonTable, random: &mut Random) {
     assert!(src.same_size(&dst.as_ref()), "poisson_noise between frames of different size");
     let mut bytes = [0u8; 4 * BLOCK];

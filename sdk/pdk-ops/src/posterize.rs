@@ -16,7 +16,7 @@ const TIE: f32 = 1.0 / 512.0;
 /// a bin of its own, as in 0..=255 divided by a width of `255 / bins`.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn posterize(src: Frame<'_>, dst: FrameMut<'_>, bins: f64, step: f64) {
     let (scale, step) = ((bins / 255.0) as f32, step as f32);
     let tone = |v: usize| {

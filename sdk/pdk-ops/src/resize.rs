@@ -110,7 +110,7 @@ pub fn resize_linear(src: Frame<'_>, mut dst: FrameMut<'_>) {
 /// As [`resize_linear`], from an image that is there row by row.
 ///
 /// # Panics
-/// Where the source has no pixels or its rows are too short.
+/// If the source has no pixels or its rows are too short.
 pub fn resize_linear_from(src: Source<'_>, mut dst: FrameMut<'_>) {
     assert!(src.width > 0 && src.height > 0, "resizing needs an image");
     let (width, height) = (dst.width(), dst.height());

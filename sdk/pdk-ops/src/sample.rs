@@ -36,7 +36,7 @@ impl Padded {
     /// Copies `src` with a border of `margin` pixels at the left and the top, and one more at the right and the bottom.
     ///
     /// # Panics
-    /// Where the copy would have 2 GiB or more.
+    /// If the copy would have 2 GiB or more.
     pub fn fill(&mut self, src: Frame<'_>, margin: usize, border: Border) {
         let (width, height) = (src.width(), src.height());
         self.width = width + 2 * margin + 1;
@@ -82,7 +82,7 @@ impl Padded {
     /// pixel, in 1/32 px. Places further out than the border count as its edge.
     ///
     /// # Panics
-    /// Where the lengths differ.
+    /// If the lengths differ.
     pub fn sample(&self, xs: &[i32], ys: &[i32], out: &mut [u8]) {
         assert!(xs.len() == ys.len() && out.len() == xs.len() * CHANNELS, "one pixel for each place");
         assert!(self.width > 1, "sampling needs an image");

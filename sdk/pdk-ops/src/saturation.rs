@@ -12,7 +12,7 @@ use crate::simd::{vectorised, whole_byte};
 /// filters exchange red and blue on the way to HSV and on the way back.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn scale_saturation(src: Frame<'_>, dst: FrameMut<'_>, factor: f64) {
     let factor = factor.max(0.0) as f32;
     for_each_row(src, dst, |from, to| scale_saturation_row(from, to, factor));

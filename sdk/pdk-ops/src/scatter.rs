@@ -20,7 +20,7 @@ pub struct Workspace {
 /// outermost ones likelier from none to as likely as the others. Draws from the sequence stream of `key`.
 ///
 /// # Panics
-/// Where the sizes of the frames differ, they have 2^32 pixels or more, or the distance is not within 0..=10000.
+/// If the sizes of the frames differ, they have 2^32 pixels or more, or the distance is not within 0..=10000.
 pub fn scatter(src: Frame<'_>, mut dst: FrameMut<'_>, distance: f64, key: Key, workspace: &mut Workspace) {
     assert!(src.same_size(&dst.as_ref()), "scatter between frames of different size");
     assert!((0.0..=10_000.0).contains(&distance), "scatter takes a distance of 0 to 10000, not {distance}");

@@ -16,7 +16,7 @@ pub struct Workspace {
 /// factor too. The edges mirror without repeating the edge pixel; the weight is clipped to 0..=1.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn sharpen(src: Frame<'_>, mut dst: FrameMut<'_>, gain: f64, weight: f64, workspace: &mut Workspace) {
     assert!(src.same_size(&dst.as_ref()), "sharpen between frames of different size");
     let weight = weight.clamp(0.0, 1.0);

@@ -7,7 +7,7 @@ use crate::simd::{Instructions, instructions};
 /// Replaces each value `v` by `table[v]`.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub(crate) fn look_up(src: Frame<'_>, dst: FrameMut<'_>, table: &[u8; 256]) {
     for_each_row(src, dst, |from, to| look_up_row(from, to, table));
 }

@@ -23,7 +23,7 @@ pub struct Workspace {
 /// to within a hundredth of a grey level. A constant frame stays as it is.
 ///
 /// # Panics
-/// Where the sizes of the frames differ.
+/// If the sizes of the frames differ.
 pub fn unsharp_mask(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, workspace: &mut Workspace) {
     assert!(src.same_size(&dst.as_ref()), "unsharp_mask between frames of different size");
     let size = kernel_size | 1;

@@ -70,7 +70,7 @@ fn fine(value: f64, limit: i32) -> i32 {
 /// no area, gives a black frame.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn warp_affine(src: Frame<'_>, mut dst: FrameMut<'_>, map: &Affine, workspace: &mut Workspace) {
     assert!(src.same_size(&dst.as_ref()), "warp_affine between frames of different size");
     let Some(Affine([a, b, c, d, e, f])) = map.inverse() else {

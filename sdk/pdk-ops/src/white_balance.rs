@@ -53,7 +53,7 @@ fn gains(src: Frame<'_>) -> [f32; 3] {
 /// and loses its fraction. The weight is clipped to 0..=1.
 ///
 /// # Panics
-/// Where the sizes differ.
+/// If the sizes differ.
 pub fn blend_with_grey_world(src: Frame<'_>, dst: FrameMut<'_>, weight: f64) {
     let weight = weight.clamp(0.0, 1.0);
     let gains = gains(src);

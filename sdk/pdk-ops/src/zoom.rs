@@ -121,7 +121,7 @@ impl Workspace {
 /// Enlargements interpolate linearly; the sum is rounded once.
 ///
 /// # Panics
-/// Where the sizes of the frames differ, `count` is not within 0..=[`MAX_COUNT`], or `step` not within 0..=[`MAX_STEP`].
+/// If the sizes of the frames differ, `count` is not within 0..=[`MAX_COUNT`], or `step` not within 0..=[`MAX_STEP`].
 pub fn zoom_blur(
     src: Frame<'_>,
     mut dst: FrameMut<'_>,

@@ -14,7 +14,7 @@ const MOST_WAYPOINTS: usize = 10_000;
 /// The waypoints `[x, height, z]` in metres of a scenario's road; none where the simulator chooses.
 ///
 /// # Errors
-/// Where the road is not one of the forms above.
+/// If the road is not one of the forms above.
 pub fn read(road: &Value) -> Result<Option<Vec<[f64; 3]>>, String> {
     let fields = match road {
         Value::Null => return Ok(None),

@@ -59,7 +59,7 @@ impl Road {
     /// Lays out a road: each node lies a segment on from the one before, turned by its angle in degrees.
     ///
     /// # Errors
-    /// Where there are fewer than 2 angles, another number of lengths than of angles, an angle is beyond 90 degrees, or a
+    /// If there are fewer than 2 angles, another number of lengths than of angles, an angle is beyond 90 degrees, or a
     /// length is not from 1 to 1,000 m.
     pub fn from_angles(angles: &[f64], lengths: &[f64]) -> Result<Self, String> {
         if angles.len() < 2 || angles.len() > 200 {

@@ -9,7 +9,7 @@ pub fn print(waypoints: &[[f64; 3]]) -> String {
 /// Waypoints from text.
 ///
 /// # Errors
-/// Where a point does not have three finite numbers.
+/// If a point does not have three finite numbers.
 pub fn parse(text: &str) -> Result<Vec<[f64; 3]>, String> {
     let point = |(i, point): (usize, &str)| {
         let numbers: Option<Vec<f64>> = point

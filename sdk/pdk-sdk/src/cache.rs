@@ -118,7 +118,7 @@ fn files(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
 /// number, and nobody else can enter it.
 ///
 /// # Errors
-/// Where the last one is needed and cannot be made, or somebody else has made it.
+/// If the last one is needed and cannot be made, or somebody else has made it.
 pub fn cache() -> Result<Cache> {
     let variable = |name| std::env::var_os(name);
     choose(variable(VARIABLE), [variable("XDG_CACHE_HOME"), variable("HOME")], &std::env::temp_dir())

@@ -14,7 +14,7 @@ pub trait Component: Sized {
     /// type and range.
     ///
     /// # Errors
-    /// Where the instance cannot be made: a file that cannot be read, values that do not go together.
+    /// If the instance cannot be made: a file that cannot be read, values that do not go together.
     fn new(config: &Config) -> Result<Self>;
 
     /// The files that an instance with this configuration reads, as far as they are known beforehand. Files that a parameter names

@@ -20,7 +20,7 @@ pub trait Dataset: Send {
     /// Reads a frame.
     ///
     /// # Errors
-    /// Where this frame cannot be read; the run counts it, names it and goes on with the next.
+    /// If this frame cannot be read; the run counts it, names it and goes on with the next.
     fn read(&mut self, index: usize) -> Result<Entry>;
 }
 

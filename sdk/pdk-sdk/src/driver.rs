@@ -10,7 +10,7 @@ pub trait Driver: Send {
     /// Forgets everything about earlier frames. Called before each scenario.
     ///
     /// # Errors
-    /// Where the driver cannot start over.
+    /// If the driver cannot start over.
     fn reset(&mut self) -> Result<()> {
         Ok(())
     }
@@ -18,7 +18,7 @@ pub trait Driver: Send {
     /// Decides what to do.
     ///
     /// # Errors
-    /// Where the driver cannot use the frame, for instance because of its size.
+    /// If the driver cannot use the frame, for instance because of its size.
     fn drive(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Control>;
 
     /// What was decided when the instance was made and is not among its parameters, such as the library that runs a

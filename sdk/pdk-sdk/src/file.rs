@@ -13,7 +13,7 @@ use crate::error::{Error, Place, Result};
 /// Opens a regular file to read it, and tells how many bytes it has. A pipe or a device is refused and not waited for.
 ///
 /// # Errors
-/// Where there is no such file, it cannot be read, or it is something else.
+/// If there is no such file, it cannot be read, or it is something else.
 pub fn open(path: &Path) -> Result<(File, u64)> {
     open_if_there(path)?.ok_or_else(|| Error::new("it does not exist"))
 }
@@ -21,7 +21,7 @@ pub fn open(path: &Path) -> Result<(File, u64)> {
 /// As [`open`]; none where there is no such file.
 ///
 /// # Errors
-/// Where it cannot be read, or is something else than a regular file.
+/// If it cannot be read, or is something else than a regular file.
 pub fn open_if_there(path: &Path) -> Result<Option<(File, u64)>> {
     let metadata = match std::fs::metadata(path) {
         Ok(metadata) => metadata,
@@ -41,7 +41,7 @@ pub fn open_if_there(path: &Path) -> Result<Option<(File, u64)>> {
 /// Reads a regular file whole.
 ///
 /// # Errors
-/// As [`open`], and where it has more than `largest` bytes.
+/// As [`open`], and if it has more than `largest` bytes.
 pub fn read(path: &Path, largest: u64) -> Result<Vec<u8>> {
     let (file, length) = open(path)?;
     let mut bytes = Vec::with_capacity(length.min(largest) as usize);
@@ -59,7 +59,7 @@ pub fn read(path: &Path, largest: u64) -> Result<Vec<u8>> {
 /// Reads a regular file of UTF-8 whole.
 ///
 /// # Errors
-/// As [`read`], and where it is not UTF-8.
+/// As [`read`], and if it is not UTF-8.
 pub fn read_text(path: &Path, largest: u64) -> Result<String> {
     let text = String::from_utf8(read(path, largest)?);
     text.map_err(|error| {
@@ -70,7 +70,7 @@ pub fn read_text(path: &Path, largest: u64) -> Result<String> {
 /// Writes a file as a whole: when this fails, or the process ends on the way, the file is what it was before.
 ///
 /// # Errors
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     write_with(path, |file| file.write_all(bytes))
 }
@@ -78,7 +78,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// As [`write()`], for content that is written piece by piece.
 ///
 /// # Errors
-/// What `fill` returns, and where the file cannot be written.
+/// What `fill` returns, and if the file cannot be written.
 pub fn write_with<E: From<io::Error>>(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> Result<(), E>,

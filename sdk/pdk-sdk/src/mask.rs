@@ -14,6 +14,6 @@ pub trait Mask: Send {
     /// large as the frame and starts out with unspecified values, all of which have to be written.
     ///
     /// # Errors
-    /// Where it cannot be said of this frame.
+    /// If it cannot be said of this frame.
     fn weights(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, out: HeatmapMut<'_>) -> Result<()>;
 }

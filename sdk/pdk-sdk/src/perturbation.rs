@@ -15,7 +15,7 @@ pub trait Perturbation: Send {
     /// of it has to be written.
     ///
     /// # Errors
-    /// Where the frame cannot be perturbed; the run records it and goes on with the next scenario.
+    /// If the frame cannot be perturbed; the run records it and goes on with the next scenario.
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()>;
 }
 
@@ -79,7 +79,7 @@ impl<'a> Context<'a> {
     /// The value of a parameter of this frame: what the user set, or what the intensity makes it.
     ///
     /// # Panics
-    /// Where the description has no such parameter, which is a mistake in the plugin; the host reports it as an error.
+    /// If the description has no such parameter, which is a mistake in the plugin; the host reports it as an error.
     pub fn number(&self, name: &str) -> f64 {
         match self.names.iter().position(|n| n == name).and_then(|i| self.values.get(i)) {
             Some(value) => *value,
@@ -132,7 +132,7 @@ impl<'a> EarlierMaps<'a> {
     /// Maps of `width` x `height` values, 0 to 1, one after the other, each in use since its time; the oldest comes first.
     ///
     /// # Errors
-    /// Where there are not as many values as that.
+    /// If there are not as many values as that.
     pub fn new(times: &'a [f64], values: &'a [f32], width: usize, height: usize) -> Result<Self> {
         let length = width.checked_mul(height).and_then(|cells| cells.checked_mul(times.len()));
         if length != Some(values.len()) || (!times.is_empty() && values.is_empty()) {
@@ -162,7 +162,7 @@ impl<'a> EarlierMaps<'a> {
     /// Width, height and values of one of them, row by row.
     ///
     /// # Panics
-    /// Where the place is not below [`EarlierMaps::len`].
+    /// If the place is not below [`EarlierMaps::len`].
     pub fn map(&self, place: usize) -> (usize, usize, &'a [f32]) {
         let cells = self.width * self.height;
         (self.width, self.height, &self.values[place * cells..][..cells])

@@ -13,7 +13,7 @@ pub trait Saliency: Send {
     /// Width and height of the map of a frame of this size: as large as the frame, where nothing else is said, and never larger.
     ///
     /// # Errors
-    /// Where the method cannot use frames of this size.
+    /// If the method cannot use frames of this size.
     fn map_size(&mut self, width: usize, height: usize) -> Result<[usize; 2]> {
         Ok([width, height])
     }
@@ -23,7 +23,7 @@ pub trait Saliency: Send {
     /// to be written.
     ///
     /// # Errors
-    /// Where the method cannot use the frame.
+    /// If the method cannot use the frame.
     fn map(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, out: HeatmapMut<'_>) -> Result<()>;
 }
 
@@ -69,7 +69,7 @@ impl<'a> HeatmapMut<'a> {
     /// A map over `values`.
     ///
     /// # Errors
-    /// Where the number of values is not `width * height`, or zero.
+    /// If the number of values is not `width * height`, or zero.
     pub fn new(values: &'a mut [f32], width: usize, height: usize) -> Result<Self> {
         if values.is_empty() || width.checked_mul(height) != Some(values.len()) {
             return Err(Error::new(format!("{} values cannot hold a {width}x{height} map", values.len())));

@@ -16,19 +16,19 @@ pub trait Search: Send {
     /// Begins a search; called once, before anything else. `key` is the origin of everything that it draws.
     ///
     /// # Errors
-    /// Where the strategy cannot search this space.
+    /// If the strategy cannot search this space.
     fn start(&mut self, problem: &Problem, key: &Key) -> Result<()>;
 
     /// Proposes the next candidates, at most `n`. Fewer where those after them depend on results that have not been told; none
     /// although all have been told where the search is over. The same values may be proposed again: nobody evaluates them twice.
     ///
     /// # Errors
-    /// Where the strategy cannot propose.
+    /// If the strategy cannot propose.
     fn ask(&mut self, n: usize) -> Result<Vec<Candidate>>;
 
     /// Learns how candidates did.
     ///
     /// # Errors
-    /// Where a result is not that of the next candidate.
+    /// If a result is not that of the next candidate.
     fn tell(&mut self, results: &[Evaluated]) -> Result<()>;
 }

@@ -37,20 +37,20 @@ pub trait Simulator: Send {
     /// pictures.
     ///
     /// # Errors
-    /// Where the scenario cannot be built or the simulator does not answer.
+    /// If the scenario cannot be built or the simulator does not answer.
     fn reset(&mut self, scenario: &Scenario, slot: u32) -> Result<State>;
 
     /// Writes what the camera sees now, and returns the state that belongs to it.
     ///
     /// # Errors
-    /// Where the simulator does not deliver a frame.
+    /// If the simulator does not deliver a frame.
     fn frame(&mut self, into: FrameMut<'_>) -> Result<State>;
 
     /// Applies a control, moves the simulation on by one frame, and returns the state after that: the one that the next
     /// [`frame`](Simulator::frame) returns as well. So every state is judged, also that of a frame that nobody looks at.
     ///
     /// # Errors
-    /// Where the simulator does not take the control.
+    /// If the simulator does not take the control.
     fn act(&mut self, control: Control) -> Result<State>;
 
     /// The centre line of the driven lane as `[x, height, z]` in metres, for the record; empty where it is not known.
@@ -80,7 +80,7 @@ pub trait Simulator: Send {
     /// [`label_names`](Simulator::label_names), row by row. It is called behind [`frame`](Simulator::frame) where somebody needs it.
     ///
     /// # Errors
-    /// Where the simulator labels nothing, or fails.
+    /// If the simulator labels nothing, or fails.
     fn labels(&mut self, into: &mut [u8]) -> Result<()> {
         let _ = into;
         Err(Error::new("it does not label its frames"))
@@ -90,7 +90,7 @@ pub trait Simulator: Send {
     /// infinite for the sky. It is called behind [`frame`](Simulator::frame) where somebody needs it.
     ///
     /// # Errors
-    /// Where the simulator does not know depths, or fails.
+    /// If the simulator does not know depths, or fails.
     fn depth(&mut self, into: &mut [f32]) -> Result<()> {
         let _ = into;
         Err(no_depth())

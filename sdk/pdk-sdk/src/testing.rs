@@ -45,7 +45,7 @@ const SIZES: [(usize, usize); 4] = [(1, 1), (3, 2), (33, 17), (160, 120)];
 /// Runs [`check_perturbation`] on a type, in a test.
 ///
 /// # Panics
-/// Where a check fails, with its sentence.
+/// If a check fails, with its sentence.
 pub fn perturbation<T: Component + Perturbation + 'static>() {
     let description = T::description();
     let mut make = |config: &Config| Ok(Box::new(T::new(config)?) as Box<dyn Perturbation>);
@@ -59,7 +59,7 @@ macro_rules! on_types {
             #[doc = concat!("Runs [`", stringify!($check), "`] on a type, in a test.")]
             ///
             /// # Panics
-            /// Where a check fails, with its sentence.
+            /// If a check fails, with its sentence.
             pub fn $function<T: Component + $bound + 'static>() {
                 let mut make = |config: &Config| Ok(Box::new(T::new(config)?) as Box<dyn $bound>);
                 for_each_config(&T::description(), |config| $check(config, &mut make));
@@ -71,7 +71,7 @@ macro_rules! on_types {
 /// Runs [`check_simulator`] on a type, in a test.
 ///
 /// # Panics
-/// Where a check fails, with its sentence.
+/// If a check fails, with its sentence.
 pub fn simulator<T: Component + Simulator + 'static>() {
     let description = T::description();
     let mut make = |config: &Config| Ok(Box::new(T::new(config)?) as Box<dyn Simulator>);

@@ -46,7 +46,7 @@ impl Timeline {
     /// Notes the time of the next state.
     ///
     /// # Errors
-    /// Where it cannot follow the one before.
+    /// If it cannot follow the one before.
     pub fn go_on(&mut self, time: f64, told: Told) -> Result<()> {
         let nonsense = |sentence: String| Err(Error::of(ErrorKind::Nonsense, sentence));
         let Some(before) = self.last.replace(time) else {

@@ -85,7 +85,7 @@ impl Yuv420 {
     /// Writes the picture as RGB; chroma is interpolated between its samples.
     ///
     /// # Panics
-    /// Where the frame has another size.
+    /// If the frame has another size.
     pub fn to_rgb(&mut self, mut into: FrameMut<'_>) {
         let (width, height) = (self.width, self.height);
         assert_eq!((into.width(), into.height()), (width, height), "a frame of another size");

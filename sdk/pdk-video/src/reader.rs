@@ -61,7 +61,7 @@ impl Reader {
     /// Opens a file to read all of its frames.
     ///
     /// # Errors
-    /// Where it cannot be read, is no MP4 file, is cut off, or has no video that can be decoded here.
+    /// If it cannot be read, is no MP4 file, is cut off, or has no video that can be decoded here.
     pub fn open_file(path: &Path) -> Result<Box<Self>> {
         let (file, size) = file::open(path)?;
         match Self::open(Box::new(BufReader::new(file)), size, false)? {
@@ -74,7 +74,7 @@ impl Reader {
     /// beginning, the middle and the end.
     ///
     /// # Errors
-    /// Where it is no MP4 file, is cut off, or has no video.
+    /// If it is no MP4 file, is cut off, or has no video.
     pub fn open(mut input: Box<dyn Input>, size: u64, few: bool) -> Result<Opened> {
         if let Some(other) = check_boxes(&mut input, size)? {
             return Ok(Opened::OtherCodec(other));
@@ -208,7 +208,7 @@ impl Reader {
     /// Reads the next frame in the order in which they are shown; false at the end.
     ///
     /// # Errors
-    /// Where the file is damaged or cut off.
+    /// If the file is damaged or cut off.
     pub fn next(&mut self, into: &mut Yuv420) -> Result<bool> {
         let Timing { skipped, .. } = self.timing;
         let end = if self.alone { u32::MAX } else { skipped + self.timing.count() };

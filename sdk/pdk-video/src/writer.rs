@@ -50,7 +50,7 @@ impl Writer {
     /// frames a second, above 0 and at most 1000. Folders on the way are made.
     ///
     /// # Errors
-    /// Where the size or the rate is another one, or the file cannot be written.
+    /// If the size or the rate is another one, or the file cannot be written.
     pub fn create(
         path: impl AsRef<Path>,
         width: usize,
@@ -120,7 +120,7 @@ impl Writer {
     /// Writes the next frame, at the rate of the file.
     ///
     /// # Errors
-    /// Where the frame has another size than the file, or cannot be encoded or written.
+    /// If the frame has another size than the file, or cannot be encoded or written.
     pub fn push(&mut self, frame: Frame<'_>) -> Result<()> {
         // Rounded anew for each, so that no error adds up.
         let end = ((self.frames + 1) as f64 * f64::from(TIMESCALE) / self.rate).round() as u64;
@@ -216,7 +216,7 @@ impl Writer {
     /// Completes the file and gives it its name; what had it is replaced.
     ///
     /// # Errors
-    /// Where no frame was written, or the file cannot be completed.
+    /// If no frame was written, or the file cannot be completed.
     pub fn finish(mut self) -> Result<()> {
         let place = place(&self.path);
         self.complete().place(place)

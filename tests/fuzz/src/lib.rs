@@ -51,7 +51,7 @@ fn count(size: usize) {
 /// A folder in memory for targets that read files, each process its own.
 ///
 /// # Panics
-/// Where there is none.
+/// If there is none.
 #[must_use]
 pub fn folder(target: &str) -> PathBuf {
     let folder = PathBuf::from("/dev/shm").join(format!("pdk-fuzz-{target}-{}", std::process::id()));

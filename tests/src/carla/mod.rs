@@ -27,7 +27,7 @@ impl CarlaServer {
     /// Starts one.
     ///
     /// # Panics
-    /// Where its ports are taken.
+    /// If its ports are taken.
     pub fn start(setup: Setup) -> Self {
         let port = if setup.port == 0 { free_ports(2) } else { setup.port };
         let mut server = Server::start(World::new(setup, port), &[(port, answer_all), (port + 1, subscribe)]);

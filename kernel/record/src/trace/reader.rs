@@ -67,7 +67,7 @@ impl TraceImage {
     /// The frame.
     ///
     /// # Errors
-    /// Where the JPEG is damaged.
+    /// If the JPEG is damaged.
     pub fn decode(&self) -> Result<FrameBuf> {
         let place = || format!("the image of frame {} in the trace", self.sequence);
         let image = image::load_from_memory_with_format(&self.jpeg, image::ImageFormat::Jpeg)
@@ -165,7 +165,7 @@ impl TraceReader {
     /// Opens a trace.
     ///
     /// # Errors
-    /// Where it is not there or cannot be read. What is wrong with its content shows with its entries.
+    /// If it is not there or cannot be read. What is wrong with its content shows with its entries.
     pub fn open(path: &Path) -> Result<Self> {
         let opened = file::open_if_there(path)
             .map_err(|error| Error::new(format!("cannot read the trace {} ({error})", path.display())))?;

@@ -60,7 +60,7 @@ impl Trace {
     /// Starts the trace of a scenario. Until it is complete it has the number of this process and `.part` behind its name.
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// If the file cannot be written.
     pub fn create(path: &Path, scenario: &ScenarioId) -> Result<Self> {
         let part = part_of(path, std::process::id());
         let file = File::create(&part).map_err(|error| write_error(path, &error))?;
@@ -87,7 +87,7 @@ impl Trace {
     /// Adds what one step of the loop did.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn step(&mut self, step: &Step) -> Result<()> {
         let Step { sequence, state, control, frame_hash } = *step;
         self.sequence = sequence as u32;
@@ -112,7 +112,7 @@ impl Trace {
     /// Adds the centre line of the driven lane.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn road(&mut self, waypoints: &str) -> Result<()> {
         self.message.clear();
         put_text(&mut self.message, 1, waypoints);
@@ -122,7 +122,7 @@ impl Trace {
     /// Adds a frame.
     ///
     /// # Errors
-    /// Where it cannot be encoded or written.
+    /// If it cannot be encoded or written.
     pub fn image(&mut self, topic: ImageTopic, sequence: u64, time: f64, frame: Frame<'_>) -> Result<()> {
         self.sequence = sequence as u32;
         let mut jpeg = Vec::with_capacity(frame.width() * frame.height() / 2);
@@ -156,7 +156,7 @@ impl Trace {
     /// Adds something that happened: the start, a failure, the end.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// If it cannot be written.
     pub fn event(&mut self, time: f64, failure: bool, text: &str) -> Result<()> {
         let level = if failure { Level::Error } else { Level::Info };
         let message = Log {
@@ -173,7 +173,7 @@ impl Trace {
     /// Completes the file: it is on the disk, under its own name, when this returns.
     ///
     /// # Errors
-    /// Where the rest cannot be written.
+    /// If the rest cannot be written.
     pub fn finish(mut self) -> Result<()> {
         self.writer.finish().map_err(|error| trace_error(&self.path, &error))?;
         let failed = |error: std::io::Error| write_error(&self.path, &error);

@@ -31,7 +31,7 @@ impl ApiTable {
     /// Makes the table and sets the global.
     ///
     /// # Errors
-    /// Where the virtual machine is out of memory.
+    /// If the virtual machine is out of memory.
     pub fn install(&self, lua: &Lua) -> mlua::Result<()> {
         let table = lua.create_table()?;
         for function in self.functions {

@@ -60,7 +60,7 @@ impl LuaPerturbation {
     /// What the script holds at present.
     ///
     /// # Errors
-    /// Where the virtual machine is out of memory.
+    /// If the virtual machine is out of memory.
     pub fn kept(&self) -> Result<Kept> {
         self.sandbox.make(&self.script, |lua| {
             let mut walk = Walk { lua, kept: Kept::default(), seen: BTreeSet::new() };

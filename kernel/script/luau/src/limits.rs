@@ -57,7 +57,7 @@ impl Limits {
     /// [`MEMORY_VARIABLE`] say.
     ///
     /// # Errors
-    /// Where a variable is set to something other than a positive number.
+    /// If a variable is set to something other than a positive number.
     pub fn of_perturbation() -> Result<Self> {
         Self::default().or_environment()
     }
@@ -66,7 +66,7 @@ impl Limits {
     /// the environment variables [`TIME_VARIABLE`] and [`MEMORY_VARIABLE`] say.
     ///
     /// # Errors
-    /// Where a variable is set to something other than a positive number.
+    /// If a variable is set to something other than a positive number.
     pub fn of_pipeline() -> Result<Self> {
         Self { time: PIPELINE_TIME, renewed: true, ..Self::default() }.or_environment()
     }

@@ -80,7 +80,7 @@ impl Modules {
     /// Sets the global `require`. To be used in [`Sandbox::with_api`](crate::Sandbox::with_api).
     ///
     /// # Errors
-    /// Where another virtual machine has these modules, or this one is out of memory.
+    /// If another virtual machine has these modules, or this one is out of memory.
     pub fn install(&self, lua: &Lua) -> mlua::Result<()> {
         if std::mem::replace(&mut self.state().installed, true) {
             return Err(mlua::Error::runtime("these modules are already in a virtual machine"));

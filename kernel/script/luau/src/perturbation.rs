@@ -46,7 +46,7 @@ impl<'a> Source<'a> {
     /// Reads a script.
     ///
     /// # Errors
-    /// Where it is a file that cannot be read.
+    /// If it is a file that cannot be read.
     pub fn of(script: Script<'a>) -> Result<Self> {
         match script {
             Script::File(path) => Self::read(path),
@@ -61,7 +61,7 @@ impl<'a> Source<'a> {
     /// Reads the script in a file.
     ///
     /// # Errors
-    /// Where it cannot be read.
+    /// If it cannot be read.
     pub fn read(path: &'a Path) -> Result<Self> {
         // The error about a script that is too large comes from where it is compiled.
         let text = file::read(path, 16 * LARGEST_SCRIPT as u64).place(path.display())?;
@@ -83,7 +83,7 @@ pub(crate) enum Returned {
 /// Reads the description of the perturbation in a script.
 ///
 /// # Errors
-/// Where it is no valid script, or is something other than a perturbation.
+/// If it is no valid script, or is something other than a perturbation.
 pub fn description(source: &Source<'_>) -> Result<Description> {
     let machine = Machine::new(Limits::of_perturbation()?)?;
     let declaration = machine.declare(&source.script, &source.text, source.stem)?;
@@ -93,7 +93,7 @@ pub fn description(source: &Source<'_>) -> Result<Description> {
 /// Finds out what a script is.
 ///
 /// # Errors
-/// Where the script fails, or it returns a table that is meant as a perturbation and is no valid one.
+/// If the script fails, or it returns a table that is meant as a perturbation and is no valid one.
 pub(crate) fn look_at(source: &Source<'_>) -> Result<Returned> {
     let machine = Machine::new(Limits::of_perturbation()?)?;
     machine.look_at(&source.script, &source.text, source.stem)
@@ -175,7 +175,7 @@ impl LuaPerturbation {
     /// perturbation where the script gives none.
     ///
     /// # Errors
-    /// Where it is no valid script or returns something other than a perturbation.
+    /// If it is no valid script or returns something other than a perturbation.
     pub fn new(script: &str, source: &[u8], stem: &str, config: Config, limits: Limits) -> Result<Self> {
         let machine = Machine::new(limits)?;
         let Declaration { description, apply } = machine.declare(script, source, stem)?;

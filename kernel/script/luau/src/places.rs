@@ -57,7 +57,7 @@ impl Places {
     /// The module that a file in a folder below a root asks for, or the pipeline.
     ///
     /// # Errors
-    /// Where the name is none, leads out of the folder, or names no module.
+    /// If the name is none, leads out of the folder, or names no module.
     pub(crate) fn find(&self, asking: Option<(Root, &Path)>, name: &str) -> Result<Found> {
         if let Some(rest) = name.strip_prefix(LIBRARY) {
             return self.in_library(&inner(Path::new(""), rest, name)?, name);
@@ -139,7 +139,7 @@ impl Found {
     /// The text of the module.
     ///
     /// # Errors
-    /// Where it is in a file that cannot be read, is too large, or is no text.
+    /// If it is in a file that cannot be read, is too large, or is no text.
     pub(crate) fn read(&self) -> Result<String> {
         if let Some(source) = self.built_in {
             return Ok(source.to_owned());

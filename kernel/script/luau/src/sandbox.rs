@@ -35,7 +35,7 @@ impl Sandbox {
     /// A machine with Luau's own harmless libraries: `string`, `table`, `math`, `buffer`, `bit32`, `utf8`, `coroutine`.
     ///
     /// # Errors
-    /// Where the memory limit leaves no room for them, or the watchdog thread cannot be started.
+    /// If the memory limit leaves no room for them, or the watchdog thread cannot be started.
     pub fn new(limits: Limits) -> Result<Self> {
         Self::with_api(limits, |_| Ok(()))
     }
@@ -96,7 +96,7 @@ impl Sandbox {
     /// Gives the scripts of this machine other limits.
     ///
     /// # Errors
-    /// Where they use more memory than they may from now on.
+    /// If they use more memory than they may from now on.
     pub fn set_limits(&mut self, script: &str, limits: Limits) -> Result<()> {
         if limits == self.limits {
             return Ok(());
@@ -172,7 +172,7 @@ impl Sandbox {
     /// Makes a value for a script outside of a call.
     ///
     /// # Errors
-    /// Where memory runs out, in one sentence.
+    /// If memory runs out, in one sentence.
     pub fn make<T>(&self, script: &str, make: impl FnOnce(&Lua) -> mlua::Result<T>) -> Result<T> {
         failure::forget_location();
         make(&self.lua).map_err(|error| self.explain(script, &error))

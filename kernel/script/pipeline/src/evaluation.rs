@@ -124,7 +124,7 @@ impl Results {
     /// Opens the file.
     ///
     /// # Errors
-    /// Where it cannot be read or written, or a line is damaged.
+    /// If it cannot be read or written, or a line is damaged.
     pub fn open(path: &std::path::Path) -> Result<Self> {
         let (lines, text) = Lines::open(path)?;
         let mut recorded = VecDeque::new();
@@ -219,7 +219,7 @@ pub struct Job<'a> {
 /// Evaluates every frame, and writes a line for each perturbation and level.
 ///
 /// # Errors
-/// Where no frame of a whole run can be evaluated, the session is over, or the record cannot be written.
+/// If no frame of a whole run can be evaluated, the session is over, or the record cannot be written.
 pub fn evaluate(session: &mut Session, job: Job<'_>) -> Result<(Summary, Performance)> {
     let Job { evaluation, frames, shard, number, workers, results, progress } = job;
     if frames == 0 {

@@ -18,7 +18,7 @@ impl Fields {
     /// The fields of a table; `table` is what errors call it.
     ///
     /// # Errors
-    /// Where it is no table, or has a field that is not among `known`.
+    /// If it is no table, or has a field that is not among `known`.
     pub fn new(table: impl Into<String>, value: Value, known: &[&str]) -> Result<Self> {
         let table = table.into();
         let fields = match value {
@@ -48,7 +48,7 @@ impl Fields {
     /// What a text in a field stands for.
     ///
     /// # Errors
-    /// Where it stands for nothing, with the table.
+    /// If it stands for nothing, with the table.
     pub fn read<T: std::str::FromStr<Err = Error>>(&self, text: &str) -> Result<T> {
         text.parse().map_err(|error: Error| error.at(&self.table))
     }
@@ -61,7 +61,7 @@ impl Fields {
     /// A field of any type.
     ///
     /// # Errors
-    /// Where it is not set.
+    /// If it is not set.
     pub fn needed(&mut self, field: &str) -> Result<Value> {
         match self.any(field) {
             Value::Null => Err(Error::new(format!("{}: `{field}` is missing", self.table))),
@@ -72,7 +72,7 @@ impl Fields {
     /// A field with a list; none where it is not set.
     ///
     /// # Errors
-    /// Where it is no list.
+    /// If it is no list.
     pub fn list(&mut self, field: &str) -> Result<Option<Vec<Value>>> {
         match self.any(field) {
             Value::Null => Ok(None),
@@ -84,7 +84,7 @@ impl Fields {
     /// A field with a list that has at least one entry.
     ///
     /// # Errors
-    /// Where it is none.
+    /// If it is none.
     pub fn filled_list(&mut self, field: &str) -> Result<Vec<Value>> {
         match self.list(field)? {
             None => Err(Error::new(format!("{}: `{field}` is missing", self.table))),
@@ -98,7 +98,7 @@ impl Fields {
     /// A field with a number; none where it is not set.
     ///
     /// # Errors
-    /// Where it is not a number.
+    /// If it is not a number.
     pub fn number(&mut self, field: &str) -> Result<Option<f64>> {
         match self.any(field) {
             Value::Null => Ok(None),
@@ -109,7 +109,7 @@ impl Fields {
     /// A field with a whole number of at least 0; none where it is not set.
     ///
     /// # Errors
-    /// Where it is none.
+    /// If it is none.
     pub fn whole(&mut self, field: &str) -> Result<Option<u64>> {
         match self.any(field) {
             Value::Null => Ok(None),
@@ -141,7 +141,7 @@ impl Fields {
     /// A field with a text; none where it is not set.
     ///
     /// # Errors
-    /// Where it is no text.
+    /// If it is no text.
     pub fn text(&mut self, field: &str) -> Result<Option<String>> {
         match self.any(field) {
             Value::Null => Ok(None),

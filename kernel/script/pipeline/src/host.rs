@@ -167,7 +167,7 @@ impl Host {
     /// `pdk.draws`: whether a perturbation draws anything at random.
     ///
     /// # Errors
-    /// Where there is none of this name.
+    /// If there is none of this name.
     pub(crate) fn draws(&self, name: &Value) -> Result<bool> {
         let Some(name) = name.as_str() else {
             return Err(Error::new(format!("pdk.draws takes the name of a perturbation, not {name}")));

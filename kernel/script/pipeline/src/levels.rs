@@ -8,7 +8,7 @@ use pdk_model::level::{MAX_INTENSITY, MOST_FRAMES};
 /// them. `frames` says for a scenario, with what it leaves to its defaults, its rate and how long it lasts.
 ///
 /// # Errors
-/// Where a function fails or gives something other than a level, with its perturbation and the time.
+/// If a function fails or gives something other than a level, with its perturbation and the time.
 pub fn evaluated(
     lua: &Lua,
     scenario: &LuaValue,

@@ -85,7 +85,7 @@ fn listen(calls: Option<mpsc::Sender<Found<Call>>>) -> Result<()> {
 /// Ends a run of a pipeline in Lua where the program that started it is gone.
 ///
 /// # Errors
-/// Where the system does not allow it.
+/// If the system does not allow it.
 pub fn follow() -> Result<()> {
     listen(None)
 }
@@ -93,7 +93,7 @@ pub fn follow() -> Result<()> {
 /// Does what a program calls, until it is at its end or gone. `program` is the file that calls, for the record.
 ///
 /// # Errors
-/// Where nothing could be begun: the file cannot be read, or no worker can be started.
+/// If nothing could be begun: the file cannot be read, or no worker can be started.
 pub fn serve(program: Option<PathBuf>, options: Options) -> Result<Finished> {
     let (sender, calls) = mpsc::channel();
     let script = match program {

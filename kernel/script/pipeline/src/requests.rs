@@ -118,7 +118,7 @@ impl Defaults {
     /// What `pdk.drive` takes: defaults, and a list of scenarios.
     ///
     /// # Errors
-    /// Where a field is unknown, missing, of the wrong type or out of range.
+    /// If a field is unknown, missing, of the wrong type or out of range.
     pub fn drive(self, request: Value) -> Result<Vec<Submission>> {
         let known: Vec<&str> = SHARED.iter().copied().chain(["scenarios"]).collect();
         let mut fields = Fields::new("pdk.drive", request, &known)?;
@@ -134,7 +134,7 @@ impl Defaults {
     /// A scenario in a table; `place` says in errors which.
     ///
     /// # Errors
-    /// Where a field is unknown, missing, of the wrong type or out of range.
+    /// If a field is unknown, missing, of the wrong type or out of range.
     pub fn submission(&self, place: &str, table: Value) -> Result<Submission> {
         let own = Scenario::FIELDS.iter().map(|field| field.name);
         let known: Vec<&str> = own.chain(SHARED.iter().copied()).chain(["name"]).collect();
@@ -229,7 +229,7 @@ impl Evaluate {
     /// Reads what a pipeline wrote.
     ///
     /// # Errors
-    /// Where a field is unknown, missing or of the wrong type, or a level is out of range.
+    /// If a field is unknown, missing or of the wrong type, or a level is out of range.
     pub fn from_json(request: Value) -> Result<Self> {
         let known = ["dataset", "driver", "perturbations", "levels", "frames"];
         let mut fields = Fields::new("pdk.evaluate", request, &known)?;

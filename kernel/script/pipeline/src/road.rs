@@ -25,7 +25,7 @@ pub fn make(request: Value, seed: u64) -> Result<Value> {
 /// Builds the road that a request asks for, with the lengths of its segments; `seed` is for requests that name none.
 ///
 /// # Errors
-/// Where a field is wrong, or no valid road comes of it; the error says where the last one is not valid.
+/// If a field is wrong, or no valid road comes of it; the error says where the last one is not valid.
 pub fn build(request: Value, seed: u64) -> Result<(Road, Vec<f64>)> {
     let wrong = |sentence: String| Error::new(format!("pdk.road: {sentence}"));
     let known: Vec<&str> = ROAD_REQUEST.names().collect();

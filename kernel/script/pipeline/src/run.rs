@@ -92,7 +92,7 @@ fn unreadable(pipeline: &Path, error: &Error) -> Error {
 /// of one that is part of pdk. What was recorded until an error is complete and stays.
 ///
 /// # Errors
-/// Where nothing could be begun: the file cannot be read, or no worker can be started.
+/// If nothing could be begun: the file cannot be read, or no worker can be started.
 pub fn run(pipeline: &Path, options: Options) -> Result<Finished> {
     let script = Script::find(pipeline)?;
     let (name, source) = (script.path.to_string_lossy().into_owned(), script.source.clone());

@@ -13,7 +13,7 @@ use crate::run_settings::RUN_SETTINGS;
 /// Puts the overrides in the place of the defaults.
 ///
 /// # Errors
-/// Where a setting does not exist, or the value has another type than the default.
+/// If a setting does not exist, or the value has another type than the default.
 pub fn apply(defaults: Value, overrides: &[Override]) -> Result<Value> {
     let mut settings = match defaults {
         Value::Object(settings) => settings,

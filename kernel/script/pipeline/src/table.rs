@@ -7,7 +7,7 @@ use serde_json::Value;
 /// Renders what `pdk.drive` or `pdk.evaluate` returned.
 ///
 /// # Errors
-/// Where it is neither.
+/// If it is neither.
 pub fn render(result: &Value) -> Result<String> {
     match result {
         Value::Array(outcomes) if outcomes.iter().all(|outcome| outcome.get("cause").is_some()) => {

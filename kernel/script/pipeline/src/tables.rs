@@ -8,7 +8,7 @@ use serde_json::Value;
 /// Checks the name of a file that a pipeline adds to its record.
 ///
 /// # Errors
-/// Where it is no plain name that ends in `.json`, or one of the record's own.
+/// If it is no plain name that ends in `.json`, or one of the record's own.
 pub fn checked_name(name: &Value) -> Result<&str> {
     let plain = |name: &&str| {
         name.strip_suffix(".json").is_some_and(|stem| !stem.is_empty())
@@ -32,7 +32,7 @@ pub fn checked_name(name: &Value) -> Result<&str> {
 /// Renders a table of its own making: `{ header, rows }`.
 ///
 /// # Errors
-/// Where the header is not a list of texts, or a row no list as long as the header.
+/// If the header is not a list of texts, or a row no list as long as the header.
 pub fn render(header: &Value, rows: &Value) -> Result<String> {
     let texts: Option<Vec<&str>> =
         header.as_array().filter(|h| !h.is_empty()).and_then(|h| h.iter().map(Value::as_str).collect());

@@ -45,7 +45,7 @@ impl Tickets {
     /// Waits for the outcome of a ticket.
     ///
     /// # Errors
-    /// Where there is no such ticket, or the scenario came to nothing.
+    /// If there is no such ticket, or the scenario came to nothing.
     pub fn wait(&mut self, host: &mut Host, number: &Value) -> Result<Value> {
         let ticket = self.ticket(number).ok_or_else(|| {
             Error::new(format!(
@@ -61,7 +61,7 @@ impl Tickets {
     /// Waits for the next outcome, with its ticket; null where all have been taken.
     ///
     /// # Errors
-    /// Where the scenario came to nothing.
+    /// If the scenario came to nothing.
     pub fn next(&mut self, host: &mut Host) -> Result<Value> {
         let Some((ticket, outcome)) = host.next(&self.open)? else { return Ok(Value::Null) };
         self.open.remove(&ticket);

@@ -20,7 +20,7 @@ pub fn from_lua(value: &LuaValue, place: &str) -> Result<Value> {
 /// A value for a script.
 ///
 /// # Errors
-/// Where the virtual machine is out of memory.
+/// If the virtual machine is out of memory.
 pub fn to_lua(lua: &Lua, value: &Value) -> mlua::Result<LuaValue> {
     lua.to_value_with(
         value,

@@ -141,7 +141,7 @@ impl Dispatch {
     /// A worker has done a job: what came of it is recorded.
     ///
     /// # Errors
-    /// Where it cannot be recorded: then nothing that comes can.
+    /// If it cannot be recorded: then nothing that comes can.
     pub(super) fn done(&mut self, number: u64, answer: Answer) -> Result<()> {
         let Some(task) = self.jobs.tasks.get(&number) else { return Ok(()) };
         match answer {
@@ -189,7 +189,7 @@ impl Dispatch {
     /// A worker is gone: what it was at is done again by another one.
     ///
     /// # Errors
-    /// Where what came of it cannot be recorded.
+    /// If what came of it cannot be recorded.
     pub(super) fn lost(&mut self, connection: &Connection, end: &str) -> Result<()> {
         let _ = pdk_bus::sweep_run(&self.options.run);
         for number in connection.jobs().into_iter().rev() {

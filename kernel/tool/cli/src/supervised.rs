@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(600);
 /// Runs this very command line in a process of its own, and says how that ended.
 ///
 /// # Errors
-/// Where it cannot be started.
+/// If it cannot be started.
 pub fn run() -> Result<ExitCode> {
     let executable = std::env::current_exe().place("cannot find the pdk executable")?;
     let mut command = Command::new(executable);

@@ -35,7 +35,7 @@ pub fn to_image(frame: &FrameBuf) -> RgbImage {
 /// An image as a frame.
 ///
 /// # Errors
-/// Where it has no pixels.
+/// If it has no pixels.
 pub fn to_frame(image: RgbImage) -> Result<FrameBuf> {
     let (width, height) = (image.width() as usize, image.height() as usize);
     FrameBuf::from_vec(image.into_raw(), width, height).map_err(Error::new)
@@ -52,7 +52,7 @@ pub fn stacked(above: &RgbImage, below: &RgbImage) -> RgbImage {
 /// Pictures of one size side by side.
 ///
 /// # Errors
-/// Where there are none.
+/// If there are none.
 pub fn row(pictures: &[RgbImage]) -> Result<RgbImage> {
     let first = pictures.first().ok_or_else(|| Error::new("there are no pictures to put side by side"))?;
     let count = pictures.len() as u32;
@@ -74,7 +74,7 @@ pub struct Block {
 /// Blocks of equal size under a heading, top to bottom in so many columns.
 ///
 /// # Errors
-/// Where there are none.
+/// If there are none.
 pub fn sheet(heading: &str, blocks: &[Block], columns: u32) -> Result<RgbImage> {
     const MARGIN: u32 = 16;
     let first = blocks.first().ok_or_else(|| Error::new("there is nothing to show on the sheet"))?;
@@ -97,7 +97,7 @@ pub fn sheet(heading: &str, blocks: &[Block], columns: u32) -> Result<RgbImage> 
 /// Writes an endless GIF.
 ///
 /// # Errors
-/// Where it cannot be encoded or written.
+/// If it cannot be encoded or written.
 pub fn write_clip(path: &Path, frames: Vec<RgbImage>, frames_per_second: u32) -> Result<()> {
     use image::codecs::gif::{GifEncoder, Repeat};
     let text = |error: image::ImageError| Error::new(error.to_string());

@@ -85,7 +85,7 @@ pub fn usable(catalog: &Catalog, all: bool) -> Vec<Description> {
 /// The perturbations to show: those that are named as for [`AppliedPerturbation::parse`], or those that are [`usable`].
 ///
 /// # Errors
-/// Where one of the names is no perturbation, or what stands behind it cannot be read.
+/// If one of the names is no perturbation, or what stands behind it cannot be read.
 pub fn chosen(catalog: &Catalog, named: &[String], all: bool) -> Result<Vec<Shown>> {
     if named.is_empty() {
         let shown = |description: Description| {
@@ -117,7 +117,7 @@ fn settings(description: &Description) -> Option<Map<String, Value>> {
 /// A frame under a perturbation at a moment.
 ///
 /// # Errors
-/// Where it cannot be perturbed.
+/// If it cannot be perturbed.
 pub fn perturbed(
     registry: &Registry,
     applied: &AppliedPerturbation,
@@ -190,7 +190,7 @@ pub fn rows(
 /// Frames over time under a perturbation: `count` of them, `interval` seconds apart.
 ///
 /// # Errors
-/// Where the perturbation fails.
+/// If the perturbation fails.
 pub fn over_time(
     registry: &Registry,
     applied: &AppliedPerturbation,

@@ -104,7 +104,7 @@ impl Layout {
 /// the frames of the last second are marked and the very last one stays for a second. Nothing is there until it is complete.
 ///
 /// # Errors
-/// Where there are no frames, or the video cannot be written.
+/// If there are no frames, or the video cannot be written.
 pub fn film(path: &Path, recorded: &Recorded, driven: &Driven, trace: &Path) -> Result<()> {
     let steps = read_steps(trace)?;
     let incomplete = |step: &Step| {

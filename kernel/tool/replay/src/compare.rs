@@ -89,7 +89,7 @@ impl Compared {
 /// Compares a recorded scenario, which has these steps in its trace, with what it came to when it was driven again.
 ///
 /// # Errors
-/// Where an outcome cannot be JSON.
+/// If an outcome cannot be JSON.
 pub fn compare(recorded: &Recorded, steps: &[Step], outcome: &Outcome, again: &[Step]) -> Result<Compared> {
     let mut pairs = steps.iter().zip(again);
     let of_steps = pairs.find_map(|(was, is)| step_difference(was, is)).or_else(|| {

@@ -123,7 +123,7 @@ pub fn programs(scenarios: &[Recorded], catalog: &Catalog) -> Vec<String> {
 /// every driver once, `inputs` about every component.
 ///
 /// # Errors
-/// Where a component that the scenarios need is missing, or one of its files cannot be read.
+/// If a component that the scenarios need is missing, or one of its files cannot be read.
 pub fn changes(
     manifest: &Manifest,
     scenarios: &[Recorded],

@@ -58,7 +58,7 @@ impl Recorded {
 /// its id, or by a beginning of its id that no other has. `place` is what errors call the record.
 ///
 /// # Errors
-/// Where a text names no scenario, or several.
+/// If a text names no scenario, or several.
 pub fn select(lines: Vec<Line>, wanted: &[String], place: &str) -> Result<Vec<Recorded>> {
     let mut scenarios: BTreeMap<u64, Line> = (0..).zip(lines).collect();
     if !wanted.is_empty() {

@@ -51,7 +51,7 @@ impl Replay {
     /// Opens the record of a run. `wanted` names scenarios by numbers or ids, as for [`select`]; where it is empty, all are wanted.
     ///
     /// # Errors
-    /// Where the folder holds no scenarios of the closed loop, is damaged, or has no wanted scenario.
+    /// If the folder holds no scenarios of the closed loop, is damaged, or has no wanted scenario.
     pub fn open(folder: &Path, wanted: &[String]) -> Result<Self> {
         let directory = RunDirectory::open(folder)?;
         let shown = folder.display();
@@ -102,7 +102,7 @@ impl Replay {
     /// What is different of pdk, the components and their files since the record was made, one clause each.
     ///
     /// # Errors
-    /// Where a component that the scenarios need is missing, or one of its files cannot be read.
+    /// If a component that the scenarios need is missing, or one of its files cannot be read.
     pub fn changes(&self, session: &mut Session) -> Result<Vec<String>> {
         let catalog = session.catalog().clone();
         let session = RefCell::new(session);
@@ -130,7 +130,7 @@ impl Replay {
     /// is over afterwards. Ctrl-C ends it as it ends a run, so that the traces in the temporary folder do not stay.
     ///
     /// # Errors
-    /// Where the session cannot go on, or the video cannot be written. What is wrong with a recorded trace is said of its scenario.
+    /// If the session cannot go on, or the video cannot be written. What is wrong with a recorded trace is said of its scenario.
     pub fn drive(&self, session: Session, film: Option<&Film>, progress: &ProgressBar) -> Result<Replayed> {
         interrupt::watch()?;
         let folder = tempfile::Builder::new()
@@ -170,7 +170,7 @@ impl Replay {
     /// Shrinks the first of the scenarios, and films what is left where a video is wanted. The session is over afterwards.
     ///
     /// # Errors
-    /// Where there is no failure, the session cannot go on, or the video cannot be written.
+    /// If there is no failure, the session cannot go on, or the video cannot be written.
     pub fn shrink(
         &self,
         mut session: Session,

@@ -50,7 +50,7 @@ pub struct Limits {
 /// Shrinks a recorded scenario.
 ///
 /// # Errors
-/// Where it did not fail, or does not any more, or the session cannot go on.
+/// If it did not fail, or does not any more, or the session cannot go on.
 pub fn shrink(session: &mut Session, line: &Line, limits: Limits, progress: &ProgressBar) -> Result<Shrunk> {
     if line.outcome.success {
         return Err(Error::new(format!(
@@ -299,7 +299,7 @@ pub fn luck(shrunk: &Shrunk) -> String {
 /// A pipeline that drives what is left, for anyone to run.
 ///
 /// # Errors
-/// Where the scenario cannot be JSON.
+/// If the scenario cannot be JSON.
 pub fn script(shrunk: &Shrunk, name: &str) -> Result<String> {
     let Shrunk { scenario, outcome, .. } = shrunk;
     let luck = match luck(shrunk) {

@@ -190,7 +190,7 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
 /// All that the page says about a drive, one of `all` of the run. `classes` are the edges of the colours of cross-track errors.
 ///
 /// # Errors
-/// Where a picture cannot be drawn.
+/// If a picture cannot be drawn.
 pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section> {
     let order: Vec<String> =
         by_severity([drive.scenarios.as_slice()]).into_iter().map(|(name, _)| name).collect();

@@ -66,7 +66,7 @@ const KEY: i32 = 30;
 /// Draws curves.
 ///
 /// # Errors
-/// Where the picture cannot be drawn.
+/// If the picture cannot be drawn.
 pub fn chart(curves: &[Curve], axes: &Axes<'_>) -> Result<Chart> {
     let mut svg = String::new();
     let keys = draw(&mut svg, curves, axes)

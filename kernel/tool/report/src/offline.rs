@@ -87,7 +87,7 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
 /// All that the page says about an evaluation.
 ///
 /// # Errors
-/// Where a picture cannot be drawn.
+/// If a picture cannot be drawn.
 pub fn section(evaluation: &Evaluation) -> Result<Section> {
     let order = by_severity(evaluation);
     Ok(Section {

@@ -43,7 +43,7 @@ const TEMPLATES: [(&str, &str); 8] = [
 /// Makes the page.
 ///
 /// # Errors
-/// Where a picture cannot be drawn.
+/// If a picture cannot be drawn.
 pub fn render(run: &Run) -> Result<String> {
     let classes = road::classes(&run.drives);
     let drives = run

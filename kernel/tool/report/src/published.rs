@@ -78,7 +78,7 @@ impl PublishedOutcome {
 /// come from the traces.
 ///
 /// # Errors
-/// Where the folder holds no record of a closed loop, or a trace is missing or damaged.
+/// If the folder holds no record of a closed loop, or a trace is missing or damaged.
 pub fn outcomes(directory: &RunDirectory) -> Result<(Vec<PublishedOutcome>, bool)> {
     let (lines, cut_off) = ledger::read(directory)?;
     let read = |line: &Line| {
@@ -92,7 +92,7 @@ pub fn outcomes(directory: &RunDirectory) -> Result<(Vec<PublishedOutcome>, bool
 /// Writes them to a file.
 ///
 /// # Errors
-/// Where it cannot be written.
+/// If it cannot be written.
 pub fn write(path: &Path, outcomes: &[PublishedOutcome]) -> Result<()> {
     let text = serde_json::to_vec_pretty(outcomes)?;
     pdk_sdk::file::write(path, &text).place(format_args!("cannot write {}", path.display()))

@@ -58,7 +58,7 @@ const TEXT: i32 = 34;
 /// Draws points.
 ///
 /// # Errors
-/// Where the picture cannot be drawn.
+/// If the picture cannot be drawn.
 pub fn scatter(marks: &[Mark], x: &str, y: &str) -> Result<Scatter> {
     let label = format!("{y} over {x}");
     let mut svg = String::new();

@@ -62,7 +62,7 @@ pub fn verdict(search: &Search) -> Vec<String> {
 /// The section about a search.
 ///
 /// # Errors
-/// Where a picture cannot be drawn.
+/// If a picture cannot be drawn.
 pub fn section(search: &Search) -> Result<Section> {
     let facts = vec![
         ("Strategy", search.strategy.clone()),

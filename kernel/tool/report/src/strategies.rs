@@ -59,7 +59,7 @@ const HYPERVOLUME: Measure =
 /// The comparisons of a page: one for each setting in which there was more than one search.
 ///
 /// # Errors
-/// Where a picture cannot be drawn.
+/// If a picture cannot be drawn.
 pub fn comparisons(searches: &[Search]) -> Result<Vec<Comparison>> {
     let mut settings: Vec<Vec<&Search>> = Vec::new();
     for search in searches {

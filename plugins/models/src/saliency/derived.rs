@@ -39,7 +39,7 @@ pub struct Derived {
 /// The model's graph.
 ///
 /// # Errors
-/// Where it contradicts itself.
+/// If it contradicts itself.
 pub fn graph(viewer: &Viewer) -> Result<Graph> {
     Graph::new(match &viewer.model.source {
         Source::File(path) => model::read(path)?,
@@ -57,7 +57,7 @@ fn image<'a>(graph: &'a Graph, viewer: &Viewer) -> Result<Image<'a>> {
 /// The layer that the parameters name.
 ///
 /// # Errors
-/// Where there is none of this name.
+/// If there is none of this name.
 pub fn named_layer(graph: &Graph, viewer: &Viewer, config: &Config) -> Result<Layer> {
     let layers = layers::layers(graph, image(graph, viewer)?, viewer.target().value);
     let mut layer = layers::find(&layers, config.text("layer"))?.clone();
@@ -70,7 +70,7 @@ pub fn named_layer(graph: &Graph, viewer: &Viewer, config: &Config) -> Result<La
 /// The image as a layer of its own.
 ///
 /// # Errors
-/// Where it is a single pixel.
+/// If it is a single pixel.
 pub fn image_layer(graph: &Graph, viewer: &Viewer) -> Result<Layer> {
     layers::image_layer(graph, image(graph, viewer)?)
 }
@@ -79,7 +79,7 @@ impl Derived {
     /// A graph that computes the layer, and the gradient of the sum of these numbers with respect to it. The gradient comes last.
     ///
     /// # Errors
-    /// Where an operator behind the layer has no gradient, or the engine cannot run the graph.
+    /// If an operator behind the layer has no gradient, or the engine cannot run the graph.
     pub fn gradient(graph: &Graph, viewer: &Viewer, layer: Layer, targets: &[Target<'_>]) -> Result<Self> {
         let is_input = graph.inputs().any(|input| input == layer.value);
         let keep: &[&str] = if is_input { &[] } else { &[&layer.value] };
@@ -91,7 +91,7 @@ impl Derived {
     /// A graph that computes the layer alone.
     ///
     /// # Errors
-    /// Where the engine cannot run the graph.
+    /// If the engine cannot run the graph.
     pub fn forward(graph: &Graph, viewer: &Viewer, layer: Layer) -> Result<Self> {
         let model = graph.model(&[&layer.value])?;
         Self::open(viewer, layer, &model, 1)
@@ -112,7 +112,7 @@ impl Derived {
     /// Runs the graph on a frame in the size of the model's image, and gives each output channel by channel.
     ///
     /// # Errors
-    /// Where the engine fails.
+    /// If the engine fails.
     pub fn run(&mut self, viewer: &Viewer, frame: Frame<'_>) -> Result<Vec<Planes>> {
         viewer.numbers(frame, self.inputs.image());
         self.compute(viewer)
@@ -121,7 +121,7 @@ impl Derived {
     /// Runs the graph on the numbers of an image.
     ///
     /// # Errors
-    /// Where the engine fails.
+    /// If the engine fails.
     pub fn run_on(&mut self, viewer: &Viewer, image: &[f32]) -> Result<Vec<Planes>> {
         self.inputs.image().copy_from_slice(image);
         self.compute(viewer)

@@ -54,7 +54,7 @@ impl Grid {
     /// Brings the numbers to 0 to 1. A map that is zero everywhere stays so.
     ///
     /// # Errors
-    /// Where a number is not finite.
+    /// If a number is not finite.
     pub fn normalize(mut self, sign: Sign) -> Result<Self> {
         if self.values.iter().any(|value| !value.is_finite()) {
             return Err(Error::of(ErrorKind::Nonsense, "the map holds numbers that are not finite"));

@@ -16,7 +16,7 @@ pub trait Method: Send + Sized {
     /// Prepares the method for a model.
     ///
     /// # Errors
-    /// Where the model does not have what the method needs.
+    /// If the model does not have what the method needs.
     fn new(viewer: &Viewer, config: &Config) -> Result<Self>;
 
     /// How its numbers become values from 0 to 1.
@@ -30,7 +30,7 @@ pub trait Method: Send + Sized {
     /// The grid of a frame that has the size of the model's image.
     ///
     /// # Errors
-    /// Where the engine fails.
+    /// If the engine fails.
     fn grid(&mut self, viewer: &mut Viewer, frame: Frame<'_>, cx: &MapContext<'_>) -> Result<Grid>;
 }
 

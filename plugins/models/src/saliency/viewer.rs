@@ -72,7 +72,7 @@ impl Viewer {
     /// Opens the model and runs it once.
     ///
     /// # Errors
-    /// Where the file is no driving model, or has no such output.
+    /// If the file is no driving model, or has no such output.
     pub fn open(config: &Config) -> Result<Self> {
         let model = ModelFile::read(source(config.text("model")), config.text("layout"))?;
         let engine = config.text(engine::PARAMETER).to_owned();
@@ -168,7 +168,7 @@ impl Viewer {
     /// What the network gives for a frame in the size of its image.
     ///
     /// # Errors
-    /// Where the engine fails, or the number is not finite.
+    /// If the engine fails, or the number is not finite.
     pub fn answer(&mut self, frame: Frame<'_>) -> Result<f64> {
         self.pixels.write(frame, self.inputs.image());
         self.inputs.move_at(self.speed);

@@ -35,7 +35,7 @@ impl Case {
     /// The model for a version of the operator set.
     ///
     /// # Panics
-    /// Where the case is put together wrongly.
+    /// If the case is put together wrongly.
     pub fn model(&self, opset: i64) -> ModelProto {
         let mut sketch = Sketch::new(opset);
         sketch.input("x", self.shape);

@@ -37,7 +37,7 @@ pub fn numbers(seed: u64, count: usize) -> Vec<f64> {
 /// floats, and the model.
 ///
 /// # Errors
-/// Where the gradient cannot be built or computed.
+/// If the gradient cannot be built or computed.
 pub fn both_gradients(
     graph: &Graph,
     target: Target<'_>,
@@ -77,7 +77,7 @@ pub fn relative_error(found: &[f64], expected: &[f64]) -> f64 {
 /// Checks the gradient of a case by central differences, in each version of the operator set that has it.
 ///
 /// # Panics
-/// Where they differ, or there is no such case.
+/// If they differ, or there is no such case.
 #[cfg(test)]
 pub(crate) fn check(name: &str) {
     let case =

@@ -22,7 +22,7 @@ impl Dice {
 /// A graph with the input `x`, an image of two channels, and the output `target`, one number.
 ///
 /// # Panics
-/// Where the graph is put together wrongly.
+/// If the graph is put together wrongly.
 pub fn random(seed: u64, opset: i64) -> ModelProto {
     let mut dice = Dice { numbers: numbers(seed + 1, 512), next: 0 };
     let mut sketch = Sketch::new(opset);

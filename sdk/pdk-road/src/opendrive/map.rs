@@ -146,7 +146,7 @@ impl Map {
     /// from there for at most `length` metres. At a junction it goes on as straight as possible.
     ///
     /// # Errors
-    /// Where there is no such lane, or it ends after less than 10 m.
+    /// If there is no such lane, or it ends after less than 10 m.
     pub fn follow(&self, at: Point, heading: f64, length: f64) -> Result<Lane, String> {
         let mut place = self.nearest(at, heading)?;
         let mut lane = Lane { points: Vec::new(), width: f64::INFINITY };

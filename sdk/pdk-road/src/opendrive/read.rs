@@ -9,7 +9,7 @@ impl Map {
     /// Reads a map.
     ///
     /// # Errors
-    /// Where the text is not OpenDRIVE, with the road where it is not.
+    /// If the text is not OpenDRIVE, with the road where it is not.
     pub fn read(text: &str) -> Result<Self, String> {
         let document = Document::parse(text).map_err(|error| format!("the map is not XML: {error}"))?;
         let root = document.root_element();

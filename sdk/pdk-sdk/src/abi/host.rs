@@ -44,7 +44,7 @@ impl Module {
     /// What the plugin says of itself, as JSON: see [`PluginDescription`](super::PluginDescription).
     ///
     /// # Errors
-    /// Where it cannot describe itself.
+    /// If it cannot describe itself.
     pub fn describe(&self) -> Result<String> {
         // SAFETY: both sinks live through the call.
         collect(|description, error| unsafe { (self.plugin.describe())(description, error) })

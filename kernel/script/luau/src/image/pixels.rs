@@ -56,7 +56,7 @@ impl LuaImage {
     /// The image that holds frames of this size; those that the script makes may be somewhat larger.
     ///
     /// # Errors
-    /// Where the script is out of memory.
+    /// If the script is out of memory.
     pub fn for_frames(lua: &Lua, width: usize, height: usize) -> mlua::Result<Self> {
         lua.set_app_data(FramePixels(width.saturating_mul(height)));
         Self::new(lua, width, height)
@@ -65,7 +65,7 @@ impl LuaImage {
     /// A black image that the script makes.
     ///
     /// # Errors
-    /// Where it is too large, or the script is out of memory.
+    /// If it is too large, or the script is out of memory.
     pub(super) fn of_script(lua: &Lua, call: &str, width: usize, height: usize) -> mlua::Result<Self> {
         let frame = lua.app_data_ref::<FramePixels>().map_or(0, |pixels| pixels.0);
         let most = frame.saturating_mul(FRAMES).max(MOST_PIXELS);

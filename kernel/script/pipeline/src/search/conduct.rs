@@ -47,7 +47,7 @@ struct Search {
 /// `pdk.search`.
 ///
 /// # Errors
-/// Where the request is wrong, the strategy fails, or nothing can be evaluated.
+/// If the request is wrong, the strategy fails, or nothing can be evaluated.
 pub fn search(lua: &Lua, request: &LuaValue) -> mlua::Result<LuaValue> {
     let defaults = with_host(lua, |host| Ok(host.defaults()))?;
     let request = Request::read(lua, request, defaults)?;

@@ -69,7 +69,7 @@ impl Request {
     /// Reads a request.
     ///
     /// # Errors
-    /// Where a field is unknown, missing, of the wrong type or out of range, or nothing can be searched.
+    /// If a field is unknown, missing, of the wrong type or out of range, or nothing can be searched.
     pub fn read(lua: &Lua, request: &LuaValue, defaults: Defaults) -> mlua::Result<Self> {
         let table = request.as_table().ok_or_else(|| wrong("takes a table: { space = ..., ... }"))?;
         let function = |field: &str| match table.raw_get::<LuaValue>(field)? {

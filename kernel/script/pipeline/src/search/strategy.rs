@@ -57,7 +57,7 @@ impl Strategy {
     /// A table of functions that searches a problem.
     ///
     /// # Errors
-    /// Where it has no `ask`, or `start` fails.
+    /// If it has no `ask`, or `start` fails.
     pub fn functions(lua: &Lua, table: &Table, problem: &Problem, key: &Key) -> mlua::Result<Self> {
         let function = |field: &str| match table.raw_get::<LuaValue>(field)? {
             LuaValue::Nil => Ok(None),

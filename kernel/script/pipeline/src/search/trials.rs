@@ -80,7 +80,7 @@ impl Trials {
     /// Takes a candidate in; what is new still has to be [completed](Self::complete).
     ///
     /// # Errors
-    /// Where it is not the next one.
+    /// If it is not the next one.
     pub fn admit(&mut self, candidate: Candidate) -> Result<Admitted> {
         let number = self.all.len();
         if candidate.id != number as u64 {

@@ -16,7 +16,7 @@ const CURVES: usize = 7;
 /// is the level at which all were driven.
 ///
 /// # Errors
-/// Where a picture cannot be drawn.
+/// If a picture cannot be drawn.
 pub fn curves(drive: &Drive, order: &[String], chosen: &[f64]) -> Result<Vec<Chart>> {
     let common = match chosen.is_empty() {
         true => None,

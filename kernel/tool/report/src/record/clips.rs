@@ -17,7 +17,7 @@ pub struct ClipFolder {
 /// The folder of the clips of a record, for a page in this file.
 ///
 /// # Errors
-/// Where the page cannot be there, or the folder of the record cannot be read.
+/// If the page cannot be there, or the folder of the record cannot be read.
 pub fn clip_folder(folder: &Path, page: &Path) -> Result<ClipFolder> {
     let path = folder.join(CLIPS);
     let place = page.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -60,7 +60,7 @@ struct Cell {
 /// The evaluations of a run, in order; none where there are none. A last line that was cut off is left out.
 ///
 /// # Errors
-/// Where the results cannot be read, or a line is damaged.
+/// If the results cannot be read, or a line is damaged.
 pub fn read(directory: &RunDirectory) -> Result<Vec<Evaluation>> {
     let path = directory.path().join(RESULTS);
     let Some((file, _)) = file::open_if_there(&path).place(path.display())? else { return Ok(Vec::new()) };

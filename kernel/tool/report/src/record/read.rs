@@ -32,7 +32,7 @@ pub struct Read {
 /// Reads all that the page in this file says about a run.
 ///
 /// # Errors
-/// Where the folder holds no record, the record is damaged, or nothing was recorded yet.
+/// If the folder holds no record, the record is damaged, or nothing was recorded yet.
 pub fn read(folder: &Path, page: &Path) -> Result<Read> {
     let directory = RunDirectory::open(folder)?;
     let manifest = directory

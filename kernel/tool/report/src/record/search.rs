@@ -100,7 +100,7 @@ struct Tested {
 /// they drove.
 ///
 /// # Errors
-/// Where a file cannot be read.
+/// If a file cannot be read.
 pub fn read(directory: &RunDirectory, folder: &Path, lines: &[Line]) -> Result<Vec<Search>> {
     let scenarios: HashMap<String, &Scenario> =
         lines.iter().map(|line| (line.id.to_string(), &line.scenario)).collect();

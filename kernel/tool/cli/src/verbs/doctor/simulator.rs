@@ -31,7 +31,7 @@ struct Times {
 /// Connects and drives.
 ///
 /// # Errors
-/// Where there is no such simulator, or it does not do as it should.
+/// If there is no such simulator, or it does not do as it should.
 pub fn examine(registry: &Registry, name: &str, values: &[Override]) -> Result<Vec<Finding>> {
     refuse_repeated(values)?;
     let parameters = values.iter().map(|Override { key, value }| Ok((key.clone(), parse_value(value)?)));

@@ -58,7 +58,7 @@ impl Curves {
     /// Makes the driver.
     ///
     /// # Errors
-    /// Where it refuses its parameters.
+    /// If it refuses its parameters.
     pub fn new(
         registry: &Registry,
         driver: &ComponentSpec,
@@ -79,7 +79,7 @@ impl Curves {
     /// Measures the map of a frame.
     ///
     /// # Errors
-    /// Where the driver fails.
+    /// If the driver fails.
     pub fn add(&mut self, method: usize, shown: &Shown, map: &[f32], index: u64) -> Result<()> {
         let (frame, speed) = (shown.frame.as_ref(), shown.speed.unwrap_or(self.speed));
         // The same moves for every method, so that methods are compared under the same luck.

@@ -16,7 +16,7 @@ pub fn beside(stem: &Path, ending: &str) -> PathBuf {
 /// Writes 32-bit floats as NumPy reads them (format 1.0), row by row.
 ///
 /// # Errors
-/// Where the file cannot be written.
+/// If the file cannot be written.
 pub fn write_npy(path: &Path, values: &[f32], width: usize) -> Result<()> {
     let height = values.len() / width.max(1);
     let mut header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({height}, {width}), }}");
@@ -34,7 +34,7 @@ pub fn write_npy(path: &Path, values: &[f32], width: usize) -> Result<()> {
 /// Writes the frame with the map laid over.
 ///
 /// # Errors
-/// Where the file cannot be written.
+/// If the file cannot be written.
 pub fn write_picture(path: &Path, frame: Frame<'_>, values: &[f32]) -> Result<()> {
     pdk_image::write(path, view::heat(frame, values).as_ref())
 }

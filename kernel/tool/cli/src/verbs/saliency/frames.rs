@@ -29,7 +29,7 @@ impl Frames {
     /// reader that knows it. Of a folder `count` frames are taken, spread evenly over it.
     ///
     /// # Errors
-    /// Where it is none of these.
+    /// If it is none of these.
     pub fn open(registry: &Registry, path: &Path, count: Option<usize>) -> Result<Self> {
         if !path.is_dir() {
             return Ok(Self::Images(named(vec![path.to_owned()])));
@@ -77,7 +77,7 @@ impl Frames {
     /// A frame.
     ///
     /// # Errors
-    /// Where it cannot be read.
+    /// If it cannot be read.
     pub fn read(&mut self, index: usize) -> Result<Shown> {
         match self {
             Self::Images(images) => {
