@@ -27,7 +27,7 @@ class Published:
     def __init__(self, checkout):
         folder = Path(checkout).resolve() / PACKAGE
         if not (folder / "perturbationfuncs.py").is_file():
-            sys.exit(f"{checkout} is no checkout of the published tool: it has no {PACKAGE}/perturbationfuncs.py")
+            sys.exit(f"{checkout} is not a checkout of the published tool: it has no {PACKAGE}/perturbationfuncs.py")
         # A package of this name without its __init__.py, which imports frameworks for networks.
         package = types.ModuleType(PACKAGE)
         package.__path__ = [str(folder)]

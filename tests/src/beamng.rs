@@ -26,7 +26,7 @@ pub enum Fault {
     Hang,
     /// Sends a part of the answer, and closes.
     Half,
-    /// Sends a message whose content is no map.
+    /// Sends a message whose content is not a map.
     Garbage,
     /// Announces 100 MB and sends them.
     Huge,

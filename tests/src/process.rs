@@ -230,7 +230,7 @@ pub fn json_lines(path: &Path) -> Vec<Value> {
 /// A JSON file.
 ///
 /// # Panics
-/// If the file cannot be read or is no JSON.
+/// If the file cannot be read or is not JSON.
 pub fn json_file(path: &Path) -> Value {
     let text = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
     serde_json::from_slice(&text).unwrap()

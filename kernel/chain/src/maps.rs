@@ -306,7 +306,7 @@ pub fn context<'a>(moment: &Moment<'_>, key: &'a Key) -> MapContext<'a> {
 /// The map of a frame by a method, brought to the size of the frame. `label` is what messages call the method.
 ///
 /// # Errors
-/// If the method fails, or a value is no number.
+/// If the method fails, or a value is not a number.
 pub fn map(
     method: &mut dyn Saliency,
     label: &str,

@@ -152,7 +152,7 @@ fn in_a_process(libraries: &[&Path]) -> Result<(Vec<Said>, Option<Error>)> {
 pub fn serve(libraries: &[PathBuf]) -> Result<()> {
     const CANNOT: &str = "cannot set up the files of the inspection";
     let mut output = File::from(std::io::stdout().as_fd().try_clone_to_owned().place(CANNOT)?);
-    // What a library writes is no answer.
+    // What a library writes is not an answer.
     let nothing = File::options().write(true).open("/dev/null").place(CANNOT)?;
     rustix::stdio::dup2_stdout(&nothing).place(CANNOT)?;
     for library in libraries {

@@ -21,7 +21,7 @@ pub struct Told {
 /// Reads what a plugin says of itself.
 ///
 /// # Errors
-/// If it is no description of a plugin at all.
+/// If it is not a description of a plugin at all.
 pub fn read(text: &str) -> Result<Told> {
     let unreadable = "does not describe itself as a plugin; build it again with pdk_sdk::export!";
     let mut plugin: Map<String, Value> = serde_json::from_str(text).place(unreadable)?;

@@ -271,7 +271,7 @@ impl Registry {
     /// Adds the scripts and drop-ins of a folder that nobody named.
     fn add_beside(&mut self, folder: &Path) {
         for file in self.files_of(folder).into_iter().filter(|file| is_script(file)) {
-            // A script that is no component may be there for something else, so nobody is warned.
+            // A script that is not a component may be there for something else, so nobody is warned.
             let reason = match self.add_script(&file) {
                 Ok(true) => continue,
                 Ok(false) => {

@@ -186,7 +186,7 @@ pub enum FromWorker {
     Progress(Progress),
     /// A job is done.
     Done(Done),
-    /// A component took the process along where that is no job's outcome, such as when an instance was dropped; one sentence.
+    /// A component took the process along where that is not a job's outcome, such as when an instance was dropped; one sentence.
     Trouble(String),
     /// It cannot go on, and why.
     Failed(String),

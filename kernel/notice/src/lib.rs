@@ -1,5 +1,5 @@
 //! Lines for people and scripts. The standard macros panic where a line cannot be written; these do not: nobody reading
-//! any more (`pdk list | head`) is no error, and anything else is one that is told at the end.
+//! any more (`pdk list | head`) is not an error, and anything else is one that is told at the end.
 //!
 //! Lines hold what scripts, files and components are called and say. So what a terminal would obey is shown instead.
 

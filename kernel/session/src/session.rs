@@ -282,7 +282,7 @@ impl Session {
 }
 
 impl Session {
-    /// Ends the session: all workers leave. Returns which components took their process along where that is no job's outcome, such
+    /// Ends the session: all workers leave. Returns which components took their process along where that is not a job's outcome, such
     /// as when an instance was dropped, a sentence each.
     pub fn end(&mut self) -> Vec<String> {
         // Where the thread is gone already, its workers are as well.

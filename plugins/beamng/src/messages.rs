@@ -56,7 +56,7 @@ impl Messages {
     /// Takes a connection and says hello. Both sides have to have the same version of the protocol.
     ///
     /// # Errors
-    /// If the other end is no BeamNG.tech, or has another version.
+    /// If the other end is not BeamNG.tech, or has another version.
     pub fn open(connection: Connection, version: &str, deadline: &Deadline) -> Result<Self> {
         let mut messages = Self { connection, next: 0 };
         let answer = messages.call("Hello", vec![("protocolVersion", version.into())], "Hello", deadline)?;

@@ -61,7 +61,7 @@ impl Rpc {
     /// The answer to request `number`, whose name was `name`; what nobody waits for any more is dropped.
     ///
     /// # Errors
-    /// If the server is gone, does not answer in time, answers what is no answer, or refuses the request.
+    /// If the server is gone, does not answer in time, answers what is not an answer, or refuses the request.
     pub fn answer(&mut self, number: u32, name: &str, deadline: &Deadline) -> Result<Value> {
         loop {
             let message = self.message(name, deadline)?;

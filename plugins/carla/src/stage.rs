@@ -47,7 +47,7 @@ impl Stage {
     /// A scenario on a lane; nothing is spawned yet.
     ///
     /// # Errors
-    /// If the lane is no road.
+    /// If the lane is not a road.
     pub fn new(lane: Lane, options: Options, seed: u64) -> Result<Self> {
         let front = traffic::SIZE[2] / 2.0;
         Ok(Self {
@@ -209,7 +209,7 @@ impl Stage {
             frame += 1;
             moves = next(server, world, (vehicle, sensors), frame, deadline)?;
         }
-        // Falling on the road was no collision.
+        // Falling on the road was not a collision.
         sensors.collided(deadline)?;
         self.first = frame;
         Ok(self.arrive(moves, frame, false))

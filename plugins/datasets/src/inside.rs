@@ -66,7 +66,7 @@ impl Inside {
     /// The text of a manifest or a catalog.
     ///
     /// # Errors
-    /// As [`path`](Self::path), and if it cannot be read or is no text.
+    /// As [`path`](Self::path), and if it cannot be read or is not text.
     pub fn catalog(&self, name: &Path) -> Result<String> {
         self.text(name, LARGEST_CATALOG)
     }
@@ -74,7 +74,7 @@ impl Inside {
     /// The text of the record of a frame.
     ///
     /// # Errors
-    /// As [`path`](Self::path), and if it cannot be read or is no text.
+    /// As [`path`](Self::path), and if it cannot be read or is not text.
     pub fn record(&self, name: &Path) -> Result<String> {
         self.text(name, LARGEST_RECORD)
     }

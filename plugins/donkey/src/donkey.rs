@@ -481,7 +481,7 @@ mod tests {
     fn a_lap_is_complete_when_its_first_node_comes_again() {
         let mut lap = Lap::default();
         assert_eq!(lap.go_on(5.0, 100.0), 0.0);
-        // Backwards is no lap.
+        // Backwards is not a lap.
         assert_eq!(lap.go_on(3.0, 100.0), 0.0);
         assert_eq!(lap.go_on(5.0, 100.0), 0.0);
         let mut share = 0.0;

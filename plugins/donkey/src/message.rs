@@ -85,7 +85,7 @@ impl<'de> Deserialize<'de> for Number {
 /// Reads a line. Where the simulator's computer writes decimal commas, they are made points, in `repaired`.
 ///
 /// # Errors
-/// If it is no message.
+/// If it is not a message.
 pub fn read<'a>(line: &'a [u8], repaired: &'a mut Vec<u8>, peer: &str) -> Result<Message<'a>> {
     match serde_json::from_slice(line) {
         Ok(message) => Ok(message),

@@ -71,7 +71,7 @@ impl Wire {
     /// Waits for the next message, and looks at it.
     ///
     /// # Errors
-    /// If the simulator is gone, nothing comes in time, or it is no message.
+    /// If the simulator is gone, nothing comes in time, or it is not a message.
     pub fn next<R>(
         &mut self,
         deadline: &Deadline,

@@ -281,7 +281,7 @@ impl Field {
             let across = _mm256_mul_ps(mix(across_near, across_far, fz), set(CELLS));
             let ahead = _mm256_mul_ps(minus(lateral_far, lateral_near), set(CELLS));
             let change = _mm256_add_ps(without_sign(across), without_sign(ahead));
-            // Unknown where it changes faster, and where the change is no number, as in `at`.
+            // Unknown where it changes faster, and where the change is not a number, as in `at`.
             let torn = _mm256_cmp_ps::<_CMP_GT_OQ>(change, set(2.0));
             let known = _mm256_andnot_ps(_mm256_or_ps(_mm256_castsi256_ps(empty), torn), inside);
             let or_zero = |value| _mm256_and_ps(value, known);
@@ -328,7 +328,7 @@ fn nearest(path: &Path, lead_in: f64, candidates: &[usize], at: Point) -> [f32; 
 /// The path with a straight piece before and after it, as long as there is room, and the length of the one before.
 fn continued(path: &Path) -> (Path, f64) {
     let room = |from: f64, towards: f64, longest: f64| {
-        // The part of the road next to that end is no obstacle.
+        // The part of the road next to that end is not an obstacle.
         let others = || {
             let length = path.length();
             (0..(length as usize)).map(|s| s as f64).filter(move |s| (s - from).abs() > 2.0 * CLEARANCE)

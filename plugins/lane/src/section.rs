@@ -191,7 +191,7 @@ impl Section {
         let set = |value: f32| _mm256_set1_ps(value);
         let without_sign = _mm256_castsi256_ps(_mm256_set1_epi32(i32::MAX));
         let place_in_sums = |place: __m256| {
-            // As `clamp` and a conversion: what is no number would be its lower bound there and is here too.
+            // As `clamp` and a conversion: what is not a number would be its lower bound there and is here too.
             let inside = _mm256_min_ps(_mm256_max_ps(place, set(0.0)), set(SAMPLES as f32));
             avx2::look_up!(&self.sums, _mm256_cvttps_epi32(inside))
         };

@@ -1,6 +1,6 @@
 //! Components that run a neural network.
 //!
-//! A model is an ONNX file. [`model_file`] reads what the file declares and refuses what is no driving model, the same
+//! A model is an ONNX file. [`model_file`] reads what the file declares and refuses what is not a driving model, the same
 //! way whichever engine runs it later. [`engine`] chooses who runs it: [`tract`], which is part of this plugin, or
 //! [`onnxruntime`], a shared library that [`locate`] finds on the machine. [`pixels`] turns frames into the numbers that
 //! the model expects, [`selection`] says which of its outputs steer, and each [`driver`] puts it all together.

@@ -149,7 +149,7 @@ fn libraries(folder: &Path) -> Vec<Found> {
 }
 
 /// What a folder contains, the last name first, so that newer versions come before older ones; nothing where there
-/// is no such folder.
+/// is not such a folder.
 fn sorted(folder: &Path) -> Vec<PathBuf> {
     let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)
         .map(|entries| entries.flatten().map(|entry| entry.path()).collect())

@@ -65,7 +65,7 @@ impl Runtime {
 /// If the library cannot be loaded, is another one, or is too old; and where the process already uses another file,
 /// because there can be one only.
 pub fn load(path: &Path) -> Result<Arc<Runtime>> {
-    // Two names of the same file are no contradiction.
+    // Two names of the same file are not a contradiction.
     let path = &path.canonicalize().place(format!("ONNX Runtime at `{}`", path.display()))?;
     static LOADED: Mutex<Option<Arc<Runtime>>> = Mutex::new(None);
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);

@@ -61,7 +61,7 @@ impl PictureNetwork {
     /// Opens the network that `model` names and runs it once.
     ///
     /// # Errors
-    /// If it is no such network, or the engine cannot run it.
+    /// If it is not such a network, or the engine cannot run it.
     pub fn open(config: &Config) -> Result<Self> {
         Self::of(Source::File(config.text("model").into()), config)
     }
@@ -102,7 +102,7 @@ impl PictureNetwork {
     /// Runs the network on a frame of any size, and gives the values of its first output.
     ///
     /// # Errors
-    /// If the engine fails, or a value is no number.
+    /// If the engine fails, or a value is not a number.
     pub fn run(&mut self, frame: Frame<'_>) -> Result<&[f32]> {
         let same_size = [frame.width(), frame.height()] == self.size;
         if !same_size {
@@ -122,7 +122,7 @@ impl PictureNetwork {
     /// How many numbers its result has for each pixel of its image.
     ///
     /// # Errors
-    /// If that is no whole number.
+    /// If that is not a whole number.
     pub fn channels(&self) -> Result<usize> {
         let [width, height] = self.size;
         let values = self.outputs[0].len();

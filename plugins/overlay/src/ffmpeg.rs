@@ -13,7 +13,7 @@ use crate::frames::Frames;
 use crate::picture::{Layout, Picture};
 use crate::process::Process;
 
-/// Longer lines are no header.
+/// Longer lines are not a header.
 const LONGEST_LINE: u64 = 1000;
 /// What ffmpeg may read: files that hold their frames themselves. A playlist would name others.
 const FORMATS: &str = "matroska,mov,avi,mpeg,mpegts,mpegvideo,m4v,h264,hevc,vvc,obu,ivf,av1,vc1,ogg,flv,asf,mxf,nut,rm,dv,\

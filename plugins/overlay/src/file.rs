@@ -11,7 +11,7 @@ const LARGEST: u64 = 4;
 /// Opens a file of a clip, and tells how many bytes it has.
 ///
 /// # Errors
-/// If it cannot be read, is no regular file, or is too large.
+/// If it cannot be read, is not a regular file, or is too large.
 pub fn open(path: &Path) -> Result<(File, u64)> {
     let (file, length) = pdk_sdk::file::open(path)?;
     if length > LARGEST << 30 {

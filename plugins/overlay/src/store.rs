@@ -149,7 +149,7 @@ impl Store {
     /// Opens a store.
     ///
     /// # Errors
-    /// If the file does not exist, or is no whole store.
+    /// If the file does not exist, or is not a whole store.
     pub fn open(path: &Path) -> Result<Self> {
         let mut file = File::open(path)?;
         let index = read_index(&mut file)?;

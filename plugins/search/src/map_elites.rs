@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn every_cell_gets_a_better_candidate_than_chance_finds() {
-        // What is good depends on variables that are no features.
+        // What is good depends on variables that are not features.
         let hidden = |x: &[f64]| (vec![x[2..].iter().map(|x| (x - 0.3).abs()).sum::<f64>()], false);
         let mean_of_cells = |all: Vec<(Vec<f64>, Vec<f64>, bool)>| {
             let mut cells = BTreeMap::new();

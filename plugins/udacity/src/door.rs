@@ -30,7 +30,7 @@ pub struct Door {
     sessions: VecDeque<Session>,
     /// How many sessions there were.
     opened: u64,
-    /// Why the last one that is no simulator was sent away.
+    /// Why the last one that is not a simulator was sent away.
     pub refused: Option<String>,
 }
 

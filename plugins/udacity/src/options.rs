@@ -84,7 +84,7 @@ impl Options {
     /// Reads the parameters.
     ///
     /// # Errors
-    /// If `launch` is no list of texts.
+    /// If `launch` is not a list of texts.
     pub fn read(config: &Config) -> Result<Self> {
         Ok(Self {
             settings: Settings::read("the Udacity simulator", config)?,

@@ -70,7 +70,7 @@ impl Server {
     /// Waits for the next packet that is of use, and looks at it. Pings are answered.
     ///
     /// # Errors
-    /// If the simulator is gone, nothing comes in time, or it is no packet.
+    /// If the simulator is gone, nothing comes in time, or it is not a packet.
     pub fn next<R>(
         &mut self,
         deadline: &Deadline,
@@ -92,7 +92,7 @@ impl Server {
     /// Looks at the next packet that is of use where it has come already.
     ///
     /// # Errors
-    /// If the simulator is gone, or it is no packet.
+    /// If the simulator is gone, or it is not a packet.
     pub fn take<R>(&mut self, deadline: &Deadline, look: impl FnOnce(Packet<'_>) -> R) -> Result<Option<R>> {
         self.refuse_others();
         self.ping(deadline)?;

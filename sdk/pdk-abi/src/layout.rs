@@ -6,7 +6,7 @@
 //!
 //! Tables and structures may grow at their end, and numbers may be added. That fails as well, until it is recorded:
 //! `PDK_BLESS=1 cargo test --release -p pdk-abi`. Any other change is refused even then: it takes another `VERSION`, for which there
-//! is no file yet.
+//! is not a file yet.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

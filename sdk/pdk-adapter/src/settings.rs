@@ -80,7 +80,7 @@ impl Settings {
     /// Reads the parameters.
     ///
     /// # Errors
-    /// If `launch` is no list of texts.
+    /// If `launch` is not a list of texts.
     pub fn read(title: &'static str, config: &Config) -> Result<Self> {
         let whole = |name| u16::try_from(config.integer(name)).unwrap_or(u16::MAX);
         let host = match config.text("host") {

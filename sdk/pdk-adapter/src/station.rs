@@ -106,7 +106,7 @@ impl Station {
         }
     }
 
-    /// An error of the first that was asked of whatever listens at the station's port: what does not answer there may be no simulator
+    /// An error of the first that was asked of whatever listens at the station's port: what does not answer there may not be a simulator
     /// at all.
     pub fn unknown(&self, error: Error) -> Error {
         match error.kind() {

@@ -132,7 +132,7 @@ mod tests {
         let place = track.find([6.5, 1.0, 20.0]);
         assert!((place.cross_track_error - 1.5).abs() < 1e-9 && (place.progress - 0.2).abs() < 1e-9);
         assert!((place.heading - libm::atan(1.5 / 20.0)).abs() < 1e-9);
-        // Back is no progress.
+        // Driving backwards is not progress.
         assert_eq!(track.find([5.0, 1.0, 10.0]).progress, place.progress);
         let place = track.find([4.0, 1.0, 99.6]);
         assert!(place.finished && place.progress == 1.0 && place.cross_track_error < -0.99);

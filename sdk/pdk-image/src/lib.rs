@@ -27,7 +27,7 @@ const JPEG_QUALITY: u8 = 95;
 /// (the orientation of the file's EXIF data) is turned upright.
 ///
 /// # Errors
-/// If the file cannot be read, is no such image, has more than [`most_pixels`], is an animation, has pixels that are not
+/// If the file cannot be read, is not such an image, has more than [`most_pixels`], is an animation, has pixels that are not
 /// opaque, or is damaged or cut off: there is no partial image.
 pub fn read(path: &Path) -> Result<FrameBuf> {
     read_as(path, |image| {

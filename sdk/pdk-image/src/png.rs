@@ -175,7 +175,7 @@ pub fn decode_into(bytes: &[u8], into: &mut FrameMut<'_>) -> Result<bool> {
     Ok((frame.width, frame.height) == size && orientation(&reader) == Orientation::NoTransforms)
 }
 
-/// A PNG file without all that is no part of its pictures: texts and color profiles, which a decoder would expand to any size.
+/// A PNG file without all that is not part of its pictures: texts and color profiles, which a decoder would expand to any size.
 ///
 /// # Errors
 /// If it is cut off.

@@ -14,7 +14,7 @@ pub const LARGEST_FILE: u64 = 512 << 20;
 /// The pixels that a picture may have: 64 megapixels of 2^20, or as many as `PDK_MEGAPIXELS` says.
 ///
 /// # Errors
-/// If the variable is no whole number from 1 to 256.
+/// If the variable is not a whole number from 1 to 256.
 pub fn most_pixels() -> Result<usize> {
     match std::env::var(VARIABLE) {
         Err(_) => Ok(MEGAPIXELS << 20),

@@ -131,7 +131,7 @@ impl FailureCriteria {
     }
 }
 
-// What scenarios leave unsaid is no part of their ids.
+// What scenarios leave unsaid is not part of their ids.
 fn is_at_least(comparison: &Comparison) -> bool {
     *comparison == DEFAULT.comparison
 }

@@ -255,7 +255,7 @@ impl Range {
     /// The value at a position, which is brought into the range and, for all but a real, rounded.
     pub fn value(&self, position: f64) -> Value {
         let (low, high) = self.bounds();
-        // A position that is no number has no nearest one.
+        // A position that is not a number has no nearest one.
         let within = if position.is_nan() { low } else { position.clamp(low, high) };
         match self {
             Range::Integer { .. } => (libm::round(within) as i64).into(),

@@ -1,7 +1,7 @@
 //! Where on the image the cells of a layer look.
 //!
 //! The middle of a cell's receptive field lies where the windows before it put it: without padding, the first cell does not
-//! look at the edge of the image, but half a receptive field away from it. So a map over the cells is no picture that only
+//! look at the edge of the image, but half a receptive field away from it. So a map over the cells is not a picture that only
 //! has to be stretched.
 
 use std::collections::HashMap;

@@ -212,7 +212,7 @@ pub struct ValueInfoProto {
     pub r#type: Option<TypeProto>,
 }
 
-/// The type of a value; nothing in it where the value is no tensor.
+/// The type of a value; nothing in it where the value is not a tensor.
 #[derive(Clone, PartialEq, Message)]
 pub struct TypeProto {
     /// Elements and shape of a tensor.

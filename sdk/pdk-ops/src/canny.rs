@@ -11,7 +11,7 @@ use crate::simd::{round_inside_byte, vectorised};
 /// The tangent of 22.5 degrees, times 2^15.
 const TANGENT: i32 = 13573;
 
-/// A pixel that is no edge.
+/// A pixel that is not an edge.
 const NONE: u8 = 0;
 /// A pixel that is an edge if it is connected to one.
 const CANDIDATE: u8 = 1;

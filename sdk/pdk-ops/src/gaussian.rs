@@ -74,7 +74,7 @@ pub fn gaussian_blur(src: Frame<'_>, mut dst: FrameMut<'_>, kernel_size: usize, 
 /// Blurs a single channel as [`gaussian_blur`] does a frame. Rows are `width` bytes and follow each other without gaps.
 ///
 /// # Panics
-/// If the lengths differ or are no whole number of rows.
+/// If the lengths differ or are not a whole number of rows.
 pub fn gaussian_blur_plane(
     src: &[u8],
     dst: &mut [u8],

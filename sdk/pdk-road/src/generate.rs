@@ -85,7 +85,7 @@ mod tests {
         }
     }
 
-    /// Choosing node by node is no optimisation: later turns add to the mean what earlier ones did not foresee. So single
+    /// Choosing node by node is not an optimisation: later turns add to the mean what earlier ones did not foresee. So single
     /// roads may be off, but not many and not by much.
     #[test]
     fn informed_roads_come_near_their_target() {

@@ -1,4 +1,4 @@
-//! Opens files that users name, and writes files whole. What is no regular file may never end, or never begin; and what is read
+//! Opens files that users name, and writes files whole. Reading a file that is not a regular one may never end, or never begin; and what is read
 //! whole has to fit into memory, whatever its size is said to be.
 
 use std::fs::{File, FileType, Metadata, OpenOptions};

@@ -4,7 +4,7 @@ use crate::estimate::{Estimate, student_limit};
 use crate::share::largest_unseen;
 
 /// The mean of a quantity, of which there is one value a road; `range` is what it can be, infinite where it has no end. None if there
-/// are no roads.
+/// are not roads.
 ///
 /// A single road says nothing about others: of a quantity without ends, the interval is the value then.
 pub fn over_roads(values: &[f64], range: (f64, f64), confidence: f64) -> Option<Estimate> {

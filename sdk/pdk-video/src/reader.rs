@@ -61,7 +61,7 @@ impl Reader {
     /// Opens a file to read all of its frames.
     ///
     /// # Errors
-    /// If it cannot be read, is no MP4 file, is cut off, or has no video that can be decoded here.
+    /// If it cannot be read, is not an MP4 file, is cut off, or has no video that can be decoded here.
     pub fn open_file(path: &Path) -> Result<Box<Self>> {
         let (file, size) = file::open(path)?;
         match Self::open(Box::new(BufReader::new(file)), size, false)? {
@@ -74,7 +74,7 @@ impl Reader {
     /// beginning, the middle and the end.
     ///
     /// # Errors
-    /// If it is no MP4 file, is cut off, or has no video.
+    /// If it is not an MP4 file, is cut off, or has no video.
     pub fn open(mut input: Box<dyn Input>, size: u64, few: bool) -> Result<Opened> {
         if let Some(other) = check_boxes(&mut input, size)? {
             return Ok(Opened::OtherCodec(other));

@@ -48,7 +48,7 @@ def _component(kind, cls, arguments, parameters):
     except TypeError:
         file = None
     if not inspect.isclass(cls) or file is None or not os.path.isfile(file):
-        raise error("configuration", f"{cls!r} is no class in a file, and other processes have to find it; {remedy}")
+        raise error("configuration", f"{cls!r} is not a class in a file, and other processes have to find it; {remedy}")
     if "<locals>" in cls.__qualname__:
         raise error("configuration", f"{cls.__qualname__} is made inside of a function; {remedy}")
     file = os.path.abspath(file)

@@ -203,7 +203,7 @@ def _as_array(image):
         return _from_torch(image)
     if hasattr(image, "convert"):
         return _from_pillow(image)
-    raise TypeError(f"a {type(image).__name__} is no image: give an array, a PIL image or a tensor of torch")
+    raise TypeError(f"a {type(image).__name__} is not an image: give an array, a PIL image or a tensor of torch")
 
 
 def _from_pillow(image):
@@ -227,7 +227,7 @@ def _from_torch(image):
     import torch
 
     if image.dim() != 3 or image.shape[0] != 3:
-        raise ValueError(f"a tensor of {tuple(image.shape)} is no image: it has to be 3 x height x width")
+        raise ValueError(f"a tensor of {tuple(image.shape)} is not an image: it has to be 3 x height x width")
     whole = image.dtype == torch.uint8
     values = image if whole else (image * 255).round().clamp(0, 255).to(torch.uint8)
 

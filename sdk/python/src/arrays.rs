@@ -187,7 +187,7 @@ impl<'py> Known<'py> {
     }
 }
 
-/// The error for something that is no image, with the remedy.
+/// The error for something that is not an image, with the remedy.
 pub fn unfit(value: &Bound<'_, PyAny>) -> PyErr {
     let remedy = match value.cast::<PyUntypedArray>() {
         Err(_) => "make one with numpy.asarray(image)",

@@ -467,5 +467,5 @@ def test_a_class_that_nobody_else_finds_is_refused():
         pdk.driver(Local)
     made = type("Made", (), {})
     made.__module__ = "nowhere"
-    with pytest.raises(pdk.Error, match="is no class in a file"):
+    with pytest.raises(pdk.Error, match="is not a class in a file"):
         pdk.driver(made)

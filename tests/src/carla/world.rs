@@ -24,7 +24,7 @@ pub enum Fault {
     HalfAnswer,
     /// Sends a part of a camera's frame.
     HalfFrame,
-    /// Answers with what is no MessagePack.
+    /// Answers with what is not MessagePack.
     Garbage,
     /// Answers with 100 MB.
     Huge,

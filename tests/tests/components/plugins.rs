@@ -1,4 +1,4 @@
-//! Plugins that misbehave, files that are no plugins, and what a plugin author does.
+//! Plugins that misbehave, files that are not plugins, and what a plugin author does.
 
 use std::fs;
 use std::path::Path;

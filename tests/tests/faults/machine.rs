@@ -1,4 +1,4 @@
-//! Errors of the machine and of its set-up say nothing about a driver: they are no outcomes, another worker does the work, and a run
+//! Errors of the machine and of its set-up say nothing about a driver: they are not outcomes, another worker does the work, and a run
 //! that is continued tries again.
 
 use std::fs;

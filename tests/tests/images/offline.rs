@@ -247,7 +247,7 @@ fn models_that_cannot_drive_are_refused_by_name() {
         offline(&path(&format!("record-{name}")), &path("data"), &path(name))
             .fail(1, &["driver `onnx`", name]);
     }
-    // Frames of another size are no mistake: they are resized.
+    // Frames of another size are not a mistake: they are resized.
     onnx::pilot(&path("other_size.onnx"), 3, 12, 16);
     offline(&path("record-other"), &path("data"), &path("other_size.onnx")).succeed();
 }

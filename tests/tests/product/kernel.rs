@@ -65,7 +65,7 @@ fn no_text_of_the_kernel_names_a_component_or_a_plugin() {
     assert!(found.is_empty(), "the kernel names components:\n{}", found.join("\n"));
     // What is no longer needed here goes.
     let unused: Vec<_> = WORDS.iter().filter(|word| !used.contains(**word)).collect();
-    assert!(unused.is_empty(), "{unused:?} are no words of sentences in the kernel any more");
+    assert!(unused.is_empty(), "{unused:?} are not words of sentences in the kernel any more");
     let unused: Vec<_> = (0..OTHERWISE.len()).filter(|place| !used.contains(&place.to_string())).collect();
     assert!(unused.is_empty(), "{:?}", unused.iter().map(|place| OTHERWISE[*place]).collect::<Vec<_>>());
 }

@@ -185,7 +185,7 @@ fn an_error_of_a_component_is_no_failure_of_the_driver() {
     assert_eq!(
         greedy["searches"][0]["drives"],
         json!([]),
-        "an error is no drive, and the search goes no further"
+        "an error is not a drive, and the search goes no further"
     );
     let ranking = json_file(&run("study.lua").join("ranking.json"));
     assert_eq!(ranking["not_driven"], json!(["breaks"]));

@@ -209,7 +209,7 @@ fn one_that_is_not_there_is_waited_for_and_said() {
     simulator["start_seconds"] = json!(1);
     let run = run(&simulator, &[]);
     run.says(1, &["the Donkey simulator is not at 127.0.0.1:", "it was tried for 1 s", "`launch`"]);
-    // It is no fault of the line that waits for it.
+    // It is not the fault of the line that waits for it.
     assert!(run.finished.stderr.contains("pdk: error: simulator `donkey`"), "{}", run.finished.stderr);
     assert!(run.lines.is_empty(), "{:?}", run.lines);
 }

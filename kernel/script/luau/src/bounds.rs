@@ -99,7 +99,7 @@ unsafe fn check_pattern(state: *mut ffi::lua_State, name: &CStr, subject: &[u8],
     }
 }
 
-/// `string.find`: what is no pattern is found in time proportional to the text.
+/// `string.find`: what is not a pattern is found in time proportional to the text.
 unsafe extern "C-unwind" fn find(state: *mut ffi::lua_State) -> c_int {
     // SAFETY: Luau passes the running state; nothing with a destructor is alive where an error makes it unwind.
     unsafe {

@@ -133,7 +133,7 @@ fn root(error: &mlua::Error) -> String {
 pub(super) fn type_of(value: &Value) -> String {
     match value {
         Value::Nil => "nothing".to_owned(),
-        // Whole numbers are no type of their own in Luau.
+        // Whole numbers are not a type of their own in Luau.
         Value::Integer(_) => "a number".to_owned(),
         Value::Error(_) => "an error".to_owned(),
         other => format!("a {}", other.type_name()),

@@ -83,7 +83,7 @@ pub(crate) enum Returned {
 /// Reads the description of the perturbation in a script.
 ///
 /// # Errors
-/// If it is no valid script, or is something other than a perturbation.
+/// If it is not a valid script, or is something other than a perturbation.
 pub fn description(source: &Source<'_>) -> Result<Description> {
     let machine = Machine::new(Limits::of_perturbation()?)?;
     let declaration = machine.declare(&source.script, &source.text, source.stem)?;
@@ -93,7 +93,7 @@ pub fn description(source: &Source<'_>) -> Result<Description> {
 /// Finds out what a script is.
 ///
 /// # Errors
-/// If the script fails, or it returns a table that is meant as a perturbation and is no valid one.
+/// If the script fails, or it returns a table that is meant as a perturbation and is not a valid one.
 pub(crate) fn look_at(source: &Source<'_>) -> Result<Returned> {
     let machine = Machine::new(Limits::of_perturbation()?)?;
     machine.look_at(&source.script, &source.text, source.stem)
@@ -175,7 +175,7 @@ impl LuaPerturbation {
     /// perturbation where the script gives none.
     ///
     /// # Errors
-    /// If it is no valid script or returns something other than a perturbation.
+    /// If it is not a valid script or returns something other than a perturbation.
     pub fn new(script: &str, source: &[u8], stem: &str, config: Config, limits: Limits) -> Result<Self> {
         let machine = Machine::new(limits)?;
         let Declaration { description, apply } = machine.declare(script, source, stem)?;

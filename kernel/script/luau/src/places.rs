@@ -139,7 +139,7 @@ impl Found {
     /// The text of the module.
     ///
     /// # Errors
-    /// If it is in a file that cannot be read, is too large, or is no text.
+    /// If it is in a file that cannot be read, is too large, or is not text.
     pub(crate) fn read(&self) -> Result<String> {
         if let Some(source) = self.built_in {
             return Ok(source.to_owned());

@@ -18,7 +18,7 @@ impl Fields {
     /// The fields of a table; `table` is what errors call it.
     ///
     /// # Errors
-    /// If it is no table, or has a field that is not among `known`.
+    /// If it is not a table, or has a field that is not among `known`.
     pub fn new(table: impl Into<String>, value: Value, known: &[&str]) -> Result<Self> {
         let table = table.into();
         let fields = match value {
@@ -72,7 +72,7 @@ impl Fields {
     /// A field with a list; none where it is not set.
     ///
     /// # Errors
-    /// If it is no list.
+    /// If it is not a list.
     pub fn list(&mut self, field: &str) -> Result<Option<Vec<Value>>> {
         match self.any(field) {
             Value::Null => Ok(None),
@@ -141,7 +141,7 @@ impl Fields {
     /// A field with a text; none where it is not set.
     ///
     /// # Errors
-    /// If it is no text.
+    /// If it is not text.
     pub fn text(&mut self, field: &str) -> Result<Option<String>> {
         match self.any(field) {
             Value::Null => Ok(None),

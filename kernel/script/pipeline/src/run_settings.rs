@@ -279,7 +279,7 @@ mod tests {
         for setting in RUN_SETTINGS {
             let named = setting.details.strip_prefix(" [default: ").and_then(|rest| rest.strip_suffix(']'));
             let mut set = RunSettings::default();
-            // What is a sentence rather than a value is no default that could be read.
+            // A sentence is not a default that could be read.
             if let Some(default) = named.filter(|default| default.parse::<f64>().is_ok()) {
                 set.set(setting, OsStr::new(default)).unwrap();
             }

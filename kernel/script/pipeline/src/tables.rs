@@ -8,7 +8,7 @@ use serde_json::Value;
 /// Checks the name of a file that a pipeline adds to its record.
 ///
 /// # Errors
-/// If it is no plain name that ends in `.json`, or one of the record's own.
+/// If it is not a plain name that ends in `.json`, or one of the record's own.
 pub fn checked_name(name: &Value) -> Result<&str> {
     let plain = |name: &&str| {
         name.strip_suffix(".json").is_some_and(|stem| !stem.is_empty())

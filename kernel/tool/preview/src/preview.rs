@@ -85,7 +85,7 @@ pub fn usable(catalog: &Catalog, all: bool) -> Vec<Description> {
 /// The perturbations to show: those that are named as for [`AppliedPerturbation::parse`], or those that are [`usable`].
 ///
 /// # Errors
-/// If one of the names is no perturbation, or what stands behind it cannot be read.
+/// If one of the names is not a perturbation, or what stands behind it cannot be read.
 pub fn chosen(catalog: &Catalog, named: &[String], all: bool) -> Result<Vec<Shown>> {
     if named.is_empty() {
         let shown = |description: Description| {

@@ -260,7 +260,7 @@ mod tests {
         assert!(text.contains("the outcome: `cause` was \"error\" and is \"finished\""), "{text}");
         let text = said(&recorded(&[]), &[step()], &record, &[]);
         assert!(text.contains("the outcome: `cause` was \"finished\" and is \"error\""), "{text}");
-        // And a trace that is empty although the outcomes are equal is no equal one.
+        // And a trace that is empty does not count as equal, although the outcomes are equal.
         let text = said(&recorded(&[]), &[step()], &recorded(&[]), &[]);
         assert!(text.ends_with("the end of the scenario was after it and is before it"), "{text}");
     }

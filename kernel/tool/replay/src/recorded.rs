@@ -131,7 +131,7 @@ mod tests {
         assert_eq!(numbers(&[]).unwrap(), [0, 1, 2, 3]);
         assert_eq!(numbers(&["3", "1", "abcdef13"]).unwrap(), [1, 3]);
         assert_eq!(numbers(&["ABCDEF12", IDS[0]]).unwrap(), [0, 2]);
-        // Eleven digits are no number any more.
+        // Eleven digits are no longer a number.
         assert_eq!(numbers(&["12345678901"]).unwrap(), [1]);
         assert_eq!(numbers(&["0000000002"]).unwrap(), [2]);
         let error = |text: &str| numbers(&[text]).unwrap_err().to_string();

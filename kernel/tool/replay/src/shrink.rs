@@ -373,7 +373,7 @@ fn key(name: &str) -> String {
     if plain { name.to_owned() } else { format!("[{}]", text(name)) }
 }
 
-/// Words that are no names in Luau.
+/// Words that are not names in Luau.
 const RESERVED: [&str; 21] = [
     "and", "break", "do", "else", "elseif", "end", "false", "for", "function", "if", "in", "local", "nil",
     "not", "or", "repeat", "return", "then", "true", "until", "while",

@@ -24,7 +24,7 @@ pub enum Columns {
 pub struct Entry {
     /// The row; none for what is not perturbed.
     pub row: Option<String>,
-    /// The column; none where the level is no single one.
+    /// The column; none if the level is not a single one.
     pub level: Option<f64>,
     /// The number and its colour.
     pub cell: Cell,

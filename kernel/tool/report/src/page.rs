@@ -280,7 +280,7 @@ mod tests {
             } else if !tag.ends_with('/') && !void.contains(&name) {
                 open.push(name);
             }
-            // What stands in them is no HTML.
+            // What stands in them is not HTML.
             rest = match name {
                 "script" | "style" => {
                     after.split_once("</").map_or("", |(skipped, _)| &after[skipped.len()..])

@@ -93,7 +93,7 @@ impl Onnx {
     /// Makes a driver of the model in a file, which messages call `name`.
     ///
     /// # Errors
-    /// If it is no driving model, or the engine cannot run it.
+    /// If it is not a driving model, or the engine cannot run it.
     pub fn open(source: Source, name: &str, config: &Config) -> Result<Self> {
         let place = format!("model `{name}`");
         Self::make(source, &place, config).map_err(|error| error.at(place))

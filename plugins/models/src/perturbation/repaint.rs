@@ -142,7 +142,7 @@ impl Repaint {
     /// Repaints with a network.
     ///
     /// # Errors
-    /// If its result is no picture.
+    /// If its result is not a picture.
     pub fn of(mut network: PictureNetwork, config: &Config) -> Result<Self> {
         let channels = network.channels()?;
         if channels != 1 && channels != 3 {

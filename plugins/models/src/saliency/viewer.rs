@@ -72,7 +72,7 @@ impl Viewer {
     /// Opens the model and runs it once.
     ///
     /// # Errors
-    /// If the file is no driving model, or has no such output.
+    /// If the file is not a driving model, or has no such output.
     pub fn open(config: &Config) -> Result<Self> {
         let model = ModelFile::read(source(config.text("model")), config.text("layout"))?;
         let engine = config.text(engine::PARAMETER).to_owned();

@@ -62,7 +62,7 @@ fn evaluate_cast(site: &Site<'_>, inputs: &[Option<&Tensor>]) -> Result<Vec<Tens
 }
 
 fn gradient_cast(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
-    // A gradient comes from floats alone; what is no float has none.
+    // A gradient comes from floats alone; what is not a float has none.
     let from = site.fact(0)?.element;
     if from.is_float() { Ok(vec![(0, b.cast(g, from)?)]) } else { Ok(Vec::new()) }
 }

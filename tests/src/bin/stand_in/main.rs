@@ -20,7 +20,7 @@
 //! | `die` | ends |
 //! | `hang` | says nothing any more, and takes nothing |
 //! | `half` | hangs up in the middle of a message |
-//! | `garbage` | sends what is no message |
+//! | `garbage` | sends what is not a message |
 //! | `flood` | sends a message of 100 MB |
 //! | `freeze` | stands still for so many seconds, and goes on (`udacity`) |
 

@@ -77,7 +77,7 @@ impl World {
             let index = components.iter().position(|component| component.name == "lane").unwrap();
             match self.plugin.create(index, &parameters).unwrap() {
                 Instance::Simulator(simulator) => self.simulator = Some(simulator),
-                _ => panic!("it is no simulator"),
+                _ => panic!("it is not a simulator"),
             }
         }
         let seed = self

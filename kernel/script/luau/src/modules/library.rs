@@ -225,7 +225,7 @@ fn a_study_halves_levels_and_compares_drivers() {
             "fog@0, road 3 3 dave2 60 easy",
         ]
     );
-    // The middle is no level of the study, the nearest is.
+    // The middle is not a level of the study, the nearest is.
     assert_eq!(found[20..22], ["fog@1, road 1 1 dave2 60 easy", "fog@1, road 3 3 dave2 60 easy"]);
     assert_eq!(found.len(), 12 + 4 * 10);
     assert_eq!(found.iter().filter(|drive| drive.contains("lane_keeper 60 hard")).count(), 3 + 10);

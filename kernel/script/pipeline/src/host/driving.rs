@@ -73,7 +73,7 @@ impl Host {
         self.row(ticket)
     }
 
-    /// Notes that the program which submitted a scenario got its outcome, so that its failure is no failure of the run.
+    /// Notes that the program which submitted a scenario got its outcome, so that its failure is not a failure of the run.
     pub(crate) fn hand_over(&mut self, ticket: Ticket) {
         self.scenarios.hand_over(ticket);
     }

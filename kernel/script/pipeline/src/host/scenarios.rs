@@ -48,7 +48,7 @@ impl Scenarios {
         self.submitted.keys().filter(|ticket| !self.outcomes.contains_key(ticket)).copied().collect()
     }
 
-    /// Notes that the program which submitted a scenario got its outcome, so that its failure is no failure of the run.
+    /// Notes that the program which submitted a scenario got its outcome, so that its failure is not a failure of the run.
     pub fn hand_over(&mut self, ticket: Ticket) {
         self.handed_over.extend(self.submitted.get(&ticket).map(|submitted| submitted.number));
     }

@@ -118,7 +118,7 @@ impl Search {
                 Some(_) => false,
             };
             if self.stopped == Some("hypervolume") {
-                // What is still under way is no part of the result.
+                // What is still under way is not part of the result.
                 return Ok("hypervolume");
             }
             if self.trials.open() == 0 {

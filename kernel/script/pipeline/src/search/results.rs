@@ -81,7 +81,7 @@ pub struct Summary<'a> {
 /// Everything that was found.
 pub fn found(summary: &Summary<'_>) -> Value {
     let Summary { problem, trials, maximised, .. } = summary;
-    // What has not been told is no part of the result: how much that is depends on the number of workers.
+    // What has not been told is not part of the result: how much that is depends on the number of workers.
     let told = trials.told();
     let finished = &trials.all()[..told];
     // Each evaluation once.

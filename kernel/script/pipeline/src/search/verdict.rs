@@ -30,7 +30,7 @@ impl Verdict {
     /// What `evaluate` or `outcome` returned. What it leaves out is taken from the outcome of the scenario, where there is one.
     ///
     /// # Errors
-    /// If it is no such table, or an objective is missing.
+    /// If it is not such a table, or an objective is missing.
     pub fn read(
         function: &str,
         returned: Value,

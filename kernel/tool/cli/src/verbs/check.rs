@@ -154,7 +154,7 @@ fn read_reports(child: &mut std::process::Child) -> Result<mpsc::Receiver<Report
     let (sender, reports) = mpsc::channel();
     std::thread::spawn(move || {
         for line in BufReader::new(stdout).lines().map_while(std::io::Result::ok) {
-            // What is no report was printed by the plugin itself.
+            // What is not a report was printed by the plugin itself.
             if let Ok(report) = serde_json::from_str(&line)
                 && sender.send(report).is_err()
             {
@@ -340,7 +340,7 @@ fn check(plugin: &Plugin, index: usize, description: &Description, config: &Conf
     }
 }
 
-/// A component that needs a program besides pdk cannot be checked without it, which is no mistake of the plugin.
+/// A component that needs a program besides pdk cannot be checked without it, which is not a mistake of the plugin.
 fn outside(description: &Description, checked: Result<()>) -> Result<()> {
     match checked {
         Err(error) if description.external && matches!(error.kind(), ErrorKind::Lost | ErrorKind::Late) => {

@@ -15,7 +15,7 @@ use crate::view::{Drive, Scenario};
 struct Counted<'a> {
     /// The perturbation; none for what is not perturbed.
     name: Option<&'a String>,
-    /// The column; none where the level is no single one.
+    /// The column; none if the level is not a single one.
     level: Option<f64>,
     tally: Tally,
     /// Scenarios, also those in which a component failed.

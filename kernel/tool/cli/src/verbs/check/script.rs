@@ -16,7 +16,7 @@ use super::{Arguments, LOADING, Report, known, parameters, report, step};
 const FRAMES: u64 = 12;
 /// Frames per second of that sequence.
 const RATE: f64 = 20.0;
-/// The size of its frames: odd, so that halves and thirds of it are no whole numbers.
+/// The size of its frames: odd, so that halves and thirds of it are not whole numbers.
 const SIZE: (usize, usize) = (67, 41);
 /// Sizes that find most mistakes: lines of single pixels and odd sides.
 const SIZES: [(usize, usize); 8] = [(1, 1), (1, 9), (9, 1), (2, 3), (5, 5), (17, 3), (33, 31), (129, 65)];

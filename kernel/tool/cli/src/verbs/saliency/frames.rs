@@ -25,7 +25,7 @@ pub enum Frames {
 }
 
 impl Frames {
-    /// Takes the image, or the frames of a run's record, or the images of a folder that is no dataset, or opens the dataset with the first
+    /// Takes the image, or the frames of a run's record, or the images of a folder that is not a dataset, or opens the dataset with the first
     /// reader that knows it. Of a folder `count` frames are taken, spread evenly over it.
     ///
     /// # Errors
