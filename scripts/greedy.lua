@@ -47,7 +47,7 @@ if #driven == 0 then
 	error(study.nothing_managed(settings, "the driver", left_out), 0)
 end
 
--- The level that a searcher drives next; nothing where it knows enough.
+-- The level that a searcher drives next; nothing if it knows enough.
 local function next_level(searcher): number?
 	local trials = searcher.trials
 	if settings.search == "bisect" and #levels > 1 then

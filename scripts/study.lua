@@ -59,7 +59,7 @@ for i = 2, #levels do
 	finest = math.min(finest, levels[i] - levels[i - 1])
 end
 
--- The level that is driven next on a road; nothing where enough is known.
+-- The level that is driven next on a road; nothing if enough is known.
 local function next_level(searcher): number?
 	if settings.search == "all" or #levels == 1 then
 		return levels[#searcher.trials + 1]

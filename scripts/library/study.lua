@@ -17,7 +17,7 @@ local function once<T>(values: { T }): { T }
 	return kept
 end
 
--- Refuses a setting that is not a whole number of at least 1, at the pipeline, which is so many callers away.
+-- Refuses a setting that is not a whole number of at least 1, at the pipeline, which is this many callers away.
 function study.count(settings, name: string, callers: number?)
 	local count = settings[name]
 	if count < 1 or count % 1 ~= 0 then
@@ -222,7 +222,7 @@ function study.known(values): { number }
 	return known
 end
 
--- The mean of some numbers; nothing where there are none.
+-- The mean of some numbers; nothing if there are none.
 function study.mean(values: { number }): number?
 	local sum = 0
 	for _, value in values do
@@ -244,7 +244,7 @@ function study.shares(failed): { number | false }
 	return by_road
 end
 
--- The one in the middle of some numbers, the mean of two where they are even; nothing where there are none.
+-- The one in the middle of some numbers, the mean of two where they are even; nothing if there are none.
 function study.median(values: { number }): number?
 	local sorted = table.clone(values)
 	table.sort(sorted)

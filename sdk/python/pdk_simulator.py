@@ -138,7 +138,7 @@ class _Link(Room):
         return True
 
     def _answer(self, request, header):
-        """The reply to a request; none where a picture is."""
+        """The reply to a request; none if a picture is."""
         try:
             ((kind, given),) = json.loads(request).items()
             if kind == "hello":
@@ -187,7 +187,7 @@ def serve(make, exchange=None):
 
     It has `reset(scenario, waypoints, slot)` and `act(control)`, which return a `State` or a dictionary of its fields, and
     `frame(into)`, which writes the picture of the present state into an array of height x width x 3 bytes, RGB. `waypoints` is the
-    road of the scenario as points (x, height, z) in metres, none where the scenario leaves it to the simulator. A simulator with a
+    road of the scenario as points (x, height, z) in metres, none if the scenario leaves it to the simulator. A simulator with a
     road of its own tells it with `waypoints()`, which is asked after each `reset`. An exception is the scenario's error.
 
     In a program that pdk has started, returns when pdk is done. With the name of an exchange it serves every worker that asks for

@@ -20,7 +20,7 @@ use serde_json::{Map, Value};
 
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 160;
-/// A measurement takes about so long, and at least so many maps.
+/// A measurement takes about so long, and at least this many maps.
 const PATIENCE: Duration = Duration::from_secs(2);
 const LEAST: usize = 5;
 

@@ -67,7 +67,7 @@ fn main() {
     }
 }
 
-/// A search until so many candidates were evaluated, each once: all of them, and the time that the strategy took.
+/// A search until this many candidates were evaluated, each once: all of them, and the time that the strategy took.
 fn search(
     registry: &Registry,
     strategy: (&str, &Value),

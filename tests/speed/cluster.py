@@ -36,7 +36,7 @@ def pool_seconds():
 
 
 def drives(count, out, **more):
-    """Seconds of wall time for so many short scenarios, once everything has been started, and of the pool's processor time."""
+    """Seconds of wall time for this many short scenarios, once everything has been started, and of the pool's processor time."""
     with pdk.Session(**SHARED, duration=0.05, out=out, **more) as session:
         session.drive([{"repeat": 1_000_000 + number} for number in range(2 * session.slots)])
         began, pool = time.monotonic(), pool_seconds()

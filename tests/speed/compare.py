@@ -323,7 +323,7 @@ def published(checkout):
 
 
 def from_python():
-    """pdk's function for arrays, everything drawn anew for every call; nothing where the wheel is not installed."""
+    """pdk's function for arrays, everything drawn anew for every call; nothing if the wheel is not installed."""
     try:
         import pdk
     except ImportError:

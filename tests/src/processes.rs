@@ -156,7 +156,7 @@ pub fn signal(child: &Child, signal: Signal) {
     kill_process(pid(child.id()), signal).unwrap();
 }
 
-/// Waits for a child's end; none where it has not ended by then.
+/// Waits for a child's end; none if it has not ended by then.
 ///
 /// # Panics
 /// If the system does not say.

@@ -109,7 +109,7 @@ pub fn files(record: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     paths(record).into_iter().filter(|path| !path.ends_with(PERFORMANCE)).map(read).collect()
 }
 
-/// The first thing in which a record differs from what is expected; none where it is equal.
+/// The first thing in which a record differs from what is expected; none if it is equal.
 ///
 /// # Panics
 /// If a file cannot be read.
@@ -151,12 +151,12 @@ pub fn assert_equal(record: &Path, expected: &BTreeMap<PathBuf, Vec<u8>>) {
     }
 }
 
-/// How many complete lines a file has; none where there is no such file yet.
+/// How many complete lines a file has; none if there is no such file yet.
 pub fn lines(path: &Path) -> usize {
     fs::read(path).map_or(0, |bytes| bytes.iter().filter(|&&byte| byte == b'\n').count())
 }
 
-/// Waits until a record has so many scenarios, or the process that writes it has ended.
+/// Waits until a record has this many scenarios, or the process that writes it has ended.
 ///
 /// # Panics
 /// If neither happens within [`LIMIT`].
@@ -164,7 +164,7 @@ pub fn wait_for_scenarios(child: &mut Child, record: &Path, count: usize) {
     wait_for_lines(child, &record.join(SCENARIOS), count);
 }
 
-/// Waits until a file has so many lines, or the process that writes it has ended.
+/// Waits until a file has this many lines, or the process that writes it has ended.
 ///
 /// # Panics
 /// If neither happens within [`LIMIT`].
@@ -176,7 +176,7 @@ pub fn wait_for_lines(child: &mut Child, path: &Path, count: usize) {
     }
 }
 
-/// The files of a record that are not complete; none where there is no record yet.
+/// The files of a record that are not complete; none if there is no record yet.
 pub fn partial(record: &Path) -> Vec<PathBuf> {
     paths(record).into_iter().filter(|path| path.extension().is_some_and(|ending| ending == "part")).collect()
 }

@@ -42,7 +42,7 @@ pub fn program() -> PathBuf {
     built("stand_in")
 }
 
-/// So many ports, one after the other, that nothing listens at. Other tests get others.
+/// This many ports, one after the other, that nothing listens at. Other tests get others.
 ///
 /// # Panics
 /// If there are none.

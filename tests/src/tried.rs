@@ -82,7 +82,7 @@ impl Tried {
         self.lines.iter().map(|line| line["cause"].as_str().unwrap()).collect()
     }
 
-    /// The error of the first outcome, which is empty where there was none; where nothing was kept, what was said.
+    /// The error of the first outcome, which is empty if there was none; where nothing was kept, what was said.
     pub fn error(&self) -> &str {
         match self.lines.first() {
             Some(line) => line["error"].as_str().unwrap_or_default(),
@@ -123,7 +123,7 @@ impl Tried {
 }
 
 /// A simulator that pdk starts, and that dies or hangs in its first scenario, is started again, and the scenario driven again.
-/// `which` is that of the stand-in, with `options`; the fault comes `at` so many controls.
+/// `which` is that of the stand-in, with `options`; the fault comes `at` this many controls.
 ///
 /// # Panics
 /// If it is not.

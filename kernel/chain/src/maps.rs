@@ -215,7 +215,7 @@ impl Line {
     }
 }
 
-/// So many values in a row has a map that is kept for later frames.
+/// This many values in a row has a map that is kept for later frames.
 const COLUMNS: usize = 24;
 /// Seconds between two maps that are kept, and how long they are.
 const APART: f64 = 0.25;

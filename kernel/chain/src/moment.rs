@@ -45,7 +45,7 @@ impl<'a> Moment<'a> {
         Self { speed: Some(speed), ..self }
     }
 
-    /// The same moment so many metres from the start.
+    /// The same moment this many metres from the start.
     pub fn after(self, metres: f64) -> Self {
         Self { travelled: Some(metres), ..self }
     }

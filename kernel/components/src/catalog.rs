@@ -31,13 +31,13 @@ pub struct Entry {
     /// The file that it comes from: a library or a script, or the user's file that it shows; [`BUILT_IN`] and a name where it is
     /// a script that is part of pdk.
     pub file: PathBuf,
-    /// The component that makes this one from a file of the user's; none where it stands for itself.
+    /// The component that makes this one from a file of the user's; none if it stands for itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
-    /// The plugin that it is in; none where it is in a script, or is made from a file of the user's.
+    /// The plugin that it is in; none if it is in a script, or is made from a file of the user's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plugin: Option<PluginRecord>,
-    /// BLAKE3 of a script that is part of pdk, in hexadecimal; none where there is a file to read.
+    /// BLAKE3 of a script that is part of pdk, in hexadecimal; none if there is a file to read.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub blake3: Option<String>,
 }
@@ -76,7 +76,7 @@ pub struct PluginRecord {
     pub name: String,
     /// Its own version.
     pub version: String,
-    /// Where to get it; empty where it does not say.
+    /// Where to get it; empty if it does not say.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub homepage: String,
     /// It comes with pdk.
@@ -150,7 +150,7 @@ impl Catalog {
         self.of_kind(Kind::Dataset).filter_map(reader).collect()
     }
 
-    /// The component that makes this one from a file of the user's; none where it stands for itself.
+    /// The component that makes this one from a file of the user's; none if it stands for itself.
     pub fn base_of(&self, entry: &Entry) -> Option<&Entry> {
         entry.base.as_ref().and_then(|base| self.get(entry.description.kind, base).ok())
     }

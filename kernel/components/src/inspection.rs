@@ -177,7 +177,7 @@ fn look(library: &Path) -> Result<()> {
 }
 
 /// Tells a library from every other one, and from itself after a change: its time of change cannot be set back by anyone, so its
-/// content need not be read. None where it is not there.
+/// content need not be read. None if it is not there.
 fn mark(library: &Path) -> Option<String> {
     let library = library.canonicalize().ok()?;
     let file = library.metadata().ok()?;

@@ -22,7 +22,7 @@ use pdk_supervise::calls::{self, Function};
 
 /// Makes components from scripts. The kernel knows no script language; whoever starts it brings one along.
 pub trait Scripts: Send + Sync {
-    /// What the component in a script says of itself; none where the script is something else, such as a pipeline.
+    /// What the component in a script says of itself; none if the script is something else, such as a pipeline.
     ///
     /// # Errors
     /// If it is meant as a component and is not a valid one.
@@ -338,7 +338,7 @@ impl Registry {
         Ok(true)
     }
 
-    /// A file by its full name; none where it was looked at before.
+    /// A file by its full name; none if it was looked at before.
     fn first_look(&mut self, file: &Path) -> Option<PathBuf> {
         let file = std::fs::canonicalize(file).unwrap_or_else(|_| file.to_owned());
         self.seen.insert(file.clone()).then_some(file)
@@ -367,7 +367,7 @@ impl Registry {
         }
     }
 
-    /// The files of a folder by name; none where there is no such folder. One that cannot be read is refused.
+    /// The files of a folder by name; none if there is no such folder. One that cannot be read is refused.
     fn files_of(&mut self, folder: &Path) -> Vec<PathBuf> {
         let paths = std::fs::read_dir(folder)
             .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>());
@@ -425,7 +425,7 @@ fn shown(entry: &Entry, config: &Config, parameter: &str) -> Map<String, Value> 
     parameters
 }
 
-/// What is wrong with a place that is to be looked into, and the beginning of the remedy; nothing where it is a folder, or a file
+/// What is wrong with a place that is to be looked into, and the beginning of the remedy; nothing if it is a folder, or a file
 /// where `files` may be named too. A pipe or a device is neither.
 fn mistake(place: &Path, files: bool) -> Option<&'static str> {
     if place.is_dir() || files && place.is_file() {

@@ -50,7 +50,7 @@ pub struct Instances<'a> {
 
 /// What looks on.
 pub struct Witnesses<'a> {
-    /// Writes the trace; none where nobody wants one.
+    /// Writes the trace; none if nobody wants one.
     pub recorder: Option<&'a Recorder>,
     /// The latest frames.
     pub recent: &'a mut Recent,

@@ -10,12 +10,12 @@ use crate::fault::Fault;
 use crate::held::Held;
 use crate::way::Way;
 
-/// A simulator may deliver so many times the frames that its rate and the time limit make, and so many more; a scenario
+/// A simulator may deliver this many times the frames that its rate and the time limit make, and this many more; a scenario
 /// whose time does not go on would never end.
 const PATIENT_FACTOR: u64 = 10;
 const PATIENT_FRAMES: u64 = 1000;
 
-/// About so many frames a scenario has at most.
+/// About this many frames a scenario has at most.
 pub fn expected_frames(scenario: &Scenario, rate: f64) -> u64 {
     (scenario.duration * rate).ceil() as u64 + 1
 }
@@ -51,7 +51,7 @@ impl Motion {
     }
 
     /// Whether a scenario can be judged by a state: what a vehicle can do, and a time that goes on. Whatever simulator it comes
-    /// from, it is believed nowhere else before. It is the state of frame `sequence`, after so many frames that were driven.
+    /// from, it is believed nowhere else before. It is the state of frame `sequence`, after this many frames that were driven.
     ///
     /// # Errors
     /// Says what cannot be.

@@ -1,4 +1,4 @@
-//! Which frames of a scenario go into its trace as images: one in so many, and the last ones of a failure.
+//! Which frames of a scenario go into its trace as images: one in this many, and the last ones of a failure.
 
 use pdk_bus::FrameSample;
 use pdk_chain::moment::Moment;

@@ -160,7 +160,7 @@ pub struct SearchStep {
     /// Tell these results.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tell: Vec<EvaluatedCandidate>,
-    /// Ask for so many candidates.
+    /// Ask for this many candidates.
     #[serde(default)]
     pub ask: usize,
 }
@@ -182,7 +182,7 @@ pub struct StartSearch {
 pub enum FromWorker {
     /// It can be given jobs.
     Ready(Ready),
-    /// So many more frames of a job are done.
+    /// This many more frames of a job are done.
     Progress(Progress),
     /// A job is done.
     Done(Done),
@@ -274,7 +274,7 @@ pub struct Driven {
 }
 
 impl Driven {
-    /// What becomes of a scenario whose process was lost after so many frames.
+    /// What becomes of a scenario whose process was lost after this many frames.
     pub fn lost(kind: ErrorKind, message: String, frames: u64) -> Self {
         let outcome = Outcome { frames, ..Outcome::of_error(kind, message) };
         Self { outcome, rate: 0.0, times: Times::default(), warnings: Vec::new() }

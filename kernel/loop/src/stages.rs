@@ -20,7 +20,7 @@ pub enum Stage {
 
 const STAGES: usize = 4;
 
-/// Times are counted in classes, of which there are so many from one power of two to the next: each is 3 % wide.
+/// Times are counted in classes, of which there are this many from one power of two to the next: each is 3 % wide.
 const CLASSES_PER_OCTAVE: usize = 1 << CLASS_BITS;
 const CLASS_BITS: u32 = 5;
 /// Up to 2^40 ns, which is 18 minutes.
@@ -58,7 +58,7 @@ fn microseconds(class: usize) -> f64 {
 
 /// Measures the stages of each step of a loop.
 pub struct Stopwatch {
-    /// How long a step may take; none where the simulator waits.
+    /// How long a step may take; none if the simulator waits.
     budget: Option<Duration>,
     step_started: Instant,
     /// The time of each stage in the step at hand.

@@ -57,7 +57,7 @@ pub fn is_own(name: &str) -> bool {
 #[derive(Debug, Clone)]
 pub struct RunDirectory {
     path: PathBuf,
-    /// Keeps other processes from writing here; none where the record is only read.
+    /// Keeps other processes from writing here; none if the record is only read.
     _lock: Option<Arc<Lock>>,
 }
 
@@ -118,7 +118,7 @@ impl RunDirectory {
         Ok(directory)
     }
 
-    /// The manifest that an earlier process wrote here; none where it did not come to that.
+    /// The manifest that an earlier process wrote here; none if it did not come to that.
     ///
     /// # Errors
     /// If it is damaged.

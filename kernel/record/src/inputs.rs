@@ -10,7 +10,7 @@ use pdk_sdk::input_files::InputFiles;
 
 use crate::files::FileRecord;
 
-/// Groups of so many files at most have a record of each file too, so that a difference is named.
+/// Groups of this many files at most have a record of each file too, so that a difference is named.
 const FEW: usize = 64;
 /// What stands for the size and the hash of a file that cannot be read.
 const UNREADABLE: (u64, [u8; 32]) = (u64::MAX, [0; 32]);

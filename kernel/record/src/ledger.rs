@@ -62,7 +62,7 @@ fn checksum(text: &str) -> String {
     blake3::hash(text.as_bytes()).to_hex()[..DIGITS].to_owned()
 }
 
-/// The id of a written line, and the part of it that is JSON but for a closing brace; none where its checksum is wrong.
+/// The id of a written line, and the part of it that is JSON but for a closing brace; none if its checksum is wrong.
 fn checked(line: &str) -> Option<(ScenarioId, &str)> {
     let rest = line.strip_suffix(END)?;
     let split = rest.len().checked_sub(DIGITS)?;

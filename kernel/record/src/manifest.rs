@@ -42,7 +42,7 @@ pub struct Manifest {
     pub files: Vec<FileRecord>,
     /// The machine.
     pub machine: Machine,
-    /// Which part of the run it is; none where it is the whole.
+    /// Which part of the run it is; none if it is the whole.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<Shard>,
 }
@@ -244,7 +244,7 @@ pub fn difference(place: &str, was: &Value, is: &Value) -> Option<(String, Value
 }
 
 impl ComponentRecord {
-    /// The very plugin that it was in, with its hash and where to get it; none where it was in a script. `pdk` is the version of
+    /// The very plugin that it was in, with its hash and where to get it; none if it was in a script. `pdk` is the version of
     /// pdk then.
     pub fn origin(&self, pdk: &str) -> Option<String> {
         let PluginRecord { name, version, homepage, built_in } = self.plugin.as_ref()?;

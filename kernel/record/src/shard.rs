@@ -24,7 +24,7 @@ impl Shard {
         number % self.of == self.index - 1
     }
 
-    /// Those of so many scenarios or frames that belong to the part.
+    /// Those of this many scenarios or frames that belong to the part.
     pub fn own(self, all: usize) -> impl Iterator<Item = usize> {
         (self.index - 1..all).step_by(self.of)
     }

@@ -17,7 +17,7 @@ use pdk_loop::protocol::{FromWorker, Hello, Job, Ready, ToWorker, VERSION};
 /// Where workers come from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Pool {
-    /// This machine: so many processes of this executable, a slot each.
+    /// This machine: this many processes of this executable, a slot each.
     Here(usize),
     /// The same, as many as there are processors. Scenarios whose simulator the user has started are all driven by the first one, for
     /// who has started one simulator has one.
@@ -240,7 +240,7 @@ impl Connection {
         self.input = None;
     }
 
-    /// Waits until it has left, and ends it where it does not. How it ended by itself; none where it did not.
+    /// Waits until it has left, and ends it where it does not. How it ended by itself; none if it did not.
     pub fn wait(&mut self, limit: Duration) -> Option<ExitStatus> {
         let until = Instant::now() + limit;
         loop {

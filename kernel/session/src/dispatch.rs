@@ -135,7 +135,7 @@ impl Dispatch {
         self.jobs.add(Task { external, first_only, ..Task::new(work, submission, ticket) });
     }
 
-    /// What there is to do for a scenario; nothing where it is in the ledger, or being driven.
+    /// What there is to do for a scenario; nothing if it is in the ledger, or being driven.
     fn admit(&mut self, ticket: Ticket, submission: &Submission) -> Result<Option<Work>> {
         if let Some(task) = self.jobs.of_scenario(&submission.scenario.id()) {
             task.waiting.push(ticket);

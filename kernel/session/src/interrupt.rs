@@ -59,7 +59,7 @@ pub fn wish() -> Wish {
     }
 }
 
-/// The exit code that says which signal ended the run; none where none did.
+/// The exit code that says which signal ended the run; none if none did.
 pub fn exit_code() -> Option<u8> {
     match LAST.load(Ordering::SeqCst) {
         0 => None,

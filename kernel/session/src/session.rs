@@ -221,7 +221,7 @@ impl Session {
         }
     }
 
-    /// The next answer to any of these, as they come; none where all of theirs have been taken.
+    /// The next answer to any of these, as they come; none if all of theirs have been taken.
     ///
     /// # Errors
     /// If the session is over.

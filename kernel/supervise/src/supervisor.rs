@@ -141,7 +141,7 @@ impl Drop for Supervised {
     }
 }
 
-/// Ends all processes of the group that a process leads; nothing where it leads none.
+/// Ends all processes of the group that a process leads; nothing if it leads none.
 pub fn kill_group(leader: u32) {
     if let Some(leader) = i32::try_from(leader).ok().and_then(Pid::from_raw) {
         // There may be none left.
@@ -155,7 +155,7 @@ pub fn is_from_outside(signal: i32) -> bool {
     matches!(signal, libc::SIGKILL | libc::SIGTERM | libc::SIGHUP | libc::SIGINT | libc::SIGQUIT)
 }
 
-/// The memory that a process has taken, in MiB; none where the system does not say.
+/// The memory that a process has taken, in MiB; none if the system does not say.
 pub fn resident(process: u32) -> Option<u64> {
     let text = std::fs::read_to_string(format!("/proc/{process}/statm")).ok()?;
     let pages: u64 = text.split_whitespace().nth(1)?.parse().ok()?;

@@ -21,7 +21,7 @@ pub fn field<'a>(map: &'a Value, key: &str) -> &'a Value {
     entries.iter().find(|(name, _)| name.as_str() == Some(key)).map_or(&Value::Nil, |(_, value)| value)
 }
 
-/// Three finite numbers; none where the value is something else.
+/// Three finite numbers; none if the value is something else.
 pub fn three(value: &Value) -> Option<[f64; 3]> {
     let number = |i: usize| match value {
         // Lua has one kind of table: a list may come as a map that counts from 1, or has the names of the axes.

@@ -5,7 +5,7 @@ use pdk_sdk::prelude::*;
 
 use crate::scenery::Materials;
 
-/// The game takes at least so many steps a second.
+/// The game takes at least this many steps a second.
 const STEPS: f64 = 60.0;
 
 /// What a user has set about scenarios.

@@ -5,7 +5,7 @@ use pdk_sdk::serde_json::{Value, json};
 
 /// Distance between the nodes of a road in metres.
 const STEP: f64 = 5.0;
-/// The road begins and ends so many metres before and behind its waypoints.
+/// The road begins and ends this many metres before and behind its waypoints.
 const BEYOND: f64 = 15.0;
 /// Width of the lines in metres.
 const LINE: f64 = 0.15;

@@ -17,7 +17,7 @@ const NAME: &str = "pdk";
 const VEHICLE: &str = "pdk_ego";
 /// So much above the ground the vehicle is put, in metres.
 const DROP: f64 = 0.3;
-/// It has come to rest when it moves more slowly than this, in metres per second, after at most so many seconds of simulation time.
+/// It has come to rest when it moves more slowly than this, in metres per second, after at most this many seconds of simulation time.
 const REST: f64 = 0.05;
 const SETTLE: f64 = 5.0;
 /// The cosine of the angle by which it may face another way than the road.

@@ -66,7 +66,7 @@ impl Actor<'_> {
         crate::value::id(element(self.0, 0))
     }
 
-    /// The number of the actor that it is fixed to; none where it is not.
+    /// The number of the actor that it is fixed to; none if it is not.
     pub fn parent(&self) -> Option<u32> {
         crate::value::id(element(self.0, 1)).filter(|id| *id != 0)
     }
@@ -83,7 +83,7 @@ impl Actor<'_> {
         role.map_or("", |attribute| text(element(attribute, 2)))
     }
 
-    /// Half of its length, width and height in metres; none where it is not said.
+    /// Half of its length, width and height in metres; none if it is not said.
     pub fn extent(&self) -> Option<[f64; 3]> {
         let extent = element(element(self.0, 3), 1);
         let number = |i| crate::value::number(element(extent, i));

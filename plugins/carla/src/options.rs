@@ -26,7 +26,7 @@ pub struct Options {
     pub traffic: Wanted,
     /// How long the camera looks at the start of the road before the scenario begins, in seconds of simulation time.
     pub exposure_seconds: f64,
-    /// After so many worlds a server that pdk has started is started again; 0 for never.
+    /// After this many worlds a server that pdk has started is started again; 0 for never.
     pub restart_every: u64,
 }
 
@@ -53,7 +53,7 @@ impl Options {
                 Parameter::integer(
                     "restart_every",
                     0,
-                    "after so many worlds pdk starts its server again, since a server grows with every road that it generates; needs \
+                    "after this many worlds pdk starts its server again, since a server grows with every road that it generates; needs \
                      `launch`; 0 for never",
                 )
                 .range(0.0, 1_000_000.0),

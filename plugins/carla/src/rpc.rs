@@ -151,7 +151,7 @@ struct Reader<'a> {
     connection: &'a mut Connection,
     deadline: &'a Deadline,
     what: &'a str,
-    /// So many bytes the message may still have.
+    /// This many bytes the message may still have.
     left: usize,
     failed: Option<Error>,
 }

@@ -49,7 +49,7 @@ pub fn actors(body: &[u8]) -> impl Iterator<Item = (u32, &[u8])> {
     })
 }
 
-/// How an actor moves; none where it is not there.
+/// How an actor moves; none if it is not there.
 pub fn motion(body: &[u8], actor: u32) -> Option<Motion> {
     let (_, record) = actors(body).find(|(id, _)| *id == actor)?;
     let [_, yaw, _] = vector(record, 17);

@@ -24,7 +24,7 @@ const REST: f64 = 0.02;
 const SETTLE: (f64, f64) = (0.2, 5.0);
 /// How long a camera that was just subscribed to is waited for before another frame is asked for.
 const FIRST_FRAME: Duration = Duration::from_millis(250);
-/// So many frames are asked for until the first comes.
+/// This many frames are asked for until the first comes.
 const FIRST_FRAMES: u32 = 40;
 /// A scenario under way.
 #[derive(Debug)]
@@ -235,7 +235,7 @@ impl Stage {
     }
 }
 
-/// The number of frames in so much time.
+/// The number of frames in this much time.
 fn frames(time: f64, rate: f64) -> u64 {
     (time * rate).round() as u64
 }

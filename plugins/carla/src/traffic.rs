@@ -14,7 +14,7 @@ use crate::server::Server;
 const WAITING: [f64; 3] = [0.0, 0.0, -2000.0];
 /// The distance between those that wait, in metres.
 const APART: f64 = 10.0;
-/// Vehicles are on the road from so many metres before its beginning to as many behind its end.
+/// Vehicles are on the road from this many metres before its beginning to as many behind its end.
 const BEYOND: f64 = 12.0;
 
 /// The other vehicles of a scenario.

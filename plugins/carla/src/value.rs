@@ -7,7 +7,7 @@ pub fn element(value: &Value, index: usize) -> &Value {
     value.as_array().and_then(|elements| elements.get(index)).unwrap_or(&Value::Nil)
 }
 
-/// The elements of an array; none where it is not an array.
+/// The elements of an array; none if it is not an array.
 pub fn elements(value: &Value) -> &[Value] {
     value.as_array().map_or(&[], Vec::as_slice)
 }
@@ -22,12 +22,12 @@ pub fn id(value: &Value) -> Option<u32> {
     value.as_u64().and_then(|id| u32::try_from(id).ok())
 }
 
-/// A text; empty where it is none.
+/// A text; empty if it is none.
 pub fn text(value: &Value) -> &str {
     value.as_str().unwrap_or_default()
 }
 
-/// The bytes of a binary value; none where it is not a binary value.
+/// The bytes of a binary value; none if it is not a binary value.
 pub fn bytes(value: &Value) -> &[u8] {
     value.as_slice().unwrap_or_default()
 }

@@ -9,7 +9,7 @@ use crate::record::Record;
 pub enum Clock {
     /// The recorded times, counted from this one in milliseconds.
     Recorded { start: f64 },
-    /// So many frames a second, one after the other.
+    /// This many frames a second, one after the other.
     Rate(f64),
 }
 

@@ -132,7 +132,7 @@ impl Manifest {
     }
 }
 
-/// A line of a catalog; nothing where the user has deleted the record.
+/// A line of a catalog; nothing if the user has deleted the record.
 fn row(catalog: &str, number: usize, line: &str, deleted: &BTreeSet<u64>) -> Option<Row> {
     let place = format!("{catalog} line {number}");
     let json = match serde_json::from_str::<Map<String, Value>>(line).place(&place) {

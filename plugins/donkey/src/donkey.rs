@@ -441,7 +441,7 @@ struct Lap {
 }
 
 impl Lap {
-    /// The car is at this node of so many; the share of the lap, 1 once it is complete.
+    /// The car is at this node of this many; the share of the lap, 1 once it is complete.
     fn go_on(&mut self, node: f64, nodes: f64) -> f64 {
         if nodes.is_nan() || nodes < 2.0 {
             return 0.0;

@@ -26,7 +26,7 @@ enum Said {
 }
 
 /// Connects, and leads the simulator to a car on the road, with the camera and the looks that are wanted. Returns the version of its
-/// protocol with it; empty where it does not tell.
+/// protocol with it; empty if it does not tell.
 ///
 /// # Errors
 /// If it is not there, is another build, or has no such scene.
@@ -116,7 +116,7 @@ fn said(message: &Message<'_>) -> Said {
     }
 }
 
-/// The build that sends such telemetry; none where it does not show.
+/// The build that sends such telemetry; none if it does not show.
 pub fn build(message: &Message<'_>) -> Option<Build> {
     match (message.max_sector, message.total_nodes) {
         (Some(_), None) => Some(Build::RoadGenerating),

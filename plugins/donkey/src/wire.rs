@@ -26,7 +26,7 @@ pub struct Wire {
     connection: Connection,
     /// As the simulator is named to users.
     peer: String,
-    /// When the last message was sent; none where something was heard since.
+    /// When the last message was sent; none if something was heard since.
     unheard: Option<Instant>,
     /// When the last message was sent.
     sent: Option<Instant>,

@@ -2,7 +2,7 @@
 
 use pdk_sdk::ops::float::gaussian;
 
-/// A Gaussian is cut off at so many standard deviations.
+/// A Gaussian is cut off at this many standard deviations.
 const TRUNCATE: f64 = 4.0;
 
 /// The weights of a Gaussian from its middle on.

@@ -18,7 +18,7 @@ pub struct ElasticTransform {
 /// The largest displacement before smoothing, and the standard deviation of the smoothing, as shares of the size.
 const DISPLACED: f64 = 0.005;
 const SMOOTHED: f64 = 0.01;
-/// A Gaussian is cut off at so many standard deviations.
+/// A Gaussian is cut off at this many standard deviations.
 const TRUNCATE: f64 = 3.0;
 
 impl Component for ElasticTransform {

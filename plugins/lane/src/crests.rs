@@ -6,10 +6,10 @@ use pdk_road::distance;
 
 /// From one crest to the next in metres, of the two waves that a road follows, and how much each takes part.
 const WAVES: [((f64, f64), f64); 2] = [((110.0, 170.0), 0.7), ((60.0, 85.0), 0.3)];
-/// Roads are level at their start, for so many metres.
+/// Roads are level at their start, for this many metres.
 const LEVEL: f64 = 25.0;
 
-/// Raises and lowers flat waypoints by up to so many metres; those with heights stay as they are.
+/// Raises and lowers flat waypoints by up to this many metres; those with heights stay as they are.
 pub fn raised(mut waypoints: Vec<[f64; 3]>, swing: f64, seed: u64) -> Vec<[f64; 3]> {
     let level = waypoints.first().map_or(0.0, |point| point[1]);
     if swing == 0.0 || waypoints.iter().any(|point| point[1] != level) {

@@ -96,7 +96,7 @@ impl Sheet {
         });
     }
 
-    /// A line that strays from its course by up to so many metres a step.
+    /// A line that strays from its course by up to this many metres a step.
     fn wander(
         &mut self,
         from: [f64; 2],

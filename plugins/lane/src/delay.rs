@@ -15,7 +15,7 @@ pub struct Delay {
 }
 
 impl Delay {
-    /// A delay of so many seconds where a step takes `1 / rate`.
+    /// A delay of this many seconds where a step takes `1 / rate`.
     pub fn new(seconds: f64, rate: f64) -> Self {
         let all = seconds * rate;
         // A delay of whole steps is one, however it is written.

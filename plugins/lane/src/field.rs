@@ -24,7 +24,7 @@ const TILE_LENGTH: f64 = TILE as f64 / CELLS as f64;
 const EMPTY: u32 = u32::MAX;
 /// Lateral distance of what is not near the road.
 const FAR: f32 = 99.0;
-/// Every so many points of the path count in the first, coarse search.
+/// Every this many points of the path count in the first, coarse search.
 const COARSE: usize = 4;
 /// How far the road goes on straight beyond its ends where there is room, in metres, so that it does not seem to end.
 const LEAD_OUT: f64 = 90.0;
@@ -61,7 +61,7 @@ pub struct Field {
     rows: usize,
     tiles: Vec<u32>,
     corners: Vec<[f32; 2]>,
-    /// How much of the sun is taken at each corner; empty where nothing casts shadows.
+    /// How much of the sun is taken at each corner; empty if nothing casts shadows.
     shades: Vec<f32>,
 }
 

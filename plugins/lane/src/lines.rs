@@ -38,7 +38,7 @@ pub struct LaneShape {
 }
 
 impl LaneShape {
-    /// Distance to the right of the camera, so many metres ahead.
+    /// Distance to the right of the camera, this many metres ahead.
     pub fn at(&self, ahead: f64) -> f64 {
         self.offset + (self.slope + self.bend * ahead) * ahead
     }

@@ -19,7 +19,7 @@ pub struct Parked {
 }
 
 impl Parked {
-    /// So many vehicles a kilometre along a road of `length` metres.
+    /// This many vehicles a kilometre along a road of `length` metres.
     pub fn new(per_kilometre: f64, length: f64, random: &mut Random) -> Self {
         let mut vehicles = Vec::new();
         if per_kilometre > 0.0 {

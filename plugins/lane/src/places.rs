@@ -54,7 +54,7 @@ pub struct RoadPlaces {
 pub const AWAY: f32 = 1e6;
 
 impl RoadPlaces {
-    /// Room for so many pixels in whole blocks.
+    /// Room for this many pixels in whole blocks.
     pub fn new(pixels: usize) -> Self {
         let room = || vec![0.0; pixels];
         Self {
@@ -80,7 +80,7 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// Room for so many pixels in whole blocks.
+    /// Room for this many pixels in whole blocks.
     pub fn new(pixels: usize) -> Self {
         // Of a single block both ends are asked for.
         let room = || vec![0.0; pixels + BLOCK];

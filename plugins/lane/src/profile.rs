@@ -62,7 +62,7 @@ impl Profile {
         self.flat
     }
 
-    /// The height in metres so many metres after the start; beyond the ends that of the end.
+    /// The height in metres this many metres after the start; beyond the ends that of the end.
     pub fn height(&self, along: f64) -> f64 {
         let position = (along / STEP).clamp(0.0, (self.heights.len() - 1) as f64);
         let index = position as usize;
@@ -70,7 +70,7 @@ impl Profile {
         self.heights[index] + (next - self.heights[index]) * (position - index as f64)
     }
 
-    /// The slope, rise over run, so many metres after the start.
+    /// The slope, rise over run, this many metres after the start.
     pub fn slope(&self, along: f64) -> f64 {
         if self.flat {
             return 0.0;

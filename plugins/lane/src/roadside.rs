@@ -6,7 +6,7 @@ use pdk_sdk::prelude::Random;
 use crate::scene::{self, Object, ObjectKind, Scene};
 use crate::section;
 
-/// A row of trees is so many metres long, and its trees so far apart.
+/// A row of trees is this many metres long, and its trees so far apart.
 const ROW: f64 = 45.0;
 const SPACING: (f64, f64) = (6.0, 11.0);
 /// Distance of their trunks from the middle of the road in metres.
@@ -19,7 +19,7 @@ const SIGN_OFFSET: f64 = section::PAVED_HALF_WIDTH + 1.3;
 /// Trees farther from the middle of the road cast no shadow that reaches it, in metres.
 const FARTHEST_SHADOW: f64 = 42.0;
 
-/// Adds trees, as densely as wanted from 0 to 1, bushes among them, and so many signs a kilometre.
+/// Adds trees, as densely as wanted from 0 to 1, bushes among them, and this many signs a kilometre.
 pub fn furnish(scene: &mut Scene, path: &Path, (trees, signs): (f64, f64), random: &mut Random) {
     let length = path.length();
     for row in 0..((length + ROW) / ROW) as usize {

@@ -33,7 +33,7 @@ pub struct Room {
 }
 
 impl Room {
-    /// Room for rows of so many pixels.
+    /// Room for rows of this many pixels.
     pub fn new(width: usize) -> Self {
         let width = padded(width);
         let room = || vec![0.0; width];

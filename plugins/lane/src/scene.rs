@@ -20,7 +20,7 @@ const TREE_OFFSETS: (f64, f64) = (10.0, 45.0);
 const TREE_DENSITY: f64 = 0.55;
 /// Trees stand this far before and beyond the road too, in metres.
 const TREES_BEYOND: f64 = 60.0;
-/// A house every so many metres, where there is room, and its distance from the middle of the road in metres.
+/// A house every this many metres, where there is room, and its distance from the middle of the road in metres.
 const HOUSE_SPACING: f64 = 45.0;
 const HOUSE_OFFSETS: (f64, f64) = (17.0, 34.0);
 /// Number of directions for which the height of the hills is stored.

@@ -270,7 +270,7 @@ impl Section {
         cover(from, wide.max(0.01), -half_line, half_line) * paint
     }
 
-    /// Whether there is paint at a place so many metres to the right of the middle of the road and along it.
+    /// Whether there is paint at a place this many metres to the right of the middle of the road and along it.
     pub fn is_marking(&self, offset: f32, along: f32) -> bool {
         let half_line = LINE_WIDTH as f32 / 2.0;
         let edge = (offset.abs() - EDGE_LINE as f32).abs() <= half_line;

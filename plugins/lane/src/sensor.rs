@@ -19,7 +19,7 @@ pub struct Setting {
 /// The mean brightness that exposure aims at, and its limits as factors.
 const AIM: f64 = 105.0;
 const AMPLIFICATION: (f64, f64) = (0.7, 3.0);
-/// Every so many pixels and rows count for the exposure.
+/// Every this many pixels and rows count for the exposure.
 const METERED: usize = 6;
 /// Standard normal values that are kept; a row of noise begins anywhere among them.
 const KEPT: usize = 1 << 16;
@@ -41,7 +41,7 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// The sensor; nothing where it changes nothing.
+    /// The sensor; nothing if it changes nothing.
     pub fn new(setting: Setting, [width, height]: [usize; 2], random: &mut Random) -> Option<Self> {
         let Setting { noise, exposure, vignetting } = setting;
         if noise == 0.0 && exposure == 0.0 && vignetting == 0.0 {

@@ -6,7 +6,7 @@
 /// Pixels that are worked on at a time. Rows of values are as long as whole blocks, so that no block is cut.
 pub const BLOCK: usize = 8;
 
-/// The length of a row of values for so many pixels: whole blocks.
+/// The length of a row of values for this many pixels: whole blocks.
 pub fn padded(pixels: usize) -> usize {
     pixels.div_ceil(BLOCK) * BLOCK
 }

@@ -88,7 +88,7 @@ impl Texture {
         Scale { frequency: frequency / (1u32 << level) as f32, level, strength: 1.0 + (next - 1.0) * share }
     }
 
-    /// Writes the brightness at places in a row: `start` and so many times `step` further, x and z in metres. The row has whole
+    /// Writes the brightness at places in a row: `start` and this many times `step` further, x and z in metres. The row has whole
     /// blocks.
     pub fn fill(&self, row: &mut [f32], (start, step): ([f32; 2], [f32; 2]), scale: Scale) {
         let reading = self.reading(scale);

@@ -14,8 +14,8 @@ use crate::terrain::Terrain;
 
 /// Objects farther away than this are not drawn, in metres.
 const FARTHEST_OBJECT: f64 = 260.0;
-/// A vehicle is drawn as slices from its far end to its near one: so many for each pixel that a metre takes there, and
-/// at most so many.
+/// A vehicle is drawn as slices from its far end to its near one: this many for each pixel that a metre takes there, and
+/// at most this many.
 const SLICES_PER_SCALE: f64 = 0.8;
 const MOST_SLICES: f64 = 26.0;
 /// Where the axles are, as shares of a vehicle's length.
@@ -210,7 +210,7 @@ impl Things {
         }
     }
 
-    /// Draws the shadow of a thing whose picture goes there, so many metres ahead and with that extent towards the camera.
+    /// Draws the shadow of a thing whose picture goes there, this many metres ahead and with that extent towards the camera.
     fn draw_shadow(
         &self,
         eye: &Eye<'_>,

@@ -53,7 +53,7 @@ pub struct Wear {
 }
 
 impl Wear {
-    /// Draws the state of a road of so many metres.
+    /// Draws the state of a road of this many metres.
     pub fn new(wanted: Wanted, length: f64, random: &mut Random) -> Self {
         let count = ((BEFORE + length + BEHIND) / STEP) as usize + 2;
         let shift = [random.uniform(0.0, 10.0) as f32, random.uniform(0.0, 64.0) as f32];
@@ -69,7 +69,7 @@ impl Wear {
         Self { damage: wanted.damage as f32, wetness: wanted.wetness as f32, shift, lines }
     }
 
-    /// How far the paint of a line is worn so many metres along the road.
+    /// How far the paint of a line is worn this many metres along the road.
     #[inline(always)]
     pub fn at(&self, line: Line, along: f32) -> f32 {
         let line = &self.lines[line as usize];

@@ -2,9 +2,9 @@
 
 use pdk_sdk::prelude::*;
 
-/// A frame wider than so many times its height counts as that much higher, which bounds the work.
+/// A frame wider than this many times its height counts as that much higher, which bounds the work.
 const WIDEST: f32 = 4.0;
-/// The out-of-focus picture has about so many rows.
+/// The out-of-focus picture has about this many rows.
 const BACKDROP_ROWS: f32 = 60.0;
 
 /// The geometry of a frame. Places on the lens are in heights of the frame: `x` to the right from the middle of the

@@ -10,7 +10,7 @@ use crate::water::Drop;
 pub const LIFETIME: i64 = 11;
 /// Mean life in seconds.
 pub const MEAN_LIFE: f64 = 8.0;
-/// A drop consists of so many caps at most.
+/// A drop consists of this many caps at most.
 const CAPS: usize = 3;
 
 /// A drop that stays.

@@ -15,7 +15,7 @@ const DROPS: usize = 63;
 const SLIDERS: usize = 2;
 /// The most drops that sit on a square of the lens.
 const MOST_DROPS: f64 = DROPS as f64 / COLUMN as f64 * MEAN_LIFE;
-/// The wet track of a slider lasts so many seconds.
+/// The wet track of a slider lasts this many seconds.
 const TRACK: f32 = 1.6;
 
 /// Drops of water on the lens.

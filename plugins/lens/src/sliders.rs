@@ -9,11 +9,11 @@ use crate::lens::{haste, smooth};
 /// Steps of the path that a slider's table holds, each [`STEP`] heights down.
 const STEPS: usize = 145;
 const STEP: f32 = 0.01;
-/// The speed of a slider is a mean over so many heights before and behind it.
+/// The speed of a slider is a mean over this many heights before and behind it.
 const AROUND: f32 = 0.03;
 /// Drops left behind by one slider at most.
 pub const BEADS: usize = 48;
-/// A slider has left the frame or dried up so many seconds after it began to slide.
+/// A slider has left the frame or dried up this many seconds after it began to slide.
 const SLIDING: f32 = 11.0;
 /// Longest time for which it grows before that, in seconds.
 const GROWING: f64 = 7.0;
@@ -183,7 +183,7 @@ impl Slider {
     }
 }
 
-/// What is left of the radius of a slider so many seconds after it began to slide.
+/// What is left of the radius of a slider this many seconds after it began to slide.
 fn remaining(slid: f32) -> f32 {
     smooth((SLIDING - slid) / 2.5)
 }

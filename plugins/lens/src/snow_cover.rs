@@ -10,7 +10,7 @@ use crate::lens::{Backdrop, Lens, smooth, to_byte};
 pub const STAMPS: usize = 12;
 /// Rows and columns of a stamp.
 const SIDE: usize = 64;
-/// A stamp reaches so many radii of its flake from the middle.
+/// A stamp reaches this many radii of its flake from the middle.
 const REACH: f32 = 1.35;
 /// What a density of 1 counts.
 const THICKNESS: f32 = 1.35;

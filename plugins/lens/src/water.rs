@@ -79,7 +79,7 @@ impl Water {
     }
 
     /// The part of the field from `left` to `right` and `top` to `bottom`, in pixels of the frame, marked as wet: first
-    /// and last column, first and last row of the field; nothing where it lies outside.
+    /// and last column, first and last row of the field; nothing if it lies outside.
     fn wet(&mut self, left: f32, right: f32, top: f32, bottom: f32) -> Option<([usize; 2], [usize; 2])> {
         let clip = |low: f32, high: f32, count: usize| {
             // Also false for what is not a number.

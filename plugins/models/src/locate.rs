@@ -30,7 +30,7 @@ pub struct Search {
 pub struct Found {
     /// Where it is.
     pub path: PathBuf,
-    /// The minor version that its name says; nothing where it says none.
+    /// The minor version that its name says; nothing if it says none.
     minor: Option<u32>,
 }
 
@@ -50,7 +50,7 @@ impl Search {
         }
     }
 
-    /// The library to use; nothing where there is none that is recent enough.
+    /// The library to use; nothing if there is none that is recent enough.
     ///
     /// # Errors
     /// If the environment variable names a file that is not there.
@@ -148,7 +148,7 @@ fn libraries(folder: &Path) -> Vec<Found> {
     sorted(folder).into_iter().filter_map(library).collect()
 }
 
-/// What a folder contains, the last name first, so that newer versions come before older ones; nothing where there
+/// What a folder contains, the last name first, so that newer versions come before older ones; nothing if there
 /// is not such a folder.
 fn sorted(folder: &Path) -> Vec<PathBuf> {
     let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)

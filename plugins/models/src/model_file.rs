@@ -353,7 +353,7 @@ fn float_tensor<'a>(input: &'a pb::ValueInfoProto, expected: &str) -> Result<&'a
     Ok(tensor)
 }
 
-/// The dimensions of a tensor; nothing where one is left open.
+/// The dimensions of a tensor; nothing if one is left open.
 fn dims(tensor: &pb::type_proto::Tensor) -> Vec<Option<i64>> {
     tensor.shape.iter().flat_map(|shape| &shape.dim).map(|dim| fixed(dim.value.as_ref())).collect()
 }

@@ -136,7 +136,7 @@ impl PictureNetwork {
         }
     }
 
-    /// Where the number of a channel and a pixel is in its result of so many channels.
+    /// Where the number of a channel and a pixel is in its result of this many channels.
     pub fn at(&self, channel: usize, pixel: usize, channels: usize) -> usize {
         match self.layout {
             Layout::Nchw => channel * self.size[0] * self.size[1] + pixel,

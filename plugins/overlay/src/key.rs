@@ -177,7 +177,7 @@ fn dominant(pictures: &[Samples]) -> Result<[f32; 3]> {
     Ok(sums.map(|sum| (sum / count) as f32))
 }
 
-/// How much foreground there seems to be where there is only the screen; none where the colour does not occur.
+/// How much foreground there seems to be where there is only the screen; none if the colour does not occur.
 fn noise_of(pictures: &[Samples], colour: [f32; 3]) -> Option<f32> {
     const STEPS: usize = 1000;
     let screen = Screen { colour, noise: 0.0 };

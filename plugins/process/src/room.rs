@@ -56,7 +56,7 @@ impl Room {
         self.bus.root()
     }
 
-    /// Starts the program of a command, which finds the room by a variable; nothing where the command is empty.
+    /// Starts the program of a command, which finds the room by a variable; nothing if the command is empty.
     ///
     /// # Errors
     /// If there is no such program.

@@ -21,7 +21,7 @@ enum Node {
 }
 
 impl Forest {
-    /// A forest of so many trees over points and their values. There has to be at least one point.
+    /// A forest of this many trees over points and their values. There has to be at least one point.
     pub fn new(points: &[&[f64]], values: &[f64], trees: usize, random: &mut Random) -> Self {
         let grow = |_| {
             let mut rows: Vec<usize> = (0..points.len()).collect();

@@ -78,7 +78,7 @@ impl Grid {
     }
 }
 
-/// The most values a variable can have on a grid of at most so many points; at least 1.
+/// The most values a variable can have on a grid of at most this many points; at least 1.
 fn most_steps(domain: &Domain, points: u64) -> u64 {
     let size = |steps: u64| {
         (0..domain.len())

@@ -8,9 +8,9 @@ use crate::domain::Domain;
 const PLACES: usize = 4;
 /// How far these are from each other: see [`Space::distance`](pdk_sdk::prelude::Space::distance).
 const APART: f64 = 0.15;
-/// Nothing better is among so many points next to such a place.
+/// Nothing better is among this many points next to such a place.
 const NEIGHBORS: usize = 8;
-/// So many points are looked at, the best ones.
+/// This many points are looked at, the best ones.
 const LOOKED_AT: usize = 400;
 /// How far around a place a search looks, in shares of each variable's range.
 pub const NEARBY: f64 = 0.15;

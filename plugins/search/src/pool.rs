@@ -76,7 +76,7 @@ impl Pool {
         }
     }
 
-    /// Takes the position with the best score, of equal ones the first; none where none has one.
+    /// Takes the position with the best score, of equal ones the first; none if none has one.
     pub fn take(&mut self, domain: &Domain, score: impl Fn(&Candidate) -> f64) -> Option<Vec<f64>> {
         let mut best: Option<(f64, usize)> = None;
         for (place, one) in self.candidates.iter().enumerate() {

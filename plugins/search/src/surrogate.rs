@@ -39,7 +39,7 @@ const ROOM: f64 = 0.03;
 const KIND: f64 = 0.1;
 /// What is nearer than this to a critical candidate belongs to a region that is known.
 const CLEAR: f64 = 0.1;
-/// Around a place so many candidates are enough.
+/// Around a place this many candidates are enough.
 const ENOUGH: usize = 60;
 /// Of how many draws the most isolated is taken.
 const DRAWS: usize = 4;

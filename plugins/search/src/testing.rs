@@ -10,12 +10,12 @@ pub fn key(number: u8) -> Key {
     Key([number; 32])
 }
 
-/// So many reals from 0 to 1, `x0`, `x1` ...
+/// This many reals from 0 to 1, `x0`, `x1` ...
 pub fn reals(n: usize) -> Space {
     space(n, || Range::Real { min: 0.0, max: 1.0 })
 }
 
-/// So many whole numbers from 0, `x0`, `x1` ...
+/// This many whole numbers from 0, `x0`, `x1` ...
 pub fn integers(n: usize, max: i64) -> Space {
     space(n, || Range::Integer { min: 0, max })
 }
@@ -37,7 +37,7 @@ pub fn make<R: Rule>(parameters: &[(&str, Value)]) -> Strategy<R> {
     Strategy::new(&Config::check(&R::description(), &given).unwrap()).unwrap()
 }
 
-/// Searches until so many candidates were evaluated, and returns positions and results.
+/// Searches until this many candidates were evaluated, and returns positions and results.
 pub fn search<R: Rule>(
     strategy: &mut Strategy<R>,
     problem: &Problem,

@@ -5,7 +5,7 @@
 
 use std::time::Instant;
 
-/// A simulator's world moves on by at most so many seconds from one frame to the next, however long that took: Unity's maximum time step.
+/// A simulator's world moves on by at most this many seconds from one frame to the next, however long that took: Unity's maximum time step.
 const STEP: f64 = 1.0 / 3.0;
 
 /// The time since the start of a scenario.

@@ -59,7 +59,7 @@ impl Deref for Text<'_> {
     }
 }
 
-/// A number in a text; none where there is none.
+/// A number in a text; none if there is none.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
 pub struct Number(pub Option<f64>);
 

@@ -1,7 +1,7 @@
 //! Numbers as the simulator writes and reads them: by the rules of the country that its computer is set to.
 
 /// Reads a number with four decimals and maybe separators of thousands, as in `1,234.5000` or `1.234,5000`. There are always
-/// decimals, so the last separator is the decimal one. None where it is not a number.
+/// decimals, so the last separator is the decimal one. None if it is not a number.
 pub fn read(text: &str) -> Option<f64> {
     let decimal = text.rfind(['.', ',']);
     let plain: String = text

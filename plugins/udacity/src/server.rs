@@ -122,7 +122,7 @@ impl Server {
         }
     }
 
-    /// A text that has come; none where there is a pause.
+    /// A text that has come; none if there is a pause.
     fn read(&mut self) -> Result<Option<Utf8Bytes>> {
         match self.socket.read() {
             Ok(Message::Text(text)) => Ok(Some(text)),

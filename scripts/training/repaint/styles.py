@@ -24,7 +24,7 @@ PLACES = 256  # at which the strength of answers is compared
 
 
 def field(random, scale):
-    """Smooth random numbers of -1 to 1, which change over so many pixels."""
+    """Smooth random numbers of -1 to 1, which change over this many pixels."""
     cells = SIDE // scale + 3
     coarse = Image.fromarray(random.uniform(-1, 1, (cells, cells)).astype(np.float32))
     return np.asarray(coarse.resize((SIDE, SIDE), Image.BICUBIC))
@@ -184,7 +184,7 @@ class Filters(nn.Module):
 
     def forward(self, image, random, draws=1):
         """For each size and scale, how often filters answer together, (batch, filters, filters), and how strongly at random
-        places, in order, (batch, filters, places); the mean of so many draws."""
+        places, in order, (batch, filters, places); the mean of this many draws."""
         red, green, blue = (image / 64).chunk(3, 1)
         x, found = torch.cat([(red + green + blue) / 3 - 2, 2 * (red - green), red + green - 2 * blue], 1), []
         for scale in range(self.scales):

@@ -26,7 +26,7 @@ impl Text {
         Self { data: bytes.as_ptr(), length: bytes.len() }
     }
 
-    /// The bytes; none where the pointer is null.
+    /// The bytes; none if the pointer is null.
     ///
     /// # Safety
     /// They have to be readable and unchanged for `'a`.

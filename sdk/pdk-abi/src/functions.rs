@@ -164,7 +164,7 @@ pub struct SimulatorFunctions {
         unsafe extern "C" fn(object: *mut c_void, waypoints: *const Sink, error: *const Sink) -> Status,
     /// What the simulator has told of itself by now: a JSON list of `[name, value]`.
     pub info: unsafe extern "C" fn(object: *mut c_void, info: *const Sink, error: *const Sink) -> Status,
-    /// What the simulator can tell apart in its frames: a JSON list of names, empty where it labels nothing.
+    /// What the simulator can tell apart in its frames: a JSON list of names, empty if it labels nothing.
     pub label_names:
         unsafe extern "C" fn(object: *mut c_void, names: *const Sink, error: *const Sink) -> Status,
     /// Writes for each pixel of the frame that was rendered last the place of what it shows among those names, row by row.

@@ -27,7 +27,7 @@ pub unsafe fn load<T: Prefix>(from: *const T, unsaid: T) -> T {
         return sized(unsafe { from.read() });
     }
     let mut value = unsaid;
-    // SAFETY: both have so many bytes, and what was zero before is written over with values of the same fields.
+    // SAFETY: both have this many bytes, and what was zero before is written over with values of the same fields.
     unsafe { core::ptr::copy_nonoverlapping(from.cast::<u8>(), (&raw mut value).cast::<u8>(), size) };
     sized(value)
 }
@@ -46,7 +46,7 @@ pub unsafe fn store<T: Prefix>(value: T, into: *mut T) {
     }
     let head = size_of::<usize>();
     let known = size.min(size_of::<T>()).saturating_sub(head);
-    // SAFETY: both have so many bytes behind the size.
+    // SAFETY: both have this many bytes behind the size.
     unsafe {
         let from = (&raw const value).cast::<u8>().add(head);
         core::ptr::copy_nonoverlapping(from, into.cast::<u8>().add(head), known);

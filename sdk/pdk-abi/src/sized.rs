@@ -172,7 +172,7 @@ sized! {
 }
 
 impl Sink {
-    /// Passes bytes on; nothing where the other side takes none.
+    /// Passes bytes on; nothing if the other side takes none.
     ///
     /// # Safety
     /// The sink is that of a call in progress.

@@ -23,7 +23,7 @@ pub struct Connection {
     /// Where what has not been given away begins and ends.
     start: usize,
     end: usize,
-    /// So many bytes from the start on hold no end of a line.
+    /// This many bytes from the start on hold no end of a line.
     searched: usize,
 }
 
@@ -94,7 +94,7 @@ impl Connection {
         }
     }
 
-    /// The next bytes, exactly so many.
+    /// The next bytes, exactly this many.
     ///
     /// # Errors
     /// If the other end is gone, they do not come in time, or they are too many.
@@ -106,7 +106,7 @@ impl Connection {
         Ok(&self.buffer[bytes])
     }
 
-    /// Whether so many bytes are there, without waiting for them.
+    /// Whether this many bytes are there, without waiting for them.
     ///
     /// # Errors
     /// If the other end is gone.
@@ -142,7 +142,7 @@ impl Connection {
         found
     }
 
-    /// Reads until so many bytes are there.
+    /// Reads until this many bytes are there.
     fn fill(&mut self, length: usize, deadline: &Deadline, what: &str) -> Result<()> {
         while self.end - self.start < length {
             let Some(left) = deadline.left() else { return Err(deadline.late(&self.peer, what)) };

@@ -20,7 +20,7 @@ impl Deadline {
         Self { began: Instant::now(), limit, parameter }
     }
 
-    /// The time that is left; none where it is over.
+    /// The time that is left; none if it is over.
     pub fn left(&self) -> Option<Duration> {
         self.limit.checked_sub(self.began.elapsed()).filter(|left| !left.is_zero())
     }

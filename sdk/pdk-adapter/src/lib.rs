@@ -48,7 +48,7 @@ use pdk_sdk::model::failure::FailureCriteria;
 use pdk_sdk::prelude::{Error, Result, State};
 use pdk_sdk::serde_json::Value;
 
-/// The waypoints `[x, height, z]` in metres of a scenario's road, at least two; none where the road is null, which leaves it to the
+/// The waypoints `[x, height, z]` in metres of a scenario's road, at least two; none if the road is null, which leaves it to the
 /// simulator. It is written as for every simulator: angles, or waypoints.
 ///
 /// # Errors

@@ -23,7 +23,7 @@ pub struct Settings {
     pub port: u16,
     /// How much higher the port of each further slot is.
     pub port_step: u16,
-    /// The program that starts the simulator, and its arguments; empty where it is running already.
+    /// The program that starts the simulator, and its arguments; empty if it is running already.
     pub launch: Vec<String>,
     /// How long it may take to start.
     pub start: Duration,

@@ -8,9 +8,9 @@ const STEP: f64 = 0.25;
 /// How far from its last place along the road the vehicle is looked for, in metres, where it did not move farther: so a road that comes
 /// close to itself is never mistaken for another part of it.
 const SEARCH: f64 = 10.0;
-/// The end of the road counts as reached so many metres before it: positions come now and then only.
+/// The end of the road counts as reached this many metres before it: positions come now and then only.
 const END: f64 = 0.5;
-/// The heading follows from positions that are at least so many metres apart.
+/// The heading follows from positions that are at least this many metres apart.
 const HEADING_STEP: f64 = 0.1;
 
 /// A road with a vehicle on it.

@@ -249,7 +249,7 @@ pub(crate) fn all(base: &Path, run: Option<&str>) -> Result<Vec<PathBuf>> {
     Ok(roots)
 }
 
-/// The folders in a folder, without symbolic links. None where it is not there: the last bus may just have gone.
+/// The folders in a folder, without symbolic links. None if it is not there: the last bus may just have gone.
 pub(crate) fn folders(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,

@@ -140,7 +140,7 @@ impl pdk_driver {
         })
     }
 
-    /// The next frame that has not been answered; none where pdk is done.
+    /// The next frame that has not been answered; none if pdk is done.
     fn next(&mut self) -> Result<Option<pdk_frame>> {
         self.held = None;
         loop {

@@ -228,7 +228,7 @@ mod tests {
         (bytes, places)
     }
 
-    /// A picture of 8 x 2 with so many bits a pixel, of which each has this color of a palette of three.
+    /// A picture of 8 x 2 with this many bits a pixel, of which each has this color of a palette of three.
     fn with_palette(depth: BitDepth, index: u8) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, 8, 2);

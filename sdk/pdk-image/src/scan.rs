@@ -219,7 +219,7 @@ impl Frame {
         }
     }
 
-    /// Notes what a scan tells; none where it is told already, or where what it builds on has not been told.
+    /// Notes what a scan tells; none if it is told already, or where what it builds on has not been told.
     fn note(&mut self, scan: &Scan) -> Option<()> {
         for part in &scan.parts {
             for known in &mut self.components[part.component].known[scan.first..=scan.last] {

@@ -15,7 +15,7 @@ use crate::state::State;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FailureCriteria {
-    /// The absolute cross-track error in metres at which the vehicle has left its lane; none where the simulator says that itself,
+    /// The absolute cross-track error in metres at which the vehicle has left its lane; none if the simulator says that itself,
     /// as `lane` does at 2 m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lane_departure: Option<f64>,
@@ -25,7 +25,7 @@ pub struct FailureCriteria {
     /// A vehicle that is slower than this stands still, in metres a second.
     #[serde(skip_serializing_if = "is_standstill_speed")]
     pub standstill_speed: f64,
-    /// So many seconds of standing still end a drive.
+    /// This many seconds of standing still end a drive.
     #[serde(skip_serializing_if = "is_standstill_seconds")]
     pub standstill_seconds: f64,
     /// The absolute cross-track error in metres at which a wheel is over the line, which is measured and ends nothing: 1.1 for a

@@ -152,7 +152,7 @@ impl Level {
         Err(Error::new(format!("the level of `{what}`: {mistake}")))
     }
 
-    /// The level at a time in seconds; none where the frame is to be left as it is.
+    /// The level at a time in seconds; none if the frame is to be left as it is.
     pub fn at(&self, time: f64) -> Option<f64> {
         match self {
             Level::Constant(level) => Some(*level),

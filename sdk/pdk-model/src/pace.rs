@@ -3,7 +3,7 @@
 /// How long a saliency map is used before the next one is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pace {
-    /// A map is made of every so many frames, and stays until the next: that of frame `i` is the one of frame
+    /// A map is made of every this many frames, and stays until the next: that of frame `i` is the one of frame
     /// `floor(i / every) * every`, or of the first one behind that where frames are left out.
     pub every: u64,
     /// A map stays until a frame differs from the map's own by more than this: the mean difference of all values from 0 to 255.
@@ -13,7 +13,7 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// What is wrong with it; nothing where it can be kept to.
+    /// What is wrong with it; nothing if it can be kept to.
     pub fn mistake(&self) -> Option<&'static str> {
         if self.every == 0 {
             Some("a map of every 0 frames cannot be made")

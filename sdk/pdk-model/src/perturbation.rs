@@ -124,7 +124,7 @@ modifiers! {
     }
     selection: Selection as "where", |name, value| placed(name, Selection::from_json(value)),
     "The pixels that are perturbed, by a saliency map of the frame as the camera saw it, by what they show, or by a mask." {
-        details: "`top`, `bottom` and `random` are shares in percent, of which exactly so many pixels are taken; `above` is a value \
+        details: "`top`, `bottom` and `random` are shares in percent, of which exactly this many pixels are taken; `above` is a value \
               from 0 to 1. `by` is a saliency method with its parameters, the model among them; `pdk list saliency` names them. \
               A map is made of every frame, of one in `every`, or whenever a frame differs from that of the \
               last map by more than `change` on average, of 255; with `follow` it moves with the image until the next one. `close` closes gaps, `smallest` leaves out spots of fewer \

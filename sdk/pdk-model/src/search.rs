@@ -18,7 +18,7 @@ pub struct Problem {
     pub space: Space,
     /// The names of the objectives; all are minimised.
     pub objectives: Vec<String>,
-    /// How many distinct candidates will be evaluated at most; none where something else ends the search.
+    /// How many distinct candidates will be evaluated at most; none if something else ends the search.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub evaluations: Option<u64>,
 }
@@ -97,7 +97,7 @@ pub struct Candidate {
 pub struct Evaluated {
     /// The number of the candidate.
     pub id: u64,
-    /// A finite number for each objective, smaller is better; empty where there is none.
+    /// A finite number for each objective, smaller is better; empty if there is none.
     pub objectives: Vec<f64>,
     /// By how much each constraint is violated; 0 where it holds.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -164,7 +164,7 @@ impl Space {
         Ok(())
     }
 
-    /// How many different candidates there are; none where a variable is real, or they are more than 2^53.
+    /// How many different candidates there are; none if a variable is real, or they are more than 2^53.
     pub fn size(&self) -> Option<u64> {
         self.variables.iter().try_fold(1u64, |size, variable| {
             size.checked_mul(variable.range.size()?).filter(|&size| size <= LARGEST_WHOLE as u64)
@@ -266,7 +266,7 @@ impl Range {
         }
     }
 
-    /// The position of a value; none where it is out of the range.
+    /// The position of a value; none if it is out of the range.
     pub fn position(&self, value: &Value) -> Option<f64> {
         match self {
             Range::Integer { .. } | Range::Real { .. } => {

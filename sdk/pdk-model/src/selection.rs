@@ -26,10 +26,10 @@ pub struct Selection {
     /// What a simulator's own labels say that a pixel shows, such as `road`: one or several of its names.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub label: Vec<String>,
-    /// What is at most so many metres away, as the simulator says.
+    /// What is at most this many metres away, as the simulator says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nearer: Option<f64>,
-    /// What is at least so many metres away, as the simulator says.
+    /// What is at least this many metres away, as the simulator says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub farther: Option<f64>,
     /// A mask, which says itself how much of each pixel is perturbed.
@@ -47,13 +47,13 @@ pub struct Selection {
     /// As [`Pace::follow`].
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub follow: bool,
-    /// Gaps and notches up to twice so many pixels across are closed.
+    /// Gaps and notches up to twice this many pixels across are closed.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub close: u32,
     /// Spots of fewer pixels are left out.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub smallest: u32,
-    /// The edges are blended over so many pixels.
+    /// The edges are blended over this many pixels.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub soft: u32,
 }

@@ -90,7 +90,7 @@ fn along_windows(looks: &mut Looks, window: &Window, change: fn(Look, usize, usi
     }
 }
 
-/// Where what a node computes looks; nothing where the order of the cells is lost.
+/// Where what a node computes looks; nothing if the order of the cells is lost.
 fn follow(site: &Site<'_>, known: &HashMap<String, Looks>) -> Result<Option<Looks>> {
     let node = site.node;
     let Some(first) = site.optional(0).and_then(|name| known.get(name)) else {
@@ -228,7 +228,7 @@ fn widest(site: &Site<'_>, known: &HashMap<String, Looks>) -> Option<Looks> {
     Some(widest)
 }
 
-/// The looks where axes of the length 1 come or go; nothing where other axes change.
+/// The looks where axes of the length 1 come or go; nothing if other axes change.
 fn renamed(from: &[usize], to: &[usize], looks: &Looks) -> Option<Looks> {
     let mut rest = from.iter().zip(looks).filter(|(dim, _)| **dim != 1);
     let mut renamed = Vec::with_capacity(to.len());

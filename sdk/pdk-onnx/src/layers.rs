@@ -45,7 +45,7 @@ impl Layer {
     }
 }
 
-/// So many cells a layer needs downwards and to the right to be the one that maps are made of by default. With fewer, a map cannot tell
+/// This many cells a layer needs downwards and to the right to be the one that maps are made of by default. With fewer, a map cannot tell
 /// near from far, or left from right. docs/saliency.md has the measurements.
 pub const LEAST_CELLS: usize = 4;
 
@@ -93,7 +93,7 @@ pub fn image_layer(graph: &Graph, image: Image<'_>) -> Result<Layer> {
 }
 
 /// The layer that maps are made of if none is named: the last convolution with [`LEAST_CELLS`] in both directions. If no convolution has
-/// so many, it is the last of those with the most cells in their narrower direction.
+/// this many, it is the last of those with the most cells in their narrower direction.
 pub fn default(layers: &[Layer]) -> Option<&Layer> {
     let narrower =
         |layer: &&Layer| layer.shape[layer.rows.0].min(layer.shape[layer.columns.0]).min(LEAST_CELLS);

@@ -259,7 +259,7 @@ impl ValueInfoProto {
         Self { name: name.to_owned(), r#type: Some(TypeProto { tensor_type: Some(tensor) }) }
     }
 
-    /// The tensor that it declares; nothing where it is another type or declares none.
+    /// The tensor that it declares; nothing if it is another type or declares none.
     pub fn tensor_type(&self) -> Option<&TensorTypeProto> {
         self.r#type.as_ref()?.tensor_type.as_ref()
     }

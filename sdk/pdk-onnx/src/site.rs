@@ -24,7 +24,7 @@ impl<'a> Site<'a> {
         self.values.opset
     }
 
-    /// The name of what goes in at a place; nothing where it is left out.
+    /// The name of what goes in at a place; nothing if it is left out.
     pub fn optional(&self, place: usize) -> Option<&'a str> {
         self.node.input.get(place).map(String::as_str).filter(|name| !name.is_empty())
     }
@@ -55,7 +55,7 @@ impl<'a> Site<'a> {
         Ok(&self.values.fact(self.output(0)?)?.shape)
     }
 
-    /// The elements of what goes in, which may not depend on the image; nothing where it is left out.
+    /// The elements of what goes in, which may not depend on the image; nothing if it is left out.
     pub fn constant(&self, place: usize) -> Result<Option<Arc<Tensor>>> {
         let Some(name) = self.optional(place) else { return Ok(None) };
         match self.values.constant(name)? {
@@ -95,7 +95,7 @@ impl<'a> Site<'a> {
         self.attribute(name).and_then(|attribute| attribute.f).map_or(default, f64::from)
     }
 
-    /// An attribute of whole numbers; nothing where it is left out.
+    /// An attribute of whole numbers; nothing if it is left out.
     pub fn ints(&self, name: &str) -> Option<&'a [i64]> {
         self.attribute(name).map(|attribute| attribute.ints.as_slice())
     }
@@ -108,7 +108,7 @@ impl<'a> Site<'a> {
             .unwrap_or(default)
     }
 
-    /// An attribute that is a tensor; nothing where it is left out.
+    /// An attribute that is a tensor; nothing if it is left out.
     pub fn tensor(&self, name: &str) -> Result<Option<Tensor>> {
         self.attribute(name).and_then(|attribute| attribute.t.as_ref()).map(Tensor::from_proto).transpose()
     }

@@ -127,7 +127,7 @@ impl Values {
         }
     }
 
-    /// The elements of a value; nothing where they depend on the inputs, or are many and are not in the file.
+    /// The elements of a value; nothing if they depend on the inputs, or are many and are not in the file.
     ///
     /// # Errors
     /// If the constant in the file contradicts itself.

@@ -10,7 +10,7 @@ pub const MAX_RADIUS: f64 = 128.0;
 /// The largest number of neighbours [`pixel_average`] takes: 257 times 255 still fits 16 bits.
 pub const MAX_NEIGHBOURS: usize = 257;
 
-/// Discs of up to so many pixels are summed pixel by pixel, which takes less time there than sums from the left.
+/// Discs of up to this many pixels are summed pixel by pixel, which takes less time there than sums from the left.
 const FEW: usize = 21;
 
 /// What the averages keep between calls.
@@ -170,7 +170,7 @@ pub fn pixel_average(
 /// The longest line [`line_blur`] takes, in pixels to the right or down.
 pub const MAX_LINE: f64 = (MAX_NEIGHBOURS - 1) as f64;
 
-/// Replaces each pixel by the mean along the line that a point draws while it moves `right` and `down` by so many pixels,
+/// Replaces each pixel by the mean along the line that a point draws while it moves `right` and `down` by this many pixels,
 /// with its middle on the pixel: one pixel in each column, or in each row where the line is steeper than a diagonal.
 ///
 /// # Panics

@@ -14,7 +14,7 @@ fn fill_span(dst: &mut FrameMut<'_>, y: i64, first: i64, last: i64, rgb: [u8; 3]
 }
 
 /// Fills the circle of radius `r` about (`cx`, `cy`): all pixels whose distance from it is at most `r` pixels.
-/// A pixel's position is its index, so the centre of the first pixel is (0, 0). Nothing where `r` is negative or
+/// A pixel's position is its index, so the centre of the first pixel is (0, 0). Nothing if `r` is negative or
 /// an argument is not finite.
 pub fn fill_circle(mut dst: FrameMut<'_>, cx: f64, cy: f64, r: f64, rgb: [u8; 3]) {
     if !(cx.is_finite() && cy.is_finite() && r.is_finite() && r >= 0.0) {
@@ -30,7 +30,7 @@ pub fn fill_circle(mut dst: FrameMut<'_>, cx: f64, cy: f64, r: f64, rgb: [u8; 3]
     }
 }
 
-/// Fills the rectangle whose first pixel is (`x`, `y`). Nothing where `width` or `height` is not positive.
+/// Fills the rectangle whose first pixel is (`x`, `y`). Nothing if `width` or `height` is not positive.
 pub fn fill_rectangle(mut dst: FrameMut<'_>, x: i32, y: i32, width: i32, height: i32, rgb: [u8; 3]) {
     let (x, y) = (i64::from(x), i64::from(y));
     let bottom = (y + i64::from(height)).min(dst.height() as i64);

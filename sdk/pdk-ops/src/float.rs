@@ -156,7 +156,7 @@ pub fn symmetric(
     }
 }
 
-/// The weighted sum of copies of the image that are moved by so many pixels right and down, their edges repeated.
+/// The weighted sum of copies of the image that are moved by this many pixels right and down, their edges repeated.
 pub fn moved(image: &Image, copies: &[([isize; 2], f32)], into: &mut Image, workspace: &mut Workspace) {
     let Image { width, height, channels, .. } = *image;
     let line = width * channels;

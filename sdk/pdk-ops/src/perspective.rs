@@ -14,7 +14,7 @@ pub struct Perspective(pub [f64; 9]);
 
 impl Perspective {
     /// The map that takes the corners of an image of this size to four places: upper left, upper right, lower right,
-    /// lower left. None where they are not the corners of a convex quadrilateral in this order.
+    /// lower left. None if they are not the corners of a convex quadrilateral in this order.
     ///
     /// Heckbert, "Fundamentals of texture mapping and image warping" (1989): the map from a square to a quadrilateral.
     pub fn of_corners(width: f64, height: f64, corners: [[f64; 2]; 4]) -> Option<Self> {

@@ -10,9 +10,9 @@ use crate::simd::{Instructions, instructions};
 
 /// The weights of a kernel sum to two to this power.
 pub(crate) const WEIGHT_BITS: u32 = 15;
-/// The vertical pass is done in strips of so many values, which stay in the processor's first cache.
+/// The vertical pass is done in strips of this many values, which stay in the processor's first cache.
 const STRIP: usize = 64;
-/// Sums are computed in groups of so many values.
+/// Sums are computed in groups of this many values.
 const GROUP: usize = 32;
 
 /// A symmetric kernel.

@@ -57,7 +57,7 @@ impl Stretch {
         Self::WholePixels { start: (length - part) / 2, part, stretched, trimmed: (stretched - length) / 2 }
     }
 
-    /// Which pixels of the image position `i` lies between; none where it is black. The second pixel is there unless
+    /// Which pixels of the image position `i` lies between; none if it is black. The second pixel is there unless
     /// the fraction is 0.
     fn tap(&self, i: usize) -> Option<Tap> {
         let place = match *self {

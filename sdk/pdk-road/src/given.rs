@@ -11,7 +11,7 @@ use crate::{POINTS_PER_SEGMENT, Road, SEGMENT};
 /// Most waypoints of a road.
 const MOST_WAYPOINTS: usize = 10_000;
 
-/// The waypoints `[x, height, z]` in metres of a scenario's road; none where the simulator chooses.
+/// The waypoints `[x, height, z]` in metres of a scenario's road; none if the simulator chooses.
 ///
 /// # Errors
 /// If the road is not one of the forms above.

@@ -14,7 +14,7 @@ use crate::LANE_WIDTH;
 pub const KEY: &str = "lane traffic";
 /// Width, height and length of a vehicle in metres; the ego vehicle has the same.
 pub const SIZE: [f64; 3] = [1.8, 1.45, 4.4];
-/// The vehicle ahead goes faster and slower by this share of its speed, once in so many seconds.
+/// The vehicle ahead goes faster and slower by this share of its speed, once in this many seconds.
 const SWING: f64 = 0.3;
 const PERIOD: f64 = 14.0;
 /// Speed of oncoming vehicles in metres per second.
@@ -72,7 +72,7 @@ pub struct Wanted {
 }
 
 impl Traffic {
-    /// The vehicles on a road of so many metres; the ego vehicle's front is `front` metres along it.
+    /// The vehicles on a road of this many metres; the ego vehicle's front is `front` metres along it.
     pub fn new(wanted: Wanted, length: f64, front: f64, random: &mut Random) -> Self {
         const PAINTS: [[f32; 3]; 6] = [
             [0.95, 0.95, 0.97],
@@ -118,7 +118,7 @@ impl Traffic {
         ahead.chain(oncoming)
     }
 
-    /// All vehicles between the ends of a road of so many metres, and a little beyond.
+    /// All vehicles between the ends of a road of this many metres, and a little beyond.
     pub fn seen(&self, time: f64, length: f64) -> impl Iterator<Item = Seen> + '_ {
         self.all(time).filter(move |seen| (-BEYOND..length + BEYOND).contains(&seen.along))
     }

@@ -35,7 +35,7 @@ impl MapBox {
 /// # Errors
 /// Says where.
 pub fn check_bends(road: &Road, radius: f64) -> Result<(), String> {
-    // Over so many metres to either side, so that points rounded to centimetres do not count as bends.
+    // Over this many metres to either side, so that points rounded to centimetres do not count as bends.
     const REACH: f64 = 2.0;
     let line = &road.waypoints;
     let mut along = vec![0.0];

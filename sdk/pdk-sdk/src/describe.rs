@@ -115,7 +115,7 @@ pub struct Description {
     pub name: String,
     /// One line that says what it does, without a full stop.
     pub doc: String,
-    /// The family under which it is listed, such as `noise`; empty where there is none.
+    /// The family under which it is listed, such as `noise`; empty if there is none.
     #[serde(default)]
     pub family: String,
     /// Version of the algorithm. Raised by every change that changes an output.
@@ -124,22 +124,22 @@ pub struct Description {
     pub temporal: Temporal,
     /// Whether it belongs to the default set: the perturbations that keep a scene valid.
     pub default: bool,
-    /// Where the algorithm comes from: a paper or a standard; empty where there is none.
+    /// Where the algorithm comes from: a paper or a standard; empty if there is none.
     #[serde(default)]
     pub source: String,
-    /// What it computes in one line of mathematics, for the reference; empty where it is not said.
+    /// What it computes in one line of mathematics, for the reference; empty if it is not said.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub mathematics: String,
     /// Where it differs from the published tool, a sentence each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub divergences: Vec<String>,
-    /// What it draws once per sequence, such as where drops sit; empty where it draws nothing of the kind.
+    /// What it draws once per sequence, such as where drops sit; empty if it draws nothing of the kind.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub drawn_per_sequence: String,
-    /// What it draws anew for every frame, such as noise; empty where it draws nothing of the kind.
+    /// What it draws anew for every frame, such as noise; empty if it draws nothing of the kind.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub drawn_per_frame: String,
-    /// What follows the saliency maps that it is given, such as where drops are born; empty where it does not look at any.
+    /// What follows the saliency maps that it is given, such as where drops are born; empty if it does not look at any.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub follows_attention: String,
     /// The parameters, in the order in which they are listed.
@@ -417,7 +417,7 @@ pub struct Parameter {
     pub name: String,
     /// One line that says what it is.
     pub doc: String,
-    /// The unit; empty where there is none.
+    /// The unit; empty if there is none.
     #[serde(default)]
     pub unit: String,
     /// Type and allowed values.
@@ -430,7 +430,7 @@ pub struct Parameter {
     /// the intensity unless the user sets it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub levels: Option<[f64; LEVELS]>,
-    /// The choice with which it has an effect; none where it always has one. With any other choice it may not be set.
+    /// The choice with which it has an effect; none if it always has one. With any other choice it may not be set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub only_for: Option<Condition>,
     /// What an option stands for on this machine, such as an engine with its version and class; empty for most parameters. An option
@@ -506,7 +506,7 @@ impl Parameter {
         Self::of(name, doc, kind, options.first().copied().unwrap_or_default().into())
     }
 
-    /// Any text; empty where it is not set.
+    /// Any text; empty if it is not set.
     pub fn text(name: &str, doc: &str) -> Self {
         Self::of(name, doc, ParameterType::Text, "".into())
     }

@@ -18,7 +18,7 @@ pub fn open(path: &Path) -> Result<(File, u64)> {
     open_if_there(path)?.ok_or_else(|| Error::new("it does not exist"))
 }
 
-/// As [`open`]; none where there is no such file.
+/// As [`open`]; none if there is no such file.
 ///
 /// # Errors
 /// If it cannot be read, or is something else than a regular file.

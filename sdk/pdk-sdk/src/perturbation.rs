@@ -31,7 +31,7 @@ pub struct Context<'a> {
     pub travelled: Option<f64>,
     /// How much each pixel matters to the driver, 0 to 1, row by row, as large as the frame; where there is a saliency map.
     pub saliency: Option<&'a [f32]>,
-    /// The saliency maps of the sequence so far, this frame's among them; none where there are none.
+    /// The saliency maps of the sequence so far, this frame's among them; none if there are none.
     pub earlier: EarlierMaps<'a>,
     pub(crate) key: &'a Key,
     /// The stream that [`Context::frame_random`] starts: the frame's own, unless the user wants the same draws in all.
@@ -152,7 +152,7 @@ impl<'a> EarlierMaps<'a> {
         self.times.is_empty()
     }
 
-    /// The place among them of the map that was in use at a time; the first one for times before it. Nothing where there are
+    /// The place among them of the map that was in use at a time; the first one for times before it. Nothing if there are
     /// none.
     pub fn place_at(&self, time: f64) -> Option<usize> {
         let began = self.times.partition_point(|begin| *begin <= time);

@@ -53,7 +53,7 @@ pub trait Simulator: Send {
     /// If the simulator does not take the control.
     fn act(&mut self, control: Control) -> Result<State>;
 
-    /// The centre line of the driven lane as `[x, height, z]` in metres, for the record; empty where it is not known.
+    /// The centre line of the driven lane as `[x, height, z]` in metres, for the record; empty if it is not known.
     fn waypoints(&self) -> Vec<[f64; 3]> {
         Vec::new()
     }
@@ -69,7 +69,7 @@ pub trait Simulator: Send {
         let _ = annotations;
     }
 
-    /// What the simulator can tell apart in its frames, 256 at most; empty where it labels nothing. Where it fits, the names are
+    /// What the simulator can tell apart in its frames, 256 at most; empty if it labels nothing. Where it fits, the names are
     /// `sky`, `road`, `marking`, `vehicle`, `pedestrian`, `vegetation`, `building` and `ground`, so that users find the same ones
     /// everywhere. They do not change while the instance lives.
     fn label_names(&self) -> Vec<String> {

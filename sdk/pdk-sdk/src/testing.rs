@@ -350,7 +350,7 @@ fn search_problem() -> Problem {
     }
 }
 
-/// What a strategy proposes for some 200 candidates, where so many are asked for and told at once.
+/// What a strategy proposes for some 200 candidates, where this many are asked for and told at once.
 fn searched(strategy: &mut dyn Search, problem: &Problem, at_once: usize) -> Result<Vec<Map<String, Value>>> {
     let mut proposed = Vec::new();
     while proposed.len() < 200 {

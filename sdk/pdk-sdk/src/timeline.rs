@@ -5,10 +5,10 @@ use std::time::Duration;
 use crate::describe::Clock;
 use crate::error::{Error, ErrorKind, Result};
 
-/// The first state of a scenario has a time of at most so many seconds: time counts from the start of the scenario.
+/// The first state of a scenario has a time of at most this many seconds: time counts from the start of the scenario.
 const FIRST: f64 = 1.0;
 /// A simulator that waits for the driver goes on by one frame for each control. Some count in steps of their own, so that a frame may be
-/// so many times shorter or longer than the camera's rate says.
+/// this many times shorter or longer than the camera's rate says.
 const FACTOR: f64 = 10.0;
 /// A simulator with its own clock may be held up, also for as long as a call of a component may take: the longest gap in seconds.
 const LONGEST_GAP: f64 = 100.0;
@@ -38,7 +38,7 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// That of a simulator with this clock, whose camera has so many frames a second.
+    /// That of a simulator with this clock, whose camera has this many frames a second.
     pub fn new(clock: Clock, rate: f64) -> Self {
         Self { clock, period: 1.0 / rate, last: None, stood: 0 }
     }

@@ -24,7 +24,7 @@ struct Candidate {
     scale: f64,
 }
 
-/// Compares each condition with each other one. `conditions` have one value a road, none where it was not driven; the roads are in
+/// Compares each condition with each other one. `conditions` have one value a road, none if it was not driven; the roads are in
 /// the same order. A pair is compared on the roads that have both; where it does not differ on any, p is 1.
 ///
 /// Where the pairs below some p are said to differ, the probability that any of them does not is at most that p. This is the

@@ -26,7 +26,7 @@ impl Drives {
     }
 }
 
-/// The share that failed on roads with any number of drives each; roads without drives do not count. None where no road has any.
+/// The share that failed on roads with any number of drives each; roads without drives do not count. None if no road has any.
 ///
 /// With one drive a road it is [`share`], which is exact about few drives. With several the interval comes from resampled roads, and
 /// the share is the mean over roads.

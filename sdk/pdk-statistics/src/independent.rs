@@ -16,7 +16,7 @@ pub struct Independent {
     pub p: f64,
 }
 
-/// Compares two samples; none where one of them is empty or a value is not a number.
+/// Compares two samples; none if one of them is empty or a value is not a number.
 pub fn compare(first: &[f64], second: &[f64]) -> Option<Independent> {
     // The exact form of this library says 1 for samples that do not overlap (0.19.1).
     let method = MannWhitneyUMethod::AsymptoticInclContinuityCorrection;

@@ -17,19 +17,19 @@ pub struct Trial {
 /// The level at which the probability of failing reaches one half.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FailingLevel {
-    /// The level; the lowest that was driven where it is reached there already, none where it is not reached up to the highest.
+    /// The level; the lowest that was driven where it is reached there already, none if it is not reached up to the highest.
     pub level: Option<f64>,
     /// The lower end of its interval, a level that was driven, or 0 where half may fail at the lowest already: below it nothing is known.
-    /// None where it lies above the highest.
+    /// None if it lies above the highest.
     pub low: Option<f64>,
-    /// The upper end, in the same terms; none where it may lie above the highest level.
+    /// The upper end, in the same terms; none if it may lie above the highest level.
     pub high: Option<f64>,
     /// How many drives it was found with.
     pub drives: usize,
 }
 
 /// Whether a driver fails at a level, by drives under the same luck: by that at this level, or else by the nearest level below that was
-/// failed or above that was survived. None where no drive says it.
+/// failed or above that was survived. None if no drive says it.
 pub fn fails_at(trials: &[Trial], level: f64) -> Option<bool> {
     let tells = |trial: &&Trial| match trial.failed {
         true => trial.level <= level,
@@ -42,7 +42,7 @@ pub fn fails_at(trials: &[Trial], level: f64) -> Option<bool> {
 }
 
 /// The share of these levels at which a driver fails, by drives under the same luck; of those of which [a drive says
-/// it](fails_at). None where no drive says anything.
+/// it](fails_at). None if no drive says anything.
 ///
 /// Bisection drives where the answer is open, so that the share of its drives that failed means nothing; this share does.
 pub fn failing_share(trials: &[Trial], levels: &[f64]) -> Option<f64> {
@@ -51,7 +51,7 @@ pub fn failing_share(trials: &[Trial], levels: &[f64]) -> Option<f64> {
     (count > 0).then(|| known().filter(|fails| *fails).count() as f64 / count as f64)
 }
 
-/// Finds the level from the drives on each road: a list for each luck that was tried there, such as each repeat. None where there are
+/// Finds the level from the drives on each road: a list for each luck that was tried there, such as each repeat. None if there are
 /// no drives; roads without drives do not count.
 ///
 /// Drives under different luck may not be thrown together: where levels were chosen by what failed, as bisection does, low levels
@@ -121,7 +121,7 @@ fn mean<'a>(rows: impl Iterator<Item = &'a Vec<Shares>>, into: &mut [Shares]) {
     }
 }
 
-/// The shares of a road at each of the levels, from its lists of drives; none where there are no drives.
+/// The shares of a road at each of the levels, from its lists of drives; none if there are no drives.
 fn over_lists(lists: &[Vec<Trial>], levels: &[f64]) -> Option<Vec<Shares>> {
     let lists: Vec<Vec<Shares>> =
         lists.iter().filter(|list| !list.is_empty()).map(|list| shares(list, levels)).collect();
@@ -228,7 +228,7 @@ pub struct Bisection {
 }
 
 impl Bisection {
-    /// The next level to drive on a road with these drives so far; none where enough is known.
+    /// The next level to drive on a road with these drives so far; none if enough is known.
     ///
     /// If drives under the same draws have the same outcome, as in a simulator without a clock of its own, the levels that
     /// [`failing_level`] finds from these drives are those that it finds if all are driven. If each drive has luck of its own, bisection

@@ -5,7 +5,7 @@
 pub struct Point {
     /// Its positions.
     pub x: Vec<f64>,
-    /// Its objectives, smaller is better; empty where it has none.
+    /// Its objectives, smaller is better; empty if it has none.
     pub f: Vec<f64>,
     /// How far it is from keeping the constraints: 0 where it does, infinite where it could not be evaluated.
     pub violation: f64,

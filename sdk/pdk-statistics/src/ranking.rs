@@ -123,7 +123,7 @@ pub fn survivors(points: &[&Point], n: usize) -> Vec<Ranked> {
     survivors
 }
 
-/// As [`survivors`] of generation after generation, for so many points that comparing each with each takes too long.
+/// As [`survivors`] of generation after generation, for this many points that comparing each with each takes too long.
 pub fn survivors_of_many(points: &[&Point], n: usize) -> Vec<Ranked> {
     let mut best: Vec<Ranked> = Vec::new();
     for generation in points.chunks(2 * n.max(1)) {

@@ -2,7 +2,7 @@
 
 use crate::estimate::{Estimate, normal_limit};
 
-/// The share of `count` among `of` independent drives, such as one on each road; none where there are no drives.
+/// The share of `count` among `of` independent drives, such as one on each road; none if there are no drives.
 ///
 /// Wilson's score interval: E. B. Wilson, "Probable inference" (1927). It holds for few drives and for shares of 0 and 1: 0 of 10
 /// is at most 28 %.

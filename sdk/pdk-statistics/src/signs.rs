@@ -2,9 +2,9 @@
 
 use pdk_seed::Key;
 
-/// With so many roads at most, all ways are tried: 8,192.
+/// With this many roads at most, all ways are tried: 8,192.
 const MOST_EXACT: usize = 14;
-/// With more roads, so many are drawn. The observed one is one of those that could have been drawn, so it is the first of them.
+/// With more roads, this many are drawn. The observed one is one of those that could have been drawn, so it is the first of them.
 const DRAWN: usize = 10_000;
 const KEY: Key = Key(*b"pdk statistics: exchanged pairs.");
 
@@ -18,7 +18,7 @@ pub struct Signs {
 }
 
 impl Signs {
-    /// Those of so many roads.
+    /// Those of this many roads.
     pub fn of(roads: usize) -> Self {
         let sign = |flipped: bool| if flipped { -1.0 } else { 1.0 };
         if roads <= MOST_EXACT {

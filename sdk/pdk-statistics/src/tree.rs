@@ -116,7 +116,7 @@ struct Grower<'a> {
 }
 
 impl Grower<'_> {
-    /// The variable and the threshold at which a node is split best; none where it stays a leaf.
+    /// The variable and the threshold at which a node is split best; none if it stays a leaf.
     fn split(&self, node: &Node, depth: usize) -> Option<(usize, f64)> {
         let size = node.rows.len();
         let fewest = libm::ceil(self.limits.split_share * self.points.len() as f64).max(2.0);

@@ -214,7 +214,7 @@ fn levels(studies: u32, world: World, plan: Plan) -> f64 {
 const COARSE: Bisection = Bisection { lowest: 0.0, highest: 4.0, resolution: 1.0 };
 const FINE: Bisection = Bisection { lowest: 0.0, highest: 4.0, resolution: 0.25 };
 
-/// 95 % within sampling error of so many studies: two points, and four standard errors.
+/// 95 % within sampling error of this many studies: two points, and four standard errors.
 fn promised(coverage: f64) -> bool {
     (0.93..=0.97).contains(&coverage)
 }

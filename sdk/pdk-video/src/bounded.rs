@@ -14,7 +14,7 @@ const LARGEST: u64 = 1 << 26;
 pub trait Input: Read + Seek {}
 impl<T: Read + Seek> Input for T {}
 
-/// Reads and seeks so many times.
+/// Reads and seeks this many times.
 pub struct Bounded {
     inner: Box<dyn Input>,
     left: Steps,

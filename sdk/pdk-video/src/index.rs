@@ -49,7 +49,7 @@ pub fn check_boxes(input: &mut (impl Read + Seek), size: u64) -> Result<Option<S
 /// Said of a file of which a part is missing.
 pub const CUT_OFF: &str = "it is cut off: its frames or their index are missing in part; copy it again";
 
-/// The name, the length of the header and the length of the box at a place; none where there is no room for a header.
+/// The name, the length of the header and the length of the box at a place; none if there is no room for a header.
 fn box_at(input: &mut (impl Read + Seek), at: u64, end: u64) -> Result<Option<([u8; 4], u64, u64)>> {
     if end - at < 8 {
         return Ok(None);

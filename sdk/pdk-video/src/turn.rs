@@ -19,7 +19,7 @@ pub fn quarter_turns([a, b, u, c, d, v]: [i32; 6]) -> Option<u8> {
     }
 }
 
-/// Turns a picture to the right by so many quarters; `turned` is memory. Each plane is turned by itself, so that chroma comes to lie
+/// Turns a picture to the right by this many quarters; `turned` is memory. Each plane is turned by itself, so that chroma comes to lie
 /// half a pixel beside where it was, as in other programs.
 pub fn turn(picture: &mut Yuv420, quarters: u8, turned: &mut Yuv420) {
     let (width, height) = (picture.width, picture.height);

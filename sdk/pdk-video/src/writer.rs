@@ -127,7 +127,7 @@ impl Writer {
         self.write(frame, end).place(place(&self.path))
     }
 
-    /// Writes the next frame, which is shown until so many seconds after the beginning of the video: for frames that do not come
+    /// Writes the next frame, which is shown until this many seconds after the beginning of the video: for frames that do not come
     /// at a fixed rate.
     ///
     /// # Errors

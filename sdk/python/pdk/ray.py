@@ -30,9 +30,9 @@ from pdk._ray_worker import Ended, Worker
 
 #: How often a job is given to an actor that is lost over it, and how many starts in a row may fail.
 TRIES = 3
-#: After so many seconds an actor that does not start is taken to wait for what others hold, such as a GPU.
+#: After this many seconds an actor that does not start is taken to wait for what others hold, such as a GPU.
 ROOM = 5.0
-#: So many seconds lie between two questions to the head of the cluster.
+#: This many seconds lie between two questions to the head of the cluster.
 BEAT = 2.0
 #: The variable of Ray's that says how many seconds a program waits for a head that is gone, and what it is if it is not set. Then
 #: Ray ends the program without a word, so the pool gives up after three quarters of that.

@@ -30,7 +30,7 @@ pub fn packed<'py>(py: Python<'py>, value: &Bound<'py, PyAny>) -> PyResult<Bound
     py.import("numpy")?.call_method1("ascontiguousarray", (value,))
 }
 
-/// Bytes from one row to the next; none where pixels do not lie one behind the other, or rows in another order.
+/// Bytes from one row to the next; none if pixels do not lie one behind the other, or rows in another order.
 fn stride(array: &Bound<'_, PyArray3<u8>>) -> Option<usize> {
     let [height, width, _] = [array.shape()[0], array.shape()[1], array.shape()[2]];
     let row = width * CHANNELS;

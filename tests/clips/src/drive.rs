@@ -46,7 +46,7 @@ impl Passing {
         Self { moment, place: [right * distance / FOCAL, down * distance / FOCAL, distance], velocity }
     }
 
-    /// It at a time of a clip that lasts so many seconds, if it is before the camera and no further away than `far`.
+    /// It at a time of a clip that lasts this many seconds, if it is before the camera and no further away than `far`.
     pub fn seen(&self, time: f32, seconds: f32, shutter: f32, far: f32) -> Option<Seen> {
         // The clip comes round, so the nearest of all its moments counts.
         let passed = (time - self.moment + 0.5).rem_euclid(1.0) - 0.5;

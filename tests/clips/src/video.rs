@@ -17,7 +17,7 @@ pub const GREEN: [f32; 3] = [0.0, 0.86, 0.10];
 /// Ticks per second in the file.
 const TIMESCALE: u32 = 30_000;
 
-/// Encodes frames, of which there are so many a second, as an MP4 file.
+/// Encodes frames, of which there are this many a second, as an MP4 file.
 pub fn encode(frames: impl Iterator<Item = Canvas>, rate: u32, quantiser: u8) -> Result<Vec<u8>> {
     // Every frame gets the same quantiser, so nothing depends on how long encoding takes.
     let config = EncoderConfig::new()

@@ -49,7 +49,7 @@ pub struct Setup {
     pub seed: u64,
     /// The port, or 0 for one that is free.
     pub port: u16,
-    /// Whether a camera's first frames are dark, for so many frames.
+    /// Whether a camera's first frames are dark, for this many frames.
     pub adapts: u64,
 }
 
@@ -219,7 +219,7 @@ impl World {
         Value::Binary(token)
     }
 
-    /// Answers a request; none where there is no such request with so many arguments.
+    /// Answers a request; none if there is no such request with this many arguments.
     pub(super) fn answer(&mut self, name: &str, arguments: &[Value]) -> Option<Value> {
         let tokens = self.setup.version != "0.9.13";
         let sockets = usize::from(self.setup.version == "0.9.16");

@@ -19,7 +19,7 @@ use rustix::process::Signal;
 
 /// Rounds where nobody says how many.
 const ROUNDS: usize = 12;
-/// A run is killed at most so many times.
+/// A run is killed at most this many times.
 const MOST_KILLS: u32 = 3;
 
 /// Eight short scenarios, of which the second half depends on what the first came to.

@@ -7,7 +7,7 @@ use pdk_tests::process::{json_file, json_lines};
 use pdk_tests::{Pdk, datasets, onnx, pictures, real_data, repository, temp};
 use serde_json::{Value, json};
 
-/// Writes a recording of so many frames of this width and height.
+/// Writes a recording of this many frames of this width and height.
 type Make = fn(&Path, u32, u32, u32);
 
 /// The pipeline that comes with pdk.

@@ -22,7 +22,7 @@ struct Look {
     frames: Vec<FrameBuf>,
     /// The steps in which the intensity goes from 0 to 4.
     steps: usize,
-    /// At most so many moments of what moves.
+    /// At most this many moments of what moves.
     moments: usize,
 }
 

@@ -27,7 +27,7 @@ fn run(script: &Path, out: &Path) -> Pdk {
     Pdk::new(["run", "--workers", "2", "--out"]).arg(out).arg(script)
 }
 
-/// Runs until so many lines are recorded, and kills.
+/// Runs until this many lines are recorded, and kills.
 fn killed_after(script: &Path, out: &Path, lines: usize) {
     let mut child = run(script, out).spawn();
     wait_for_scenarios(&mut child, out, lines);

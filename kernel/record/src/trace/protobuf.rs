@@ -76,7 +76,7 @@ fn field<'a>(rest: &mut &'a [u8]) -> Option<(u64, Wire<'a>)> {
     Some((tag >> 3, value))
 }
 
-/// The next so many bytes.
+/// The next this many bytes.
 fn chunk<const N: usize>(rest: &mut &[u8]) -> Option<[u8; N]> {
     let (chunk, tail) = rest.split_first_chunk()?;
     *rest = tail;

@@ -363,7 +363,7 @@ impl Topic {
     }
 }
 
-/// The numbers of fields in a schema, which is a `FileDescriptorSet` whose last file holds the message; none where it is
+/// The numbers of fields in a schema, which is a `FileDescriptorSet` whose last file holds the message; none if it is
 /// damaged or lacks one.
 fn layout(schema: &[u8], wanted: &[&str]) -> Option<Vec<u64>> {
     /// Numbers of the fields in `descriptor.proto`.

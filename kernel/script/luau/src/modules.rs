@@ -65,7 +65,7 @@ struct Entry {
 }
 
 impl Modules {
-    /// The modules of a pipeline in `folder`, which has none where it is part of pdk, and those of the library.
+    /// The modules of a pipeline in `folder`, which has none if it is part of pdk, and those of the library.
     pub fn new(folder: Option<&Path>, library: &'static [BuiltInScript]) -> Self {
         Self(Arc::new(Mutex::new(State {
             places: Places::new(folder, library),

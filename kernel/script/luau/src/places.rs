@@ -25,7 +25,7 @@ pub(crate) enum Root {
 
 /// Where modules are looked for.
 pub(crate) struct Places {
-    /// The folder of the pipeline; none where it is part of pdk.
+    /// The folder of the pipeline; none if it is part of pdk.
     pipeline: Option<PathBuf>,
     library: &'static [BuiltInScript],
 }

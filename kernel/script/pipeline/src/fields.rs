@@ -69,7 +69,7 @@ impl Fields {
         }
     }
 
-    /// A field with a list; none where it is not set.
+    /// A field with a list; none if it is not set.
     ///
     /// # Errors
     /// If it is not a list.
@@ -95,7 +95,7 @@ impl Fields {
         }
     }
 
-    /// A field with a number; none where it is not set.
+    /// A field with a number; none if it is not set.
     ///
     /// # Errors
     /// If it is not a number.
@@ -106,7 +106,7 @@ impl Fields {
         }
     }
 
-    /// A field with a whole number of at least 0; none where it is not set.
+    /// A field with a whole number of at least 0; none if it is not set.
     ///
     /// # Errors
     /// If it is none.
@@ -138,7 +138,7 @@ impl Fields {
         }
     }
 
-    /// A field with a text; none where it is not set.
+    /// A field with a text; none if it is not set.
     ///
     /// # Errors
     /// If it is not text.

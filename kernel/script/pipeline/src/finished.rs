@@ -13,7 +13,7 @@ use crate::outcomes::{Submitted, outcome_row};
 /// What a run came to.
 #[derive(Debug, Clone)]
 pub struct Finished {
-    /// The folder of the record; none where the pipeline neither drove nor evaluated.
+    /// The folder of the record; none if the pipeline neither drove nor evaluated.
     pub record: Option<PathBuf>,
     /// The table at the end; in a part of a run, what belongs to the part.
     pub summary: Summary,

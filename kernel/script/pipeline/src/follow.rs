@@ -40,7 +40,7 @@ pub enum Told<'a> {
         /// How many scenarios are driven at the same time.
         slots: usize,
     },
-    /// So many frames of so many are done.
+    /// This many frames of this many are done.
     Progress {
         /// Frames that are done.
         frames: u64,
@@ -55,7 +55,7 @@ pub enum Told<'a> {
     Failed(Failed<'a>),
     /// The run is over.
     End {
-        /// The folder of the record; none where nothing was driven or evaluated.
+        /// The folder of the record; none if nothing was driven or evaluated.
         record: Option<&'a std::path::Path>,
         /// The table at the end.
         summary: &'a Summary,
@@ -115,12 +115,12 @@ impl Progress {
         Self { audience, bar, told: Cell::new(None) }
     }
 
-    /// There are so many frames more.
+    /// There are this many frames more.
     pub fn add(&self, frames: u64) {
         self.bar.inc_length(frames);
     }
 
-    /// So many frames are done.
+    /// This many frames are done.
     pub fn set(&self, done: u64) {
         self.bar.set_position(done);
         let due = self.told.get().is_none_or(|told| told.elapsed() >= OFTEN);

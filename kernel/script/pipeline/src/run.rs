@@ -43,7 +43,7 @@ pub(crate) struct Script {
     /// The file, or the name of one that is part of pdk.
     path: PathBuf,
     source: String,
-    /// The folder that it lies in; none where it is part of pdk.
+    /// The folder that it lies in; none if it is part of pdk.
     folder: Option<PathBuf>,
 }
 

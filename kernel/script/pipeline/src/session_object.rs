@@ -68,7 +68,7 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
         ApiMethod {
             name: "next",
             signature: "() -> (Outcome & { ticket: number })?",
-            doc: "Waits for the next outcome, as they come, whichever it is; nothing where all have been taken. What comes first \
+            doc: "Waits for the next outcome, as they come, whichever it is; nothing if all have been taken. What comes first \
                   depends on the machine: a pipeline whose way depends on it takes another one each time.",
             add: |registry, name| {
                 registry

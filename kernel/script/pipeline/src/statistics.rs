@@ -61,7 +61,7 @@ pub const MEAN_SHARE: ApiFunction = ApiFunction {
     name: "mean_share",
     signature: "(roads: { number | false }, confidence: number?) -> Estimate?",
     doc: "The mean over roads of a share, such as that of the levels at which a driver fails, from 0 to 1; `false` where a road was \
-          not driven. Nothing where none was.",
+          not driven. Nothing if none was.",
     make: |lua| {
         function(lua, "pdk.mean_share", |_, [roads, confidence]| {
             let place = "pdk.mean_share";
@@ -77,7 +77,7 @@ pub const COMPARE: ApiFunction = ApiFunction {
     signature: "(first: { number | false }, second: { number | false }, confidence: number?) -> Paired?",
     doc: "Compares two conditions that were driven on the same roads, such as two drivers: the share that failed on each road, \
           from 0 to 1, in the same order of roads; `false` where a road was not driven. Its p is for this comparison alone: use \
-          `groups` for several. Nothing where no road has both.",
+          `groups` for several. Nothing if no road has both.",
     make: |lua| {
         function(lua, "pdk.compare", |_, [first, second, confidence]| {
             let place = "pdk.compare";
@@ -99,7 +99,7 @@ pub const COMPARE: ApiFunction = ApiFunction {
 pub const COMPARE_INDEPENDENT: ApiFunction = ApiFunction {
     name: "compare_independent",
     signature: "(first: { number }, second: { number }) -> Independent?",
-    doc: "Compares two samples that have nothing to do with each other, such as what searches by two strategies found. Nothing where \
+    doc: "Compares two samples that have nothing to do with each other, such as what searches by two strategies found. Nothing if \
           one of them is empty.",
     make: |lua| {
         function(lua, "pdk.compare_independent", |_, [first, second]| {
@@ -156,7 +156,7 @@ pub const FAILS_AT: ApiFunction = ApiFunction {
     name: "fails_at",
     signature: "(trials: { Trial }, level: number) -> boolean?",
     doc: "Whether a driver fails at a level, by drives on one road under the same luck: by that at this level, or else by the nearest \
-          level below that was failed or above that was survived. Nothing where no drive says it.",
+          level below that was failed or above that was survived. Nothing if no drive says it.",
     make: |lua| {
         function(lua, "pdk.fails_at", |_, [drives, level]| {
             let place = "pdk.fails_at";
@@ -171,7 +171,7 @@ pub const NEXT_LEVEL: ApiFunction = ApiFunction {
     signature: "(trials: { Trial }, search: Bisection?) -> number?",
     doc: "The level to drive next on a road with these drives so far, to find its failing level with few of them: the highest first, \
           then halfway between what was survived and what was failed. Where each drive has luck of its own, as in a simulator with \
-          its own clock, levels found like this are off by up to a quarter of a level. Nothing where enough is known.",
+          its own clock, levels found like this are off by up to a quarter of a level. Nothing if enough is known.",
     make: |lua| {
         function(lua, "pdk.next_level", |_, [trials_so_far, search]| {
             let place = "pdk.next_level";
@@ -211,7 +211,7 @@ fn truth(place: &str, value: &Value) -> Result<bool> {
     })
 }
 
-/// The share that failed on each road; none where it was not driven.
+/// The share that failed on each road; none if it was not driven.
 fn shares(place: &str, value: &Value) -> Result<Vec<Option<f64>>> {
     let share = |value: &Value| match value {
         Value::Bool(false) => Ok(None),

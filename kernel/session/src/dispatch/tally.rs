@@ -50,7 +50,7 @@ impl Tally {
         }
     }
 
-    /// Adds up the time in which there is work, while so many slots have some.
+    /// Adds up the time in which there is work, while this many slots have some.
     pub fn measure(&mut self, busy: usize) {
         let mut performance = self.shared.performance.lock().unwrap_or_else(PoisonError::into_inner);
         performance.slots = performance.slots.max(busy);

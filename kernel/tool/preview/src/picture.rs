@@ -71,7 +71,7 @@ pub struct Block {
     pub row: RgbImage,
 }
 
-/// Blocks of equal size under a heading, top to bottom in so many columns.
+/// Blocks of equal size under a heading, top to bottom in this many columns.
 ///
 /// # Errors
 /// If there are none.

@@ -50,7 +50,7 @@ struct Film {
     gauges: [Gauge; 4],
     /// Frames a second.
     rate: f64,
-    /// From when on frames are marked, in seconds, and with what; nothing where the scenario did not fail.
+    /// From when on frames are marked, in seconds, and with what; nothing if the scenario did not fail.
     marked: Option<(f64, &'static str)>,
     /// The picture that was written last, without a mark.
     last: RgbImage,
@@ -72,7 +72,7 @@ struct Layout {
 }
 
 impl Layout {
-    /// The layout for so many frames of this size side by side.
+    /// The layout for this many frames of this size side by side.
     fn new(width: u32, height: u32, panels: u32) -> Self {
         let (width, height) = (width.max(1), height.max(1));
         let (shown, factor) = if width > WIDEST || height > TALLEST {

@@ -43,7 +43,7 @@ pub enum Finding {
 /// The first thing that differs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Difference {
-    /// The number of the frame; none where the frames are equal and the outcome is not.
+    /// The number of the frame; none if the frames are equal and the outcome is not.
     pub frame: Option<u64>,
     /// Simulation time of the frame in seconds.
     pub time: Option<f64>,
@@ -78,7 +78,7 @@ impl fmt::Display for Compared {
 }
 
 impl Compared {
-    /// What was found of a recorded scenario that was driven again for so many frames.
+    /// What was found of a recorded scenario that was driven again for this many frames.
     pub fn new(recorded: &Recorded, frames: u64, finding: Finding) -> Self {
         let Recorded { number, line } = recorded;
         let (name, short_name) = (line.name.clone(), recorded.short_name());

@@ -35,7 +35,7 @@ impl Gauge {
     /// The height of all gauges in pixels.
     pub const HEIGHT: u32 = LINE_HEIGHT + BAR + 4 + CURVE;
 
-    /// One of four in columns side by side in so many pixels from this place on.
+    /// One of four in columns side by side in this many pixels from this place on.
     pub fn new(
         name: &'static str,
         unit: &'static str,

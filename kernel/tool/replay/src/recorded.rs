@@ -10,7 +10,7 @@ use pdk_sdk::error::{Error, Result};
 
 /// A text of digits up to this length is the number of a scenario; a longer one is an id.
 const LONGEST_NUMBER: usize = 10;
-/// So many digits of an id have to be there, so that a word that happens to be hexadecimal is not one.
+/// This many digits of an id have to be there, so that a word that happens to be hexadecimal is not one.
 const SHORTEST_ID: usize = 6;
 /// Digits of a whole id.
 const ID: usize = 32;

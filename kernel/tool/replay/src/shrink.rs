@@ -20,7 +20,7 @@ use serde_json::Value;
 
 /// Duration is told in steps of this, in seconds.
 const TENTH: f64 = 0.1;
-/// A road has at least so many nodes.
+/// A road has at least this many nodes.
 const FEWEST_NODES: usize = 2;
 
 /// What a scenario was shrunk to.
@@ -267,7 +267,7 @@ impl Shrinking<'_> {
         self.take_first(vec![(scenario, format!("{duration} s instead of {before} s"))]).map(drop)
     }
 
-    /// Under how many of so many fresh seeds it fails, of those under which no component failed, which says nothing about it.
+    /// Under how many of this many fresh seeds it fails, of those under which no component failed, which says nothing about it.
     fn fresh(&mut self, draws: usize) -> Result<(usize, usize)> {
         let Scenario { seed, ref road, .. } = self.scenario;
         let seeds: Vec<u64> = (1..=draws as u64).map(|repeat| seed_of(seed, road, repeat)).collect();
@@ -288,7 +288,7 @@ fn number(value: f64) -> Value {
     if value.fract() == 0.0 && value.abs() < 1e15 { Value::from(value as i64) } else { Value::from(value) }
 }
 
-/// Under how many of the fresh seeds what is left fails, and the probability of failing, in words; empty where none was tried.
+/// Under how many of the fresh seeds what is left fails, and the probability of failing, in words; empty if none was tried.
 pub fn luck(shrunk: &Shrunk) -> String {
     let (failed, all) = shrunk.failed;
     share(failed as u64, all as u64, CONFIDENCE).map_or_else(String::new, |Estimate { low, high, .. }| {

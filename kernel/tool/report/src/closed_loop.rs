@@ -239,7 +239,7 @@ pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section>
     })
 }
 
-/// What is said about scenarios whose road or path is not in the pictures, of which there are so many.
+/// What is said about scenarios whose road or path is not in the pictures, of which there are this many.
 fn road_note(drive: &Drive, pictures: usize) -> String {
     let mut sentences = Vec::new();
     if pictures > PICTURES {

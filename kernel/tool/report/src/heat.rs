@@ -56,7 +56,7 @@ pub struct Grid {
     pub legend: (String, String),
 }
 
-/// A row: a cell for each column, or none where nothing was measured.
+/// A row: a cell for each column, or none if nothing was measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Row {
     /// The perturbation.

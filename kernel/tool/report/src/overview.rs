@@ -24,7 +24,7 @@ pub struct Overview {
     highest: String,
 }
 
-/// What the page says about all drives of a run together; nothing where there is only one, or nothing was perturbed.
+/// What the page says about all drives of a run together; nothing if there is only one, or nothing was perturbed.
 pub fn overview(drives: &[Drive]) -> Option<Overview> {
     let scenarios = || drives.iter().flat_map(|drive| &drive.scenarios);
     let names: BTreeSet<&String> =

@@ -126,7 +126,7 @@ fn facts(searches: &[&Search]) -> Vec<(String, String)> {
     components.chain(search.variables.iter().cloned().zip(search.ranges.iter().cloned())).collect()
 }
 
-/// The median of each strategy over the tests, between its least and greatest value; none where all is 0.
+/// The median of each strategy over the tests, between its least and greatest value; none if all is 0.
 fn over_tests(
     strategies: &[(&str, Vec<&Search>)],
     y: &str,

@@ -27,7 +27,7 @@ pub struct Tally {
     error: f64,
     /// When the others failed, in seconds.
     times: Vec<f64>,
-    /// The levels over which the share of a road is taken; none where it is that of its drives.
+    /// The levels over which the share of a road is taken; none if it is that of its drives.
     levels: Vec<f64>,
     /// The same by road, which is the unit of what can be concluded.
     roads: BTreeMap<String, Road>,
@@ -94,7 +94,7 @@ impl Tally {
         self.failed as f64 / self.judged.max(1) as f64
     }
 
-    /// The share over roads with its interval; none where nothing is known.
+    /// The share over roads with its interval; none if nothing is known.
     pub fn estimate(&self) -> Option<Estimate> {
         let drives = |road: &Road| road.trials.values().map(Vec::len).sum::<usize>() + road.others.len();
         if self.roads.values().all(|road| drives(road) <= 1) {
@@ -104,19 +104,19 @@ impl Tally {
         mean::over_roads(&shares, SHARE, CONFIDENCE)
     }
 
-    /// The share that failed on each of these roads; none where it was not driven.
+    /// The share that failed on each of these roads; none if it was not driven.
     pub fn shares(&self, roads: &[String]) -> Vec<Option<f64>> {
         roads.iter().map(|road| self.roads.get(road)?.share(&self.levels)).collect()
     }
 
-    /// The mean of the cross-track errors of those that reached the end; none where none did. That of a part of a road is not
+    /// The mean of the cross-track errors of those that reached the end; none if none did. That of a part of a road is not
     /// comparable.
     pub fn mean_error(&self) -> Option<f64> {
         let passed = self.judged - self.failed;
         (passed > 0).then(|| self.error / passed as f64)
     }
 
-    /// The median time to failure in seconds; none where none failed.
+    /// The median time to failure in seconds; none if none failed.
     pub fn time_to_failure(&self) -> Option<f64> {
         let mut times = self.times.clone();
         times.sort_by(f64::total_cmp);
@@ -156,7 +156,7 @@ impl Tally {
 }
 
 impl Road {
-    /// The mean share over what was driven under the same luck; none where nothing was.
+    /// The mean share over what was driven under the same luck; none if nothing was.
     fn share(&self, levels: &[f64]) -> Option<f64> {
         let of = |trials: &Vec<Trial>| match levels.is_empty() {
             true => Some(trials.iter().filter(|trial| trial.failed).count() as f64 / trials.len() as f64),
@@ -191,13 +191,13 @@ fn common<'a>(searches: impl IntoIterator<Item = &'a Levels>) -> Levels {
     searches.into_iter().cloned().reduce(|common, levels| &common & &levels).unwrap_or_default()
 }
 
-/// The highest level at which each perturbation was driven on each road under each luck; none where there is no such level.
+/// The highest level at which each perturbation was driven on each road under each luck; none if there is no such level.
 pub fn common_level(scenarios: &[Scenario]) -> Option<f64> {
     let common = common(driven_levels([scenarios]).values().flatten());
     common.into_iter().map(f64::from_bits).max_by(f64::total_cmp)
 }
 
-/// The levels over which the share of a road is taken in these drives; none where that of its drives says as much.
+/// The levels over which the share of a road is taken in these drives; none if that of its drives says as much.
 ///
 /// Where levels were chosen by what failed, some roads were not driven at levels at which others were. Then these are the whole
 /// ones from the lowest to the highest that was driven.

@@ -23,7 +23,7 @@ pub struct Run {
     pub evaluations: Vec<Evaluation>,
     /// What was searched.
     pub searches: Vec<Search>,
-    /// How long driving took, all scenarios together; none where nothing was driven.
+    /// How long driving took, all scenarios together; none if nothing was driven.
     pub drive_times: Option<DriveTimes>,
     /// How long each evaluation took.
     pub evaluate_times: Vec<EvaluateTimes>,
@@ -96,11 +96,11 @@ pub struct Scenario {
     pub index: u64,
     /// Its name.
     pub name: String,
-    /// The perturbation without its level; none where there is none.
+    /// The perturbation without its level; none if there is none.
     pub perturbation: Option<String>,
-    /// The level of the perturbation; none where it has none, or no single one.
+    /// The level of the perturbation; none if it has none, or no single one.
     pub level: Option<f64>,
-    /// The number of its road in [`Drive::roads`]; none where the simulator did not tell.
+    /// The number of its road in [`Drive::roads`]; none if the simulator did not tell.
     pub road: Option<usize>,
     /// What tells its road from the others of the run.
     pub road_id: String,
@@ -110,7 +110,7 @@ pub struct Scenario {
     pub verdict: Verdict,
     /// How it ended, such as "lane departure".
     pub cause: String,
-    /// The error of a component; empty where there was none.
+    /// The error of a component; empty if there was none.
     pub error: String,
     /// Simulation time at the end in seconds.
     pub time: f64,
@@ -122,15 +122,15 @@ pub struct Scenario {
     pub mean_error: f64,
     /// Largest absolute cross-track error in metres.
     pub max_error: f64,
-    /// What else was measured; none where a component failed before anything was.
+    /// What else was measured; none if a component failed before anything was.
     pub measures: Option<Measures>,
     /// Where the vehicle was.
     pub path: Vec<Place>,
-    /// Why its trace could not be read, which leaves it without road, path and frames; empty where it could.
+    /// Why its trace could not be read, which leaves it without road, path and frames; empty if it could.
     pub unreadable: String,
     /// The command that replays it.
     pub replay: String,
-    /// The address of a clip of it, relative to the page; empty where there is none.
+    /// The address of a clip of it, relative to the page; empty if there is none.
     pub clip: String,
     /// The last recorded frames, in order; for a few failures only.
     pub shots: Vec<Shot>,
@@ -156,7 +156,7 @@ pub struct Shot {
     pub raw: Vec<u8>,
     /// As the driver saw it.
     pub perturbed: Vec<u8>,
-    /// As the driver saw it, with what its network looked at laid over; empty where nobody asked for it.
+    /// As the driver saw it, with what its network looked at laid over; empty if nobody asked for it.
     pub attention: Vec<u8>,
 }
 
@@ -265,7 +265,7 @@ pub struct Search {
     /// What tells its setting from others: space, objectives, reference, and what all of its scenarios share but for road and
     /// perturbations. Searches with the same can be compared.
     pub setting: String,
-    /// The simulator; empty where none was driven, or not the same in all scenarios.
+    /// The simulator; empty if none was driven, or not the same in all scenarios.
     pub simulator: String,
     /// The driver; empty as for the simulator.
     pub driver: String,
@@ -296,15 +296,15 @@ pub struct Search {
 pub struct Test {
     /// The value of each variable.
     pub values: Vec<String>,
-    /// The same as numbers; empty where one is out of its range.
+    /// The same as numbers; empty if one is out of its range.
     pub positions: Vec<f64>,
-    /// Its objectives; empty where it could not be evaluated.
+    /// Its objectives; empty if it could not be evaluated.
     pub objectives: Vec<f64>,
     /// Whether it is critical.
     pub critical: bool,
     /// How its scenario ended.
     pub cause: String,
-    /// The command that replays it; empty where it drove none.
+    /// The command that replays it; empty if it drove none.
     pub replay: String,
 }
 
@@ -332,7 +332,7 @@ pub struct Branch {
     pub critical: usize,
 }
 
-/// What was reached after so many evaluations.
+/// What was reached after this many evaluations.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Reached {
     /// How many.

@@ -14,7 +14,7 @@ const LOOK_AHEAD_TIME: f64 = 0.5;
 const LOOK_AHEAD_RANGE: (f64, f64) = (5.0, 14.0);
 /// What remains of the steering after each frame without a lane.
 const STEERING_DECAY: f64 = 0.92;
-/// After so many frames without a lane it forgets where the lane was, and looks for it straight ahead.
+/// After this many frames without a lane it forgets where the lane was, and looks for it straight ahead.
 const FRAMES_TO_FORGET: u32 = 10;
 /// Throttle per metre per second below the target speed.
 const SPEED_GAIN: f64 = 0.5;

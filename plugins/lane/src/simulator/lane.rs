@@ -175,7 +175,7 @@ impl Lane {
 
 #[cfg(test)]
 impl Lane {
-    /// The point of the driven lane so many metres ahead of the vehicle.
+    /// The point of the driven lane this many metres ahead of the vehicle.
     pub fn ahead_on_lane(&self, distance: f64) -> [f64; 2] {
         self.drive.as_ref().map_or([0.0; 2], |d| d.road.path.point_at(d.located.along + distance))
     }

@@ -16,7 +16,7 @@ pub struct Repaint {
     range: Range,
     /// The place of red, green and blue among the network's channels.
     order: [usize; 3],
-    /// The share of a tile by which it reaches into the next; none where the frame is brought to the network's size.
+    /// The share of a tile by which it reaches into the next; none if the frame is brought to the network's size.
     overlap: Option<f64>,
     painted: FrameBuf,
     tile: FrameBuf,

@@ -195,7 +195,7 @@ impl Drive {
     }
 }
 
-/// Points `[x, height, z]`; none where it is something else.
+/// Points `[x, height, z]`; none if it is something else.
 fn points(value: &Value) -> Option<Vec<[f64; 3]>> {
     let point = |value: &Value| {
         let numbers = value.as_array()?.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>()?;

@@ -19,7 +19,7 @@ pub struct FrameLevels {
 }
 
 impl FrameLevels {
-    /// The level of the frame at a time in seconds; none where there are no levels.
+    /// The level of the frame at a time in seconds; none if there are no levels.
     pub fn at(&self, time: f64) -> Option<f64> {
         // A time before the start becomes 0, one far behind the end the largest number.
         let frame = (time * self.rate).round() as usize;

@@ -55,7 +55,7 @@ static FAMILIES: [&[Operator]; 21] = [
     steps::OPERATORS,
 ];
 
-/// What is known about a node's operator; nothing where that is not one of these.
+/// What is known about a node's operator; nothing if that is not one of these.
 pub(crate) fn find(node: &NodeProto) -> Option<&'static Operator> {
     let own = node.domain.is_empty() || node.domain == "ai.onnx";
     FAMILIES.iter().copied().flatten().find(|operator| own && operator.name == node.op_type)

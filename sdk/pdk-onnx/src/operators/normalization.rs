@@ -69,7 +69,7 @@ fn infer_layer(site: &Site<'_>) -> Result<Vec<Fact>> {
     Ok(vec![fact.clone(), moments.clone(), moments])
 }
 
-/// The values with mean 0 and variance 1 over blocks of so many.
+/// The values with mean 0 and variance 1 over blocks of this many.
 fn standardize(x: &Tensor, block: usize, epsilon: f64) -> Tensor {
     let mut result = x.clone();
     for block in result.values.chunks_mut(block.max(1)) {

@@ -28,7 +28,7 @@ pub fn pads(site: &Site<'_>) -> Result<Vec<(i64, i64)>> {
     Ok(all)
 }
 
-/// For each axis, where each element comes from; nothing where it is the constant.
+/// For each axis, where each element comes from; nothing if it is the constant.
 fn sources(site: &Site<'_>) -> Result<Vec<Vec<Option<usize>>>> {
     let mode = site.text("mode", "constant");
     let axes = pads(site)?.into_iter().zip(site.shape(0)?).map(|((before, after), &length)| {

@@ -23,7 +23,7 @@ pub const OPERATORS: &[Operator] = &[
     ),
 ];
 
-/// The share of each of so many elements in their mean.
+/// The share of each of this many elements in their mean.
 fn share(count: usize) -> f64 {
     1.0 / count as f64
 }

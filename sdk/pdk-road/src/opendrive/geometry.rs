@@ -38,7 +38,7 @@ pub fn cubic([a, b, c, d]: [f64; 4], t: f64) -> (f64, f64) {
 }
 
 impl Piece {
-    /// Point and heading so many metres along the line; beyond the ends those of the ends.
+    /// Point and heading this many metres along the line; beyond the ends those of the ends.
     pub fn at(&self, s: f64) -> (Point, f64) {
         let along = (s - self.s).clamp(0.0, self.length);
         let (u, v, turned) = match self.shape {
@@ -84,7 +84,7 @@ fn spiral(curvature: f64, change: f64, along: f64) -> (f64, f64, f64) {
     (u, v, along * (curvature + change * along / 2.0))
 }
 
-/// How far along u the cubic is so many metres long.
+/// How far along u the cubic is this many metres long.
 fn abscissa(v: [f64; 4], along: f64) -> f64 {
     let (mut u, mut left) = (0.0, along);
     while left > 0.0 {

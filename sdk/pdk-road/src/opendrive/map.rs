@@ -152,7 +152,7 @@ impl Map {
         let mut lane = Lane { points: Vec::new(), width: f64::INFINITY };
         let mut walked = 0.0;
         let mut before: Option<Point> = None;
-        // So many sections of no length in a row are a ring.
+        // This many sections of no length in a row are a ring.
         let mut idle = 0;
         while walked < length && idle < 100 {
             let Some((point, height, width, _)) = place.road.lane_at(place.section, place.lane, place.s)

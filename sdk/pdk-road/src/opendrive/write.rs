@@ -6,9 +6,9 @@ use super::geometry::{Piece, Shape, arcs_along};
 use super::turned;
 use crate::{LANE_WIDTH, Path, Point};
 
-/// The road begins so many metres before the first waypoint, so that the whole vehicle stands on it at the start.
+/// The road begins this many metres before the first waypoint, so that the whole vehicle stands on it at the start.
 pub const BEHIND: f64 = 15.0;
-/// It goes on for so many metres after the last one, so that its end is not seen before it is reached.
+/// It goes on for this many metres after the last one, so that its end is not seen before it is reached.
 pub const BEYOND: f64 = 40.0;
 /// How far the road may be off the curve through the waypoints in metres.
 const TOLERANCE: f64 = 0.005;

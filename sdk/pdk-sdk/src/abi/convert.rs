@@ -51,7 +51,7 @@ pub(super) fn sink(bytes: &mut Vec<u8>) -> Sink {
     Sink { context: std::ptr::from_mut(bytes).cast(), write: Some(append), ..empty() }
 }
 
-/// A slice of the other side, empty where the pointer is null.
+/// A slice of the other side, empty if the pointer is null.
 ///
 /// # Safety
 /// A pointer that is not null has to be readable for `length` elements for `'a`.
@@ -104,7 +104,7 @@ pub(super) unsafe fn target<'a>(from: *const pdk_abi::FrameMut) -> Result<FrameM
     FrameMut::with_stride(data, raw.width, raw.height, raw.stride).map_err(Error::new)
 }
 
-/// A writable slice of the other side, empty where the pointer is null.
+/// A writable slice of the other side, empty if the pointer is null.
 ///
 /// # Safety
 /// A pointer that is not null has to be writable for `length` elements for `'a`, and not otherwise used.

@@ -20,7 +20,7 @@ pub struct PluginDescription {
     /// The version of the SDK that it was built with.
     #[serde(default)]
     pub sdk: String,
-    /// Where to get it: `homepage` or else `repository` of its package; empty where it has neither.
+    /// Where to get it: `homepage` or else `repository` of its package; empty if it has neither.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub homepage: String,
     /// Its components.

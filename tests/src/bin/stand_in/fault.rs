@@ -52,7 +52,7 @@ impl Faults {
         });
     }
 
-    /// What goes wrong after so many controls of a drive.
+    /// What goes wrong after this many controls of a drive.
     pub fn after(&mut self, controls: u64) -> Option<Fault> {
         if self.left == 0 || controls != self.at {
             return None;

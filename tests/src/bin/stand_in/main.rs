@@ -16,13 +16,13 @@
 //!
 //! | fault | what happens |
 //! |---|---|
-//! | `close` | hangs up, and is there again at once, or after so many seconds |
+//! | `close` | hangs up, and is there again at once, or after this many seconds |
 //! | `die` | ends |
 //! | `hang` | says nothing any more, and takes nothing |
 //! | `half` | hangs up in the middle of a message |
 //! | `garbage` | sends what is not a message |
 //! | `flood` | sends a message of 100 MB |
-//! | `freeze` | stands still for so many seconds, and goes on (`udacity`) |
+//! | `freeze` | stands still for this many seconds, and goes on (`udacity`) |
 
 #![allow(clippy::unwrap_used)]
 

@@ -361,7 +361,7 @@ impl<'a> Arguments<'a> {
         }
     }
 
-    /// Another image; none where it is the very one that the operation works on.
+    /// Another image; none if it is the very one that the operation works on.
     pub fn other(&self, name: &str) -> Option<Frame<'_>> {
         match &self.given[self.place(name)] {
             Given::Same => None,

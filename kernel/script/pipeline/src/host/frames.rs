@@ -21,17 +21,17 @@ impl Frames {
         }
     }
 
-    /// Begins anew, after so many frames in all.
+    /// Begins anew, after this many frames in all.
     pub fn restart(&mut self, audience: Audience, driven: u64) {
         *self = Self { before: driven, ..Self::new(audience) };
     }
 
-    /// So many more frames may come.
+    /// This many more frames may come.
     pub fn expect(&self, frames: u64) {
         self.progress.add(frames);
     }
 
-    /// Of the frames that were expected of a scenario, so many were driven.
+    /// Of the frames that were expected of a scenario, this many were driven.
     pub fn spare(&mut self, expected: u64, driven: u64) {
         self.spared += expected.saturating_sub(driven);
     }

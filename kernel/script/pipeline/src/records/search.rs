@@ -32,14 +32,14 @@ pub(super) const SEARCH_STRATEGY: ApiRecord = ApiRecord {
         field(
             "ask",
             "(n: number) -> { { [string]: any } }",
-            "The next candidates, at most `n`, each a table with a value for each variable. None where the search is over.",
+            "The next candidates, at most `n`, each a table with a value for each variable. None if the search is over.",
         ),
         field(
             "tell",
             "((results: { { id: number, values: { [string]: any }, objectives: { number }, violation: number, critical: boolean, \
              failure: string? } }) -> ())?",
             "How the candidates of the last `ask` did: all of them, in their order. Objectives are those of the search in the order \
-             of their names, and smaller is better; there are none where a candidate could not be evaluated.",
+             of their names, and smaller is better; there are none if a candidate could not be evaluated.",
         ),
         field("batch", "number?", "How many candidates it is asked for at once. The default is 16."),
     ],
@@ -98,7 +98,7 @@ pub(super) const SEARCH_REQUEST: ApiRecord = ApiRecord {
         field(
             "stop",
             "{ evaluations: number?, seconds: number?, hypervolume: number? }",
-            "When to stop, whichever comes first: after so many different candidates, after so much time, or when the best \
+            "When to stop, whichever comes first: after this many different candidates, after this much time, or when the best \
              compromises dominate such a volume.",
         ),
         field(
@@ -140,7 +140,7 @@ pub(super) const SEARCH_RESULT: ApiRecord = ApiRecord {
         field(
             "first_critical",
             "number?",
-            "How many different candidates were evaluated up to the first critical one; none where there is none.",
+            "How many different candidates were evaluated up to the first critical one; none if there is none.",
         ),
         field(
             "distinct_failures",

@@ -19,9 +19,9 @@ use crate::search::trials::{Admitted, State, Trials};
 use crate::search::verdict::Verdict;
 use crate::values::{from_lua, to_lua};
 
-/// So many candidates in a row without anything new end a search.
+/// This many candidates in a row without anything new end a search.
 const MOST_IDLE: u64 = 10_000;
-/// So many evaluations that all failed end it with an error.
+/// This many evaluations that all failed end it with an error.
 const FAILED_AT_FIRST: u64 = 20;
 /// Scenarios that wait for each worker, so that none waits for the pipeline.
 const AHEAD: usize = 4;

@@ -57,9 +57,9 @@ pub enum StrategySpec {
 /// When a search stops: at the first of these.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Stop {
-    /// After so many distinct evaluations.
+    /// After this many distinct evaluations.
     pub evaluations: Option<u64>,
-    /// After so much time.
+    /// After this much time.
     pub time: Option<Duration>,
     /// When the front dominates such a volume.
     pub hypervolume: Option<f64>,

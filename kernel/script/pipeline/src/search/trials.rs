@@ -13,7 +13,7 @@ use crate::search::verdict::Verdict;
 pub struct Trial {
     /// A value for each variable.
     pub values: Map<String, Value>,
-    /// Their positions; none where a value is out of its range.
+    /// Their positions; none if a value is out of its range.
     pub positions: Option<Vec<f64>>,
     /// The earlier candidate that is the same.
     pub same_as: Option<usize>,
@@ -169,7 +169,7 @@ impl Trials {
         }
     }
 
-    /// What became of a candidate; none where it waits.
+    /// What became of a candidate; none if it waits.
     pub fn verdict(&self, number: usize) -> Option<&Verdict> {
         match &self.all.get(number)?.state {
             State::Done(verdict) => Some(verdict),
@@ -178,7 +178,7 @@ impl Trials {
         }
     }
 
-    /// The next result to tell; none where it is not known.
+    /// The next result to tell; none if it is not known.
     pub fn tell(&mut self) -> Option<Evaluated> {
         let verdict = self.verdict(self.told)?;
         let result = Evaluated {

@@ -9,7 +9,7 @@ use crate::search::request::PLACE;
 /// What became of a candidate.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Verdict {
-    /// The objectives, as the pipeline sees them; none where they could not be had.
+    /// The objectives, as the pipeline sees them; none if they could not be had.
     pub objectives: Option<Vec<f64>>,
     /// By how much each constraint is violated.
     pub violations: Vec<f64>,

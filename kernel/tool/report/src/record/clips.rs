@@ -35,7 +35,7 @@ pub fn clip_folder(folder: &Path, page: &Path) -> Result<ClipFolder> {
 }
 
 impl ClipFolder {
-    /// The address of the clip of a scenario, relative to the page; empty where there is none.
+    /// The address of the clip of a scenario, relative to the page; empty if there is none.
     pub fn address(&self, number: u64) -> String {
         let clip = format!("scenario-{number}.mp4");
         match self.path.join(&clip).is_file() {

@@ -57,7 +57,7 @@ struct Cell {
     drift: f64,
 }
 
-/// The evaluations of a run, in order; none where there are none. A last line that was cut off is left out.
+/// The evaluations of a run, in order; none if there are none. A last line that was cut off is left out.
 ///
 /// # Errors
 /// If the results cannot be read, or a line is damaged.

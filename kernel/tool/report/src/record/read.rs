@@ -75,7 +75,7 @@ pub fn scenarios(run: &Run) -> usize {
     run.drives.iter().map(|drive: &Drive| drive.scenarios.len()).sum()
 }
 
-/// A JSON file of the record; none where it is not there.
+/// A JSON file of the record; none if it is not there.
 fn json<T: DeserializeOwned>(directory: &RunDirectory, name: &str) -> Result<Option<T>> {
     let path = directory.path().join(name);
     let Some((mut file, _)) = file::open_if_there(&path).place(path.display())? else { return Ok(None) };

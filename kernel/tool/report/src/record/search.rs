@@ -36,7 +36,7 @@ struct Found {
     first_critical: Option<usize>,
     distinct_failures: Vec<usize>,
     front: Vec<usize>,
-    /// None where none was given.
+    /// None if none was given.
     hypervolume_reference: Option<Vec<f64>>,
     convergence: Vec<Convergence>,
     tree: Option<Tree>,
@@ -151,7 +151,7 @@ fn keep_shared(shared: &mut Value, other: &Value) {
     });
 }
 
-/// A component that all scenarios share, for people; empty where they do not.
+/// A component that all scenarios share, for people; empty if they do not.
 fn component(value: &Value) -> String {
     ComponentSpec::deserialize(value).map_or_else(|_| String::new(), |component| component.to_string())
 }

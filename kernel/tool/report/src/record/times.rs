@@ -33,7 +33,7 @@ struct Evaluation {
 }
 
 impl Performance {
-    /// The times of the closed loop; none where nothing was driven.
+    /// The times of the closed loop; none if nothing was driven.
     pub fn drive(&self) -> Option<DriveTimes> {
         let Drive { workers, frames_per_second, real_time_factor, stages } = self.drive.as_ref()?;
         Some(DriveTimes {

@@ -16,9 +16,9 @@ use crate::closed_loop::worst_failures;
 use crate::parallel;
 use crate::view::{Drive, Place, Shot};
 
-/// Pictures of so many bytes make a page that is still handy: in a page a third more.
+/// Pictures of this many bytes make a page that is still handy: in a page a third more.
 const BUDGET: usize = 6 << 20;
-/// So many traces that cannot be read are warned of one by one.
+/// This many traces that cannot be read are warned of one by one.
 const WARNINGS: usize = 3;
 
 /// Adds to the scenarios of these lines what their traces tell, with frames for the worst failures of each drive, `most` of all.
@@ -96,7 +96,7 @@ fn bytes(shots: &[Shot]) -> usize {
     shots.iter().map(|shot| shot.raw.len() + shot.perturbed.len() + shot.attention.len()).sum()
 }
 
-/// The centre line of a road, seen from above; none where the simulator did not tell.
+/// The centre line of a road, seen from above; none if the simulator did not tell.
 fn road(waypoints: &str) -> Result<Option<Vec<[f64; 2]>>> {
     if waypoints.is_empty() {
         return Ok(None);

@@ -96,7 +96,7 @@ impl Frames {
     }
 }
 
-/// The images in a folder, in the order of their names; none where there are also records, which make it a dataset.
+/// The images in a folder, in the order of their names; none if there are also records, which make it a dataset.
 fn images(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut images = Vec::new();
     let place = || format!("cannot list the folder {}", folder.display());
@@ -127,7 +127,7 @@ fn named(paths: Vec<PathBuf>) -> Vec<(String, PathBuf)> {
     names.into_iter().zip(paths).collect()
 }
 
-/// So many places of `length`, spread evenly.
+/// This many places of `length`, spread evenly.
 fn spread(length: usize, count: Option<usize>) -> Vec<usize> {
     let taken = count.unwrap_or(length).clamp(1, length);
     (0..taken).map(|at| at * length / taken).collect()

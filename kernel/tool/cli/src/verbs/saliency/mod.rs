@@ -51,7 +51,7 @@ pub struct Arguments {
     /// The speed that a network which takes one is told, in metres per second; frames of a record bring their own
     #[arg(long, default_value_t = 8.0)]
     speed: f64,
-    /// Only so many frames of a folder, spread evenly over it
+    /// Only this many frames of a folder, spread evenly over it
     #[arg(long, value_name = "N")]
     count: Option<usize>,
     /// Also measure how faithful each method is: how the steering changes when what it marks is taken away, and when it is all
