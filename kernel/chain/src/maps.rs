@@ -297,7 +297,7 @@ fn reduce(values: &[f32], width: usize, [columns, rows]: [usize; 2], into: &mut 
     }
 }
 
-/// What a method is told of a frame.
+/// What a method knows of a frame.
 pub fn context<'a>(moment: &Moment<'_>, key: &'a Key) -> MapContext<'a> {
     let Moment { frame_index, time, speed, alone, .. } = *moment;
     MapContext { speed, recorded: alone, ..MapContext::new(frame_index, time, key) }

@@ -16,7 +16,7 @@ pub struct Moment<'a> {
     pub alone: bool,
     /// What its pixels show, where the simulator says so.
     pub labels: Option<Labels<'a>>,
-    /// How far away each pixel is in metres, row by row, where the simulator says so and somebody needs it.
+    /// How far away each pixel is in metres, row by row, if the simulator knows it and a component needs it.
     pub depth: Option<&'a [f32]>,
 }
 

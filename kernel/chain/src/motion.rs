@@ -4,7 +4,7 @@ use pdk_sdk::prelude::Frame;
 
 /// Frames are reduced to about this many cells in a row.
 const CELLS: usize = 80;
-/// The furthest shift, as a share of the side: one part in this many.
+/// The furthest shift, as a share of the side: one part in this number.
 const FURTHEST: usize = 8;
 
 /// Follows the image from one frame to later ones. Keeps its memory, so that only the first frames of a size allocate.

@@ -69,7 +69,7 @@ impl Entry {
     }
 }
 
-/// What tells a plugin from others, for whoever has to find it again.
+/// What tells a plugin from others, for a user who has to find it again.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct PluginRecord {
     /// Its name.

@@ -37,7 +37,7 @@ const MOST_NOTES: usize = 1000;
 
 static ENABLED: AtomicBool = AtomicBool::new(false);
 
-/// Says that the executable has the [`VERB`]. Where nobody does, as in unit tests, nothing is inspected.
+/// Declares that the executable has the [`VERB`]. Without that, as in unit tests, nothing is inspected.
 pub fn enable() {
     ENABLED.store(true, Ordering::Relaxed);
 }
@@ -148,7 +148,7 @@ fn in_a_process(libraries: &[&Path]) -> Result<(Vec<Said>, Option<Error>)> {
 /// What the process does: opens libraries, one after the other, and says what came of each.
 ///
 /// # Errors
-/// If nobody listens.
+/// If standard output is closed.
 pub fn serve(libraries: &[PathBuf]) -> Result<()> {
     const CANNOT: &str = "cannot set up the files of the inspection";
     let mut output = File::from(std::io::stdout().as_fd().try_clone_to_owned().place(CANNOT)?);

@@ -9,7 +9,7 @@
 //! | [`inspection`] | opens libraries in a process that dies afterwards, before they are opened where they are needed; [`elf`] looks at the file |
 //! | [`catalog`] | what there is, as plain data that can be sent to another process |
 //! | [`modifiers`] | what every perturbation takes besides its own parameters |
-//! | [`suggest`] | the name that somebody may have meant |
+//! | [`suggest`] | the name that was probably meant |
 
 pub mod catalog;
 mod description;

@@ -20,9 +20,9 @@ use crate::product::{self, BuiltInScript};
 use crate::search_path::{self, PATH_VARIABLE, SearchPath, is_script};
 use pdk_supervise::calls::{self, Function};
 
-/// Makes components from scripts. The kernel knows no script language; whoever starts it brings one along.
+/// Makes components from scripts. The kernel knows no script language; the program that starts it brings one along.
 pub trait Scripts: Send + Sync {
-    /// What the component in a script says of itself; none if the script is something else, such as a pipeline.
+    /// The description of the component in a script; none if the script is something else, such as a pipeline.
     ///
     /// # Errors
     /// If it is meant as a component and is not a valid one.
@@ -146,7 +146,7 @@ impl Registry {
         &self.skipped
     }
 
-    /// What lies beside a pipeline and cannot be used: the name that it would have had, and why. Nobody has asked for it yet.
+    /// Files beside a pipeline that cannot be used: the name that each would have had, and why. They are reported only if a pipeline asks for them.
     pub fn passed_over(&self) -> &[(String, String)] {
         &self.passed_over
     }
@@ -268,10 +268,10 @@ impl Registry {
         self.add_files(files)
     }
 
-    /// Adds the scripts and drop-ins of a folder that nobody named.
+    /// Adds the scripts and drop-ins of a folder that the user did not name.
     fn add_beside(&mut self, folder: &Path) {
         for file in self.files_of(folder).into_iter().filter(|file| is_script(file)) {
-            // A script that is not a component may be there for something else, so nobody is warned.
+            // A script that is not a component may serve another purpose, so there is no warning.
             let reason = match self.add_script(&file) {
                 Ok(true) => continue,
                 Ok(false) => {

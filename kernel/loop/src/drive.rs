@@ -44,13 +44,13 @@ pub struct Instances<'a> {
     pub driver: &'a mut Held<dyn Driver>,
     /// The topics.
     pub bus: &'a Bus,
-    /// Shows what the driver's network looks at, where somebody wants to see it.
+    /// Shows what the driver's network looks at, if that is wanted.
     pub view: Option<&'a mut View>,
 }
 
-/// What looks on.
+/// What observes a drive: the recorder, the latest frames, the stopwatch and the progress bar.
 pub struct Witnesses<'a> {
-    /// Writes the trace; none if nobody wants one.
+    /// Writes the trace; none if the drive leaves no trace.
     pub recorder: Option<&'a Recorder>,
     /// The latest frames.
     pub recent: &'a mut Recent,

@@ -78,7 +78,7 @@ impl<'a> Engine<'a> {
         self.environment.has_standard_files()
     }
 
-    /// Does a job. `progress` is told of every frame.
+    /// Does a job. `progress` is called for every frame.
     pub fn work(&mut self, job: &Job, progress: &mut dyn FnMut(u64)) -> Answer {
         if let Err(error) = check(job) {
             return Answer::Broken(error.into());

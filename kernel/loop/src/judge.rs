@@ -46,7 +46,7 @@ impl Judge {
         self.max = self.max.max(error);
         let passed = (state.time - self.before).max(0.0);
         if error >= self.criteria.over_line {
-            // The first state counts for no time: nobody knows since when.
+            // The first state counts for no time, because its start is not known.
             self.over_line_seconds += if self.states > 1 { passed } else { 0.0 };
             self.over_line_from.get_or_insert(state.time);
         }

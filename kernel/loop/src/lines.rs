@@ -13,7 +13,7 @@ const LONGEST: u64 = 64 << 20;
 /// Writes a message as a line.
 ///
 /// # Errors
-/// If nobody reads any more.
+/// If the reader is gone.
 pub fn write(to: &mut impl Write, message: &impl Serialize) -> Result<()> {
     let mut line = serde_json::to_vec(message)?;
     line.push(b'\n');

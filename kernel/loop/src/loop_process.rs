@@ -24,7 +24,7 @@ use crate::protocol::{Done, FromWorker, Hello, Progress, Ready, ToWorker, VERSIO
 
 /// How long taking leave of the components may take.
 const LEAVE: Duration = Duration::from_secs(10);
-/// How often progress is told.
+/// How often progress is reported.
 const PROGRESS: Duration = Duration::from_millis(200);
 
 /// Does jobs until there are no more. `scripts` makes components from scripts, which are looked for in these places.
@@ -86,7 +86,7 @@ pub fn run(scripts: impl FnOnce(&SearchPath) -> Box<dyn Scripts>) -> Result<()> 
             .collect(),
         passed_over: registry.passed_over().to_vec(),
     };
-    // Where nobody listens any more, there is nobody to tell so either: here and below, the end of the input is noticed.
+    // If the session is gone, an error cannot be reported to it either: here and below, the end of the input is noticed.
     let _ = lines::write(&mut output, &FromWorker::Ready(ready));
     serve(&registry, &hello, environment, &messages, &busy, &mut output)?;
     // Behind this, ending is what is wanted.

@@ -53,7 +53,7 @@ impl Pictures {
                 let picture = view.picture(perturbed, moment).map_err(Fault::Component)?;
                 recorder.image(ImageTopic::Attention, sequence, time, picture.as_ref());
             }
-            // It comes last, so that whoever reads the trace has the other ones then.
+            // It comes last, so that a reader of the trace has the other ones by then.
             recorder.image(ImageTopic::Perturbed, sequence, time, perturbed);
             self.recorded = Some(sequence);
         }

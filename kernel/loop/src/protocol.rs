@@ -25,7 +25,7 @@ use crate::stages::Times;
 /// out. `docs/worker-protocol.md` says what else is a new version.
 pub const VERSION: u32 = 1;
 
-/// What a worker is told.
+/// A message to a worker.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ToWorker {

@@ -102,7 +102,7 @@ impl Stopwatch {
         result
     }
 
-    /// Waits until the next frame is due: that is nobody's work.
+    /// Waits until the next frame is due. The time counts for no component.
     pub fn wait(&mut self, until: Instant) {
         let started = Instant::now();
         std::thread::sleep(until.saturating_duration_since(started));

@@ -1,5 +1,5 @@
-//! Lines for people and scripts. The standard macros panic where a line cannot be written; these do not: nobody reading
-//! any more (`pdk list | head`) is not an error, and anything else is one that is told at the end.
+//! Lines for people and scripts. The standard macros panic where a line cannot be written; these do not: a closed pipe
+//! (`pdk list | head`) is not an error, and anything else is an error that is reported at the end.
 //!
 //! Lines hold what scripts, files and components are called and say. So what a terminal would obey is shown instead.
 
@@ -36,7 +36,7 @@ pub fn bytes(bytes: &[u8]) {
     note(io::stdout().lock().write_all(bytes));
 }
 
-/// Writes a line to standard error. Where that fails, there is nobody left to tell.
+/// Writes a line to standard error. If that fails, the failure cannot be reported.
 pub fn error_line(text: fmt::Arguments<'_>) {
     let _ = writeln!(io::stderr().lock(), "{}", printable(&text.to_string()));
 }
@@ -64,7 +64,7 @@ pub fn printable(text: &str) -> Cow<'_, str> {
 /// Writes what is left in memory.
 ///
 /// # Errors
-/// If standard output did not take everything although somebody reads it.
+/// If standard output did not take everything although it is open.
 pub fn finish() -> Result<()> {
     note(io::stdout().lock().flush());
     match FAILURE.lock().unwrap_or_else(PoisonError::into_inner).take() {

@@ -235,7 +235,7 @@ impl RunDirectory {
     fn remove_parts(&self, folder: &Path, is_part: impl Fn(&str) -> bool) {
         for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
             if is_part(&entry.file_name().to_string_lossy()) {
-                // What cannot be removed is in nobody's way: it is written anew.
+                // What cannot be removed does no harm: it is written anew.
                 let _ = fs::remove_file(entry.path());
             }
         }

@@ -158,7 +158,7 @@ impl Manifest {
     /// components say of themselves, and, where they count, the places where components lie.
     pub fn changed_parts(&self, recorded: &Manifest, places_count: bool) -> Vec<String> {
         let mut changed = Vec::new();
-        // A library holds many components, and its content is said to be another once.
+        // A library holds many components, and its changed content is reported once.
         let mut other_files: BTreeMap<&Path, (Vec<String>, &ComponentRecord)> = BTreeMap::new();
         for component in &self.components {
             let same = |c: &&ComponentRecord| c.kind == component.kind && c.name == component.name;
@@ -394,7 +394,7 @@ impl InUse {
     /// Notes files that a component reads and its parameters do not name.
     ///
     /// # Errors
-    /// What `tick` returns, which is told how many files of a group have been read.
+    /// An error of `tick`, which is called with the number of files of a group that have been read.
     pub fn add_input_files(&mut self, groups: &[InputFiles], tick: &mut Tick<'_>) -> Result<()> {
         for group in groups {
             let known = |file: &FileRecord| file.path == group.folder && file.group == group.what;

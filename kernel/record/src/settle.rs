@@ -71,7 +71,7 @@ impl Settler<'_> {
                     self.settled.push(found);
                 }
             }
-            // At the end, whoever wrote it, so that equal scenarios are written alike.
+            // Always at the end, so that equal scenarios are written alike.
             parameters.insert(parameter.name.clone(), value);
         }
     }

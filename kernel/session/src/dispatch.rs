@@ -62,10 +62,10 @@ impl Dispatch {
         }
     }
 
-    /// Works until nobody wants anything any more; `introduce` is told what the first worker has.
+    /// Works until nothing is wanted any more; `introduce` is called with what the first worker has.
     pub fn serve(mut self, events: &Receiver<Event>, introduce: &Sender<Result<Ready>>) {
         let mut introduce = Some(introduce);
-        // What runs left in shared memory that were killed with all of their workers. What cannot be removed is in nobody's way.
+        // What runs left in shared memory that were killed with all of their workers. What cannot be removed does no harm.
         let _ = pdk_bus::sweep();
         if let Err(error) = self.workers.connect() {
             self.fail(error, &mut introduce);
@@ -77,7 +77,7 @@ impl Dispatch {
                 Ok(Event::Submit(ticket, request)) => self.submit(ticket, request),
                 Ok(Event::Record(record)) => self.book.record = Some(record),
                 Ok(Event::Finish(done)) => {
-                    // Whoever asked may have gone.
+                    // The requester may be gone.
                     let _ = done.send(self.book.finish());
                 }
                 Ok(Event::Worker(connection, found)) => {

@@ -35,7 +35,7 @@ pub fn watch() -> Result<()> {
     Ok(())
 }
 
-/// Wishes for an end at once, as the signal TERM does: whoever started the run is gone.
+/// Wishes for an end at once, as the signal TERM does: the program that started the run is gone.
 pub fn abandon() {
     SIGNALS.fetch_add(2, Ordering::SeqCst);
 }
@@ -45,7 +45,7 @@ fn note(signal: i32) {
     let before = SIGNALS.fetch_add(if signal == libc::SIGTERM { 2 } else { 1 }, Ordering::SeqCst);
     if signal == libc::SIGINT && before == 0 {
         let said = b"pdk: finishing what is in flight; Ctrl-C again drops it\n";
-        // SAFETY: writes constant bytes, which is allowed in a signal handler. Where nobody reads, nothing is lost.
+        // SAFETY: writes constant bytes, which is allowed in a signal handler. If no one reads, nothing is lost.
         let _ = unsafe { libc::write(2, said.as_ptr().cast(), said.len()) };
     }
 }

@@ -27,7 +27,7 @@ pub struct Session {
     answers: Receiver<(Ticket, Result<Reply>)>,
     /// What came before anybody asked for it.
     early: BTreeMap<Ticket, Result<Reply>>,
-    /// Tickets whose answers nobody has taken.
+    /// Tickets whose answers have not been taken.
     open: BTreeSet<Ticket>,
     next: u64,
     catalog: Catalog,
@@ -106,7 +106,7 @@ impl Session {
         self.request(Request::Submission(Box::new(submission)))
     }
 
-    /// A ticket for a scenario that somebody else drives: its answer is [`Reply::Elsewhere`], at once.
+    /// A ticket for a scenario that another process drives: its answer is [`Reply::Elsewhere`], at once.
     pub fn set_aside(&mut self) -> Ticket {
         let ticket = self.ticket();
         self.early.insert(ticket, Ok(Reply::Elsewhere));
@@ -204,7 +204,7 @@ impl Session {
         ticket
     }
 
-    /// The answer to a submission; `tick` is told now and then how many frames were driven since the session began.
+    /// The answer to a submission; `tick` is called now and then with the number of frames driven since the session began.
     ///
     /// # Errors
     /// What went wrong with it, beyond what a component did in a scenario, which is its outcome.
@@ -221,7 +221,7 @@ impl Session {
         }
     }
 
-    /// The next answer to any of these, as they come; none if all of theirs have been taken.
+    /// The next answer to any of these, in order of arrival; none if all of theirs have been taken.
     ///
     /// # Errors
     /// If the session is over.

@@ -57,7 +57,7 @@ pub enum Reply {
     InputFiles(Vec<InputFiles>),
     /// Candidates of a search.
     Proposed(Vec<Candidate>),
-    /// A scenario that somebody else drives.
+    /// A scenario that another process drives.
     Elsewhere,
     /// A component failed, so that there is no result.
     Failed(Failure),

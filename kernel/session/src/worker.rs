@@ -19,7 +19,7 @@ use pdk_loop::lines::{self, Found};
 use pdk_loop::protocol::{Answer, Done, Driven, FromWorker, Hello, Job, ToWorker, VERSION, Work};
 use pdk_loop::recorder::write_trace;
 
-/// How often a job is begun whose process somebody else kills, and how often a process is started that is killed before it is ready.
+/// How often a job is begun whose process is killed from outside, and how often a process is started that is killed before it is ready.
 const TRIES: u32 = 3;
 
 /// How long a process may take to leave that has nothing to do any more: less than it gives itself.
@@ -190,7 +190,7 @@ impl Worker {
             Found::Message(FromWorker::Done(done)) => {
                 // Whatever its components write there, only the job's own answer counts.
                 if self.job.as_ref().is_some_and(|job| job.number == done.number) {
-                    // What an earlier job, or somebody else, did to its topics does not reach a new process. A simulator that is not
+                    // What an earlier job, or another program, did to its topics does not reach a new process. A simulator that is not
                     // to be had has been waited for, and is not there for another process either.
                     // What only the user can change, a new process finds as it is.
                     let used = self.process.as_ref().is_some_and(|process| process.used);
@@ -268,7 +268,7 @@ impl Worker {
                 let sentence = self.sentence(end, &calls);
                 self.say(&FromWorker::Trouble(sentence));
             }
-            // Nobody is waiting for it, or it was killed while it started.
+            // No one is waiting for it, or it was killed while it started.
             return match self.introduced || is_blameless(end) && self.tries < TRIES {
                 true => self.start(),
                 false => Err(Error::of(end.kind(), self.sentence(end, &calls))),

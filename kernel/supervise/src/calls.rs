@@ -1,10 +1,10 @@
 //! What this process is calling right now, told to the process that supervises it.
 //!
-//! Code in a library cannot be interrupted, and may end the process in any way. So whoever runs components runs them in a
+//! Code in a library cannot be interrupted, and may end the process in any way. So pdk runs components in a
 //! process that another one supervises, and notes each call on a page of memory that both see. When the process crashes,
 //! exits or does not come back, the supervisor finds there which component was called, which function and for which frame.
 //!
-//! Noting a call costs some nanoseconds. Where nobody supervises, as in unit tests, nothing is noted.
+//! Noting a call costs some nanoseconds. Without a supervisor, as in unit tests, nothing is noted.
 
 use std::cell::Cell;
 use std::fs::File;
@@ -179,7 +179,7 @@ struct Noted {
     frame: u64,
 }
 
-/// Makes a call of a component's function; `name` is what the user is told, such as "driver `dave2`".
+/// Makes a call of a component's function; `name` is the name in messages, such as "driver `dave2`".
 pub fn call<T>(name: &str, function: Function, work: impl FnOnce() -> T) -> T {
     call_at(name, function, NO_FRAME, work)
 }
@@ -222,7 +222,7 @@ fn note(noted: Option<Noted>) {
     let name = unsafe { &*name }.as_bytes();
     let length = name.len().min(LONGEST);
     place.since.store(0, Ordering::Relaxed);
-    // Whoever sees anything of what follows also sees that the call before is over.
+    // A process that sees anything of what follows also sees that the call before is over.
     fence(Ordering::Release);
     for (to, from) in place.name.iter().zip(&name[..length]) {
         to.store(*from, Ordering::Relaxed);
@@ -251,7 +251,7 @@ pub fn begin() {
     });
 }
 
-/// Whether a supervisor looks on.
+/// Whether another process supervises this one.
 pub fn supervised() -> bool {
     PAGE.get().copied().flatten().is_some()
 }
@@ -282,7 +282,7 @@ fn map(file: &OwnedFd) -> std::io::Result<&'static Page> {
 /// A call that another process was or is in.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Seen {
-    /// The component, as the user is told.
+    /// The component's name in messages.
     pub name: String,
     /// The function.
     pub function: Function,
@@ -344,7 +344,7 @@ impl Observed {
 
 impl Drop for Observed {
     fn drop(&mut self) {
-        // SAFETY: the page was mapped by `new`, nobody else refers to it, and it is not used after this.
+        // SAFETY: the page was mapped by `new`, nothing else refers to it, and it is not used after this.
         let _ =
             unsafe { rustix::mm::munmap(std::ptr::from_ref(self.page).cast_mut().cast(), size_of::<Page>()) };
     }

@@ -47,7 +47,7 @@ pub struct Supervised {
 pub enum End {
     /// It did its work.
     Done(i32),
-    /// It left with an exit code that nobody asked it for.
+    /// It left with an exit code that was not asked for.
     Exited(i32),
     /// A signal ended it.
     Signal(i32),
@@ -149,7 +149,7 @@ pub fn kill_group(leader: u32) {
     }
 }
 
-/// Whether a signal comes from outside as a rule: from somebody who wants an end, a batch system, or a machine that is short of
+/// Whether a signal comes from outside as a rule: from a user who wants an end, a batch system, or a machine that is short of
 /// memory. A component that goes wrong is ended by others.
 pub fn is_from_outside(signal: i32) -> bool {
     matches!(signal, libc::SIGKILL | libc::SIGTERM | libc::SIGHUP | libc::SIGINT | libc::SIGQUIT)

@@ -94,7 +94,7 @@ fn seconds(nanoseconds: u64) -> f64 {
 pub struct Owner {
     /// The scenario.
     pub scenario: ScenarioId,
-    /// The digest of its outcome; empty if the drive was lost, so that nobody has computed one.
+    /// The digest of its outcome; empty if the drive was lost before it was computed.
     pub digest: String,
 }
 

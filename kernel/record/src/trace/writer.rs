@@ -205,7 +205,7 @@ impl Trace {
 }
 
 /// The name of a trace that is not complete. It is of the process that writes it: another one may write the same trace while this
-/// one has not yet noticed that nobody wants its own.
+/// one has not yet noticed that its own is not wanted.
 pub fn part_of(path: &Path, process: u32) -> PathBuf {
     path.with_extension(format!("{process}.part"))
 }

@@ -49,7 +49,7 @@ pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
     let name = fields.optional_text("name")?.unwrap_or_else(|| stem.to_owned());
     let describe_as = if mask { Description::mask } else { Description::perturbation };
     let mut description = describe_as(&name, &fields.line("doc")?);
-    // The script, which whoever found it knows.
+    // The script, which the caller knows.
     description.defined_in = String::new();
     description.family = fields.optional_text("family")?.unwrap_or_default();
     description.source = fields.optional_line("source")?;

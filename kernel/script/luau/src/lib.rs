@@ -8,7 +8,7 @@
 //! |---|---|
 //! | [`sandbox`] | the virtual machine |
 //! | [`limits`] | how much memory and time a script may use |
-//! | `watchdog` | ends calls that use up their time, or that somebody wants to stop |
+//! | `watchdog` | ends calls that use up their time, or that the user wants to stop |
 //! | `bounds` | keeps Luau's own library within the time limit |
 //! | `chunk` | compiles the text of a script |
 //! | [`modules`] | `require`, for pipelines; `places` finds the files |

@@ -1,4 +1,4 @@
-//! Ends calls that use up their time, or that somebody outside wants to stop.
+//! Ends calls that use up their time, or that the user wants to stop.
 //!
 //! Luau asks an interrupt function at every loop and call, where one is set. Asking costs as much as a tight loop's
 //! body, so none is set until a deadline has passed: a single thread looks at the deadlines of all virtual machines

@@ -1,4 +1,4 @@
-//! Who follows a run while it goes on: a person at a terminal, a program that reads lines of JSON, or nobody.
+//! Who follows a run while it goes on: a person at a terminal, a program that reads lines of JSON, or no one.
 
 use std::borrow::Cow;
 use std::cell::Cell;
@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::finished::{Finished, Summary};
 
-/// How often a program is told how far a run is.
+/// How often progress is reported to a program.
 const OFTEN: Duration = Duration::from_millis(200);
 
 /// Who follows a run.
@@ -21,13 +21,13 @@ const OFTEN: Duration = Duration::from_millis(200);
 pub enum Audience {
     /// A person: progress bars on standard error, tables on standard output.
     Person,
-    /// A program, which is told everything on standard output: see [`Told`].
+    /// A program, which gets everything on standard output: see [`Told`].
     Program,
-    /// Nobody.
-    Nobody,
+    /// No one: only the result counts.
+    None,
 }
 
-/// What a program is told, a line of JSON each. `docs/session-protocol.md` is the page about it.
+/// The messages to a program, a line of JSON each. `docs/session-protocol.md` is the page about it.
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Told<'a> {
@@ -40,7 +40,7 @@ pub enum Told<'a> {
         /// How many scenarios are driven at the same time.
         slots: usize,
     },
-    /// This many frames of this many are done.
+    /// This many frames are done, of a total.
     Progress {
         /// Frames that are done.
         frames: u64,
@@ -66,7 +66,7 @@ pub enum Told<'a> {
     },
 }
 
-/// An error as a program is told it.
+/// An error in a message to a program.
 #[derive(Debug, Serialize)]
 pub struct Failed<'a> {
     /// Its kind.
@@ -151,7 +151,7 @@ impl Progress {
         match self.audience {
             Audience::Person => self.bar.suspend(|| println!("{text}")),
             Audience::Program => tell(&Told::Text(&pdk_notice::printable(text))),
-            Audience::Nobody => {}
+            Audience::None => {}
         }
     }
 }

@@ -116,7 +116,7 @@ impl Host {
         Ok(serde_json::to_value(self.session.catalog())?)
     }
 
-    /// What scenarios have where nobody says it.
+    /// The defaults of scenarios.
     pub(crate) fn defaults(&self) -> Defaults {
         let simulators = self.session.catalog().of_kind(Kind::Simulator);
         let own_clock = simulators.filter(|entry| !entry.description.clock.is_stepped());

@@ -8,7 +8,7 @@
 //! | [`mod@run`] | runs a pipeline to its end |
 //! | [`remote`] | a pipeline that is another program |
 //! | [`finished`], `outcomes` | what a run came to, and each of its scenarios |
-//! | [`follow`] | who is told how far a run is |
+//! | [`follow`] | to whom progress is reported |
 //! | [`api`] | what a pipeline can call; `session_object` is what `pdk.session` returns; both over `bridge` |
 //! | [`host`] | what stands behind it: settings, session, record |
 //! | `requests` | what a pipeline writes, as scenarios and evaluations; `fields` reads tables, `values` crosses from Lua |

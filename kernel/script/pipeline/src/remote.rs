@@ -60,10 +60,10 @@ enum Call {
     End {},
 }
 
-/// Hears what comes on standard input. Where that ends before the pipeline is at its end, the program is gone, and with it whoever
+/// Hears what comes on standard input. If that ends before the pipeline does, the program is gone, and with it the reader
 /// wants outcomes; for a pipeline in Lua any end of the input says so.
 fn listen(calls: Option<mpsc::Sender<Found<Call>>>) -> Result<()> {
-    let (sender, nobody) = mpsc::channel();
+    let (sender, unused) = mpsc::channel();
     let sender = calls.unwrap_or(sender);
     let over = Cell::new(false);
     let hear = move |found: Found<Call>| {
@@ -76,7 +76,7 @@ fn listen(calls: Option<mpsc::Sender<Found<Call>>>) -> Result<()> {
     };
     let listening = std::thread::Builder::new().name("program".into()).spawn(move || {
         // Kept, so that reading goes on to the end.
-        let _nobody = nobody;
+        let _unused = unused;
         lines::read_all(io::stdin().lock(), &sender, hear);
     });
     listening.map(drop).place("cannot start a thread")

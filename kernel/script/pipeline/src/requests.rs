@@ -20,7 +20,7 @@ const LONGEST: f64 = 86_400.0;
 /// Writes [`Shared`] from a list of `field: type, how it is read`.
 macro_rules! shared {
     ($($name:ident: $type:ty, $read:ident;)*) => {
-        /// What a request may say for all of its scenarios, and a scenario for itself; none if nobody says it.
+        /// What a request may say for all of its scenarios, and a scenario for itself; none if it is not set.
         #[derive(Debug, Clone, Default)]
         struct Shared {
             $($name: Option<$type>,)*
@@ -93,7 +93,7 @@ pub struct Defaults {
 }
 
 impl Defaults {
-    /// What is there if nobody says anything; `own_clock` names the simulators with their own clock, which are driven in real
+    /// The default; `own_clock` names the simulators with their own clock, which are driven in real
     /// time only.
     pub fn new(seed: u64, own_clock: BTreeSet<String>) -> Self {
         Self { shared: Shared::default(), seed, own_clock }

@@ -73,7 +73,7 @@ impl Script {
         Ok(Self { path: file.to_owned(), source, folder: Some(folder.to_owned()) })
     }
 
-    /// A program whose text nobody knows, such as what is typed at a prompt.
+    /// A program whose text is not known, such as what is typed at a prompt.
     pub(crate) fn without_text(name: &str) -> Self {
         Self { path: name.into(), source: String::new(), folder: None }
     }

@@ -42,7 +42,7 @@ impl SessionObject {
 pub const SESSION: ApiClass<SessionObject> = ApiClass {
     name: "Session",
     doc: "Scenarios on their way to outcomes. What is submitted is driven as workers get free, while the pipeline goes on; what \
-          nobody has waited for is driven before the run ends.",
+          the script has not waited for is driven before the run ends.",
     properties: &[],
     methods: &[
         ApiMethod {
@@ -68,7 +68,7 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
         ApiMethod {
             name: "next",
             signature: "() -> (Outcome & { ticket: number })?",
-            doc: "Waits for the next outcome, as they come, whichever it is; nothing if all have been taken. What comes first \
+            doc: "Waits for the next outcome, in order of arrival. Returns nil if all have been taken. What comes first \
                   depends on the machine: a pipeline whose way depends on it takes another one each time.",
             add: |registry, name| {
                 registry

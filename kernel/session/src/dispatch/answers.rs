@@ -25,11 +25,11 @@ use pdk_loop::recorder::write_trace;
 const TRIES: u32 = 3;
 /// How much longer than its calls a worker of this machine may take to be ready, or to report on its job.
 const GRACE: Duration = Duration::from_secs(30);
-/// After so long the user is told what is being waited for.
+/// After this time pdk reports what it is waiting for.
 const TOLD: Duration = Duration::from_secs(10);
 
 impl Dispatch {
-    /// Takes in what a worker says on a connection; `introduce` is told what the first one has.
+    /// Takes in what a worker sends on a connection; `introduce` is called with what the first one has.
     pub(super) fn hear(
         &mut self,
         number: u64,
@@ -182,7 +182,7 @@ impl Dispatch {
     }
 
     pub(super) fn answer(&self, ticket: Ticket, answer: Result<Reply>) {
-        // Whoever asked may have gone.
+        // The requester may be gone.
         let _ = self.answers.send((ticket, answer));
     }
 
@@ -218,7 +218,7 @@ impl Dispatch {
     }
 
     /// Ends what has been silent for longer than all of its calls may take: a worker of this machine says something five times a
-    /// second. A pool may take its time, such as a cluster that is busy; the user is told that it is waited for.
+    /// second. A pool may take its time, such as a cluster that is busy; pdk reports that it is waiting.
     pub(super) fn look_for_silent(&mut self) -> Result<()> {
         let patience = self.options.limits.patience;
         let (Pool::Here(_) | Pool::Usual) = self.options.pool else {
@@ -261,7 +261,7 @@ fn said(end: Option<ExitStatus>) -> String {
     end.map_or_else(|| "it closed its output and did not end".to_owned(), |status| status.to_string())
 }
 
-/// Writes the trace of a scenario that a pool has given up: whoever was to write it was lost.
+/// Writes the trace of a scenario that a pool has given up: the process that was to write it was lost.
 fn complete_trace(work: &Work, outcome: &Outcome) -> Result<()> {
     match (work, &outcome.error) {
         (Work::Drive(drive), Some(message)) if drive.trace.as_ref().is_some_and(|path| !path.exists()) => {

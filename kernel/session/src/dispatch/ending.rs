@@ -16,7 +16,7 @@ use pdk_loop::protocol::{FromWorker, Ready, Work};
 
 /// How long a worker may take to leave that has nothing to do any more: longer than it gives its own process.
 const LEAVE: Duration = Duration::from_secs(12);
-/// How long a worker may take to leave whose work nobody wants any more.
+/// How long a worker whose work is not wanted any more may take to leave.
 const DROP: Duration = Duration::from_secs(3);
 /// How long what a worker said last may be on its way.
 const LAST_WORDS: Duration = Duration::from_secs(1);
@@ -24,7 +24,7 @@ const LAST_WORDS: Duration = Duration::from_secs(1);
 const UNDER_WAY: Duration = Duration::from_secs(1);
 
 impl Dispatch {
-    /// Nothing more can be done: everybody is told so.
+    /// Nothing more can be done: every requester gets the error.
     pub(super) fn fail(&mut self, error: Error, introduce: &mut Option<&Sender<Result<Ready>>>) {
         if let Some(introduce) = introduce.take() {
             let _ = introduce.send(Err(error.clone()));
@@ -55,7 +55,7 @@ impl Dispatch {
         self.drop_tasks(dropped);
     }
 
-    /// These are not done: everybody who waits for them is told so.
+    /// These are not done: every requester that waits for them gets the error.
     pub(super) fn drop_tasks(&mut self, numbers: Vec<u64>) {
         for number in numbers {
             // Its worker may have completed the trace just before it left; without a line it is of no scenario.

@@ -1,4 +1,4 @@
-//! What the session's thread is told.
+//! The messages to the session's thread.
 
 use std::sync::mpsc::Sender;
 
@@ -9,21 +9,21 @@ use pdk_sdk::error::Result;
 use super::book::Record;
 use crate::submission::{Submission, Ticket};
 
-/// What the thread is told.
+/// A message to the thread.
 pub enum Event {
-    /// Somebody wants something.
+    /// A request.
     Submit(Ticket, Request),
     /// Record scenarios from now on.
     Record(Record),
     /// Put the ledger in order.
     Finish(Sender<Result<()>>),
-    /// Nobody wants anything any more.
+    /// No more requests come.
     Close,
     /// A worker says something, on this connection.
     Worker(u64, Found<FromWorker>),
 }
 
-/// Something that somebody wants.
+/// A request.
 pub enum Request {
     /// A scenario, to be recorded.
     Submission(Box<Submission>),

@@ -31,7 +31,7 @@ pub struct Task {
 }
 
 impl Task {
-    /// A task for whoever has this ticket.
+    /// A task for the holder of this ticket.
     pub fn new(work: Work, submission: Option<Box<Submission>>, ticket: Ticket) -> Self {
         let now = Instant::now();
         Self {

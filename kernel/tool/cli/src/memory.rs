@@ -46,7 +46,7 @@ unsafe impl GlobalAlloc for Watched {
     }
 }
 
-/// From here on, an abort for want of memory is said. In a process that another one supervises it stays an abort, which that one reports.
+/// From here on, an abort for lack of memory is reported. In a process that another one supervises it stays an abort, which that one reports.
 ///
 /// # Errors
 /// If the system does not allow it.

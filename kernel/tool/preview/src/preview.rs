@@ -106,7 +106,7 @@ pub fn chosen(catalog: &Catalog, named: &[String], all: bool) -> Result<Vec<Show
     named.iter().map(shown).collect()
 }
 
-/// What has to be set to show a component: nothing, or else what its first example says that will do; none if it needs
+/// What has to be set to show a component: nothing, or the parameters of its first example; none if it needs
 /// something of the user's.
 fn settings(description: &Description) -> Option<Map<String, Value>> {
     let nothing = Map::new();

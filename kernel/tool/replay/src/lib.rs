@@ -20,7 +20,7 @@
 //! | [`shrink`] | the simplest scenario that still fails like a recorded one |
 //! | [`clip`] | a video of one scenario, made from its new trace; `gauge` draws the quantities below the frames |
 //!
-//! What a replay finds is told as data ([`compare::Compared`]); that a difference makes the command fail is for the command line
+//! The findings of a replay are data ([`compare::Compared`]); that a difference makes the command fail is for the command line
 //! to decide. The record is only read.
 
 pub mod clip;

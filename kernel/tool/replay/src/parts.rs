@@ -192,7 +192,7 @@ fn said_before(manifest: &Manifest, driver: &ComponentSpec) -> Vec<(String, Stri
     manifest.components.iter().find(same).map_or_else(Vec::new, |component| component.info.clone())
 }
 
-/// What is said of a component that is not there.
+/// The message about a component that is missing.
 fn missing(manifest: &Manifest, kind: Kind, name: &str, error: &Error) -> Error {
     let shown = manifest.files.iter().find(|file| drop_in_name(&file.path) == name);
     let recorded = manifest.components.iter().find(|c| c.kind == kind && c.name == name);

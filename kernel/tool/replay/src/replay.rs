@@ -130,7 +130,7 @@ impl Replay {
     /// is over afterwards. Ctrl-C ends it as it ends a run, so that the traces in the temporary folder do not stay.
     ///
     /// # Errors
-    /// If the session cannot go on, or the video cannot be written. What is wrong with a recorded trace is said of its scenario.
+    /// If the session cannot go on, or the video cannot be written. A damaged trace is reported for its scenario.
     pub fn drive(&self, session: Session, film: Option<&Film>, progress: &ProgressBar) -> Result<Replayed> {
         interrupt::watch()?;
         let folder = tempfile::Builder::new()

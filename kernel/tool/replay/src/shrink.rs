@@ -18,7 +18,7 @@ use pdk_statistics::estimate::{CONFIDENCE, Estimate};
 use pdk_statistics::share::share;
 use serde_json::Value;
 
-/// Duration is told in steps of this, in seconds.
+/// Duration is reported in steps of this, in seconds.
 const TENTH: f64 = 0.1;
 /// A road has at least this many nodes.
 const FEWEST_NODES: usize = 2;
@@ -267,7 +267,7 @@ impl Shrinking<'_> {
         self.take_first(vec![(scenario, format!("{duration} s instead of {before} s"))]).map(drop)
     }
 
-    /// Under how many of this many fresh seeds it fails, of those under which no component failed, which says nothing about it.
+    /// Under how many of the fresh seeds it fails, of those under which no component failed, which says nothing about it.
     fn fresh(&mut self, draws: usize) -> Result<(usize, usize)> {
         let Scenario { seed, ref road, .. } = self.scenario;
         let seeds: Vec<u64> = (1..=draws as u64).map(|repeat| seed_of(seed, road, repeat)).collect();

@@ -37,7 +37,7 @@ pub struct Section {
     conclusions: Conclusions,
     curves: Vec<Chart>,
     roads: Vec<Picture>,
-    /// What is said about roads without a picture.
+    /// The sentence about roads without a picture.
     road_note: String,
     classes: Vec<Class>,
     failures: Vec<Failure>,
@@ -239,7 +239,7 @@ pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section>
     })
 }
 
-/// What is said about scenarios whose road or path is not in the pictures, of which there are this many.
+/// The sentence about this many scenarios whose road or path is not in the pictures.
 fn road_note(drive: &Drive, pictures: usize) -> String {
     let mut sentences = Vec::new();
     if pictures > PICTURES {

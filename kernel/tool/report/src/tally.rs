@@ -128,7 +128,7 @@ impl Tally {
         }
     }
 
-    /// What is said about it in a sentence without its beginning, such as "3 of 10 failed (11 to 60 %), 1 of them stopped, ...".
+    /// The end of a sentence about it, such as "3 of 10 failed (11 to 60 %), 1 of them stopped, ...".
     pub fn told(&self) -> String {
         let mut parts = vec![format!("{} of {} failed", self.failed, self.judged)];
         if let Some(Estimate { low, high, .. }) = self.estimate().filter(|_| self.roads.len() > 1) {

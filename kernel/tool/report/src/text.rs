@@ -1,6 +1,6 @@
 //! Numbers, dates, addresses and pictures as text.
 
-/// A number that somebody chose, such as a level: as short as it can be.
+/// A number that a person chose, such as a level: as short as it can be.
 pub fn short(value: f64) -> String {
     format!("{}", (value * 1e6).round() / 1e6)
 }

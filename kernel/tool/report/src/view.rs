@@ -100,7 +100,7 @@ pub struct Scenario {
     pub perturbation: Option<String>,
     /// The level of the perturbation; none if it has none, or no single one.
     pub level: Option<f64>,
-    /// The number of its road in [`Drive::roads`]; none if the simulator did not tell.
+    /// The number of its road in [`Drive::roads`]; none if the simulator did not report it.
     pub road: Option<usize>,
     /// What tells its road from the others of the run.
     pub road_id: String,
@@ -156,7 +156,7 @@ pub struct Shot {
     pub raw: Vec<u8>,
     /// As the driver saw it.
     pub perturbed: Vec<u8>,
-    /// As the driver saw it, with what its network looked at laid over; empty if nobody asked for it.
+    /// As the driver saw it, with what its network looked at laid over; empty if it was not asked for.
     pub attention: Vec<u8>,
 }
 

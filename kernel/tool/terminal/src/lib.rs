@@ -5,7 +5,7 @@ pub mod text;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// A progress bar on standard error with these numbers behind it; nothing if nobody reads along or it is not a terminal.
+/// A progress bar on standard error with these numbers behind it; nothing if standard error is not a terminal.
 pub fn progress(quiet: bool, numbers: &str) -> ProgressBar {
     let target = match quiet {
         true => ProgressDrawTarget::hidden(),

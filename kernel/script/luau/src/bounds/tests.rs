@@ -187,7 +187,7 @@ fn the_replaced_functions_do_what_luaus_do() {
             Value::String(found) => found.to_string_lossy(),
             other => panic!("{other:?}"),
         };
-        // The message has the line where Luau's own function is called by the script itself; otherwise whoever shows the message
+        // The message has the line where Luau's own function is called by the script itself; otherwise the code that shows the message
         // puts it there.
         assert_eq!(found.replace("foo.lua:1: ", ""), expected.replace("foo.lua:1: ", ""), "{call}");
     }

@@ -18,7 +18,7 @@ const LIBRARY: &[BuiltInScript] = &[
     BuiltInScript { name: "parts/part", file: "parts/part.lua", source: "return { value = 'p' }" },
 ];
 
-/// A pipeline's folder with files, beside a file that nobody may see.
+/// A pipeline's folder with files, beside a file that scripts may not see.
 struct Place {
     place: TempDir,
     /// Those of the latest run.

@@ -372,7 +372,7 @@ fn a_pipeline_has_its_time_again_after_each_host_function() {
 }
 
 #[test]
-fn a_script_ends_when_somebody_wants_to_stop() {
+fn a_script_ends_when_the_user_stops_it() {
     static WANTED: std::sync::atomic::AtomicBool = std::sync::atomic::AtomicBool::new(false);
     let wanted = |wanted| WANTED.store(wanted, std::sync::atomic::Ordering::SeqCst);
     let long = Limits { time: Duration::from_secs(100), renewed: true, ..limits() };

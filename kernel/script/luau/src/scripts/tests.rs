@@ -43,7 +43,7 @@ fn a_table_with_apply_is_a_perturbation_wherever_it_lies() {
             "foo.lua: the perturbation has an unknown field `aply`; did you mean `apply`?"
         );
     }
-    // What is in a text or in a function that nobody calls does not count.
+    // What is in a text or in a function that is never called does not count.
     for source in [
         "local text = 'pdk.drive(' return { doc = 'x', apply = print }",
         "local function unused() pdk.drive({}) require('./x') end return { doc = 'x', apply = unused }",

@@ -2,7 +2,7 @@
 
 use std::time::SystemTime;
 
-/// What the user is told at the end.
+/// What is reported to the user at the end.
 pub(super) struct Account {
     /// How fast it went, a line each, for people.
     pub speed: Vec<String>,

@@ -88,7 +88,7 @@ impl Host {
         }
     }
 
-    /// Waits for the next of several outcomes, as they come; none if there is none left.
+    /// Waits for the next of several outcomes, in order of arrival; none if all have been taken.
     pub(crate) fn next(&mut self, among: &BTreeSet<Ticket>) -> Result<Option<(Ticket, Result<Value>)>> {
         let taken = self.take_next(among)?;
         Ok(taken.map(|ticket| (ticket, self.row(ticket))))

@@ -96,8 +96,8 @@ impl Host {
         of_good.map(|(_, error)| error.to_string()).collect()
     }
 
-    /// Takes the outcomes that nobody has waited for: all where the script came to its end, and what was in flight where the user
-    /// interrupted it. After an error of the script there is nobody who wants them.
+    /// Takes the outcomes that the script has not waited for: all if the script came to its end, and those in flight if the user
+    /// interrupted it. After an error of the script they are not wanted.
     fn take_rest(&mut self) -> Result<()> {
         let mut rest = self.scenarios.rest();
         let mut result = Ok(());

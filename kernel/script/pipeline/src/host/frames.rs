@@ -12,7 +12,7 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    /// A bar for whoever follows the run.
+    /// A bar for the user who follows the run.
     pub fn new(audience: Audience) -> Self {
         Self {
             progress: Progress::new(audience, "{pos}/{len} frames, {per_sec}, {eta} left"),

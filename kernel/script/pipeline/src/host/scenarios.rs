@@ -43,7 +43,7 @@ impl Scenarios {
         self.outcomes.len() == self.submitted.len()
     }
 
-    /// The tickets whose outcomes nobody has taken.
+    /// The tickets whose outcomes have not been taken.
     pub fn rest(&self) -> BTreeSet<Ticket> {
         self.submitted.keys().filter(|ticket| !self.outcomes.contains_key(ticket)).copied().collect()
     }

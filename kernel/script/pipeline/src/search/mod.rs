@@ -1,6 +1,6 @@
 //! `pdk.search`: a strategy proposes candidates, a function of the pipeline evaluates them, and the results go back to the strategy.
 //!
-//! Which candidates there are, and in which order, follows from the request and the seed. Results are told in the order of the
+//! Which candidates there are, and in which order, follows from the request and the seed. Results are handed over in the order of the
 //! candidates, whenever they come, and a strategy does not let a candidate depend on how many it was told at once. A candidate
 //! that was evaluated before is answered with that result.
 //!

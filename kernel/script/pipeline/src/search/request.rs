@@ -209,7 +209,7 @@ fn constraints(lua: &Lua, table: &Table) -> mlua::Result<(Vec<Function>, Vec<Con
 fn variables(space: Value) -> Result<Vec<Variable>> {
     let table = match space {
         Value::Object(table) => table,
-        // Whoever checks the space says that there is nothing in it.
+        // The check of the space reports that there is nothing in it.
         Value::Array(list) if list.is_empty() => Map::new(),
         other => {
             return Err(mistake(&format!(

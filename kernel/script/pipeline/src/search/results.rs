@@ -182,7 +182,7 @@ fn line(text: &mut String, cells: impl Iterator<Item = String>) {
     text.push_str("\r\n");
 }
 
-/// What is told of a candidate.
+/// The result of a candidate, as a strategy receives it.
 fn test(summary: &Summary<'_>, number: usize) -> Value {
     let trial = &summary.trials.all()[number];
     let mut test = Map::new();

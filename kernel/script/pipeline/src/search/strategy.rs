@@ -21,7 +21,7 @@ const MOST: u64 = 100_000;
 
 /// The strategy of a search.
 pub enum Strategy {
-    /// A component, in the process of this session. It does not let candidates depend on when it is told results.
+    /// A component, in the process of this session. Its candidates do not depend on when it gets results.
     Component {
         /// Its session.
         session: Box<Session>,
@@ -30,7 +30,7 @@ pub enum Strategy {
         /// What it is called in errors.
         name: String,
     },
-    /// Functions. They are told all results of a batch before they are asked for the next one, so that what they propose does
+    /// Functions. They get all results of a batch before they are asked for the next one, so that what they propose does
     /// not depend on when results come, however they are written.
     Functions {
         /// `ask`.
@@ -144,7 +144,7 @@ impl Strategy {
     }
 }
 
-/// What functions are told of a candidate.
+/// The result of a candidate, as functions receive it.
 fn row(result: &Evaluated, values: &Map<String, Value>) -> Value {
     json!({
         "id": result.id,

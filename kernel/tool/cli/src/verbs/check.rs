@@ -36,7 +36,7 @@ pub struct Arguments {
     /// Set a parameter of a component, such as a file that it needs
     #[arg(long = "set", value_name = "COMPONENT.PARAMETER=VALUE")]
     values: Vec<Override>,
-    /// Load the plugin in this very process, leave out this many checks of components, and report in JSON lines
+    /// Load the plugin in this process, skip this many component checks, and report in JSON lines
     #[arg(long, hide = true)]
     worker: Option<usize>,
 }

@@ -30,7 +30,7 @@ fn pipeline_help() -> String {
 
 /// Runs a pipeline and says where its record is.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
-    let audience = if global.json { Audience::Nobody } else { Audience::Person };
+    let audience = if global.json { Audience::None } else { Audience::Person };
     let options = arguments.settings.options(global, audience)?;
     let finished = run::run(&arguments.pipeline, options)?;
     for warning in &finished.warnings {

@@ -226,7 +226,7 @@ fn walk(nodes: &[Node], place: usize, depth: usize, words: &str, lines: &mut Vec
         evaluations: node.evaluations,
         critical: node.critical,
     });
-    // Each node stands before those beneath it, so that this ends also for a file that somebody wrote.
+    // Each node stands before those beneath it, so that this also ends for a file that was written by hand.
     if let Some(split) = node.split.as_ref().filter(|split| split.below > place && split.above > place) {
         walk(nodes, split.below, depth + 1, &split.condition, lines);
         walk(nodes, split.above, depth + 1, &format!("not {}", split.condition), lines);

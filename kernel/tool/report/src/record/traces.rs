@@ -96,7 +96,7 @@ fn bytes(shots: &[Shot]) -> usize {
     shots.iter().map(|shot| shot.raw.len() + shot.perturbed.len() + shot.attention.len()).sum()
 }
 
-/// The centre line of a road, seen from above; none if the simulator did not tell.
+/// The centre line of a road, seen from above; none if the simulator did not report it.
 fn road(waypoints: &str) -> Result<Option<Vec<[f64; 2]>>> {
     if waypoints.is_empty() {
         return Ok(None);

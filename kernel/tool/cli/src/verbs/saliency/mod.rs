@@ -48,7 +48,7 @@ pub struct Arguments {
     /// Which number of the network is explained, by methods that explain one
     #[arg(long, value_parser = ["steering", "throttle"], default_value = "steering")]
     explain: String,
-    /// The speed that a network which takes one is told, in metres per second; frames of a record bring their own
+    /// The speed for a network with a speed input, in metres per second; frames of a record have their own
     #[arg(long, default_value_t = 8.0)]
     speed: f64,
     /// Only this many frames of a folder, spread evenly over it
