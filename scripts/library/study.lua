@@ -26,7 +26,7 @@ function study.count(settings, name: string, callers: number?)
 end
 
 -- The perturbations and the levels of a study, each once and the levels in order. `counts` names the settings that have to be whole
--- numbers of at least 1. Where no perturbations are set, it is the default set. What is wrong with these is said before anything is driven.
+-- numbers of at least 1. Where no perturbations are set, it is the default set. They are checked before anything is driven.
 function study.checked(settings, counts: { string }): ({ string }, { number })
 	local names = once(settings.perturbations)
 	if #names == 0 then
@@ -201,7 +201,7 @@ function study.roads(settings, repeats: number, driver)
 	return driven, left_out
 end
 
--- What is said where nobody managed any road, from what ended their drives, and what to do.
+-- The message if no driver managed any road: what ended the drives, and what to do.
 function study.nothing_managed(settings, who: string, left_out): string
 	local late = #left_out > 0
 	for _, road in left_out do

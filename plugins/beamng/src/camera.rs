@@ -18,7 +18,7 @@ pub const NAME: &str = "pdk_camera";
 /// How often it is asked whether a frame is ready.
 const TICK: Duration = Duration::from_millis(1);
 
-/// What is said when it is opened. The vehicle faces towards its own -y.
+/// The message that opens it. The vehicle faces towards its own -y.
 pub fn opening(options: &Options, vehicle: &'static str) -> Vec<(&'static str, Value)> {
     let (width, height) = (options.mount.camera.width, options.mount.camera.height);
     let half =

@@ -119,7 +119,7 @@ impl Messages {
             let Some(answer) = answer else {
                 return Err(self.nonsense(format!("answers `{what}` with what is not a MessagePack map")));
             };
-            // Answers that nobody waits for any more are dropped.
+            // Answers that are no longer waited for are dropped.
             if field(&answer, "_id").as_u64() != Some(number) {
                 continue;
             }

@@ -338,7 +338,7 @@ impl Session {
 }
 
 impl Drop for Session {
-    /// Leaves the game as it was found; what cannot be put back is not, since nobody can do anything about it.
+    /// Leaves the game as it was found; what cannot be put back is left as it is, because there is no remedy.
     fn drop(&mut self) {
         let limit = || Deadline::new(LEAVE, "answer_seconds");
         if self.path.is_none() {

@@ -51,7 +51,7 @@ pub fn labels(pixels: &[u8], version: Version, into: &mut [u8]) -> Result<()> {
     fits(pixels, into.len())?;
     let tags: &[u8] = if version < Version::CITYSCAPES { &TAGS_0_9_13 } else { &TAGS };
     for (pixel, label) in pixels.chunks_exact(3).zip(into) {
-        // A tag that somebody has added is something else.
+        // A tag that was added to CARLA's own is something else.
         *label = tags.get(usize::from(pixel[0])).copied().unwrap_or(0);
     }
     Ok(())

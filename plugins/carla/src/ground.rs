@@ -6,7 +6,7 @@ use pdk_sdk::serde_json::{Map, Value};
 
 /// Shortest and longest road in metres.
 const LENGTHS: (f64, f64) = (10.0, 5_000.0);
-/// How far a lane of a map is followed where nobody says it, in metres.
+/// How far a lane of a map is followed by default, in metres.
 const FOLLOWED: f64 = 200.0;
 
 /// The road that a scenario wants.

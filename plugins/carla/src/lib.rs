@@ -3,7 +3,7 @@
 //! CARLA is a server. Requests and answers go over one connection, as MessagePack-RPC ([`rpc`], [`server`]); what its sensors see and the
 //! state of the world come over a further connection each ([`stream`], [`snapshot`]). The adapter builds the road of the scenario
 //! ([`ground`]) or loads a map, and puts a vehicle with cameras on it ([`blueprint`], [`sensors`], [`stage`]). The server stands still between two
-//! frames: it is told to go on by one step, and then has sent everything that belongs to it. Whatever ends this process, the server is
+//! frames: it gets the request to advance by one step, and then has sent everything that belongs to it. Whatever ends this process, the server is
 //! left as it was found ([`will`]).
 //!
 //! CARLA's axes are x ahead, y to the right, z up, with yaw clockwise in degrees ([`axes`]): its x is our z, its y our x, its z our height.

@@ -19,7 +19,7 @@ pub struct Rpc {
     next: u32,
 }
 
-/// A request as it goes over the wire. With `no_answer` the server is told that nobody waits for what comes of it.
+/// A request as it goes over the wire. With `no_answer` the request says that no answer is wanted.
 pub fn request(number: u32, name: &str, no_answer: bool, arguments: Vec<Value>) -> Vec<u8> {
     let mut all = vec![array([Value::Boolean(no_answer)])];
     all.extend(arguments);
@@ -47,7 +47,7 @@ impl Rpc {
         self.connection.has_bytes(1).is_ok()
     }
 
-    /// Sends a request and returns its number, by which its answer is told.
+    /// Sends a request and returns its number, which its answer carries.
     ///
     /// # Errors
     /// If the server is gone or takes nothing.
@@ -58,7 +58,7 @@ impl Rpc {
         Ok(number)
     }
 
-    /// The answer to request `number`, whose name was `name`; what nobody waits for any more is dropped.
+    /// The answer to request `number`, whose name was `name`; an answer that is no longer waited for is dropped.
     ///
     /// # Errors
     /// If the server is gone, does not answer in time, answers what is not an answer, or refuses the request.
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn answers_are_told_apart_from_refusals_and_from_those_of_others() {
         assert_eq!(answered(&good(0, 75.into())), Ok(75.into()));
-        // An answer that nobody waits for comes first.
+        // An answer that is not waited for comes first.
         assert_eq!(answered(&[good(9, 1.into()), good(0, 75.into())].concat()), Ok(75.into()));
         let done = array([array([Value::Boolean(false)])]);
         assert_eq!(answered(&message([0.into(), Value::Nil, done])), Ok(Value::Nil));

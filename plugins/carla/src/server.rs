@@ -174,7 +174,7 @@ impl Server {
         self.arrange()
     }
 
-    /// Arranges what is said where this process is ended from outside.
+    /// Arranges the requests that are sent if this process is ended from outside.
     fn arrange(&mut self) -> Result<()> {
         let mut words = Vec::new();
         for (number, actor) in (0..).zip(self.actors.iter().rev()) {

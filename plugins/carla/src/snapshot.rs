@@ -1,4 +1,4 @@
-//! The state of the world at one frame, as the server sends it to whoever looks on.
+//! The state of the world at one frame, as the server sends it to every client.
 
 use crate::axes;
 

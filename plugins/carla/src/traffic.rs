@@ -33,7 +33,7 @@ impl Fleet {
     /// The vehicles that are wanted on a lane; `front` is from the middle of the ego vehicle to its front, in metres.
     ///
     /// # Errors
-    /// If oncoming vehicles are wanted on a lane of a map, of which nobody knows where the other lane is.
+    /// If oncoming vehicles are wanted on a lane of a map, whose other lane is not known.
     pub fn new(wanted: Wanted, lane: &Lane, front: f64, seed: u64) -> Result<Self> {
         if wanted.oncoming > 0.0 && !lane.has_opposite {
             return Err(Error::new(

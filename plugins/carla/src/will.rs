@@ -79,7 +79,7 @@ impl Will {
             0 => unsafe { wait_and_speak(page, wait.as_raw_fd(), connection.as_raw_fd()) },
             -1 => {
                 let error = std::io::Error::last_os_error();
-                // SAFETY: it was mapped above, and nobody has it.
+                // SAFETY: it was mapped above, and nothing else refers to it.
                 unsafe { libc::munmap(page.cast(), size_of::<Page>()) };
                 Err(cannot(error))
             }
@@ -121,7 +121,7 @@ impl Drop for Will {
         if let Some(mut leash) = self.leash.take() {
             let _ = leash.write_all(&[1]);
         }
-        // SAFETY: it is a child of this process that nobody else waits for; the page was mapped by this value.
+        // SAFETY: it is a child of this process that nothing else waits for; the page was mapped by this value.
         unsafe {
             libc::waitpid(self.copy, ptr::null_mut(), 0);
             libc::munmap(self.page.cast(), size_of::<Page>());
@@ -137,7 +137,7 @@ unsafe fn wait_and_speak(page: *const Page, wait: RawFd, connection: RawFd) -> !
     // SAFETY: system calls on numbers and on memory of this function, and on a page that is mapped here too. After a fork nothing else is
     // safe.
     unsafe {
-        // Whoever ends the group of this process does not mean its copy.
+        // A signal to the group of this process is not meant for its copy.
         libc::setsid();
         // Where this process had closed its standard files, these two may have their numbers.
         let (wait, connection) =

@@ -1,4 +1,4 @@
-//! The files of a dataset, which lie in its folder. Whoever wrote the records of a dataset does not choose what is read of the rest
+//! The files of a dataset, which lie in its folder. The author of a dataset's records does not choose what is read of the rest
 //! of the machine.
 
 use std::path::{Component, Path, PathBuf};

@@ -155,7 +155,7 @@ impl Donkey {
 impl Drop for Donkey {
     fn drop(&mut self) {
         let Some(mut link) = self.link.take() else { return };
-        // Whoever comes next finds a car that stands, and the menu. Where the simulator is gone, that is all right too.
+        // The next client finds a car that stands, and the menu. If the simulator is gone, that is all right too.
         let soon = Deadline::new(Duration::from_millis(200), "answer_seconds");
         let said = link.brake(&soon);
         if said.is_ok() && self.options.build == Build::Current {
@@ -224,7 +224,7 @@ impl Link {
         let began = Instant::now();
         let mut standing = 0;
         loop {
-            // As long as telemetry comes, what is said in the end is where the car is.
+            // As long as telemetry comes, the message in the end is about where the car is.
             let each = options.settings.answering();
             self.wire.keep_apart();
             self.brake(&each)?;
@@ -386,7 +386,7 @@ impl Drive {
             telemetry.cross_track_error.or(place.map(|place| place.cross_track_error))
         else {
             return Err(mistake(format!(
-                "{} sends no cross-track error, and no position on a road that is known, so nobody can tell whether its car keeps its lane; \
+                "{} sends no cross-track error, and no position on a road that is known, so pdk cannot judge whether its car keeps its lane; \
                  choose a scene with a path, and have extended telemetry sent",
                 wire.station
             )));

@@ -69,7 +69,7 @@ fn choose_scene(wire: &mut Wire, options: &Options, deadline: &Deadline, version
                 )));
             }
             Said::Car if chosen => return Ok(()),
-            // Somebody else has chosen a scene before.
+            // Another client has chosen a scene before.
             Said::Car if !left => {
                 wire.send("exit_scene", &[], deadline)?;
                 left = true;

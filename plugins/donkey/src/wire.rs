@@ -16,7 +16,7 @@ const LONGEST_SENT: usize = 8142;
 pub const ROOM: usize = LONGEST_SENT - 100;
 /// Two messages between which nothing was heard may not be read together.
 const GAP: Duration = Duration::from_millis(50);
-/// How long the simulator may take to hang up when it is said goodbye.
+/// How long the simulator may take to close the connection after the last message.
 const GOODBYE: Duration = Duration::from_millis(300);
 
 /// A connection to the simulator of a station.

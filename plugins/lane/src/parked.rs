@@ -6,7 +6,7 @@ use pdk_sdk::prelude::Random;
 
 /// From the middle of a lane to that of a vehicle parked beside it, in metres: between the two is room for a door.
 const ASIDE: f64 = 3.75;
-/// Nobody parks before this distance along the road, in metres.
+/// No vehicle is parked before this distance along the road, in metres.
 const FIRST: f64 = 30.0;
 /// What their paint is multiplied with.
 const PAINTS: [[f32; 3]; 5] =

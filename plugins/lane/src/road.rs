@@ -199,7 +199,7 @@ mod tests {
         assert!((straight.path.length() - 175.0).abs() < 1e-9);
     }
 
-    /// So whoever makes a road with `pdk_road` can give its angles and lengths, in place of its waypoints.
+    /// So a user who makes a road with `pdk_road` can give its angles and lengths, in place of its waypoints.
     #[test]
     fn the_short_form_is_the_road_of_pdk_road() {
         let angles = [0.0, 12.5, -30.0, 20.0, 35.0];
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn roads_that_nobody_could_drive_are_refused() {
+    fn roads_that_cannot_be_driven_are_refused() {
         let sharp = error(json!({"waypoints": [[0, 0, 0], [0, 0, 50], [2, 0, 10]]}));
         assert!(sharp.starts_with("the road bends too sharply 49 m"), "{sharp}");
         assert!(error(json!({"angles": [0, 90, 90, 90, 0], "segment": 8})).contains("bends too sharply"));

@@ -30,7 +30,7 @@ enum Thing {
     Vehicle(Shown),
 }
 
-/// A vehicle, and whether somebody drives it.
+/// A vehicle, and whether it is driven.
 #[derive(Debug, Clone, Copy)]
 pub struct Shown {
     pub seen: Seen,

@@ -28,7 +28,7 @@ pub fn parameter() -> Parameter {
     Parameter::choice(PARAMETER, &[TRACT, AUTO, ONNXRUNTIME], doc).stands_for(meanings().iter().cloned())
 }
 
-/// The parameter that says who runs a network that gives the same result whoever does.
+/// The parameter for the engine of a network that gives the same result on each.
 pub fn indifferent_parameter() -> Parameter {
     let doc = "who runs the network, which gives the same result on each engine: auto is onnxruntime if it is installed, else tract";
     Parameter::choice(PARAMETER, &[AUTO, TRACT, ONNXRUNTIME], doc)

@@ -8,7 +8,7 @@
 macro_rules! functions {
     ($type:ty: $($name:ident($($argument:ident),*)),* $(,)?) => {
         $(
-            // SAFETY: the function does what the C standard asks of this name, so that whoever finds it gets what it expects.
+            // SAFETY: the function does what the C standard asks of this name, so that a caller gets what it expects.
             #[unsafe(no_mangle)]
             extern "C" fn $name($($argument: $type),*) -> $type {
                 libm::$name($($argument),*)
@@ -32,7 +32,7 @@ functions! { f32:
 /// Defines functions that compute the sine and the cosine at once, which compilers call where code asks for both (a GNU extension).
 macro_rules! both {
     ($type:ty: $name:ident = $sine:ident, $cosine:ident) => {
-        // SAFETY: the function does what the GNU C library says of this name, so that whoever finds it gets what it expects.
+        // SAFETY: the function does what the GNU C library says of this name, so that a caller gets what it expects.
         #[unsafe(no_mangle)]
         unsafe extern "C" fn $name(x: $type, sine: *mut $type, cosine: *mut $type) {
             // SAFETY: the caller gives two places that can be written to, as that library demands.

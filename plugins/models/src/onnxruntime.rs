@@ -20,7 +20,7 @@ pub struct Runtime {
     path: PathBuf,
     version: String,
     environment: Environment,
-    /// BLAKE3 of the library, once somebody has asked.
+    /// BLAKE3 of the library, once it has been asked for.
     hash: OnceLock<Option<String>>,
 }
 

@@ -22,7 +22,7 @@ pub struct PictureNetwork {
     resized: FrameBuf,
 }
 
-/// What every such network is told.
+/// The inputs of every such network.
 pub fn parameters(description: Description) -> Description {
     description
         .parameter(Parameter::path(

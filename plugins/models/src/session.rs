@@ -1,4 +1,4 @@
-//! A network that is ready to run, whoever runs it.
+//! A network that is ready to run, on any engine.
 
 use std::path::Path;
 

@@ -61,7 +61,7 @@ impl Class {
         }
     }
 
-    /// What tract is told of the processor: its own settings, which it otherwise takes from the environment or finds out.
+    /// The settings of tract that follow from the processor: its own knobs, which it otherwise takes from the environment or finds out.
     fn settings(self) -> Vec<(&'static str, &'static str)> {
         let instructions = match (self, std::env::consts::ARCH) {
             (Self::X86V3, _) => "-avx512f,-avx512vnni,-avx512fp16,-avxvnni,-amx-int8,-amx-bf16",

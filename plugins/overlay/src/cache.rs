@@ -90,7 +90,7 @@ fn unwritable(folder: &Path) -> String {
     )
 }
 
-/// Makes a file with `write`. Nobody ever sees a part of it.
+/// Makes a file with `write`. No reader ever sees a part of it.
 fn create(path: &Path, write: impl FnOnce(File) -> Result<()>) -> Result<()> {
     static COUNTER: AtomicU64 = AtomicU64::new(0);
     let folder = folder_of(path);

@@ -403,7 +403,7 @@ mod tests {
         };
         let start = at(0.0, None);
         let passed = |time, travelled| (at(time, travelled) + 1000 - start) % 1000;
-        // At the speed it was made for it runs as it is, and so it does where nobody knows the way.
+        // At the speed it was made for it runs as it is, and also if the distance driven is not known.
         assert_eq!((passed(2.0, None), passed(2.0, Some(20.0))), (60, 60));
         // Twice as fast, and standing still.
         assert_eq!((passed(2.0, Some(40.0)), passed(2.0, Some(0.0))), (96, 24));

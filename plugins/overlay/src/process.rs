@@ -1,4 +1,4 @@
-//! A program whose output is read. It never waits until somebody reads its messages, and nothing of it stays behind: it is
+//! A program whose output is read. It never waits for a reader of its messages, and nothing of it stays behind: it is
 //! ended when it is dropped, and when this process is killed.
 
 use std::io::{BufReader, Read};

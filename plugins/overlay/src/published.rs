@@ -39,7 +39,7 @@ const SOURCE: &str = "A loop over a green screen, drawn by this project";
 const OWN_CLIP: &str = "The clip is a drawing of this project's instead of the published recording.";
 /// Height of the horizon in the clips that have one, from the top.
 const HORIZON: f64 = 0.45;
-/// Where it is in frames if nothing else is said: as in those of the built-in simulator.
+/// Where it is in frames by default: as in those of the built-in simulator.
 const FRAME_HORIZON: f64 = 0.32;
 /// The vehicle's speed for which rain and snow are drawn, in metres a second.
 const SPEED: f64 = 10.0;
@@ -162,7 +162,7 @@ fn shows(clip: &str) -> Shows {
     }
 }
 
-/// How a clip of our own is fitted to frames of which nothing is said.
+/// How a clip of our own is fitted to frames by default.
 pub fn usual_fit(name: &str, fit: Fit) -> Fit {
     shows(name).fit(fit, FRAME_HORIZON)
 }

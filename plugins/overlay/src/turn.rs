@@ -1,7 +1,7 @@
 //! Whose turn it is to make a file: that of one thread of one process. The others wait until it is made.
 //!
 //! The turn is a lock on a file beside it, which the system gives back when a process ends, however that comes about. A turn
-//! that is over is removed, with its lock still held: whoever waited for it sees that and need not take it. What went wrong
+//! that is over is removed, with its lock still held: a process that waited for it sees that and need not take it. What went wrong
 //! is written there before.
 
 use std::fs::{File, Metadata};
@@ -28,7 +28,7 @@ pub struct Ours {
     path: PathBuf,
 }
 
-/// Takes the turn, or waits until whoever has it is done.
+/// Takes the turn, or waits until its holder is done.
 ///
 /// # Errors
 /// If the file at the path cannot be made or read.

@@ -21,7 +21,7 @@ use pdk_sdk::prelude::*;
 /// How long a wait lasts before it is looked whether the program is still there.
 pub const LOOK: Duration = Duration::from_millis(50);
 
-/// How often the first message is sent, until it has been answered: whoever comes late has not seen it.
+/// How often the first message is sent, until it has been answered: a program that comes late has not seen it.
 pub const AGAIN: Duration = Duration::from_millis(100);
 
 /// A bus with a node for further services.
@@ -98,13 +98,13 @@ pub struct Bell {
 }
 
 impl Bell {
-    /// Tells whoever listens.
+    /// Notifies the listeners.
     pub fn ring(&self) {
-        // Where nobody listens yet, whoever comes looks for itself first.
+        // If there is no listener yet, the next one looks for itself first.
         let _ = self.notifier.notify();
     }
 
-    /// Whether somebody listens.
+    /// Whether there is a listener.
     pub fn is_heard(&self) -> bool {
         self.service.dynamic_config().number_of_listeners() > 0
     }
@@ -126,8 +126,8 @@ pub fn who(what: &str, exchange: &str, command: &[String]) -> String {
     }
 }
 
-/// The error where the time is over and nobody is at an exchange: with nobody there, there is nobody to wait longer for.
-pub fn nobody(what: &str, exchange: &str, deadline: &Deadline) -> Error {
+/// The error if the time is over and no program is at an exchange, so that waiting longer would not help.
+pub fn absent(what: &str, exchange: &str, deadline: &Deadline) -> Error {
     Error::of(
         ErrorKind::Late,
         format!(

@@ -7,7 +7,7 @@ use pdk_statistics::point::Point;
 use crate::domain::Domain;
 use crate::strategy::{Next, Rule};
 
-/// Values a variable has on the grid where nobody says how many.
+/// The default number of values of a variable on the grid.
 const STEPS: u64 = 5;
 /// More values a variable are a mistake.
 const MOST: i64 = 1_000_000;

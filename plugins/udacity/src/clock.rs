@@ -26,7 +26,7 @@ impl Clock {
         Self { time: 0.0, until: now, owed: 0.0, step: STEP.max(1.5 / rate) }
     }
 
-    /// Telemetry has come: the time that it shows. If several have come while nobody looked, each makes up for a part of what has passed.
+    /// Telemetry has come: the time that it shows. If several have come since the last look, each makes up for a part of what has passed.
     pub fn heard(&mut self, now: Instant) -> f64 {
         self.owed += self.pass(now);
         let step = self.owed.min(self.step);

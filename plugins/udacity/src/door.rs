@@ -23,7 +23,7 @@ pub const LONGEST: usize = 64 << 20;
 const HANDSHAKE: Duration = Duration::from_secs(5);
 const ROOM: usize = 16;
 
-/// Whoever is at the door.
+/// The client at the door.
 #[derive(Default)]
 pub struct Door {
     visitors: VecDeque<Visitor>,
@@ -38,7 +38,7 @@ impl Door {
     /// Lets in all who have come, and greets a simulator among them.
     ///
     /// # Errors
-    /// If the system lets nobody in any more.
+    /// If the system does not accept connections any more.
     pub fn look(&mut self, listener: &TcpListener) -> Result<Option<Client>> {
         loop {
             let stream = match listener.accept() {

@@ -20,7 +20,7 @@ pub enum Packet<'a> {
     Close,
     /// The state of the vehicle, with a picture.
     Telemetry(Telemetry<'a>),
-    /// Telemetry without anything in it: somebody drives with the keys.
+    /// Telemetry without anything in it: a person drives with the keys.
     Manual,
     /// Another event or packet of the protocol, of no use here.
     Other,

@@ -1,6 +1,6 @@
-//! Clients that begin with HTTP long polling and go over to a WebSocket, as those of Socket.IO do unless they are told otherwise.
+//! Clients that begin with HTTP long polling and go over to a WebSocket, as those of Socket.IO do by default.
 //!
-//! Nothing but the greeting goes over HTTP: what a client is told about its namespace waits until it has its WebSocket, so that it sends no
+//! Nothing but the greeting goes over HTTP: the answer about its namespace waits until it has its WebSocket, so that it sends no
 //! telemetry before.
 
 use std::net::TcpStream;
@@ -17,7 +17,7 @@ const NOTHING: &str = "6";
 /// What parts packets in version 4 of Engine.IO.
 const PART: char = '\u{1e}';
 
-/// What a client is told when it opens a session. The times are those of pings, in milliseconds.
+/// The answer to a client that opens a session. The times are those of pings, in milliseconds.
 pub fn opening(sid: &str, upgrades: &[&str]) -> String {
     let upgrades: Vec<String> = upgrades.iter().map(|name| format!("\"{name}\"")).collect();
     format!(
@@ -96,7 +96,7 @@ impl Session {
                     self.release();
                     socket.get_ref().set_nonblocking(false).ok()?;
                     let connected = if self.newer { connected(&self.sid) } else { "40".to_owned() };
-                    // The newer one is told when it asks.
+                    // The newer one gets the answer when it asks.
                     if !self.newer || self.asked {
                         socket.send(Message::text(connected)).ok()?;
                     }
@@ -114,7 +114,7 @@ impl Session {
     }
 }
 
-/// What a client of Socket.IO 5 is told that asks for the namespace.
+/// The answer to a client of Socket.IO 5 that asks for the namespace.
 pub fn connected(sid: &str) -> String {
     format!(r#"40{{"sid":"{sid}"}}"#)
 }

@@ -14,9 +14,9 @@ use crate::door::{Door, LONGEST};
 use crate::event::{self, Packet};
 use crate::polling::connected;
 
-/// How long the simulator may take to hang up when it is said goodbye.
+/// How long the simulator may take to close the connection after the last message.
 const GOODBYE: Duration = Duration::from_millis(300);
-/// What a client is told that is one too many.
+/// The answer to a client that is one too many.
 const BUSY: &[u8] = b"HTTP/1.1 503 Service Unavailable\r\nConnection: close\r\nContent-Length: 0\r\n\r\n";
 /// How often a client of version 4 of Engine.IO is sent a ping.
 const PING: Duration = Duration::from_secs(25);
@@ -46,7 +46,7 @@ impl Server {
         let connected = station.wait(deadline, "connected", || door.look(&listener));
         let peer = station.to_string();
         let Client { socket, newer } = connected.map_err(|error| match error.kind() {
-            ErrorKind::Late => nobody(&station, door.refused.as_deref()),
+            ErrorKind::Late => absent(&station, door.refused.as_deref()),
             _ => error,
         })?;
         Ok(Self { station, listener, socket, peer, pinged: newer.then(Instant::now), told: false })
@@ -192,7 +192,7 @@ impl Server {
         }
     }
 
-    /// Tells whoever else connects that there is a simulator already.
+    /// Answers every other client that there is a simulator already.
     fn refuse_others(&mut self) {
         while let Ok((mut stream, _)) = self.listener.accept() {
             // It may be gone already.
@@ -238,7 +238,7 @@ impl Server {
     }
 }
 
-fn nobody(station: &Station, last: Option<&str>) -> Error {
+fn absent(station: &Station, last: Option<&str>) -> Error {
     let settings = station.settings();
     let other = last.map(|why| format!("; something else tried to ({why})")).unwrap_or_default();
     Error::of(

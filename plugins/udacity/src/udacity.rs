@@ -74,7 +74,7 @@ enum Hit {
 /// What a packet says.
 enum Heard {
     Telemetry(Telemetry),
-    /// Somebody drives with the keys.
+    /// A person drives with the keys.
     Manual,
     NoPicture(String),
     Nothing,
@@ -253,7 +253,7 @@ impl Link {
                 let throttle = if speed > BRAKED { -1.0 } else { 0.0 };
                 self.steer(Control { steering: 0.0, throttle }, deadline)?;
             }
-            // As long as telemetry comes, what is said in the end is where the vehicle is.
+            // As long as telemetry comes, the message in the end is about where the vehicle is.
             let telemetry = self.telemetry(options, &options.settings.answering())?;
             speed = telemetry.speed;
             let away = match (telemetry.position, start) {
@@ -387,7 +387,7 @@ impl Drive {
             None if options.build == Build::Stock => 0.0,
             None => {
                 return Err(mistake(format!(
-                    "{peer} sends no cross-track error, and no position on a road that is known, so nobody can tell whether its vehicle keeps its \
+                    "{peer} sends no cross-track error, and no position on a road that is known, so pdk cannot judge whether its vehicle keeps its \
                      lane; give the scenario a road, or set build=stock to drive without that"
                 )));
             }

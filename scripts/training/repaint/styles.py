@@ -1,10 +1,10 @@
 """Six styles, each a picture that is drawn here, and what makes a painter paint like them.
 
-What a style is, is said by how often the answers of filters occur together (Gatys et al., "Image Style Transfer Using Convolutional
+A style is described by how often the answers of filters occur together (Gatys et al., "Image Style Transfer Using Convolutional
 Neural Networks", 2016), and by how strong they are (Heitz et al., "A Sliced Wasserstein Loss for Neural Texture Synthesis", 2021). The
 filters are random, of several sizes and on several scales, and nothing had to be trained: such
 filters tell textures apart about as well (Ustyuzhaninov et al., "Texture Synthesis Using Shallow Convolutional Networks with Random
-Filters", 2016). What is in the picture is said by its edges and its brightness on coarser scales, whatever their colour.
+Filters", 2016). The content of the picture is described by its edges and its brightness on coarser scales, whatever their colour.
 """
 
 import copy

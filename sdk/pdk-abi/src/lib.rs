@@ -10,7 +10,7 @@
 //! 3. abi_stable proves that the tables and functions of a library are those of the host, when the library is opened. Tables may
 //!    grow at their end.
 //! 4. The values of a call cross by pointer, in structures that begin with their size and may grow at their end, which abi_stable
-//!    cannot do. Whoever reads one takes as much as both sides know ([`load`]), and whoever fills one in writes no more than that
+//!    cannot do. A reader takes as much as both sides know ([`load`]), and a writer writes no more than that
 //!    ([`store`]). What the other side does not know keeps a neutral value. `src/layout.rs` fails if they change in another way.
 //!
 //! Descriptions, configuration and whatever does not concern a single frame cross as JSON. Memory is never handed over: a side that

@@ -17,7 +17,7 @@ pub const fn empty<T: Prefix>() -> T {
 /// What the other side has written: as much as both sides know, and from `unsaid` what it does not know.
 ///
 /// # Safety
-/// `from` points to a structure of this kind, which is as large as it says, and which nobody writes to meanwhile.
+/// `from` points to a structure of this kind, which is as large as it says, and which is not written to meanwhile.
 #[inline]
 pub unsafe fn load<T: Prefix>(from: *const T, unsaid: T) -> T {
     // SAFETY: every structure begins with its size.
@@ -35,7 +35,7 @@ pub unsafe fn load<T: Prefix>(from: *const T, unsaid: T) -> T {
 /// Fills in a structure of the other side, as much as both sides know. Its size stays.
 ///
 /// # Safety
-/// `into` points to a structure of this kind, which is as large as it says, and which nobody else uses meanwhile.
+/// `into` points to a structure of this kind, which is as large as it says, and which nothing else uses meanwhile.
 #[inline]
 pub unsafe fn store<T: Prefix>(value: T, into: *mut T) {
     // SAFETY: every structure begins with its size.

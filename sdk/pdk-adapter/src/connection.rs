@@ -282,7 +282,7 @@ mod tests {
 
         let (mut connection, mut other) = pair(100_000);
         let flood = std::thread::spawn(move || {
-            // Ends when nobody listens any more.
+            // Ends when there is no listener any more.
             while other.write_all(&[b'x'; 10_000]).is_ok() {}
         });
         let error = connection.line(&soon(), "sent telemetry").unwrap_err();

@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn a_port_has_one_owner_at_a_time() {
-        // Port 9 is nobody's.
+        // Nothing listens at port 9.
         let first = Claim::new("nowhere.invalid", 9).unwrap();
         assert!(Claim::new("nowhere.invalid", 10).is_ok());
         let error = Claim::new("nowhere.invalid", 9).unwrap_err();

@@ -288,9 +288,9 @@ mod tests {
         assert!(comes_true(|| members(group) == 0));
     }
 
-    /// The guard sees the end of the pipe, whoever closes it.
+    /// The guard sees the end of the pipe, however it is closed.
     #[test]
-    fn it_ends_when_whoever_started_it_is_gone() {
+    fn it_ends_when_the_process_that_started_it_is_gone() {
         let mut simulator = shell("sleep 1000 & exec sleep 1000");
         let group = simulator.id();
         assert!(comes_true(|| members(group) == 3));

@@ -172,7 +172,7 @@ impl Station {
             Ok(None)
         });
         connected.map_err(|error| match error.kind() {
-            ErrorKind::Late => self.nobody(port, &refused, deadline),
+            ErrorKind::Late => self.absent(port, &refused, deadline),
             _ => error,
         })
     }
@@ -210,7 +210,7 @@ impl Station {
         }
     }
 
-    fn nobody(&self, port: u16, refused: &str, deadline: &Deadline) -> Error {
+    fn absent(&self, port: u16, refused: &str, deadline: &Deadline) -> Error {
         let Settings { title, host, start, .. } = &self.settings;
         let remedy = match self.process.is_some() {
             true => format!(

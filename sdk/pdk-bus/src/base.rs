@@ -58,7 +58,7 @@ fn choose(named: Option<OsString>, runtime: Option<OsString>) -> Result<PathBuf>
 /// If it cannot be made, or [`is_there`] refuses it.
 pub(crate) fn make(folder: &Path) -> Result<()> {
     let made = DirBuilder::new().recursive(true).mode(0o700).create(folder);
-    // What is there in its place is said better below.
+    // The error below describes what is there in its place.
     if !is_there(folder)?
         && let Err(error) = made
     {
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_private_and_nobody_elses() {
+    fn a_folder_is_private_to_its_user() {
         let own = Folder::new();
         let base = own.path().join("some/base");
         assert_eq!(is_there(&base), Ok(false));
@@ -151,7 +151,7 @@ mod tests {
         refuses(&file, "is not a folder");
         fs::set_permissions(&base, fs::Permissions::from_mode(0o770)).unwrap();
         refuses(&base, "can be written by other users");
-        // Whoever runs the tests: either another user's, or one that others may write to.
+        // For any user who runs the tests: either another user's, or one that others may write to.
         refuses(Path::new("/tmp"), if geteuid().is_root() { "can be written" } else { "belongs to another" });
     }
 }

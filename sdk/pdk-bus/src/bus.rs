@@ -163,7 +163,7 @@ fn check_space(run: &str, slot: u32, needed: u64) -> Result<()> {
 }
 
 /// Does the work in a thread of its own and waits for it no longer than `deadline`. Work that comes back later
-/// finds nobody to give its result to and drops it.
+/// finds no receiver for its result and drops it.
 fn within<T: Send + 'static>(
     deadline: Duration,
     work: impl FnOnce() -> Result<T> + Send + 'static,

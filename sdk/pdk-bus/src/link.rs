@@ -25,7 +25,7 @@ use crate::{
 /// How long a tap waits for others that are being opened, which takes milliseconds each.
 const TURN: Duration = Duration::from_secs(5);
 const NEXT_TRY: Duration = Duration::from_millis(1);
-/// A file that is made so slowly is made by nobody any more.
+/// A file that has not been finished after this time was given up by its process.
 const HALF_MADE: Duration = Duration::from_millis(500);
 
 /// One message of a topic.

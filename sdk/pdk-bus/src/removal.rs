@@ -1,6 +1,6 @@
 //! Takes what buses left off the machine: their folders, and their files in /dev/shm.
 //!
-//! Both are told by their names alone and are only deleted, never opened. So it does not matter what state they
+//! Both are recognised by their names alone and are only deleted, never opened. So it does not matter what state they
 //! are in, and nothing here can wait.
 
 use std::{

@@ -152,7 +152,7 @@ impl DeadRoot {
             if fs::remove_dir(&path).is_ok() {
                 return None;
             }
-            // It is not empty: either the lock has just been made, or somebody died while deleting the rest.
+            // It is not empty: either the lock has just been made, or a process died while deleting the rest.
             lock = options().open(&lock_file);
         }
         if is_missing(&lock) {

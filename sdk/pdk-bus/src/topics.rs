@@ -232,7 +232,7 @@ fn cannot_publish(topic: Topic, error: &dyn std::error::Error) -> Error {
 }
 
 /// iceoryx2 lets every user write to the file in which it counts the nodes. Who has it open can shorten it, on
-/// which the next tap crashes; so it gives way to a copy that is this user's alone. Nobody uses it yet except the
+/// which the next tap crashes; so it gives way to a copy that is this user's alone. Nothing uses it yet except the
 /// node of this bus, which does not need it again.
 fn make_private(config: &Config) -> Result<()> {
     let prefix = config.global.prefix.to_string();

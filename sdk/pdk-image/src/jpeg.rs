@@ -42,7 +42,7 @@ fn orientation(decoder: &Decoder<'_>) -> Orientation {
     orientation.unwrap_or(Orientation::NoTransforms)
 }
 
-/// Decodes a file; how it is to be turned is said beside it.
+/// Decodes a file. The orientation is returned beside the picture.
 pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
     let (mut decoder, width, height) = read(bytes)?;
     let pixels = decoder.decode().place(DAMAGED)?;

@@ -111,7 +111,7 @@ fn check_palette(bytes: &[u8], reader: &PngReader<'_>) -> Result<()> {
     check_indexes(&reader, &frame, &pixels)
 }
 
-/// Decodes a file; how the picture is to be turned is said beside it.
+/// Decodes a file. The orientation is returned beside the picture.
 pub fn decode(bytes: &[u8]) -> Result<(DynamicImage, Orientation)> {
     let (mut reader, length) = read(bytes)?;
     check_still(&reader)?;

@@ -219,7 +219,7 @@ impl Frame {
         }
     }
 
-    /// Notes what a scan tells; none if it is told already, or where what it builds on has not been told.
+    /// Notes what a scan adds; none if an earlier scan had it already, or if the scan that it builds on is missing.
     fn note(&mut self, scan: &Scan) -> Option<()> {
         for part in &scan.parts {
             for known in &mut self.components[part.component].known[scan.first..=scan.last] {

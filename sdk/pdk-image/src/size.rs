@@ -4,7 +4,7 @@ use pdk_sdk::prelude::*;
 
 /// The variable that sets how many megapixels a picture may have.
 const VARIABLE: &str = "PDK_MEGAPIXELS";
-/// Megapixels, of 2^20 pixels each, where nobody sets them: a picture of 8192 x 8192. Decoding takes up to 20 bytes a pixel.
+/// Megapixels, of 2^20 pixels each, by default: a picture of 8192 x 8192. Decoding takes up to 20 bytes a pixel.
 const MEGAPIXELS: usize = 64;
 /// The longest side of a picture in pixels.
 pub const LONGEST: u32 = 16_384;

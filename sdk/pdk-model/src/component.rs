@@ -117,7 +117,7 @@ pub(crate) fn check_values(name: &str, parameters: &Map<String, Value>) -> Resul
     }
 }
 
-/// What is said of something that is set to null.
+/// The error about something that is set to null.
 pub(crate) fn without_value(name: &str, key: &str) -> Error {
     Error::new(format!(
         "`{key}` of `{name}` is null, which numbers become that are not finite; set it to a value or leave it out"

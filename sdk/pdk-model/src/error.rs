@@ -48,7 +48,7 @@ impl Error {
         Self::of(ErrorKind::Failed, message)
     }
 
-    /// An error of a kind. The numbers that the standard library puts behind errors of the system are left out: nobody needs them.
+    /// An error of a kind. The numbers that the standard library puts behind errors of the system are left out, because they do not help a user.
     pub fn of(kind: ErrorKind, message: impl Into<String>) -> Self {
         Self { kind, message: without_numbers(message.into()) }
     }

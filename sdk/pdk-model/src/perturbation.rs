@@ -233,7 +233,7 @@ impl AppliedPerturbation {
         Self::from_table(&read(value)?)
     }
 
-    /// Reads a perturbation to which somebody else gives the levels, by [`AppliedPerturbation::at_level`].
+    /// Reads a perturbation whose levels are set later, by [`AppliedPerturbation::at_level`].
     ///
     /// # Errors
     /// As [`AppliedPerturbation::from_json`], and if it has a level of its own.
@@ -411,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_may_be_given_by_somebody_else() {
+    fn levels_may_be_set_later() {
         let without = AppliedPerturbation::from_json_without_level(&json!("fog,size=3")).unwrap();
         assert_eq!(without.at_level(4.0), parse("fog@4,size=3"));
         for value in [json!("fog@2"), json!("fog,level=2"), json!({"name": "fog", "level": 2})] {

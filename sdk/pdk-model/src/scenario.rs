@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::failure::FailureCriteria;
 use crate::perturbation::AppliedPerturbation;
 
-/// The time limit of a scenario in seconds of simulation time, where nobody sets one.
+/// The default time limit of a scenario, in seconds of simulation time.
 pub const DEFAULT_DURATION: f64 = 30.0;
 
 /// What happens while perturbations and driver are at work on a frame.
@@ -123,7 +123,7 @@ impl Scenario {
         self.perturbations.iter().map(AppliedPerturbation::short_name).collect()
     }
 
-    /// What it is called in tables where nobody names it: after its perturbations.
+    /// Its default name in tables, which is made of its perturbations.
     pub fn default_name(&self) -> String {
         match self.perturbations.is_empty() {
             true => "nominal".to_owned(),
@@ -141,7 +141,7 @@ pub fn seed_of(run_seed: u64, road: &Value, repeat: u64) -> u64 {
 /// The largest seed. From the next number on, Lua and many readers of JSON round.
 pub const LARGEST_SEED: u64 = (1 << 53) - 1;
 
-/// A seed that somebody gives.
+/// A seed that a user gives.
 ///
 /// # Errors
 /// If it is too large.

@@ -1,4 +1,4 @@
-//! Computes values in 64-bit floats, plainly: the reference for whoever runs a graph fast.
+//! Computes values in 64-bit floats, plainly: the reference for every faster way to run a graph.
 
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};

@@ -134,7 +134,7 @@ impl Graph {
             return;
         }
         let inputs: Vec<Option<&Tensor>> = inputs.iter().map(Option::as_deref).collect();
-        // What cannot be computed is not a constant, and whoever needs one says so.
+        // A value that cannot be computed is not a constant, and the code that needs one reports it.
         let Ok(tensors) = (operator.evaluate)(&Site::new(&self.values, node), &inputs) else { return };
         for (name, tensor) in node.output.iter().zip(tensors) {
             self.values.keep(name, tensor);

@@ -64,7 +64,7 @@ pub fn check_names<'a>(
     let twice = twice.or_else(|| inputs.into_iter().find(|name| !inputs_seen.insert(*name)));
     // Old files list their weights among the inputs.
     given.extend(inputs_seen);
-    // An output that nobody wants has no name.
+    // An output that is not wanted has no name.
     let twice = twice.or_else(|| computed.into_iter().find(|name| !name.is_empty() && !given.insert(*name)));
     match twice {
         None => Ok(()),

@@ -115,10 +115,10 @@ fn files(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
 
 /// The folder that `PDK_CACHE` names, else `pdk` in the user's cache folder (`$XDG_CACHE_HOME`, else `~/.cache`). Where that cannot
 /// be written to, as for users without a home, it is `pdk-NUMBER` in the system's folder for temporary files, with the user's
-/// number, and nobody else can enter it.
+/// number, and only that user can enter it.
 ///
 /// # Errors
-/// If the last one is needed and cannot be made, or somebody else has made it.
+/// If the last one is needed and cannot be made, or another user has made it.
 pub fn cache() -> Result<Cache> {
     let variable = |name| std::env::var_os(name);
     choose(variable(VARIABLE), [variable("XDG_CACHE_HOME"), variable("HOME")], &std::env::temp_dir())
@@ -148,7 +148,7 @@ fn private(temporary: &Path) -> Result<PathBuf> {
     let made = DirBuilder::new().recursive(true).mode(0o700).create(&folder);
     let mistake = |sentence| Error::of(ErrorKind::Configuration, sentence);
     made.map_err(|error| mistake(format!("the cache folder {shown} cannot be made ({error}); {remedy}")))?;
-    // Whoever made it could have put anything into it. A link is not followed.
+    // Its maker could have put anything into it. A link is not followed.
     let found = fs::symlink_metadata(&folder).place(&shown)?;
     if !found.is_dir() || found.uid() != user || found.mode() & 0o077 != 0 {
         return Err(mistake(format!(

@@ -183,7 +183,7 @@ fn check_value(parameter: &Parameter, value: &Value) -> Result<()> {
     }
 }
 
-/// What is said of a value that another machine has and this one does not.
+/// The error about a value that another machine has and this one does not.
 fn not_here(parameter: &Parameter, value: &str) -> Error {
     let here: Vec<_> =
         parameter.stands_for.iter().map(|(option, meaning)| format!("{meaning} ({option})")).collect();
@@ -261,7 +261,7 @@ mod tests {
             check(json!({"softness": 2})).is_ok() && check(json!({"mode": "soft", "softness": 2})).is_ok()
         );
         assert!(check(json!({"mode": "hard", "teeth": 3})).is_ok());
-        // What is wrong with the choice itself is said first.
+        // An error in the choice itself comes first.
         assert!(
             check(json!({"mode": "odd", "softness": 2}))
                 .unwrap_err()

@@ -86,7 +86,7 @@ impl Clock {
     }
 }
 
-/// What a parameter is to those who use a component without knowing it, such as whoever shows what a driver looks at.
+/// The role of a parameter for callers that do not know the component, such as code that shows what a driver looks at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {

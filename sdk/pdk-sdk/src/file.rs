@@ -1,5 +1,5 @@
 //! Opens files that users name, and writes files whole. Reading a file that is not a regular one may never end, or never begin; and what is read
-//! whole has to fit into memory, whatever its size is said to be.
+//! whole has to fit into memory, whatever size the system reports.
 
 use std::fs::{File, FileType, Metadata, OpenOptions};
 use std::io::{self, BufWriter, ErrorKind, Read, Write};
@@ -104,7 +104,7 @@ pub fn write_with<E: From<io::Error>>(
         Ok(std::fs::rename(&part, path)?)
     });
     if written.is_err() {
-        // If it cannot be removed either, a file stays that nobody takes for the whole one.
+        // If it cannot be removed either, what stays does not have the name of the whole file.
         let _ = std::fs::remove_file(&part);
     }
     written

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 /// The map depends on the frame, the parameters and the key in the context alone, so that it can be made for any frame on its
 /// own. The model whose view it shows is among the parameters.
 pub trait Saliency: Send {
-    /// Width and height of the map of a frame of this size: as large as the frame, where nothing else is said, and never larger.
+    /// Width and height of the map of a frame of this size: as large as the frame by default, and never larger.
     ///
     /// # Errors
     /// If the method cannot use frames of this size.

@@ -7,11 +7,11 @@ use crate::error::Result;
 
 /// Proposes candidates and learns from how they did, by ask and tell.
 ///
-/// Candidates and their order depend on problem, key and results alone, never on when results come, how many are told at once,
+/// Candidates and their order depend on problem, key and results alone, never on when results come, how many come at once,
 /// or how many are asked for. So each candidate depends on the results of a certain number of candidates before it: all of the
 /// generation before, or all but the last eight, as the strategy likes. It uses no others, even where it knows them.
 ///
-/// Results are told in the order of the candidates, each once.
+/// Results come in the order of the candidates, each once.
 pub trait Search: Send {
     /// Begins a search; called once, before anything else. `key` is the origin of everything that it draws.
     ///
@@ -20,7 +20,7 @@ pub trait Search: Send {
     fn start(&mut self, problem: &Problem, key: &Key) -> Result<()>;
 
     /// Proposes the next candidates, at most `n`. Fewer where those after them depend on results that have not been told; none
-    /// although all have been told where the search is over. The same values may be proposed again: nobody evaluates them twice.
+    /// although all have come if the search is over. The same values may be proposed again: pdk does not evaluate them twice.
     ///
     /// # Errors
     /// If the strategy cannot propose.

@@ -47,7 +47,7 @@ pub trait Simulator: Send {
     fn frame(&mut self, into: FrameMut<'_>) -> Result<State>;
 
     /// Applies a control, moves the simulation on by one frame, and returns the state after that: the one that the next
-    /// [`frame`](Simulator::frame) returns as well. So every state is judged, also that of a frame that nobody looks at.
+    /// [`frame`](Simulator::frame) returns as well. So every state is judged, also that of a frame that is not used.
     ///
     /// # Errors
     /// If the simulator does not take the control.
@@ -64,7 +64,7 @@ pub trait Simulator: Send {
     }
 
     /// Says which annotations will be asked for in the scenarios that follow, before [`reset`](Simulator::reset): a simulator that
-    /// needs a sensor of its own for them has time to make one. Where nothing is said, none are asked for.
+    /// needs a sensor of its own for them has time to make one. By default, none are asked for.
     fn annotate(&mut self, annotations: Annotations) {
         let _ = annotations;
     }
@@ -77,7 +77,7 @@ pub trait Simulator: Send {
     }
 
     /// Writes for each pixel of the frame that was rendered last the place of what it shows among
-    /// [`label_names`](Simulator::label_names), row by row. It is called behind [`frame`](Simulator::frame) where somebody needs it.
+    /// [`label_names`](Simulator::label_names), row by row. It is called behind [`frame`](Simulator::frame) if it is needed.
     ///
     /// # Errors
     /// If the simulator labels nothing, or fails.
@@ -87,7 +87,7 @@ pub trait Simulator: Send {
     }
 
     /// Writes for each pixel of the frame that was rendered last how far away it is along the optical axis, in metres, row by row;
-    /// infinite for the sky. It is called behind [`frame`](Simulator::frame) where somebody needs it.
+    /// infinite for the sky. It is called behind [`frame`](Simulator::frame) if it is needed.
     ///
     /// # Errors
     /// If the simulator does not know depths, or fails.
@@ -97,7 +97,7 @@ pub trait Simulator: Send {
     }
 }
 
-/// What is said of a simulator that does not know depths.
+/// The error of a simulator that does not know depths.
 pub(crate) fn no_depth() -> Error {
     Error::new(
         "it does not tell how far away pixels are, which `nearer` and `farther` need; use a simulator that does, such as `lane`",

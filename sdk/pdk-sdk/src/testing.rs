@@ -303,7 +303,7 @@ pub fn check_mask(config: &Config, make: Make<'_, dyn Mask>) -> Result<()> {
 }
 
 /// Checks that a search strategy proposes no more than it is asked for, that all it proposes lies in the space, and that what it
-/// proposes does not depend on how many candidates it is asked for and how many results it is told at once.
+/// proposes does not depend on how many candidates it is asked for and how many results it gets at once.
 ///
 /// # Errors
 /// The first check that fails.

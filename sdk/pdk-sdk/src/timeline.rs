@@ -95,7 +95,7 @@ impl Timeline {
 mod tests {
     use super::*;
 
-    /// What is said of the last of these times, each of which follows a control; at 20 frames a second.
+    /// The judgement of the last of these times, each of which follows a control; at 20 frames a second.
     fn said(clock: Clock, times: impl IntoIterator<Item = f64>) -> String {
         let mut timeline = Timeline::new(clock, 20.0);
         let results: Vec<_> = times.into_iter().map(|time| timeline.go_on(time, Told::Act)).collect();

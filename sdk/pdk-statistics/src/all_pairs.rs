@@ -27,7 +27,7 @@ struct Candidate {
 /// Compares each condition with each other one. `conditions` have one value a road, none if it was not driven; the roads are in
 /// the same order. A pair is compared on the roads that have both; where it does not differ on any, p is 1.
 ///
-/// Where the pairs below some p are said to differ, the probability that any of them does not is at most that p. This is the
+/// If the pairs below some p are reported as different, the probability that any of them does not is at most that p. This is the
 /// step-down procedure of the largest statistic: P. H. Westfall, S. S. Young, "Resampling-Based Multiple Testing" (1993), algorithm
 /// 2.8, and J. P. Romano, M. Wolf, "Exact and Approximate Stepdown Methods for Multiple Hypothesis Testing" (2005). Where two
 /// conditions do not differ, the sign of their difference on a road is chance, so signs are flipped: on a road those of all pairs at
@@ -90,7 +90,7 @@ fn step_down(candidates: Vec<Candidate>, signs: &Signs) -> Vec<Pair> {
         })
         .collect();
     pairs.reverse();
-    // Nobody is surer than one that is more extreme.
+    // None has a smaller p than a pair that is more extreme.
     let mut least = 0.0_f64;
     for pair in &mut pairs {
         least = least.max(pair.p);

@@ -4,7 +4,7 @@ use pdk_seed::normal_quantile;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// How often an interval covers the truth, where nobody says.
+/// How often an interval covers the truth by default.
 pub const CONFIDENCE: f64 = 0.95;
 
 /// A value with its interval.

@@ -45,7 +45,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_in_a_group_differs_from_another_of_it() {
+    fn no_two_of_a_group_differ() {
         // The second fails on few roads, so it cannot be told from the third; the first and the third can be.
         let entry = |on: &[usize], share: f64| {
             (0..12).map(|road| Some(if on.contains(&road) { share } else { 0.0 })).collect::<Vec<_>>()

@@ -185,7 +185,7 @@ pub fn words(space: &Space, region: &[(f64, f64)]) -> String {
         let name = &variable.name;
         let (lowest, highest) = variable.range.bounds();
         let value = |position: f64| match variable.range.value(position) {
-            // Nobody reads more digits than that.
+            // More digits than that do not help a reader.
             value if matches!(variable.range, Range::Real { .. }) => {
                 short(value.as_f64().unwrap_or_default())
             }

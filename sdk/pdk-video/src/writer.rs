@@ -238,7 +238,7 @@ impl Writer {
         completed
     }
 
-    /// Takes away what was begun. Where that fails too, there stays a file that nobody takes for a video.
+    /// Removes an unfinished file. If that fails too, the file that stays is not a video.
     fn remove(&self) {
         let _ = std::fs::remove_file(&self.part);
     }

@@ -79,7 +79,7 @@ def place(told, get):
     if path.exists():
         return str(path)
     folder.mkdir(parents=True, exist_ok=True)
-    # Others may be doing the same at this moment: whoever is first counts.
+    # Others may be doing the same at this moment: the first one counts.
     part = Path(tempfile.mkdtemp(dir=folder, prefix=".part-"))
     made = part / told["name"]
     try:

@@ -84,7 +84,7 @@ class _Line:
 
 
 class Program:
-    """A process `pdk session`, which is told calls and tells answers."""
+    """A process `pdk session`, which takes calls and returns answers."""
 
     def __init__(self, words, progress):
         from pdk import executable

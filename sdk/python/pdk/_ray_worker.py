@@ -39,7 +39,7 @@ class Worker:
                     search["plugins"].append(path)
             hello["hello"]["search"] = search
         self._blobs = blobs
-        # Its own errors are those of this process, which Ray shows to whoever runs the pool.
+        # Its own errors are those of this process, which Ray shows to the user who runs the pool.
         self._child = subprocess.Popen([str(pdk.executable()), "worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment())
         self._say(hello)
         return self._hear()
@@ -77,7 +77,7 @@ class Worker:
         while True:
             line = self._hear()
             ((kind, value),) = json.loads(line).items()
-            # How far it is would cost a message each time; it is told once, at the end.
+            # Reporting progress would cost a message each time, so it is reported once, at the end.
             if kind == "progress":
                 frames += value["frames"]
                 continue

@@ -142,7 +142,7 @@ def given_up(message):
 
 class Head:
     """The head of the cluster, without which Ray does nothing and reports nothing: calls only wait. Another thread asks it again and
-    again whether it is there, by `ask`; without that, whoever holds this waits for the first answer. If none comes for `patience`
+    again whether it is there, by `ask`; without that, the caller waits for the first answer. If none comes for `patience`
     seconds, the pool says so and ends."""
 
     def __init__(self, ask, say, name, patience, leave=os._exit):

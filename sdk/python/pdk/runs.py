@@ -39,7 +39,7 @@ Scenario: TypeAlias = "Mapping[str, Any]"
 Outcome: TypeAlias = "dict[str, Any]"
 #: Folders or files.
 Paths: TypeAlias = "str | PathLike[str] | Sequence[str | PathLike[str]]"
-#: Whether it is shown how far a run is, or what is told: frames that are done, and how many there are.
+#: Whether progress is shown, or a function that is called with the number of frames that are done and the total.
 Progress: TypeAlias = "bool | Callable[[int, int], object]"
 
 
@@ -94,7 +94,7 @@ class Session:
     """Drives scenarios, which are submitted one by one, and records what comes of them.
 
     `given` has what scenarios have that do not say it themselves, such as `simulator`, `driver` and `duration`, and what can be set for
-    every run: `pdk.SessionSettings` lists both. What nobody has waited for is driven before the session
+    every run: `pdk.SessionSettings` lists both. Scenarios that have not been waited for are driven before the session
     ends, unless its block ends with an exception.
     """
 
@@ -226,7 +226,7 @@ class Session:
     def close(self) -> None:
         """Waits for what was submitted, and completes the record.
 
-        A scenario in which a component failed is an error here only if nobody took its outcome.
+        A scenario in which a component failed is an error here only if its outcome was not taken.
         """
         with self._lock:
             program, self._program = self._program, None

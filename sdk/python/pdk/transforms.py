@@ -94,7 +94,7 @@ class Transform:
         self.seed = seed
         self._levels = None if level is None else _ends(level)
         self._oneof = perturbation if isinstance(perturbation, OneOf) else OneOf(perturbation)
-        # What is wrong with them is said here, with either end.
+        # They are checked here, whatever the end is.
         self._chains = [None if each is None else pdk.written(each) for each in self._oneof.alternatives]
         for chain in filter(None, self._chains):
             for end in self._levels or ():

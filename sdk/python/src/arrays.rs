@@ -104,7 +104,7 @@ pub fn target<'py, D: numpy::ndarray::Dimension>(
 /// The bytes of an array that was made here or given as `out`.
 ///
 /// # Safety
-/// Its values lie one behind the other, and nobody else uses them while the result lives.
+/// Its values lie one behind the other, and nothing else uses them while the result lives.
 pub unsafe fn bytes<'a, D: numpy::ndarray::Dimension>(array: &Bound<'_, PyArray<u8, D>>) -> &'a mut [u8] {
     // SAFETY: as the caller says.
     unsafe { std::slice::from_raw_parts_mut(array.data(), array.len()) }

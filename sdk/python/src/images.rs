@@ -74,7 +74,7 @@ pub fn apply<'py>(
     match out {
         None => {
             let made = arrays::made(py, [height, width, 3]);
-            // SAFETY: it was made here, and nobody else knows it yet.
+            // SAFETY: it was made here, and nothing else refers to it yet.
             let dst = arrays::frame_mut(py, unsafe { arrays::bytes(&made) }, width, height)?;
             detached(py, || chain.apply(src, dst, moment))?;
             Ok(made.into_any())
@@ -141,7 +141,7 @@ fn batch<'py>(
     let result = match out {
         None => {
             let made = arrays::made(py, shape);
-            // SAFETY: it was made here, and nobody else knows it yet.
+            // SAFETY: it was made here, and nothing else refers to it yet.
             work(unsafe { arrays::bytes(&made) })?;
             made.into_any()
         }

@@ -14,7 +14,7 @@
 //! panic of a component becomes an exception, but one that crashes takes the interpreter with it.
 //!
 //! Locks of this module are only ever taken while the thread is attached to the interpreter, and never while it waits for
-//! anything. So whoever forks, as data loaders do, forks while none is held.
+//! anything. So a program that forks, as data loaders do, forks while none is held.
 
 mod arrays;
 mod components;

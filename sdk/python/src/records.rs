@@ -110,7 +110,7 @@ pub fn trace_frames<'py>(
     let (numbers, pixels, [height, width]) =
         detached(py, || decoded(&trace, owner(scenario, digest)?, topic))?;
     let array = made(py, [numbers.len(), height, width, 3]);
-    // SAFETY: the array was made just now, and nobody else has it.
+    // SAFETY: the array was made just now, and nothing else refers to it.
     unsafe { bytes(&array) }.copy_from_slice(&pixels);
     Ok((numbers.into_pyarray(py), array))
 }

@@ -51,7 +51,7 @@ impl Perturbation {
         }
         check_seed(py, seed)?;
         let perturbations = values::chain(perturbation, parameters)?;
-        // What is wrong with them is said here, not at the first frame.
+        // They are checked here, not at the first frame.
         let chain = Some(components::make(py, &perturbations, seed)?);
         Ok(Self { perturbations, fps, state: Mutex::new(State { chain, is_at_work: false, seed, next: 0 }) })
     }

@@ -96,7 +96,7 @@ def test_outcomes_come_as_they_are_done_and_each_once(tmp_path):
         assert session.drive([{"road": road["road"] if "road" in road else road}])[0]["cause"] == "time_out"
         session.save("notes.json", {"mean": numpy.arange(3)})
         assert any(entry["description"]["name"] == "lane" for entry in session.catalog("simulator"))
-        # Nobody waits for this one, and it is driven all the same.
+        # The script does not wait for this one, and it is driven all the same.
         session.submit(name="last", seed=2**53 - 1)
     assert session.record.lines()[-1]["scenario"]["seed"] == 2**53 - 1
     assert json.loads((tmp_path / "out/notes.json").read_text()) == {"mean": [0, 1, 2]}
@@ -169,7 +169,7 @@ def test_ctrl_c_finishes_what_is_under_way(tmp_path):
     assert len(pdk.Record(tmp_path / "out").lines()) == 2
 
 
-def test_a_killed_interpreter_leaves_nobody_behind(tmp_path):
+def test_a_killed_interpreter_leaves_no_process_behind(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(
         textwrap.dedent(
@@ -416,7 +416,7 @@ def test_one_that_fails_is_the_error_of_its_scenario(classes, tmp_path, who, fau
         assert [outcome["cause"] for outcome in outcomes] == ["error", "time_out"], outcomes
         assert says in outcomes[0]["error"]
     assert len(running.record.lines()) == 2
-    # Nobody takes the outcome here, although it is there.
+    # The outcome is not taken here, although it is there.
     with pytest.raises(pdk.Error, match="1 of 2 scenarios could not be driven because a component failed"):
         with pdk.Session(out=tmp_path / "out", workers=1) as running:
             running.submit({**session(**{who: True}), "road": road})
@@ -459,7 +459,7 @@ def test_perturbations_of_a_record_are_taken_again(tmp_path, image):
         pdk.perturb(image, {"name": "contrast", "factor": 1, "parameters": {"factor": 2}})
 
 
-def test_a_class_that_nobody_else_finds_is_refused():
+def test_a_class_that_other_processes_cannot_find_is_refused():
     class Local:
         pass
 

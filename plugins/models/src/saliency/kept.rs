@@ -1,7 +1,7 @@
 //! Maps of recorded frames, kept on disk: making one may take a thousand runs of the network, and recordings are looked at again.
 //!
 //! A file's name is a hash of all that its map depends on: the network, who runs it, the method with its parameters, the frame,
-//! and what else the method is told. So a file is never out of date. It is written under another name and renamed when it is
+//! and the method's other inputs. So a file is never out of date. It is written under another name and renamed when it is
 //! whole. One that cannot be read, and a folder that cannot be written to, cost time and nothing else.
 
 use std::fs;

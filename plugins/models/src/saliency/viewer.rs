@@ -24,7 +24,7 @@ pub struct Viewer {
     explained: Slot,
     /// All numbers that drive.
     driving: Vec<Slot>,
-    /// The speed that the network is told, and the one that it is told where nobody knows it.
+    /// The speed that goes into the network, and the one that stands in for it if it is not known.
     speed: f32,
     assumed_speed: f32,
     inputs: Inputs,
@@ -160,7 +160,7 @@ impl Viewer {
         self.pixels.range()
     }
 
-    /// The speed that a network which takes one is told.
+    /// The speed for a network with a speed input.
     pub fn speed(&self) -> f32 {
         self.speed
     }

@@ -9,7 +9,7 @@ use pdk_sdk::prelude::*;
 
 use crate::exchange::Exchange;
 use crate::options::Options;
-use crate::room::{AGAIN, nobody, room_name, who};
+use crate::room::{AGAIN, absent, room_name, who};
 
 /// A program of the user's.
 pub struct Process {
@@ -88,7 +88,7 @@ impl Driver for Process {
         });
         let control = control.map_err(|error| match error.kind() {
             ErrorKind::Late if command.is_empty() && !exchange.is_heard() => {
-                nobody("driver", name, &deadline)
+                absent("driver", name, &deadline)
             }
             _ => error,
         })?;

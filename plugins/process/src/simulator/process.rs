@@ -7,7 +7,7 @@ use pdk_sdk::serde_json::{Value, json};
 
 use crate::options::Options;
 use crate::requests::{Requests, Wait, nonsense};
-use crate::room::{nobody, room_name, who};
+use crate::room::{absent, room_name, who};
 
 /// A program of the user's.
 pub struct Process {
@@ -136,7 +136,7 @@ impl Program {
         let asked = requests.ask(request, !*is_ready, Wait { deadline, who, look: &mut look });
         asked.map_err(|error| match (error.kind(), exchange) {
             (ErrorKind::Late, Some(exchange)) if !requests.is_heard() => {
-                nobody("simulator", exchange, &deadline)
+                absent("simulator", exchange, &deadline)
             }
             _ => error,
         })

@@ -1,4 +1,4 @@
-//! What is left of processes that were killed, and that it is in nobody's way.
+//! What is left of processes that were killed does no harm.
 
 use std::{
     fs::{self, OpenOptions},
@@ -41,8 +41,10 @@ fn quick<T>(what: &str, work: impl FnOnce() -> T) -> T {
 }
 
 #[test]
-fn processes_killed_while_they_make_their_bus_are_in_nobodys_way() {
-    let Some(base) = own_base("killed::processes_killed_while_they_make_their_bus_are_in_nobodys_way") else {
+fn what_processes_leave_that_are_killed_while_they_make_their_bus_does_no_harm() {
+    let Some(base) =
+        own_base("killed::what_processes_leave_that_are_killed_while_they_make_their_bus_does_no_harm")
+    else {
         return;
     };
     let run = unique("maker");

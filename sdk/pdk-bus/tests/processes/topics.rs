@@ -54,7 +54,7 @@ fn a_tap_may_start_before_its_run() {
     assert_eq!(waiting.join().unwrap(), run_hash(&run));
 }
 
-/// How often this thread has given up the processor by itself, as whoever waits does.
+/// How often this thread has given up the processor by itself, as a waiting thread does.
 fn sleeps() -> u64 {
     let status = fs::read_to_string("/proc/thread-self/status").unwrap();
     let count = status.lines().find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"));
@@ -244,7 +244,7 @@ fn the_latest_run_is_the_one_that_started_last() {
     assert!(place(&second) < place(&first));
     assert!(runs.windows(2).all(|pair| pair[0].started >= pair[1].started));
 
-    // A slot that nobody else uses makes the answer of `latest` certain.
+    // A slot without other users makes the answer of `latest` certain.
     let slot = std::process::id() + 1_000_000;
     let _older = Bus::create(&unique("older"), slot, WIDTH, HEIGHT).unwrap();
     let newer = Bus::create(&unique("newer"), slot, WIDTH, HEIGHT).unwrap();

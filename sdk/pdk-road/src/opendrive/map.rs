@@ -230,7 +230,7 @@ impl Map {
         let within = if forwards { section + 1 < road.sections.len() } else { section > 0 };
         if within {
             let section = if forwards { section + 1 } else { section - 1 };
-            // Where nothing is said, lanes keep their numbers.
+            // By default, lanes keep their numbers.
             let lane = link.unwrap_or(lane);
             road.sections[section].lanes.get(&lane)?;
             let s = if forwards { road.sections[section].from } else { road.section_end(section) };

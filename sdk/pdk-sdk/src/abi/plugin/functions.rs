@@ -134,7 +134,7 @@ macro_rules! functions {
                     error: *const Sink,
                 ) -> Status {
                     // SAFETY: the host lends the instance, the memory behind all pointers and the sink for this call, what is to be
-                    // written to nobody else.
+                    // not written to by anything else.
                     unsafe { call::<T>(object, error, |$component, $names| $work) }
                 }
             )*

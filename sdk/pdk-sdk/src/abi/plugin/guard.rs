@@ -40,7 +40,7 @@ pub(super) fn guard<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     HOOK.call_once(|| {
         let report = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |info| {
-            // Nobody but the hook tells of a panic on a thread that the plugin started itself.
+            // Only the hook reports a panic on a thread that the plugin started itself.
             if GUARDS.get() == 0 {
                 return report(info);
             }

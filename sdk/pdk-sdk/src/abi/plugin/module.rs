@@ -33,7 +33,7 @@ extern "C" fn root_module<P: Exported>() -> RootModuleResult {
         })
     };
     let plugin = PluginRef(plugin.static_as_prefix()).to_prefix_ref();
-    // SAFETY: whoever takes it compares the layout in the header first.
+    // SAFETY: the host compares the layout in the header before it uses it.
     ROk(unsafe { plugin.cast::<ErasedPrefix>() })
 }
 
