@@ -1,6 +1,6 @@
 //! The licences of everything that is compiled into pdk, with their texts.
 //!
-//! Texts are those that the authors put beside their source. Where a crate brings none, the text of the licence that its manifest
+//! Texts are those that the authors put beside their source. If a crate brings none, the text of the licence that its manifest
 //! names is taken from the SPDX list.
 
 use std::collections::{BTreeMap, BTreeSet};

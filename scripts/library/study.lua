@@ -26,7 +26,7 @@ function study.count(settings, name: string, callers: number?)
 end
 
 -- The perturbations and the levels of a study, each once and the levels in order. `counts` names the settings that have to be whole
--- numbers of at least 1. Where no perturbations are set, it is the default set. They are checked before anything is driven.
+-- numbers of at least 1. If no perturbations are set, it is the default set. They are checked before anything is driven.
 function study.checked(settings, counts: { string }): ({ string }, { number })
 	local names = once(settings.perturbations)
 	if #names == 0 then

@@ -96,7 +96,7 @@ pub fn repository() -> PathBuf {
 }
 
 /// Real data that does not come with the repository: below the folder that `PDK_TEST_DATA` names, or `shared` beside
-/// the repository. Where it is missing, says that what needs it is skipped.
+/// the repository. If it is missing, says that what needs it is skipped.
 pub fn real_data(name: &str) -> Option<PathBuf> {
     let root =
         std::env::var_os("PDK_TEST_DATA").map_or_else(|| repository().join("../shared"), PathBuf::from);

@@ -215,7 +215,7 @@ impl Notes {
         current.unwrap_or(Self { version, good: BTreeSet::new() })
     }
 
-    /// Where that fails, everything is inspected again the next time.
+    /// If that fails, everything is inspected again the next time.
     fn write(&mut self) {
         let Some(path) = Self::path() else { return };
         while self.good.len() > MOST_NOTES {

@@ -78,7 +78,7 @@ enum Source {
 impl Registry {
     /// Loads everything that lies in the executable's own folder, in the given folders and in the usual places, in this
     /// order: pdk's own, the given ones, what `PDK_PLUGIN_PATH` names, the user's plugin folder; clips and the like come
-    /// last. Where two components have the same name the first one counts, so that a name of pdk's own means the same
+    /// last. If two components have the same name the first one counts, so that a name of pdk's own means the same
     /// everywhere. What cannot be used is left out and listed by [`Registry::refused`].
     ///
     /// # Errors

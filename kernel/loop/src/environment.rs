@@ -37,7 +37,7 @@ impl Environment {
         if let Some(directory) = &self.directory
             && std::env::current_dir().ok().as_ref() != Some(directory)
         {
-            // Where the folder is gone, paths are from the root all the same.
+            // If the folder is gone, paths are from the root all the same.
             let _ = std::env::set_current_dir(directory);
             changed.push("a component changed the working directory, which was put back".to_owned());
         }

@@ -52,7 +52,7 @@ impl Lines {
         Ok(())
     }
 
-    /// Adds lines, each with its line feed. Where that fails, what was written of them is taken back, so that the file holds
+    /// Adds lines, each with its line feed. If that fails, what was written of them is taken back, so that the file holds
     /// complete lines only.
     ///
     /// # Errors

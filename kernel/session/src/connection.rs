@@ -138,7 +138,7 @@ impl Connection {
             .name("worker-output".into())
             .spawn(move || lines::read_all(output, &events, |found| wrap(number, found)))
             .place("cannot start a thread")?;
-        // Where it is gone already, its end is noticed like any other.
+        // If it is gone already, its end is noticed like any other.
         let _ = lines::write(&mut input, &ToWorker::Hello(hello.clone()));
         Ok(Self {
             child,

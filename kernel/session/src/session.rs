@@ -285,7 +285,7 @@ impl Session {
     /// Ends the session: all workers leave. Returns which components took their process along where that is not a job's outcome, such
     /// as when an instance was dropped, a sentence each.
     pub fn end(&mut self) -> Vec<String> {
-        // Where the thread is gone already, its workers are as well.
+        // If the thread is gone already, its workers are as well.
         let _ = self.requests.send(Event::Close);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

@@ -62,7 +62,7 @@ pub fn run() -> Result<()> {
         unheard: false,
         suspect: None,
     };
-    // The session tells the user. Where it is gone, all that is left is to leave.
+    // The session tells the user. If it is gone, all that is left is to leave.
     if let Err(error) = worker.serve() {
         worker.say(&FromWorker::Failed(error.message().to_owned()));
     }
@@ -159,7 +159,7 @@ impl Worker {
             .name("components".into())
             .spawn(move || lines::read_all(output, &sender, |found| Event::Process(generation, found)))
             .place("cannot start a thread")?;
-        // Where it is gone already, its end is noticed like any other.
+        // If it is gone already, its end is noticed like any other.
         let _ = lines::write(&mut input, &ToWorker::Hello(self.hello.clone()));
         self.process = Some(Process { supervised, input, over: None, used: false });
         Ok(())
@@ -207,7 +207,7 @@ impl Worker {
                     if let Some(process) = &mut self.process {
                         process.used = true;
                     }
-                    // Where it went well in a new process, nothing else would tell.
+                    // If it went well in a new process, nothing else would tell.
                     if let Some(sentence) = self.suspect.take().filter(|_| done.answer.is_good()) {
                         self.say(&FromWorker::Trouble(sentence));
                     }
@@ -277,7 +277,7 @@ impl Worker {
         // A kill comes from outside, as a rule; and a process whose standard files a component has closed leaves by itself after
         // its job, maybe just when it was given another one.
         let blameless = is_blameless(end) && self.tries < TRIES;
-        // Where no component was called, memory that others see as well may have been changed, such as that of the topics.
+        // If no component was called, shared memory may have been changed, such as that of the topics.
         let unexplained = calls.is_empty()
             && matches!(end, End::Signal(_) | End::Exited(_) | End::Unreadable(_))
             && self.tries < TRIES;

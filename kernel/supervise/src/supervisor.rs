@@ -129,7 +129,7 @@ impl Supervised {
     /// Ends it at once, with all that it started, and waits for that.
     pub fn kill(&mut self) {
         kill_group(self.child.id());
-        // Where it is gone already, that is what was wanted.
+        // If it is gone already, all is well.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

@@ -74,7 +74,7 @@ impl Stream {
         self.connection.has_bytes(1).is_ok()
     }
 
-    /// The next message, without its length. Where it does not come in time, what has come of it is kept.
+    /// The next message, without its length. If it does not come in time, what has come of it is kept.
     ///
     /// # Errors
     /// If the stream ends, nothing comes in time, or a message has another size than these messages have.

@@ -139,7 +139,7 @@ unsafe fn wait_and_speak(page: *const Page, wait: RawFd, connection: RawFd) -> !
     unsafe {
         // A signal to the group of this process is not meant for its copy.
         libc::setsid();
-        // Where this process had closed its standard files, these two may have their numbers.
+        // If this process had closed its standard files, these two may have their numbers.
         let (wait, connection) =
             (libc::fcntl(wait, libc::F_DUPFD, 3), libc::fcntl(connection, libc::F_DUPFD, 3));
         let (wait, connection) = (libc::dup2(wait, 0), libc::dup2(connection, 1));

@@ -110,7 +110,7 @@ impl Simulator for Donkey {
         }
         link.control(control, &deadline)?;
         while !link.hear(&self.options, drive, &deadline)? {}
-        // Where several came at once, the driver gets the newest.
+        // If several came at once, the driver gets the newest.
         while !ends(&drive.state, &drive.criteria) && link.wire.has_message()? && deadline.left().is_some() {
             link.hear(&self.options, drive, &deadline)?;
         }
@@ -238,7 +238,7 @@ impl Link {
                 && telemetry.done != Some(true);
             standing = if stands { standing + 1 } else { 0 };
             let settled = standing >= STANDING_FRAMES && began.elapsed().as_secs_f64() >= options.settle;
-            // The camera takes on its size some frames after it was told to. Where it never does, the first frame says so.
+            // The camera takes on its size some frames after it was told to. If it never does, the first frame says so.
             let late = deadline.left().is_none();
             if settled && (late || has_size(&picture, options.camera)) {
                 return Ok((telemetry, picture));

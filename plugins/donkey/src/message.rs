@@ -82,7 +82,7 @@ impl<'de> Deserialize<'de> for Number {
     }
 }
 
-/// Reads a line. Where the simulator's computer writes decimal commas, they are made points, in `repaired`.
+/// Reads a line. If the simulator's computer writes decimal commas, they are made points, in `repaired`.
 ///
 /// # Errors
 /// If it is not a message.

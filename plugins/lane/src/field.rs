@@ -172,7 +172,7 @@ impl Field {
             (near[0][1] + (near[1][1] - near[0][1]) * fx, far[0][1] + (far[1][1] - far[0][1]) * fx);
         let gradient =
             [(across_near + (across_far - across_near) * fz) * CELLS, (lateral_far - lateral_near) * CELLS];
-        // A distance changes by a metre a metre. Where it changes faster, the corners of the cell belong to different
+        // A distance changes by a metre a metre. If it changes faster, the corners of the cell belong to different
         // parts of the road, or one of them to none.
         if gradient[0].abs() + gradient[1].abs() > 2.0 {
             return None;
@@ -194,7 +194,7 @@ impl Field {
     }
 }
 
-/// Where places lie relative to the lane, one value for each in each row; see [`Place`]. Where the road is far, `lateral` is
+/// Where places lie relative to the lane, one value for each in each row; see [`Place`]. If the road is far, `lateral` is
 /// infinite and nothing else is known.
 pub struct Located<'a> {
     pub lateral: &'a mut [f32],

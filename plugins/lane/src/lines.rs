@@ -115,7 +115,7 @@ impl LaneFinder {
             let step = row.ahead - last_ahead;
             let guess = expected.at(row.ahead) + error + drift * step;
             let slope = expected.slope + 2.0 * expected.bend * row.ahead + drift;
-            // Where the lane runs aslant, a row cuts it in a longer line.
+            // If the lane runs aslant, a row cuts it in a longer line.
             let stretch = (1.0 + slope * slope).sqrt();
             let look = |sums: &[u32], offset: f64| {
                 let line = section::LINE_WIDTH * stretch / row.pixel_width;

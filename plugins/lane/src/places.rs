@@ -103,7 +103,7 @@ impl Asked {
     }
 }
 
-/// Finds where the pixels of a row lie on the road. Where pixels are small the field is asked at the ends of blocks alone: in
+/// Finds where the pixels of a row lie on the road. If pixels are small the field is asked at the ends of blocks alone: in
 /// between the road is straight to within a few millimetres.
 pub fn locate(field: &Field, line: &Line, asked: &mut Asked, places: &mut RoadPlaces) {
     let blocks = places.near.len();

@@ -543,7 +543,7 @@ fn distances_are_those_of_the_camera() {
 }
 
 /// The frames of a few scenarios, so that records of drives keep their meaning: a number for each, FNV-1a over the bytes of some
-/// frames. Where one changes on purpose, so does the simulator's version.
+/// frames. If one changes on purpose, so does the simulator's version.
 #[test]
 fn frames_are_those_of_earlier_versions() {
     let hills = json!({"angles": [0, 12, -10, 8, -20, 15, -10, 0], "heights": [0, 3, 4, 1, -2, 0, 3, 3]});

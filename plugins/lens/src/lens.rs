@@ -103,7 +103,7 @@ struct Attention<'a> {
 const ATTENTION_GAIN: f32 = 2.0;
 
 impl<'a> Density<'a> {
-    /// `share` of all particles exist: those with a rank below it. Where there are saliency maps, the one in use when and where a
+    /// `share` of all particles exist: those with a rank below it. If there are saliency maps, the one in use when and where a
     /// particle comes into being thins them where it is low and adds some where it is high.
     pub fn new(share: f32, lens: Lens, cx: &Context<'a>) -> Self {
         let maps = cx.earlier;

@@ -34,7 +34,7 @@ pub fn indifferent_parameter() -> Parameter {
     Parameter::choice(PARAMETER, &[AUTO, TRACT, ONNXRUNTIME], doc)
 }
 
-/// What the options stand for on this machine. Where ONNX Runtime cannot be used, its options stand for nothing, and opening a network
+/// What the options stand for on this machine. If ONNX Runtime cannot be used, its options stand for nothing, and opening a network
 /// on it says why. Every component with a network asks, and the machine is searched once.
 fn meanings() -> &'static [(String, String)] {
     static MEANINGS: OnceLock<Vec<(String, String)>> = OnceLock::new();

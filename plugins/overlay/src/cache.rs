@@ -44,7 +44,7 @@ pub fn file(folder: &Path, hash: &blake3::Hash) -> PathBuf {
     folder.join(format!("{}.{ENDING}", &hash.to_hex()[..32]))
 }
 
-/// Gives what `find` finds at a path. Where that is an error, the file is made with `write`, which gets an empty one that can
+/// Gives what `find` finds at a path. If that is an error, the file is made with `write`, which gets an empty one that can
 /// be read and written, and then found. Of all threads and processes that want the file, one makes it and the others wait
 /// for that; what cannot be made for the one cannot for those who waited either.
 ///
@@ -110,7 +110,7 @@ fn create(path: &Path, write: impl FnOnce(File) -> Result<()>) -> Result<()> {
 
 /// Notes that a file is used.
 pub fn touch(path: &Path) {
-    // Where this fails, the file only looks older than it is.
+    // If this fails, the file only looks older than it is.
     let _ = File::options().append(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
 }
 

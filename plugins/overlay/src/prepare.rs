@@ -93,7 +93,7 @@ pub fn open(
 
 /// Removes the store of a clip, so that it is made anew.
 pub fn discard(hash: &blake3::Hash, settings: &Settings, size: (usize, usize), folder: &Path) {
-    // Where it is gone already, so much the better.
+    // If it is gone already, so much the better.
     let _ = std::fs::remove_file(cache::file(folder, &identity(hash, settings, size)));
 }
 

@@ -63,7 +63,7 @@ impl Process {
 
     /// Ends the program, if it has not ended.
     pub fn stop(&mut self) {
-        // Where it has ended already, so much the better.
+        // If it has ended already, so much the better.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -114,7 +114,7 @@ fn end_with_this_process(command: &mut Command) {
     let parent = getpid();
     let ask = move || {
         set_parent_process_death_signal(Some(Signal::KILL))?;
-        // Where the parent ended before it was asked for, the signal never comes.
+        // If the parent ended before it was asked for, the signal never comes.
         match getppid() == Some(parent) {
             true => Ok(()),
             false => Err(Errno::SRCH.into()),

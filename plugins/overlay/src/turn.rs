@@ -73,14 +73,14 @@ fn is_same(one: &Metadata, other: &Metadata) -> bool {
 impl Ours {
     /// Tells those who wait why the file could not be made.
     pub fn fail(mut self, reason: &Error) {
-        // Where this cannot be written, they find out for themselves.
+        // If this cannot be written, they find out for themselves.
         let _ = serde_json::to_writer(&mut self.file, reason);
     }
 }
 
 impl Drop for Ours {
     fn drop(&mut self) {
-        // Where it cannot be removed, the next one takes it over. The lock is given back here and not when the file is
+        // If it cannot be removed, the next one takes it over. The lock is given back here and not when the file is
         // closed, because a program that is being started may have it open for a moment.
         let _ = std::fs::remove_file(&self.path);
         let _ = self.file.unlock();

@@ -66,7 +66,7 @@ impl Perturbation for ObjectOverlay {
         let (width, height) = (src.width(), src.height());
         let (wide, high) = size(width, height, cx.number("divisor"), cx.integer("variant") == 0);
         self.logo.draw(wide, high);
-        // Where the logo is larger than the frame, it starts inside the logo.
+        // If the logo is larger than the frame, it starts inside the logo.
         let (skip_x, skip_y) = ((wide / 2).saturating_sub(width / 2), (high / 2).saturating_sub(height / 2));
         let (left, top) = ((width / 2).saturating_sub(wide / 2), (height / 2).saturating_sub(high / 2));
         for y in top..height.min(top + high - skip_y) {

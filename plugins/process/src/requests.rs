@@ -84,7 +84,7 @@ impl Requests {
         self.request_event.is_heard()
     }
 
-    /// Asks, and returns the reply. Where `fresh`, the program may still be starting, and is asked again and again.
+    /// Asks, and returns the reply. If `fresh`, the program may still be starting, and is asked again and again.
     ///
     /// # Errors
     /// What the program says went wrong, that of `wait.look`, or if no reply comes in time.

@@ -49,7 +49,7 @@ pub fn promising(domain: &Domain, told: &[Point], measures: &[Vec<f64>], enough:
         }
         distances.select_nth_unstable_by(next - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let next = &distances[..next];
-        // Where all are equal, nothing leads anywhere.
+        // If all are equal, nothing leads anywhere.
         next.iter().all(|&(_, other)| !told[other].critical && values[other] >= values[place])
             && next.iter().any(|&(_, other)| values[other] > values[place])
     };

@@ -110,7 +110,7 @@ impl Server {
     /// Says goodbye, and lets the simulator hang up.
     pub fn close(mut self) {
         let soon = Deadline::new(GOODBYE, "answer_seconds");
-        // Where it is gone, that is all right too.
+        // If it is gone, that is all right too.
         if self.socket.close(None).is_err() {
             return;
         }

@@ -133,7 +133,7 @@ impl Simulator for Udacity {
         link.steer(control, &deadline)?;
         let telemetry = link.telemetry(&self.options, &deadline)?;
         drive.go_on(telemetry, &self.options, link.server.peer())?;
-        // Where several came at once, the driver gets the newest.
+        // If several came at once, the driver gets the newest.
         if !ends(&drive.state, &drive.criteria) {
             link.catch_up(drive, &self.options, &deadline)?;
         }

@@ -161,7 +161,7 @@ impl Station {
             for address in &addresses {
                 let limit = deadline.left().unwrap_or(TICK).min(Duration::from_secs(1));
                 match TcpStream::connect_timeout(address, limit) {
-                    // Where nothing listens, the system may connect a port of its own choice with itself.
+                    // If nothing listens, the system may connect a port of its own choice with itself.
                     Ok(stream) if stream.local_addr().ok() == stream.peer_addr().ok() => {
                         refused = "nothing listens".to_owned()
                     }

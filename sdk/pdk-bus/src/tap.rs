@@ -51,7 +51,7 @@ pub struct SlotTopics {
 /// Up to seven taps read a topic at the same time, each with a queue of eight messages that loses the oldest
 /// when it is full; [`lost`](Self::lost) counts those.
 ///
-/// Where a loop has ended or died and another takes its slot in the same run, the tap goes on with that one: after
+/// If a loop has ended or died and another takes its slot in the same run, the tap goes on with that one: after
 /// the last message of the old comes the first that the new one sends once the tap has found it. Then the numbers
 /// in the headers start again, and frames may be of another size.
 #[derive(Debug)]
@@ -75,7 +75,7 @@ impl Tap {
         list_below(&base()?)
     }
 
-    /// Opens a topic of a slot of a run, or of the [`LATEST`] run that has this slot. Where there is none yet,
+    /// Opens a topic of a slot of a run, or of the [`LATEST`] run that has this slot. If there is none yet,
     /// waits for it up to `timeout`: a tap may be started before its run.
     ///
     /// # Errors

@@ -107,7 +107,7 @@ impl Graph {
 
     /// The facts of what a node computes.
     fn facts_of(&self, node: &NodeProto) -> Result<Vec<Fact>> {
-        // Where something that goes in is not known, its reason is the reason.
+        // If something that goes in is not known, its reason is the reason.
         for input in node.input.iter().filter(|input| !input.is_empty()) {
             self.fact(input)?;
         }

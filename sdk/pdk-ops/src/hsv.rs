@@ -22,7 +22,7 @@ pub fn rgb_to_hsv(rgb: [u8; 3]) -> [u8; 3] {
     let [r, g, b] = rgb.map(i32::from);
     let value = r.max(g).max(b);
     let range = value - r.min(g).min(b);
-    // Quotients are fixed-point numbers with 12 fractional bits. Where a divisor is zero, so is what it divides.
+    // Quotients are fixed-point numbers with 12 fractional bits. If a divisor is zero, so is what it divides.
     let saturation = round(range as f32 * round(255.0 * 4096.0 / value.max(1) as f32) as f32);
     let position = if value == r {
         g - b

@@ -130,7 +130,7 @@ pub enum Impulses {
 
 /// Sets random values to 255, then as many to 0. With `Published`, `ceil(fraction * width * height * 3 / 2)` single
 /// values each; with `WholePixels`, `ceil(fraction * width * height / 2)` pixels each. A place may be drawn twice, so a
-/// little less than `fraction` of the image changes. Where `Published` leaves no row or column, the only one is used.
+/// little less than `fraction` of the image changes. If `Published` leaves no row or column, the only one is used.
 ///
 /// # Panics
 /// If the sizes differ or `fraction` is not within 0..=1.

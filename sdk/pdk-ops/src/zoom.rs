@@ -16,7 +16,7 @@ pub const MAX_STEP: f64 = 10.0;
 pub enum Enlargement {
     /// `ceil(length / factor)` whole pixels from the middle are stretched to a whole number of pixels near the factor,
     /// first to first and last to last, and trimmed. The middle moves by up to a pixel from one factor to the next.
-    /// Where the last position, computed in double precision, comes out a trace beyond the last pixel, that row or
+    /// If the last position, computed in double precision, comes out a trace beyond the last pixel, that row or
     /// column is black; that depends on the size of the frame and on the factor.
     WholePixels,
     /// About the middle of the image and by the factor, exactly.

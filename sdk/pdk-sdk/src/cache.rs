@@ -113,7 +113,7 @@ fn files(folder: &Path) -> Result<Vec<(PathBuf, u64)>> {
     Ok(found)
 }
 
-/// The folder that `PDK_CACHE` names, else `pdk` in the user's cache folder (`$XDG_CACHE_HOME`, else `~/.cache`). Where that cannot
+/// The folder that `PDK_CACHE` names, else `pdk` in the user's cache folder (`$XDG_CACHE_HOME`, else `~/.cache`). If that cannot
 /// be written to, as for users without a home, it is `pdk-NUMBER` in the system's folder for temporary files, with the user's
 /// number, and only that user can enter it.
 ///

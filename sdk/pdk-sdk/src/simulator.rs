@@ -69,7 +69,7 @@ pub trait Simulator: Send {
         let _ = annotations;
     }
 
-    /// What the simulator can tell apart in its frames, 256 at most; empty if it labels nothing. Where it fits, the names are
+    /// What the simulator can tell apart in its frames, 256 at most; empty if it labels nothing. If it fits, the names are
     /// `sky`, `road`, `marking`, `vehicle`, `pedestrian`, `vegetation`, `building` and `ground`, so that users find the same ones
     /// everywhere. They do not change while the instance lives.
     fn label_names(&self) -> Vec<String> {

@@ -7,7 +7,7 @@ use crate::all_pairs::all_pairs;
 ///
 /// So no two entries of a group can be told apart, and the first of each group differs from at least one of the group before. Two
 /// entries of different groups can still be close: neighbours often are. With the probability `confidence` all differences that
-/// groups begin with are real, however many entries there are. Where none differ, that is how often all are one group.
+/// groups begin with are real, however many entries there are. If none differ, that is how often all are one group.
 ///
 /// At 95 % fewer than six roads are one group: the least possible p of five is 1/16.
 pub fn groups(entries: &[Vec<Option<f64>>], confidence: f64) -> Vec<usize> {

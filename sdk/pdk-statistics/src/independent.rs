@@ -22,7 +22,7 @@ pub fn compare(first: &[f64], second: &[f64]) -> Option<Independent> {
     let method = MannWhitneyUMethod::AsymptoticInclContinuityCorrection;
     let (u, p) = mannwhitneyu(first, second, method, Alternative::TwoSided).ok()?;
     let pairs = (first.len() * second.len()) as f64;
-    // Where all values are equal, nothing varies, and nothing differs.
+    // If all values are equal, nothing varies, and nothing differs.
     Some(Independent { effect_size: u / pairs, p: if p.is_nan() { 1.0 } else { p } })
 }
 

@@ -62,7 +62,7 @@ pub fn failing_share(trials: &[Trial], levels: &[f64]) -> Option<f64> {
 ///
 /// The interval comes from resampled roads, and its ends are levels that were driven. How failing goes on between two of these is
 /// not known: so of each resample the lower end is the last level below the first at which half of the roads may fail, and the
-/// upper end the first from which on at least half of them do fail. Where there are so few roads that half of all could be of a kind
+/// upper end the first from which on at least half of them do fail. If there are so few roads that half of all could be of a kind
 /// that was not met (up to three), it reaches over all levels.
 pub fn failing_level(roads: &[Vec<Vec<Trial>>], confidence: f64) -> Option<FailingLevel> {
     let mut levels: Vec<f64> = roads.iter().flatten().flatten().map(|trial| trial.level).collect();

@@ -11,7 +11,7 @@ returns, or a list of such, which are applied one after the other.
 Whole experiments run from Python too, in processes of their own: `pdk.run` runs a pipeline, and a `pdk.Session` drives scenarios with a
 driver in the closed loop of a simulator, both of which may be classes; a `pdk.Record` reads what was recorded.
 
-Where arrays are perturbed, components run in the interpreter's process. What one of them reports is a `pdk.Error`; one that crashes ends the interpreter, where
+If arrays are perturbed, components run in the interpreter's process. What one of them reports is a `pdk.Error`; one that crashes ends the interpreter, where
 the command line would name it. `pdk check PLUGIN.so` finds such plugins.
 """
 

@@ -117,7 +117,7 @@ fn change_rounding() {
 fn print_a_lot() {
     let line = [b"a lot of words that nobody asked for ".repeat(27), b"\n".to_vec()].concat();
     for _ in 0..PRINTED / line.len() {
-        // Where nobody listens there is nobody to tell.
+        // If no one listens, nothing can be reported.
         _ = std::io::stdout().write_all(&line);
         _ = std::io::stderr().write_all(&line);
     }

@@ -125,7 +125,7 @@ impl Pool {
 }
 
 impl Worker {
-    /// Writes a line to it. Where it is gone, its end is noticed like any other.
+    /// Writes a line to it. If it is gone, its end is noticed like any other.
     fn tell(&mut self, line: &str) {
         _ = self.input.as_mut().map(|input| writeln!(input, "{line}"));
     }

@@ -437,7 +437,7 @@ fn a_script_that_runs_away_is_stopped() {
 #[test]
 fn a_lua_perturbation_that_runs_away_fails_its_scenario_only() {
     let folder = temp();
-    // Where everything has to be a perturbation.
+    // If everything has to be a perturbation.
     let scripts = folder.path().join("perturbations");
     fs::create_dir(&scripts).unwrap();
     let perturbation = |name: &str, body: &str| {

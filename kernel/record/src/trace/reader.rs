@@ -106,7 +106,7 @@ impl Owner {
 }
 
 /// The entries of a trace, read as they are asked for: only a part of the file is in memory. After an error there are no
-/// more. Where the iterator ends without an error, the trace was complete.
+/// more. If the iterator ends without an error, the trace was complete.
 pub struct TraceReader {
     path: PathBuf,
     messages: mcap::io::MessageReader<BufReader<File>>,

@@ -92,7 +92,7 @@ impl<'a> From<&'a Finished> for Told<'a> {
     }
 }
 
-/// Tells the program at the other end of standard output. Where it is gone, the end of its input shows it.
+/// Tells the program at the other end of standard output. If it is gone, the end of its input shows it.
 pub fn tell(message: &Told<'_>) {
     // The message at the end may be long, so it goes out as it is made.
     let mut output = io::BufWriter::with_capacity(1 << 16, io::stdout().lock());
@@ -131,7 +131,7 @@ impl Progress {
 
     /// Nothing more is to be done.
     pub fn finish(&self) {
-        // Where nothing was said of it, there is nothing to put right.
+        // If nothing was said of it, there is nothing to put right.
         if self.audience == Audience::Program && self.told.get().is_some() {
             self.tell();
         }

@@ -194,7 +194,7 @@ impl Host {
         folder.join(relative).to_string_lossy().into_owned()
     }
 
-    /// Where the command line sets something although the pipeline has no settings of its own.
+    /// If the command line sets something although the pipeline has no settings of its own.
     fn check_overrides(&self) -> Result<()> {
         match self.settings {
             Some(_) => Ok(()),

@@ -170,7 +170,7 @@ pub const NEXT_LEVEL: ApiFunction = ApiFunction {
     name: "next_level",
     signature: "(trials: { Trial }, search: Bisection?) -> number?",
     doc: "The level to drive next on a road with these drives so far, to find its failing level with few of them: the highest first, \
-          then halfway between what was survived and what was failed. Where each drive has luck of its own, as in a simulator with \
+          then halfway between what was survived and what was failed. If each drive has luck of its own, as in a simulator with \
           its own clock, levels found like this are off by up to a quarter of a level. Nothing if enough is known.",
     make: |lua| {
         function(lua, "pdk.next_level", |_, [trials_so_far, search]| {

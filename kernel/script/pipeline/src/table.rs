@@ -42,7 +42,7 @@ fn outcome_table(mut table: Table, outcomes: &[Value]) -> Table {
             "late" => "LATE",
             _ => "",
         };
-        // Where a component failed, there is nothing to say about the driver.
+        // If a component failed, there is nothing to say about the driver.
         let cell = |text: String| right(if verdict == "void" { String::new() } else { text });
         // The mean of a part of the road is none of the road.
         let mean = match verdict {

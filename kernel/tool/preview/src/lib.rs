@@ -21,7 +21,7 @@
 //! of a replay as well.
 //!
 //! A frame is shown at two seconds, when what moves has begun to. Sizes of perturbations are in pixels, so the frame is
-//! brought to the size of a camera's before it is perturbed, and to that of the picture only afterwards. Where a perturbation
+//! brought to the size of a camera's before it is perturbed, and to that of the picture only afterwards. If a perturbation
 //! fails, its row is the error: a sheet without it is for the caller to decide on.
 
 pub mod picture;

@@ -131,7 +131,7 @@ pub fn perturbed(
     Ok(target)
 }
 
-/// One row for each perturbation: the frame at every level, or at the one that the user names. Where a perturbation fails,
+/// One row for each perturbation: the frame at every level, or at the one that the user names. If a perturbation fails,
 /// its row is the error.
 pub fn rows(
     registry: &Registry,

@@ -100,7 +100,7 @@ impl Layout {
     }
 }
 
-/// Writes a video of a scenario that was driven again, from its new trace, in which every frame has its images. Where it failed,
+/// Writes a video of a scenario that was driven again, from its new trace, in which every frame has its images. If it failed,
 /// the frames of the last second are marked and the very last one stays for a second. Nothing is there until it is complete.
 ///
 /// # Errors

@@ -99,7 +99,7 @@ pub fn compare(recorded: &Recorded, steps: &[Step], outcome: &Outcome, again: &[
             (None, None) => None,
         }
     });
-    // Where a process was lost it left no steps, and the outcome says why.
+    // If a process was lost it left no steps, and the outcome says why.
     let lost = steps.is_empty() != again.is_empty();
     let found = match (of_steps, lost) {
         (Some(difference), false) => Some(difference),
@@ -123,7 +123,7 @@ fn another_end(step: &Step, recorded: &str, replayed: &str) -> Difference {
 fn step_difference(recorded: &Step, replayed: &Step) -> Option<Difference> {
     let found = |what: &str, was: String, is: String| {
         let frame = Some(replayed.sequence);
-        // Where it is the time that differs, the time as recorded.
+        // If it is the time that differs, the time as recorded.
         let time = Some(recorded.state.time);
         Some(Difference { frame, time, what: what.to_owned(), recorded: was, replayed: is })
     };

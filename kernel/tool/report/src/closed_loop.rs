@@ -250,7 +250,7 @@ fn road_note(drive: &Drive, pictures: usize) -> String {
     }
     let without = || drive.scenarios.iter().filter(|s| s.road.is_none());
     let unreadable = without().filter(|s| !s.unreadable.is_empty()).count();
-    // Where a component takes its process along there is nothing in the trace.
+    // If a component takes its process along there is nothing in the trace.
     let void = without()
         .filter(|s| s.unreadable.is_empty() && s.verdict == Verdict::Void && s.path.is_empty())
         .count();

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::color::{self, Rgb};
 use crate::text;
 
-/// Where there are more different levels than this, a column has all from one whole level to below the next.
+/// If there are more different levels than this, a column has all from one whole level to below the next.
 pub const MOST_COLUMNS: usize = 20;
 
 /// Which levels go into one column.

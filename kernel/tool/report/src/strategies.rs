@@ -45,7 +45,7 @@ struct Measure {
 const MEASURES: [Measure; 3] = [
     Measure { name: "critical tests", of: |search| search.critical as f64 },
     Measure { name: "unlike each other", of: |search| search.distinct.len() as f64 },
-    // Where none was found, one more than there were.
+    // If none was found, one more than there were.
     Measure {
         name: "tests to the first",
         of: |search| search.first_critical.unwrap_or(search.evaluations + 1) as f64,

@@ -46,7 +46,7 @@ struct Road {
 const SHARE: (f64, f64) = (0.0, 1.0);
 
 impl Tally {
-    /// One that takes the share of a road over levels, as far as drives say which of them fail. Where levels were chosen by what
+    /// One that takes the share of a road over levels, as far as drives say which of them fail. If levels were chosen by what
     /// failed, the share of the drives says nothing.
     pub fn over(levels: &[f64]) -> Self {
         Self { levels: levels.to_vec(), ..Self::default() }
@@ -199,7 +199,7 @@ pub fn common_level(scenarios: &[Scenario]) -> Option<f64> {
 
 /// The levels over which the share of a road is taken in these drives; none if that of its drives says as much.
 ///
-/// Where levels were chosen by what failed, some roads were not driven at levels at which others were. Then these are the whole
+/// If levels were chosen by what failed, some roads were not driven at levels at which others were. Then these are the whole
 /// ones from the lowest to the highest that was driven.
 pub fn levels<'a>(drives: impl IntoIterator<Item = &'a [Scenario]>) -> Vec<f64> {
     let of_perturbations = driven_levels(drives);

@@ -25,7 +25,7 @@ const LOST_THROTTLE: f64 = 0.0;
 /// Keeps to the lane between a white line on the right and a dashed yellow one on the left.
 ///
 /// It looks at the frame alone and knows how the camera is mounted. It steers by pure pursuit towards the lane's centre
-/// some metres ahead, and slows down for bends. Where it sees no lane, it holds its last steering, which decays to
+/// some metres ahead, and slows down for bends. If it sees no lane, it holds its last steering, which decays to
 /// straight, and rolls.
 pub struct LaneKeeper {
     target_speed: f64,

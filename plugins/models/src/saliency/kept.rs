@@ -89,7 +89,7 @@ impl Kept {
     }
 }
 
-/// Where the files in the folders of this one hold more bytes than `most`, removes the oldest ones until they hold half of that, so
+/// If the files in the folders of this one hold more bytes than `most`, removes the oldest ones until they hold half of that, so
 /// that it is not needed again soon.
 fn make_room(folder: &Path, most: u64) {
     let entries = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();

@@ -103,7 +103,7 @@ fn pow(site: &Site<'_>, b: &mut Builder, g: &str) -> Result<Parts> {
     let element = b.element(base)?;
     if b.wants(site, 0) {
         let (exponent, less) = match site.values.constant(site.input(1)?)? {
-            // Where the exponent is 0 the gradient is 0, also at 0, whose power -1 is infinite.
+            // If the exponent is 0 the gradient is 0, also at 0, whose power -1 is infinite.
             Some(exponent) => {
                 let less = exponent.values.iter().map(|&e| if e == 0.0 { 0.0 } else { e - 1.0 }).collect();
                 let less = Tensor { element, values: less, ..(*exponent).clone() };

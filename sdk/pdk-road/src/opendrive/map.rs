@@ -160,7 +160,7 @@ impl Map {
                 break;
             };
             let step = before.map_or(f64::INFINITY, |before| distance(before, point));
-            // Where one road ends and the next begins the same point comes twice.
+            // If one road ends and the next begins the same point comes twice.
             if step > STEP / 4.0 {
                 let [x, z] = turned_back(point);
                 lane.points.push([x, height, z]);

@@ -278,7 +278,7 @@ impl Simulator for HostSimulator {
     }
 
     fn reset(&mut self, scenario: &Scenario, slot: u32) -> Result<State> {
-        // Where this one cannot be built, the road of the one before must not pass for its own.
+        // If this one cannot be built, the road of the one before must not pass for its own.
         self.waypoints.clear();
         // What is done to the pictures is not the concern of the world that they show.
         let scenario = serde_json::to_string(&Scenario { perturbations: Vec::new(), ..scenario.clone() })?;

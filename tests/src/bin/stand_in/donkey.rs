@@ -305,7 +305,7 @@ impl Session<'_> {
         self.write(format!("{message}\n").as_bytes());
     }
 
-    /// Where the other end is gone, reading says so.
+    /// If the other end is gone, reading says so.
     fn write(&mut self, bytes: &[u8]) {
         let _ = self.stream.write_all(bytes);
     }

@@ -234,7 +234,7 @@ impl Session<'_> {
                 if let Some(Fault::Freeze(pause)) = fault {
                     std::thread::sleep(pause);
                 }
-                // Where the other end is gone, reading says so.
+                // If the other end is gone, reading says so.
                 let _ = self.socket.send(Message::text(packet));
                 None
             }

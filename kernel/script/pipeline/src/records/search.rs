@@ -163,7 +163,7 @@ pub(super) const SEARCH_RESULT: ApiRecord = ApiRecord {
         field(
             "convergence",
             "{ { evaluations: number, hypervolume: number?, critical: number, distinct_failures: number } }",
-            "What was reached after how many evaluations. Where there is no `reference`, hypervolumes are those up to the worst value \
+            "What was reached after how many evaluations. If there is no `reference`, hypervolumes are those up to the worst value \
              of each objective in this search.",
         ),
         field(

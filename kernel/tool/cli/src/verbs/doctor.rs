@@ -69,7 +69,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         pdk_abi::VERSION
     );
     let mut findings = vec![Finding { subject: "version", state: State::Good, text: version }, libraries()];
-    // Where a part of pdk is missing there are no components, and that has been said.
+    // If a part of pdk is missing there are no components, and that has been said.
     match Registry::discover(&search, Box::new(LuaScripts::new(&search))) {
         Ok(registry) => {
             findings.push(components(&registry));

@@ -83,7 +83,7 @@ fn check_output(input: &Path, output: &Path) -> Result<()> {
 /// Whether the input is a video, by its content. The result has to be of the same sort.
 fn is_video(input: &Path, output: &Path) -> Result<bool> {
     let mut head = Vec::new();
-    // Where it cannot be read, reading the image says so.
+    // If it cannot be read, reading the image says so.
     let read = file::open(input).and_then(|(file, _)| Ok(file.take(12).read_to_end(&mut head)?));
     let container = pdk_video::container(&head);
     let mp4 = output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4"));

@@ -12,7 +12,7 @@ use crate::view::{Drive, Scenario, Verdict};
 /// Perturbations that have a curve of their own.
 const CURVES: usize = 7;
 
-/// Shares that are still driving, over time: by level, and for the worst perturbations. Where levels were chosen by what failed, that
+/// Shares that are still driving, over time: by level, and for the worst perturbations. If levels were chosen by what failed, that
 /// is the level at which all were driven.
 ///
 /// # Errors
