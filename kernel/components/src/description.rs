@@ -116,7 +116,7 @@ mod tests {
 
     /// The names that are refused are those that a pipeline takes from the table before the parameters.
     #[test]
-    fn keys_of_a_pipeline_are_no_parameters() {
+    fn keys_of_a_pipeline_are_not_parameters() {
         let mut table = json!({ "name": "fog", "s": 1 });
         for modifier in MODIFIERS {
             table[modifier.name] = parse_value(modifier.examples[0]).unwrap();

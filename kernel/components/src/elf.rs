@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_library_that_relocates_others_is_told_from_a_whole_one() {
+    fn a_library_that_relocates_others_is_recognised() {
         let whole = std::env::current_exe().unwrap();
         assert!(!strays(&whole).unwrap());
         let mut bytes = std::fs::read(&whole).unwrap();

@@ -53,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn all_that_can_be_recorded_is_told() {
+    fn everything_that_can_be_recorded_is_reported() {
         let set: String =
             MODIFIERS.iter().map(|modifier| format!(",{}={}", modifier.name, modifier.examples[0])).collect();
         let spec = AppliedPerturbation::parse(&format!("fog{set},own=3")).unwrap();

@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_description_is_refused() {
+    fn a_wrong_description_is_rejected() {
         for text in ["", "[]", "{}", r#"{"name": "p", "version": "1"}"#, r#"{"components": []}"#] {
             let error = read(text).unwrap_err().to_string();
             assert!(error.starts_with("does not describe itself as a plugin"), "{error}");

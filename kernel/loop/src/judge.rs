@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pause_that_ends_is_no_standstill() {
+    fn a_pause_that_ends_is_not_a_standstill() {
         let mut judge = judge(60.0);
         let standing = |time| State { speed: 0.0, ..state(time) };
         judge.look(&standing(1.0));

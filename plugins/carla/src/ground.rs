@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_road_is_said() {
+    fn a_wrong_road_is_reported() {
         for (road, expected) in [
             (json!({"map": 3}), "`map` of the road is 3"),
             (json!({"map": "Town01", "angles": []}), "unknown key `angles`"),

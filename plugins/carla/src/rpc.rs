@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_are_told_apart_from_refusals_and_from_those_of_others() {
+    fn answers_differ_from_refusals_and_from_those_of_others() {
         assert_eq!(answered(&good(0, 75.into())), Ok(75.into()));
         // An answer that is not waited for comes first.
         assert_eq!(answered(&[good(9, 1.into()), good(0, 75.into())].concat()), Ok(75.into()));
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_answer_is_nonsense_and_half_of_one_is_late() {
+    fn a_wrong_answer_is_nonsense_and_half_of_one_is_late() {
         let text = b"HTTP/1.1 400 Bad Request\r\n\r\n".to_vec();
         let strange = message([0.into(), Value::Nil, 3.into()]);
         for said in [text, vec![0xff; 50], vec![0x94, 0x01, 0xc1, 0xc1, 0xc1], strange] {

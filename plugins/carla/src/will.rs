@@ -213,7 +213,7 @@ mod tests {
 
     /// The pipe is closed as the system does it at any end of a process.
     #[test]
-    fn the_latest_words_are_said_where_the_process_ends() {
+    fn the_last_output_is_reported_if_the_process_ends() {
         let (stream, mut other) = pair();
         let mut will = Will::new(&stream).unwrap();
         will.write(b"first").unwrap();

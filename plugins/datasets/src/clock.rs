@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rate_serves_where_there_are_no_times_or_where_it_is_asked_for() {
+    fn the_rate_is_used_if_there_are_no_times_or_if_it_is_requested() {
         assert_eq!(clock("recorded", None).time(7, &record(None)).unwrap(), 0.7);
         assert_eq!(clock("rate", Some(5000.0)).time(7, &record(Some(9000.0))).unwrap(), 0.7);
     }

@@ -58,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn so_many_values_are_hit_half_of_them_white() {
+    fn the_share_of_values_is_hit_half_of_them_white() {
         let grey = frame(128, 200, 200);
         for (level, share) in [(0.0, 0.03), (4.0, 0.27)] {
             let hit = perturbed::<ImpulseNoise>(&grey, level, 1);

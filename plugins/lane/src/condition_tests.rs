@@ -121,7 +121,7 @@ fn what_was_added_is_labelled_and_its_distance_known() {
 }
 
 #[test]
-fn paint_that_is_missing_is_no_marking() {
+fn missing_paint_is_not_a_marking() {
     let markings = |missing: f64| {
         let parameters = json!({
             "conditions": "standard", "light": "overcast", "paint_missing": missing, "paint_wear": 0, "wetness": 0, "oncoming": 0,
@@ -147,7 +147,7 @@ fn paint_that_is_missing_is_no_marking() {
 }
 
 #[test]
-fn parked_vehicles_are_hit_by_who_leaves_the_lane() {
+fn a_driver_that_leaves_the_lane_hits_parked_vehicles() {
     let parameters = json!({"width": 8, "height": 6, "parked": 60, "oncoming": 0});
     let mut simulator = lane_with(parameters).unwrap();
     let straight = json!({"angles": [0, 0, 0, 0, 0, 0, 0, 0], "segment": 40});

@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_or_too_old_is_said_with_the_remedy() {
+    fn a_missing_or_old_library_is_reported_with_the_remedy() {
         assert_eq!(search(&[]).find().unwrap(), None);
         let missing = search(&[]).require().unwrap_err().to_string();
         assert!(missing.starts_with("ONNX Runtime is not installed: `pip install onnxruntime`"), "{missing}");

@@ -500,7 +500,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_image_is_refused_with_what_was_found() {
+    fn a_file_that_is_not_an_image_is_rejected_with_what_was_found() {
         let error = |dims: &[&str], layout| read(&Pilot::new(dims), layout).unwrap_err().to_string();
         assert_eq!(
             error(&["batch", "10"], "auto"),
@@ -543,7 +543,7 @@ mod tests {
     }
 
     #[test]
-    fn files_that_are_no_models_are_refused() {
+    fn files_that_are_not_models_are_rejected() {
         let error = |content: &[u8]| {
             let file = tempfile::NamedTempFile::new().unwrap();
             std::fs::write(file.path(), content).unwrap();

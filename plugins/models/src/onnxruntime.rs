@@ -194,7 +194,7 @@ mod tests {
     use crate::locate::Search;
 
     #[test]
-    fn a_file_that_is_no_library_is_refused() {
+    fn a_file_that_is_not_a_library_is_rejected() {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), "no library").unwrap();
         let error = load(file.path()).err().unwrap().to_string();

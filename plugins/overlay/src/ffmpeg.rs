@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_wrong_is_said_with_its_reason() {
+    fn failures_are_reported_with_their_reason() {
         assert_eq!(
             message(start("echo 'clip.mkv: Invalid data found' >&2; exit 1")),
             "ffmpeg cannot decode it whole: clip.mkv: Invalid data found"
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_of_messages_holds_up_neither_side_and_the_last_of_it_is_told() {
+    fn a_flood_of_messages_blocks_neither_side_and_its_end_is_reported() {
         let error = within(20, || {
             let flood =
                 "i=0; while [ $i -lt 20000 ]; do echo \"message $i of a flood\"; i=$((i + 1)); done >&2";
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn ffmpeg_is_told_to_read_this_file_alone() {
+    fn ffmpeg_reads_this_file_alone() {
         let folder = tempfile::tempdir().unwrap();
         let told = folder.path().join("told");
         let path = program(folder.path(), &format!("printf '%s\\n' \"$@\" > '{}'", told.display()));

@@ -75,7 +75,7 @@ fn pictures_of_the_largest_size_are_clips() {
 }
 
 #[test]
-fn what_is_no_regular_file_is_not_waited_for() {
+fn an_irregular_file_is_not_waited_for() {
     let folder = tempfile::tempdir().unwrap();
     let fifo = |path: PathBuf| {
         assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());

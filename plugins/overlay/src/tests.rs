@@ -380,7 +380,7 @@ fn the_square_of_a_clip_lies_where_it_belongs_and_the_screen_is_gone() {
 }
 
 #[test]
-fn what_is_no_clip_is_refused_in_one_sentence() {
+fn a_file_that_is_not_a_clip_is_rejected_in_one_sentence() {
     assert_eq!(
         refusal("a.mp4", b"Dear diary,\ntoday"),
         "it is a text file and no video, whatever its name says"
@@ -641,7 +641,7 @@ fn a_recorded_clip_with_frames_out_of_order_is_read_whole() {
 }
 
 #[test]
-fn a_recording_of_a_road_is_no_green_screen() {
+fn a_recording_of_a_road_is_not_taken_for_a_green_screen() {
     let Some(path) = recording("road/solidWhiteRight.mp4") else { return };
     let error = overlaid(&path).unwrap_err().to_string();
     assert!(error.contains("it is not a green-screen clip"), "{error}");

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn who_waits_learns_what_came_of_it_and_the_next_one_begins_anew() {
+    fn a_waiting_thread_gets_the_result_and_the_next_one_begins_anew() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.turn");
         let first = ours(take_turn(&path).unwrap());

@@ -54,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn a_place_outside_is_no_pixel() {
+    fn a_place_outside_is_not_a_pixel() {
         let at = |x, y| Ray { x, y, dx: 1.0, dy: 0.0 }.pixel(7, 5);
         assert_eq!(at(6.9, 4.9), Some((6, 4)));
         for (x, y) in [(-0.1, 0.0), (0.0, -0.1), (7.0, 0.0), (0.0, 5.0), (f64::NAN, 0.0)] {

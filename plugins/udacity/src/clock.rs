@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_rate_is_no_gap() {
+    fn a_slow_rate_is_not_a_gap() {
         let start = Instant::now();
         let mut clock = Clock::new(1.0, start);
         is(clock.heard(start + Duration::from_secs(1)), 1.0);

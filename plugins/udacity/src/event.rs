@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn packets_are_told_apart() {
+    fn packets_are_recognised() {
         assert!(matches!(read("2"), Ok(Packet::Ping(""))));
         assert!(matches!(read("2probe"), Ok(Packet::Ping("probe"))));
         for close in ["1", "41"] {

@@ -186,7 +186,7 @@ fn no_structure_has_padding_which_a_new_field_could_fill() {
 }
 
 #[test]
-fn what_grows_at_its_end_is_no_break_and_everything_else_is() {
+fn growth_at_the_end_is_compatible_and_every_other_change_breaks() {
     let recorded =
         read("functions A\n  a(b: u64)\n\nsized B\n  0 8 size usize\n  8 8 b f64\n\nnumbers c\n  1 ONE\n");
     let breaks = |from: &str, to: &str| {

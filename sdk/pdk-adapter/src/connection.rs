@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn half_a_message_silence_and_a_flood_are_told_apart() {
+    fn half_a_message_silence_and_a_flood_have_errors_of_their_own() {
         let (mut connection, mut other) = pair(1000);
         other.write_all(b"half").unwrap();
         let error = connection.line(&soon(), "sent telemetry").unwrap_err();

@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn an_early_end_is_told_with_its_last_words() {
+    fn an_early_end_is_reported_with_the_last_output() {
         let mut ended = shell("echo cannot open $COLOR display >&2; exit 3");
         assert!(comes_true(|| ended.check().is_err()));
         let error = ended.check().unwrap_err();

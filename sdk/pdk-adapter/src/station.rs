@@ -278,7 +278,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_is_not_there_is_said_with_the_remedy() {
+    fn a_missing_simulator_is_reported_with_the_remedy() {
         let settings = settings(free_port(), &[]);
         let error = Station::new(&settings, 0).unwrap().connect(0, &settings.starting()).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Lost);

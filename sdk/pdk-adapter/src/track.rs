@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_road_is_refused() {
+    fn a_wrong_road_is_rejected() {
         assert!(Track::new(vec![[0.0; 3]]).unwrap_err().message().contains("1 waypoints"));
         let twice = vec![[0.0; 3], [0.0, 0.0, 5.0], [0.0, 0.0, 5.0]];
         assert!(Track::new(twice).unwrap_err().message().starts_with("waypoints 1 and 2"));

@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn roots_are_told_by_their_names() {
+    fn roots_are_recognised_by_their_names() {
         let name = root_name(3, 0xbeef << 16);
         assert_eq!(parse_root(Path::new(&name)), Some((3, "00000000beef")));
         assert_eq!(prefix(&Path::new("/tmp/pdk/run").join(name)).unwrap(), "pdk_00000000beef_");

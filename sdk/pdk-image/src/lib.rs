@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_part_of_the_picture_of_a_png_is_not_expanded() {
+    fn chunks_that_are_not_part_of_the_picture_of_a_png_are_not_expanded() {
         let whole = encoded(ImageFormat::Png);
         // Not even valid, which would show if it were read.
         let texts = with_chunk(&with_chunk(&whole, b"zTXt", b"k\0\0no zlib"), b"iCCP", b"k\0\0no zlib");
@@ -563,7 +563,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_image_is_said_to_be_none() {
+    fn a_file_that_is_not_an_image_is_reported_as_such() {
         assert!(decode(b"GIF89a\x01\0\x01\0\0\0\0;").unwrap_err().message().starts_with("it is not a JPEG"));
         for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::WebP] {
             assert!(is_image(&encoded(format)[..12]), "{format:?}");

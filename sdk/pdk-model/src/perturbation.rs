@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn what_names_nothing_is_said_to() {
+    fn a_name_without_a_component_is_reported() {
         for text in ["", "@2", ",size=3"] {
             let error = error(text);
             assert!(error.starts_with(&format!("`{text}` names no perturbation; write NAME")), "{error}");

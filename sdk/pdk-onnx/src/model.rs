@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_model_is_refused() {
+    fn a_file_that_is_not_a_model_is_rejected() {
         for bytes in [&b""[..], b"PK\x03\x04 an archive of something else", &[0x0a; 40]] {
             assert!(decode(bytes).unwrap_err().to_string().starts_with("the file is not an ONNX model"));
         }

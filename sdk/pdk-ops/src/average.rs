@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_as_long_as_it_is_said_to_be() {
+    fn a_line_has_the_stated_length() {
         let mut src = FrameBuf::new(21, 21);
         src.as_mut().set_pixel(10, 10, [252; 3]);
         for (right, down, expected) in [

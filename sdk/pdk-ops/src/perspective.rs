@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_that_are_no_quadrilateral_are_refused() {
+    fn corners_that_are_not_a_quadrilateral_are_rejected() {
         for corners in [
             [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]],
             [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]],

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_laid_out_is_said() {
+    fn text_that_cannot_be_laid_out_is_reported() {
         let error = |angles: &[f64], lengths: &[f64]| Road::from_angles(angles, lengths).unwrap_err();
         assert!(error(&[1.0], &[25.0]).contains("2 to 200 angles"));
         assert!(error(&[1.0, 2.0], &[25.0]).contains("1 segment lengths for 2 angles"));

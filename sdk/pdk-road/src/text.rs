@@ -30,7 +30,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn what_is_no_point_is_named() {
+    fn a_wrong_point_is_named() {
         for wrong in ["", "1,2,3@1,2", "1,2,3@", "1,2,x", "1,2,inf", "1,2,3,4"] {
             assert!(parse(wrong).unwrap_err().contains("three numbers"), "{wrong}");
         }

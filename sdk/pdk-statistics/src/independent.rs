@@ -31,7 +31,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn samples_are_told_apart() {
+    fn samples_are_distinguished() {
         let apart = compare(&[5.0, 6.0, 7.0, 8.0], &[1.0, 2.0, 3.0, 4.0]).unwrap();
         // What scipy.stats.mannwhitneyu(method="asymptotic") says.
         assert!(apart.effect_size == 1.0 && (apart.p - 0.030_382_8).abs() < 1e-6, "{apart:?}");

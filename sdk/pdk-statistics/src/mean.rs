@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn one_failure_is_no_surer_than_none() {
+    fn one_failure_is_not_more_certain_than_none() {
         let none = interval(&[0.0; 8], SHARE, 0.95);
         let one = interval(&[0.05, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], SHARE, 0.95);
         assert!(none.high > 0.3 && one.high == none.high, "{none:?} {one:?}");

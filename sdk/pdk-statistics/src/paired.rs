@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn what_happens_on_every_road_is_told_from_chance() {
+    fn an_effect_on_every_road_is_distinguished_from_chance() {
         let all = of(&[1.0; 10], &[0.0; 10]);
         assert_eq!((all.difference.value, all.effect_size), (1.0, 1.0));
         // Of 1024 ways to exchange, two are as extreme and none is more so.

@@ -290,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_told_with_the_digits_that_count() {
+    fn numbers_are_printed_with_their_significant_digits() {
         let told = [0.0, 2.5, -0.001_234_56, 123_456.7, 0.1 + 0.2].map(short);
         assert_eq!(told, ["0", "2.5", "-0.001235", "123457", "0.3"]);
     }

@@ -190,7 +190,7 @@ fn power(studies: u32, world: World, roads: usize) -> Power {
 }
 
 #[test]
-fn perturbations_that_differ_much_are_told_apart() {
+fn perturbations_that_differ_much_are_in_different_groups() {
     // 900 pairs have different truths; one driver in one of the conditions, and as a whole study.
     let one = power(60, World { luck: 0.0, ..DENSE }, 8);
     let study = power(60, World { luck: 0.0, ..WORLDS[4] }, 8);

@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_is_said_with_its_remedy() {
+    fn a_failed_write_is_reported_with_its_remedy() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mp4");
         let error = |size, rate| write(&path, size, 1, rate).unwrap_err().to_string();

@@ -219,7 +219,7 @@ fn what_cannot_be_used_is_not_installed() {
 }
 
 #[test]
-fn names_that_clash_are_said() {
+fn names_that_clash_are_reported() {
     let home = temp();
     let home = home.path();
     let tint = |tone: u8| {

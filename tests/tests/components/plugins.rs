@@ -75,7 +75,7 @@ fn says(run: &Run, code: i32, parts: &[&str]) {
 }
 
 #[test]
-fn who_behaves_is_driven() {
+fn a_plugin_that_behaves_is_driven() {
     let run = three_scenarios("perturbation", "behave", &[]);
     assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
     assert_eq!(causes(&run), ["finished"; 3]);
@@ -132,7 +132,7 @@ fn a_panic_at_every_entry_point_is_an_error_with_a_name() {
 }
 
 #[test]
-fn a_panic_on_a_thread_of_the_plugin_is_said() {
+fn a_panic_on_a_thread_of_the_plugin_is_reported() {
     let run = three_scenarios("perturbation", "panic_on_thread", &[]);
     assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
     for part in ["panicked at", "perturbation.rs", "as asked to on a thread"] {
@@ -145,7 +145,7 @@ fn a_panic_on_a_thread_of_the_plugin_is_said() {
 
 /// At every frame, so that whatever file the process opens in between and gets such a number for is closed as well.
 #[test]
-fn who_closes_files_that_are_not_its_own_is_driven_to_the_end() {
+fn a_plugin_that_closes_files_of_others_is_driven_to_the_end() {
     for who in ["simulator", "driver", "perturbation"] {
         let run = three_scenarios(who, "close_stdout", &[]);
         assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
@@ -155,7 +155,7 @@ fn who_closes_files_that_are_not_its_own_is_driven_to_the_end() {
 }
 
 #[test]
-fn a_panic_while_an_instance_is_dropped_is_said_and_harmless() {
+fn a_panic_while_an_instance_is_dropped_is_reported_and_harmless() {
     for who in ["simulator", "driver", "perturbation"] {
         let run = three_scenarios(who, "panic_in_drop", &[]);
         assert_eq!(run.finished.code, Some(0), "{}", run.finished.stderr);
@@ -212,7 +212,7 @@ fn pixels_that_were_not_written_are_the_same_every_time() {
 
 /// Each ends its scenario, of which the line says who did what at which frame; the others come out as if nothing had happened.
 #[test]
-fn who_hangs_or_ends_the_process_is_named_and_the_run_goes_on() {
+fn a_plugin_that_hangs_or_ends_the_process_is_named_and_the_run_continues() {
     let undisturbed = three_scenarios("perturbation", "behave", &[]);
     for (how, kind, said) in [
         (
@@ -246,7 +246,7 @@ fn who_hangs_or_ends_the_process_is_named_and_the_run_goes_on() {
 }
 
 #[test]
-fn who_cannot_even_be_made_is_the_outcome_of_who_needs_it() {
+fn a_component_that_cannot_be_made_is_the_outcome_of_its_scenarios() {
     for (who, how, function) in [
         ("perturbation", "hang_in_drop", "drop"),
         ("perturbation", "exit_in_new", "new"),
@@ -480,7 +480,7 @@ fn not_plugins(folder: &Path) -> Vec<(std::path::PathBuf, &'static str)> {
 }
 
 #[test]
-fn files_that_are_no_plugins_are_refused_with_one_sentence_each() {
+fn files_that_are_not_plugins_are_rejected_with_one_sentence_each() {
     let folder = temp();
     for (file, part) in not_plugins(folder.path()) {
         let listed = Pdk::new(["list", "driver", "--plugins"]).arg(&file).succeed();

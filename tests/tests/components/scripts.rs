@@ -30,7 +30,7 @@ fn what_comes_along_and_what_pdk_new_writes_passes() {
 }
 
 #[test]
-fn what_comes_along_may_lie_beside_a_pipeline_and_a_changed_copy_is_told() {
+fn a_script_of_pdk_may_lie_beside_a_pipeline_and_a_changed_copy_is_reported() {
     let folder = temp();
     let path = |name: &str| folder.path().join(name);
     for name in ["perturbations/banding.lua", "models/dave2.onnx"] {
@@ -116,7 +116,7 @@ fn a_cache_passes_and_what_changes_without_an_effect_is_noted() {
 }
 
 #[test]
-fn scripts_that_fail_are_told_why() {
+fn scripts_that_fail_get_a_reason() {
     let folder = temp();
     for (source, check_name, expected) in [
         ("return 1", "loading", "has to return a table"),

@@ -30,7 +30,7 @@ fn endless(folder: &Path) -> [(PathBuf, &'static str); 2] {
 }
 
 #[test]
-fn what_is_no_regular_file_is_not_read_wherever_a_file_is_named() {
+fn an_irregular_file_is_not_read_wherever_a_file_is_named() {
     let folder = temp();
     pictures::write(&folder.path().join("in.png"), 16, 12);
     for (path, said) in endless(folder.path()) {
@@ -184,7 +184,7 @@ const ENDINGS: [(&str, &str); 4] = [
 ];
 
 #[test]
-fn a_component_that_ends_badly_is_named_and_the_run_is_no_success() {
+fn a_component_that_ends_badly_is_named_and_the_run_fails() {
     let folder = temp();
     for (way, said) in ENDINGS {
         for (kind, simulator, driver) in [("driver", "behave", way), ("simulator", way, "behave")] {
@@ -222,7 +222,7 @@ fn a_scenario_that_is_asked_for_twice_fails_once() {
 }
 
 #[test]
-fn a_script_that_was_meant_as_a_perturbation_is_told_why_it_is_none() {
+fn a_script_that_was_meant_as_a_perturbation_gets_a_reason_why_it_is_not_one() {
     let folder = temp();
     let source = "pdk.drive({ simulator = 'misbehave', driver = 'misbehave', scenarios = { { perturbations = { 'helper@1' } } } })";
     let run = || Pdk::new(["run"]).arg(pipeline(folder.path(), source)).misbehave().folder(folder.path());

@@ -21,7 +21,7 @@ fn limited(limit: &str, folder: &Path) -> Finished {
 }
 
 #[test]
-fn too_few_files_are_said_to_be_too_few() {
+fn too_few_open_files_are_reported_as_such() {
     let folder = temp();
     let mut said = 0;
     for files in (16..=40).step_by(4) {

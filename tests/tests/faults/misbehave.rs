@@ -239,12 +239,12 @@ fn last_lines(text: &str) -> &str {
 }
 
 #[test]
-fn whoever_panics_or_ends_the_process_has_a_line_that_says_so() {
+fn a_component_that_panics_or_ends_the_process_has_a_line_that_says_so() {
     drive(&in_every_function(&ENDS), &[]);
 }
 
 #[test]
-fn whoever_does_not_come_back_has_a_line_that_says_so() {
+fn a_component_that_does_not_come_back_has_a_line_that_says_so() {
     // A worker that waits for what hangs has nothing to do, so there may be more of them.
     let set = [("patience", "1"), ("workers", "6")];
     drive(&in_every_function(&[("hang", "late", "has not come back for 1 s")]), &set);
@@ -287,7 +287,7 @@ fn whatever_is_done_to_the_process_does_not_reach_the_next_scenario() {
 }
 
 #[test]
-fn whoever_takes_too_much_memory_has_a_line_that_says_so() {
+fn a_component_that_takes_too_much_memory_has_a_line_that_says_so() {
     let everybody = [("simulator", "frame"), ("driver", "drive"), ("perturbation", "apply")];
     let ways = everybody.map(|(who, function)| {
         let said = format!("` in `{function}` at frame {AT} took more than 300 MiB of memory (the limit is raised with --set memory=MIB)");

@@ -141,7 +141,7 @@ fn lines_and_rows_tell_parameters_and_evaluations_apart() {
 }
 
 #[test]
-fn what_was_left_out_is_said_even_where_the_script_ends_in_an_error() {
+fn omissions_are_reported_even_if_the_script_ends_in_an_error() {
     let folder = temp();
     let data = folder.path().join("data");
     datasets::folder(&data, 3, 32, 24);

@@ -90,7 +90,7 @@ fn every_component_can_be_shown() {
 }
 
 #[test]
-fn the_modifiers_of_perturbations_are_told_where_people_look() {
+fn help_and_show_list_the_modifiers_of_perturbations() {
     let help = Pdk::new(["perturb", "--help"]).succeed().stdout;
     let shown = Pdk::new(["show", "contrast"]).succeed().stdout;
     for modifier in MODIFIERS {
@@ -416,7 +416,7 @@ fn all_formats_of_images_are_read_and_written() {
 }
 
 #[test]
-fn output_that_nobody_takes_is_no_panic() {
+fn output_that_is_not_read_does_not_panic() {
     let shell = |line: &str| Pdk::program("sh").args(["-c", line]).arg(pdk_tests::built("pdk"));
     for verb in ["list", "completions bash", "show contrast", "list --json"] {
         shell(&format!("\"$0\" {verb} > /dev/full")).fail(1, &["cannot write to standard output"]);
@@ -433,7 +433,7 @@ fn output_that_nobody_takes_is_no_panic() {
 }
 
 #[test]
-fn a_road_is_told_in_numbers_as_text_and_drawn() {
+fn a_road_is_printed_as_numbers_and_text_and_drawn() {
     let folder = temp();
     let road = |arguments: &[&str]| Pdk::new(["road"]).args(arguments).folder(folder.path());
     let told = road(&[

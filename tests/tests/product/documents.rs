@@ -75,19 +75,19 @@ const FAULTS: [(&str, [&str; 5]); 10] = [
         [
             "one_that_is_not_there_is_waited_for_and_said",
             "one_that_does_not_come_is_waited_for_and_said",
-            "one_that_is_no_server_of_these_versions_is_said",
+            "an_unsupported_server_version_is_reported",
             "one_that_is_not_there_is_waited_for_and_said",
-            "one_that_cannot_be_started_or_does_not_come_is_said",
+            "a_server_that_cannot_be_started_or_does_not_come_is_reported",
         ],
     ),
     (
         "wrong port",
         [
-            "another_program_at_the_port_is_said",
-            "a_port_that_is_taken_is_said",
-            "one_that_is_no_server_of_these_versions_is_said",
-            "another_program_at_the_port_is_said",
-            "one_that_cannot_be_started_or_does_not_come_is_said",
+            "another_program_at_the_port_is_reported",
+            "a_port_in_use_is_reported",
+            "an_unsupported_server_version_is_reported",
+            "another_program_at_the_port_is_reported",
+            "a_server_that_cannot_be_started_or_does_not_come_is_reported",
         ],
     ),
     (
@@ -95,9 +95,9 @@ const FAULTS: [(&str, [&str; 5]); 10] = [
         [
             "the_other_build_and_a_missing_scene_are_named",
             "the_other_build_is_named",
-            "one_that_is_no_server_of_these_versions_is_said",
-            "another_version_is_said",
-            "one_of_another_version_is_said",
+            "an_unsupported_server_version_is_reported",
+            "another_version_is_reported",
+            "another_version_of_the_library_is_reported",
         ],
     ),
     (
@@ -105,7 +105,7 @@ const FAULTS: [(&str, [&str; 5]); 10] = [
         [
             "a_scenario_whose_simulator_is_lost_is_driven_again",
             "a_scenario_whose_simulator_is_lost_is_driven_again",
-            "a_server_that_breaks_in_mid_scenario_is_said",
+            "a_server_that_breaks_in_mid_scenario_is_reported",
             "a_scenario_whose_game_is_lost_is_driven_again",
             "one_that_fails_ends_its_scenario_with_that_cause",
         ],
@@ -115,7 +115,7 @@ const FAULTS: [(&str, [&str; 5]); 10] = [
         [
             "one_that_hangs_ends_the_run_and_keeps_what_there_is",
             "one_that_hangs_ends_the_run",
-            "a_server_that_breaks_in_mid_scenario_is_said",
+            "a_server_that_breaks_in_mid_scenario_is_reported",
             "one_that_hangs_ends_the_run",
             "one_that_fails_ends_its_scenario_with_that_cause",
         ],
@@ -125,7 +125,7 @@ const FAULTS: [(&str, [&str; 5]); 10] = [
         [
             "a_scenario_whose_simulator_is_lost_is_driven_again",
             "a_scenario_whose_simulator_is_lost_is_driven_again",
-            "a_server_that_breaks_in_mid_scenario_is_said",
+            "a_server_that_breaks_in_mid_scenario_is_reported",
             "a_scenario_whose_game_is_lost_is_driven_again",
             "one_that_fails_ends_its_scenario_with_that_cause",
         ],
@@ -135,7 +135,7 @@ const FAULTS: [(&str, [&str; 5]); 10] = [
         [
             "nonsense_is_the_outcome_of_its_scenario",
             "nonsense_is_the_outcome_of_its_scenario",
-            "a_server_that_breaks_in_mid_scenario_is_said",
+            "a_server_that_breaks_in_mid_scenario_is_reported",
             "nonsense_is_the_outcome_of_its_scenario",
             "one_that_fails_ends_its_scenario_with_that_cause",
         ],
@@ -145,19 +145,19 @@ const FAULTS: [(&str, [&str; 5]); 10] = [
         [
             "nonsense_is_the_outcome_of_its_scenario",
             "nonsense_is_the_outcome_of_its_scenario",
-            "a_server_that_breaks_in_mid_scenario_is_said",
+            "a_server_that_breaks_in_mid_scenario_is_reported",
             "nonsense_is_the_outcome_of_its_scenario",
-            "one_of_another_version_is_said",
+            "another_version_of_the_library_is_reported",
         ],
     ),
     (
         "two clients at once",
         [
             "two_runs_do_not_share_a_simulator",
-            "nobody_else_can_connect",
+            "no_other_user_can_connect",
             "two_runs_do_not_share_a_server",
             "two_clients_at_once_do_not_meet",
-            "two_at_once_are_said",
+            "two_at_once_are_reported",
         ],
     ),
     (

@@ -120,7 +120,7 @@ fn several_users_work_at_the_same_time() {
 
 /// A part that is missing is never passed over.
 #[test]
-fn what_is_missing_is_said_by_every_verb() {
+fn every_verb_reports_what_is_missing() {
     let folder = temp();
     pictures::write(&folder.path().join("in.png"), 16, 16);
     for (installation, library) in [

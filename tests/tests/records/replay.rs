@@ -228,7 +228,7 @@ fn traces_that_cannot_be_read_are_named_and_the_others_compared() {
 }
 
 #[test]
-fn what_is_no_record_of_scenarios_is_refused() {
+fn a_record_without_scenarios_is_rejected() {
     let folder = temp();
     replay(folder.path()).fail(1, &["holds no record", "manifest.json"]);
     replay(&folder.path().join("nowhere")).fail(1, &["holds no record"]);
@@ -255,7 +255,7 @@ fn what_is_no_record_of_scenarios_is_refused() {
 }
 
 #[test]
-fn changed_parts_are_told_and_missing_ones_are_errors() {
+fn changed_parts_are_reported_and_missing_ones_are_errors() {
     let folder = temp();
     let plugins = folder.path().join("mine");
     fs::create_dir(&plugins).unwrap();

@@ -193,7 +193,7 @@ fn a_run_that_has_not_ended_has_a_page() {
 }
 
 #[test]
-fn what_is_no_record_is_named() {
+fn a_folder_that_is_not_a_record_is_named() {
     let folder = temp();
     report(&folder.path().join("missing")).fail(1, &["holds no record", "manifest.json"]);
     let record = driven(folder.path());

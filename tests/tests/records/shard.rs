@@ -128,7 +128,7 @@ fn a_part_goes_on_as_itself_only() {
 }
 
 #[test]
-fn what_cannot_be_put_together_is_said() {
+fn shards_that_do_not_belong_together_are_reported() {
     let folder = temp();
     let script = pipeline(folder.path(), SOURCE);
     let parts = parts(&script, folder.path(), 3);

@@ -283,7 +283,7 @@ fn an_offline_evaluation_is_the_same_on_any_number_of_workers() {
 }
 
 #[test]
-fn pixels_that_a_perturbation_leaves_out_are_black_whoever_came_before() {
+fn pixels_that_a_perturbation_leaves_out_are_black_whatever_came_before() {
     let folder = temp();
     datasets::folder(&folder.path().join("data"), 8, 32, 24);
     compare_workers(

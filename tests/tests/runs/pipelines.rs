@@ -166,7 +166,7 @@ fn levels_are_climbed_from_the_lowest_and_nothing_counts_twice() {
 }
 
 #[test]
-fn an_error_of_a_component_is_no_failure_of_the_driver() {
+fn an_error_of_a_component_is_not_a_failure_of_the_driver() {
     let folder = temp();
     let source =
         "return { doc = 'breaks', apply = function(_, cx) if cx.time > 0.3 then error('broken') end end }";

@@ -102,7 +102,7 @@ fn every_strategy_searches_and_what_it_proposes_follows_from_the_seed() {
 }
 
 #[test]
-fn critical_regions_are_told_in_words() {
+fn critical_regions_are_described_in_words() {
     let folder = temp();
     let out = folder.path().join("out");
     run(&script(folder.path(), CORNER), &out).succeed();
@@ -291,7 +291,7 @@ fn a_scenario_that_crashes_its_worker_is_a_test_like_any_other() {
 }
 
 #[test]
-fn what_cannot_be_searched_is_said_in_one_sentence() {
+fn a_space_that_cannot_be_searched_gets_one_sentence() {
     let folder = temp();
     let out = folder.path().join("out");
     let with = |from: &str, to: &str| {

@@ -230,7 +230,7 @@ fn ctrl_c_lets_what_is_under_way_finish() {
 }
 
 #[test]
-fn a_pipeline_in_lua_is_told_line_by_line() {
+fn a_pipeline_in_lua_is_sent_line_by_line() {
     let folder = temp();
     let script = pipeline(
         folder.path(),

@@ -68,7 +68,7 @@ fn what_is_left_of_a_failure_still_fails_and_has_nothing_that_it_does_not_need()
 }
 
 #[test]
-fn what_cannot_be_shrunk_is_said_in_one_sentence() {
+fn a_scenario_that_cannot_be_shrunk_gets_one_sentence() {
     let folder = temp();
     let record = record(folder.path());
     let run = |scenario: &str| shrink(&record, folder.path(), scenario);

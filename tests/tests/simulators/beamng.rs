@@ -162,7 +162,7 @@ fn one_that_is_not_there_is_waited_for_and_said() {
 }
 
 #[test]
-fn another_program_at_the_port_is_said() {
+fn another_program_at_the_port_is_reported() {
     for (greeting, says) in [
         ("HTTP/1.0 400 Bad Request\r\n\r\n", "is another program at this port?"),
         ("", "or correct `port`: another program may listen at"),
@@ -180,7 +180,7 @@ fn another_program_at_the_port_is_said() {
 }
 
 #[test]
-fn another_version_is_said() {
+fn another_version_is_reported() {
     let game = BeamNgGame::start(Setup { protocol: "v1.23", ..Setup::default() });
     let tried = tried::run(PIPELINE, &[("simulator", &beamng(game.port()))]);
     tried.says(

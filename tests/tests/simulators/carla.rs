@@ -391,7 +391,7 @@ fn wrong(simulator: &str) -> Tried {
 }
 
 #[test]
-fn one_that_is_no_server_of_these_versions_is_said() {
+fn an_unsupported_server_version_is_reported() {
     let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     let nobody = wrong(&simulator(free, json!({"start_seconds": 1})));
     nobody.says(1, &["the CARLA server is not at 127.0.0.1:", "start it"]);
@@ -430,7 +430,7 @@ fn one_that_is_no_server_of_these_versions_is_said() {
 }
 
 #[test]
-fn a_server_that_breaks_in_mid_scenario_is_said() {
+fn a_server_that_breaks_in_mid_scenario_is_reported() {
     for (fault, kinds, part) in [
         (Fault::Close, &["lost"][..], "closed the connection"),
         (Fault::Hang, &["late"], "has not"),

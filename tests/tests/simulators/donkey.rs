@@ -215,7 +215,7 @@ fn one_that_is_not_there_is_waited_for_and_said() {
 }
 
 #[test]
-fn another_program_at_the_port_is_said() {
+fn another_program_at_the_port_is_reported() {
     // One that says something else, and one that says nothing.
     for (greeting, says) in [
         ("SSH-2.0-OpenSSH_9.9\r\n", "what is not a message of its protocol"),
@@ -318,7 +318,7 @@ fn a_cache_that_cannot_be_written_ends_the_run() {
 
 /// Who has started one simulator has one: without `--workers`, no worker looks for another one.
 #[test]
-fn one_simulator_is_enough_for_whoever_says_nothing_of_workers() {
+fn one_simulator_is_enough_if_the_number_of_workers_is_not_set() {
     let port = free_ports(2);
     let _stand_in = StandIn::start("donkey", port, &["--build", "road_generating"]);
     let folder = temp();

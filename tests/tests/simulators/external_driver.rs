@@ -116,7 +116,7 @@ fn one_that_fails_ends_its_scenario_with_that_cause() {
 }
 
 #[test]
-fn one_that_cannot_be_started_or_does_not_come_is_said() {
+fn a_server_that_cannot_be_started_or_does_not_come_is_reported() {
     let missing = json!({"name": "process", "command": ["/no/such/pilot"]});
     run(&missing, &[("scenarios", "1")])
         .says(1, &["cannot start the driver: there is no program `/no/such/pilot`; correct `command`"]);
@@ -134,7 +134,7 @@ fn one_that_cannot_be_started_or_does_not_come_is_said() {
 
 /// One that was made for another form of the exchange cannot open it, be that by the type of an answer or by its size.
 #[test]
-fn one_of_another_version_is_said() {
+fn another_version_of_the_library_is_reported() {
     if !python() {
         return;
     }
@@ -186,7 +186,7 @@ fn end(drivers: impl IntoIterator<Item = Child>) {
 }
 
 #[test]
-fn two_at_once_are_said() {
+fn two_at_once_are_reported() {
     if !python() {
         return;
     }

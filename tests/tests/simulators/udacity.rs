@@ -115,7 +115,7 @@ fn clients_that_poll_first_are_driven() {
 
 /// Whoever connects and says nothing, or says it slowly, does not hold up the simulator behind it.
 #[test]
-fn one_that_says_nothing_holds_up_nobody() {
+fn a_silent_client_blocks_no_other() {
     let port = free_ports(1);
     let silent = std::thread::spawn(move || {
         let mut kept = Vec::new();
@@ -215,7 +215,7 @@ fn one_that_does_not_come_is_waited_for_and_said() {
 }
 
 #[test]
-fn a_port_that_is_taken_is_said() {
+fn a_port_in_use_is_reported() {
     let other = TcpListener::bind("127.0.0.1:0").unwrap();
     let run = run(&simulator(other.local_addr().unwrap().port()), &[]);
     run.says(1, &["cannot listen at 127.0.0.1:", "another program listens there"]);
@@ -223,7 +223,7 @@ fn a_port_that_is_taken_is_said() {
 
 /// It binds to this machine's own address, not to those that others can reach.
 #[test]
-fn nobody_else_can_connect() {
+fn no_other_user_can_connect() {
     let port = free_ports(1);
     let stand_in = StandIn::start("udacity", port, &["--rate", "40"]);
     let folder = temp();

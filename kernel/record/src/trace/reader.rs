@@ -577,7 +577,7 @@ mod tests {
     }
 
     #[test]
-    fn a_trace_that_is_cut_off_or_damaged_is_no_shorter_trace() {
+    fn a_truncated_or_damaged_trace_is_an_error() {
         let path = written("cut");
         let bytes = std::fs::read(&path).unwrap();
         for length in [0, 4, 40, bytes.len() / 2, bytes.len() - 200, bytes.len() - 1] {

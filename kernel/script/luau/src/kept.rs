@@ -263,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stays_is_no_finding() {
+    fn remaining_differences_are_not_findings() {
         for source in [
             "local DIRT = { 1, 2, 3 } return { doc = 'x', apply = function(image) image:fill(DIRT[1], 0, 0) end }",
             "local table local function make(width) return { width } end

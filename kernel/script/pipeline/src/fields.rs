@@ -161,7 +161,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn what_is_wrong_is_said_with_its_place() {
+    fn mistakes_are_reported_with_their_place() {
         let known = ["list", "number", "whole", "text", "empty"];
         let wrong = json!({"list": "a", "number": "b", "whole": -1, "text": 3, "empty": []});
         let mut fields = Fields::new("pdk.x", wrong, &known).unwrap();

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_said() {
+    fn mistakes_are_reported() {
         assert!(error(json!({"angle": []})).contains("did you mean `angles`?"));
         assert!(error(json!({"angles": [0, 0], "seed": 1})).contains("`angles` say all"));
         assert!(error(json!({"turns": 3})).contains("belong together"));

@@ -106,7 +106,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn what_is_no_result_is_refused() {
+    fn a_value_that_is_not_a_result_is_rejected() {
         assert!(render(&json!([1, 2])).is_err());
         assert!(render(&json!({"a": 1})).is_err());
     }

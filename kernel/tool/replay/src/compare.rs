@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_thing_that_differs_is_told() {
+    fn the_first_difference_is_reported() {
         let (one, two) = (step(), Step { sequence: 18, ..step() });
         let record = recorded(&[]);
         assert_eq!(said(&record, &[one, two], &record, &[one, two]), "scenario 3 (nominal): 2 frames, equal");

@@ -103,7 +103,7 @@ fn a_lane_goes_on_straight_through_a_junction_and_along_a_road_that_was_drawn_th
 }
 
 #[test]
-fn what_cannot_be_followed_is_said() {
+fn a_road_that_cannot_be_followed_is_reported() {
     let map = Map::read(JUNCTION).unwrap();
     let error = map.follow([1.0, 5.0], 3.0, 100.0).unwrap_err();
     assert!(error.contains("no lane within 6 m of x 1.0, z 5.0 that leads towards 172 degrees"), "{error}");

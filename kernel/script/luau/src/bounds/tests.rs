@@ -85,7 +85,7 @@ fn no_call_goes_far_beyond_the_limit() {
 }
 
 #[test]
-fn what_is_refused_is_said_in_one_sentence() {
+fn a_rejected_plugin_gets_one_sentence() {
     let sandbox = sandbox();
     for (source, expected) in [
         (

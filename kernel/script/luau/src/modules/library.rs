@@ -183,7 +183,7 @@ fn a_climb_goes_level_by_level_and_repeats_what_draws() {
 }
 
 #[test]
-fn a_bisection_drives_what_it_is_told() {
+fn a_bisection_drives_the_requested_levels() {
     let (greedy, _) = run("greedy", "dave2", "dave3").unwrap();
     let drives = drives(&greedy);
     assert_eq!(drives[3..5], ["fog@3, road 1 1 dave3 60", "rain@3, road 1 1 dave3 60"]);

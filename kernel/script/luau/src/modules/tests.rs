@@ -158,7 +158,7 @@ fn a_circle_is_named() {
 }
 
 #[test]
-fn a_module_that_failed_is_no_circle() {
+fn a_module_that_failed_is_not_reported_as_a_cycle() {
     let place = Place::new(&[("pipelines/a.lua", "error('not today')")]);
     let source = "local first, second = select(2, pcall(require, './a')), select(2, pcall(require, './a'))
         assert(first == second, second) return first";
@@ -212,7 +212,7 @@ fn nothing_leads_out_of_the_folder() {
 }
 
 #[test]
-fn what_is_wrong_is_said_with_the_file_and_the_line() {
+fn mistakes_are_reported_with_file_and_line() {
     let large = " ".repeat(1 << 20) + "return {}";
     let place = Place::new(&[
         ("pipelines/none.lua", "local x = 1"),

@@ -53,7 +53,7 @@ fn a_table_with_apply_is_a_perturbation_wherever_it_lies() {
 }
 
 #[test]
-fn pipelines_and_modules_are_no_components() {
+fn pipelines_and_modules_are_not_components() {
     for source in PIPELINES.iter().chain(&MODULES).filter(|source| !source.contains("doc")) {
         assert_eq!(describe("scripts", source), Ok(None), "{source}");
     }
@@ -117,7 +117,7 @@ fn a_script_that_fails_for_another_reason_is_an_error() {
 }
 
 #[test]
-fn an_instance_that_calls_what_pipelines_have_is_told_so() {
+fn an_instance_that_calls_a_function_of_pipelines_gets_an_error() {
     let place = tempfile::tempdir().unwrap();
     let file = place.path().join("foo.lua");
     fs::write(&file, "return { doc = 'x', apply = function() pdk.drive({}) end }").unwrap();

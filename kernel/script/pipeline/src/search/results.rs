@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reference_is_told_where_it_was_given() {
+    fn a_reference_is_reported_if_it_was_given() {
         assert_eq!(after_five(&[], Some(&[10.0]))["hypervolume_reference"], json!([10.0]));
         let without = after_five(&[], None);
         assert!(without["hypervolume_reference"].is_null());

@@ -55,7 +55,7 @@ fn two_sentences_say_what_happened() {
 }
 
 #[test]
-fn to_stop_is_told_apart() {
+fn stopping_is_a_failure_of_its_own() {
     let mut drive = drive();
     drive.scenarios[2].verdict = Verdict::Stopped;
     assert!(
@@ -116,7 +116,7 @@ fn the_heat_map_of_many_levels_has_a_column_for_each_whole_one() {
 }
 
 #[test]
-fn what_is_not_in_the_pictures_is_told() {
+fn what_the_pictures_leave_out_is_reported() {
     let mut drive = drive();
     let pictures = 1;
     assert_eq!(
