@@ -77,7 +77,7 @@ const FAULTS: [(&str, [&str; 5]); 10] = [
             "one_that_does_not_come_is_waited_for_and_said",
             "an_unsupported_server_version_is_reported",
             "one_that_is_not_there_is_waited_for_and_said",
-            "a_server_that_cannot_be_started_or_does_not_come_is_reported",
+            "a_program_that_cannot_be_started_or_does_not_come_is_reported",
         ],
     ),
     (
@@ -87,7 +87,7 @@ const FAULTS: [(&str, [&str; 5]); 10] = [
             "a_port_in_use_is_reported",
             "an_unsupported_server_version_is_reported",
             "another_program_at_the_port_is_reported",
-            "a_server_that_cannot_be_started_or_does_not_come_is_reported",
+            "a_program_that_cannot_be_started_or_does_not_come_is_reported",
         ],
     ),
     (

@@ -116,7 +116,7 @@ fn one_that_fails_ends_its_scenario_with_that_cause() {
 }
 
 #[test]
-fn a_server_that_cannot_be_started_or_does_not_come_is_reported() {
+fn a_program_that_cannot_be_started_or_does_not_come_is_reported() {
     let missing = json!({"name": "process", "command": ["/no/such/pilot"]});
     run(&missing, &[("scenarios", "1")])
         .says(1, &["cannot start the driver: there is no program `/no/such/pilot`; correct `command`"]);
