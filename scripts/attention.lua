@@ -21,7 +21,7 @@ local settings = pdk.settings({
 	levels = { 4 },
 	shares = { 5, 10, 20, 40 }, -- percent of the frame that is perturbed
 	methods = { "hirescam", "gradient" }, -- saliency methods, with parameters of their own as { name = ..., ... }
-	every = 1, -- a map is made of one frame in so many
+	every = 1, -- a map is made of one frame in this many
 	roads = 20, -- how many random roads in each of the conditions
 	road_seed = 1, -- seed of the first road; each further one has the next
 	limit = 35, -- largest angle of a road in degrees

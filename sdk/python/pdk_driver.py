@@ -23,7 +23,7 @@ from typing import NamedTuple
 import iceoryx2
 import numpy
 
-# What fails comes as an error. The rest is of no use to whoever reads the output.
+# Failures come as errors. The rest is of no use to the reader of the output.
 iceoryx2.set_log_level(iceoryx2.LogLevel.Fatal)
 
 # How long to wait before looking whether pdk is still there, in milliseconds; and where several of its processes are met, before looking

@@ -68,7 +68,7 @@ impl Options {
 
 fn size_of(text: &str) -> (usize, usize) {
     let parse = || Some((text.split_once('x')?.0.parse().ok()?, text.split_once('x')?.1.parse().ok()?));
-    parse().unwrap_or_else(|| panic!("{text} is no size such as 320x240"))
+    parse().unwrap_or_else(|| panic!("{text} is not a size such as 320x240"))
 }
 
 fn main() {

@@ -107,7 +107,7 @@ pub fn real_data(name: &str) -> Option<PathBuf> {
     found
 }
 
-/// A path at which nothing exists while the tests run. A fixed path would not do, because somebody may have created it.
+/// A path at which nothing exists while the tests run. A fixed path would not do, because a user may have created it.
 pub fn nothing() -> &'static Path {
     static NOTHING: LazyLock<PathBuf> = LazyLock::new(|| temp().path().join("nothing"));
     &NOTHING

@@ -11,7 +11,7 @@ use rustix::process::{Pid, Signal, kill_process};
 /// Where the system keeps what processes share.
 const SHARED_MEMORY: &str = "/dev/shm";
 
-/// A folder for the topics of one test, so that what lies in it is of its runs and of nobody else's.
+/// A folder for the topics of one test, so that everything in it is of its runs.
 pub struct BusFolder {
     folder: tempfile::TempDir,
 }
@@ -91,7 +91,7 @@ impl BusFolder {
 
 impl Drop for BusFolder {
     /// What was killed with all of its run is swept away by the next run in the same folder. Here there is none, and without the folder
-    /// nobody knows whose the files are.
+    /// the owner of the files is not known.
     fn drop(&mut self) {
         for file in shared_memory(&self.buses()) {
             // A test that has failed may still have processes that take them away themselves.

@@ -34,7 +34,7 @@ impl Drop for StandIn {
     }
 }
 
-/// The program, for whoever starts it otherwise.
+/// The program, for callers that start it otherwise.
 ///
 /// # Panics
 /// If it has not been built.

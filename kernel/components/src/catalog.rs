@@ -53,7 +53,7 @@ impl Entry {
         self.blake3.is_some() || self.plugin.as_ref().is_some_and(|plugin| plugin.built_in)
     }
 
-    /// Where its code can be read: for a component that comes with pdk the source file, as a path in the repository; otherwise the
+    /// The place of its code: for a component that comes with pdk the source file, as a path in the repository; otherwise the
     /// script or the library.
     pub fn code(&self) -> &Path {
         match self.is_built_in() {

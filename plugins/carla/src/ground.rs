@@ -26,7 +26,7 @@ pub enum Ground {
 }
 
 impl Ground {
-    /// Reads the road of a scenario: `{"map": "Town01", "start": 3, "length": 200}`, or one of the forms that all simulators share. Where
+    /// Reads the road of a scenario: `{"map": "Town01", "start": 3, "length": 200}`, or one of the forms that all simulators share. If
     /// there is none, one with random angles is drawn from the scenario's seed.
     ///
     /// # Errors

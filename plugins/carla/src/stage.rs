@@ -255,7 +255,7 @@ fn next(
     Ok(moves)
 }
 
-/// Checks the number that the server gives to a frame. One that lags behind is no harm, because what belongs to the frame is waited for by
+/// Checks the number that the server gives to a frame. One that lags behind does no harm, because what belongs to the frame is waited for by
 /// the right number.
 fn check_frame(told: u64, expected: u64) -> Result<()> {
     if told <= expected {

@@ -59,7 +59,7 @@ pub struct Slider {
     pub y: f32,
     /// The leftmost and rightmost place of its path.
     pub reach: [f32; 2],
-    /// Where it is to the side, and how much progress it has made, at each step down.
+    /// Its place to the side, and how much progress it has made, at each step down.
     sideways: [f32; STEPS],
     progress: [f32; STEPS],
     pub beads: [Bead; BEADS],
@@ -139,7 +139,7 @@ impl Slider {
         SLIDING.min(self.progress[STEPS - 1] / (speed * self.speed))
     }
 
-    /// Where its path is at the height `y`, and the progress it has made there; `None` above its start and below its end.
+    /// The place of its path at the height `y`, and the progress it has made there; `None` above its start and below its end.
     pub fn at_height(&self, y: f32) -> Option<(f32, f32)> {
         let down = y - self.y;
         if !(0.0..(STEPS - 1) as f32 * STEP).contains(&down) {

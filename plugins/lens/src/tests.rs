@@ -250,7 +250,7 @@ fn resolutions_agree<P: Component + Perturbation>() {
     assert!(apart < 0.25 * strength, "{apart} of {strength}");
 }
 
-fn starts_clear_where_it_is_told_to<P: Component + Perturbation>() {
+fn starts_clear_if_it_is_set_to<P: Component + Perturbation>() {
     let source = scene(160, 120);
     let mut film = Film::<P>::new(r#"{"since": 0}"#, 4.0);
     assert_eq!(film.at(&source, 0.0), source);

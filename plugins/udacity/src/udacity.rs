@@ -33,7 +33,7 @@ pub struct Udacity {
 /// The connection to a simulator.
 struct Link {
     server: Server,
-    /// Where its vehicle starts, in its coordinates.
+    /// The start of its vehicle, in its coordinates.
     home: Option<[f64; 3]>,
 }
 

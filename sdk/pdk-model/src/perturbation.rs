@@ -153,7 +153,7 @@ modifiers! {
         python: "str | Mapping[str, Any]",
     }
     draws: Draws as "draws", draws, "Draw everything anew for every frame, or once." {
-        details: "Where it is not set, every perturbation does what the real effect would do: noise is drawn for every frame, \
+        details: "If it is not set, every perturbation does what the real effect would do: noise is drawn for every frame, \
               where drops sit once for all frames of a sequence; `pdk show NAME` says which.",
         examples: &["per_frame", "per_sequence"],
         luau_type: "(\"per_frame\" | \"per_sequence\")?",

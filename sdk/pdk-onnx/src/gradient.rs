@@ -38,7 +38,7 @@ pub struct Gradients {
 /// Builds a model that computes the values `keep`, and the gradient of `target` with respect to each value in `of`.
 ///
 /// # Errors
-/// If an operator in between has no gradient here, a shape is not known, the numbers are no 32-bit or 64-bit floats, or
+/// If an operator in between has no gradient here, a shape is not known, the numbers are not 32-bit or 64-bit floats, or
 /// the target does not depend on one of the values.
 pub fn gradients(graph: &Graph, target: Target<'_>, of: &[&str], keep: &[&str]) -> Result<Gradients> {
     gradients_of_sum(graph, &[target], of, keep)

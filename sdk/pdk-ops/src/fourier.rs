@@ -106,7 +106,7 @@ struct Pass {
     rest: usize,
     /// The product of the radices of earlier passes.
     done: usize,
-    /// Where its factors start: `radix - 1` for each of `rest` groups; for radices above 5, then the roots of the radix.
+    /// The start of its factors: `radix - 1` for each of `rest` groups; for radices above 5, then the roots of the radix.
     factors: usize,
 }
 

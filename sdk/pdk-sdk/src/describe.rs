@@ -130,7 +130,7 @@ pub struct Description {
     /// What it computes in one line of mathematics, for the reference; empty if it is not said.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub mathematics: String,
-    /// Where it differs from the published tool, a sentence each.
+    /// The differences from the published tool, a sentence each.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub divergences: Vec<String>,
     /// What it draws once per sequence, such as where drops sit; empty if it draws nothing of the kind.

@@ -140,7 +140,7 @@ struct Power {
     groups: f64,
     /// Pairs that are told apart.
     pairs: f64,
-    /// Studies in which a pair is told apart whose truth is the other way round.
+    /// Studies that distinguish a pair whose true order is the other way round.
     wrong: f64,
 }
 

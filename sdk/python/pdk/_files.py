@@ -30,7 +30,7 @@ class Sender:
         self._known = {}
 
     def take(self, path):
-        """A file or folder as it is told to others: its name, its hash, and whether it is a folder. `None` where there is none."""
+        """A file or folder as messages describe it: its name, its hash, and whether it is a folder. `None` if there is none."""
         path = os.path.abspath(path)
         if os.path.isfile(path):
             status = os.stat(path)

@@ -85,8 +85,8 @@ def test_outcomes_come_as_they_are_done_and_each_once(tmp_path):
         rest = list(session)
         assert sorted(outcome["ticket"] for outcome in [first, *rest]) == tickets
         assert session.next() is None and session.pending == 0
-        with pytest.raises(pdk.Error, match="`driver` is missing|there is no driver `nobody`"):
-            session.submit(driver="nobody")
+        with pytest.raises(pdk.Error, match="`driver` is missing|there is no driver `absent`"):
+            session.submit(driver="absent")
         with pytest.raises(pdk.Error, match="scenario 0: there is no field `lenght`"):
             session.submit(lenght=3)
         with pytest.raises(pdk.Error, match="finite|compliant"):

@@ -1,4 +1,4 @@
-//! A plugin for the tests of which one function takes another parameter than those of this version of the interface, as if somebody had
+//! A plugin for the tests of which one function takes another parameter than those of this version of the interface, as if an author had
 //! changed it without a new version: no call of it may be made.
 
 #![allow(missing_docs)]

@@ -155,7 +155,7 @@ extern "C" fn root_module() -> RootModuleResult {
         horn: never,
         forget: unknown,
     });
-    // SAFETY: whoever takes it compares the layout in the header first.
+    // SAFETY: the host compares the layout in the header before it uses it.
     ROk(unsafe { PluginRef(PLUGIN.static_as_prefix()).to_prefix_ref().cast() })
 }
 

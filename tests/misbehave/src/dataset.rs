@@ -14,7 +14,7 @@ impl Component for Misbehaving {
         let description = Description::dataset("misbehave", "Misbehaves as told");
         let description =
             describe(description, &["new", "len", "name", "drop", "read"], &["empty", "no_number"]);
-        description.parameter(Parameter::path("path", "read by nobody").optional())
+        description.parameter(Parameter::path("path", "not read").optional())
     }
 
     fn new(config: &Config) -> Result<Self> {

@@ -52,7 +52,7 @@ fn eat_memory() {
     for _ in 0..PIECES {
         let mut piece = vec![0u8; PIECE];
         piece.iter_mut().step_by(PAGE).for_each(|byte| *byte = 1);
-        // Or the compiler could see that nobody reads it.
+        // Or the compiler could see that it is not read.
         pieces.push(std::hint::black_box(piece));
     }
 }
@@ -108,14 +108,14 @@ fn change_rounding() {
     unsafe { std::arch::asm!("msr fpcr, {}", in(reg) register, options(nomem, nostack, preserves_flags)) };
 }
 
-/// Nobody has written it for this processor.
+/// It is not written for this processor.
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 fn change_rounding() {
     panic!("the rounding mode of this processor cannot be changed here; add the instruction in {}", file!());
 }
 
 fn print_a_lot() {
-    let line = [b"a lot of words that nobody asked for ".repeat(27), b"\n".to_vec()].concat();
+    let line = [b"a lot of words without a question ".repeat(27), b"\n".to_vec()].concat();
     for _ in 0..PRINTED / line.len() {
         // If no one listens, nothing can be reported.
         _ = std::io::stdout().write_all(&line);
@@ -123,10 +123,10 @@ fn print_a_lot() {
     }
 }
 
-/// Says what nobody can read on every pipe of the process, and waits for what comes of that.
+/// Writes something unreadable to every pipe of the process, and waits for what comes of that.
 fn babble() {
     for file in 3..64 {
-        // SAFETY: both write to memory of their own, and say it where there is no such file or nobody may write to it.
+        // SAFETY: both write to memory of their own, and report it if there is no such file or it may not be written to.
         unsafe {
             let mut status = std::mem::zeroed::<libc::stat>();
             if libc::fstat(file, &raw mut status) == 0 && status.st_mode & libc::S_IFMT == libc::S_IFIFO {

@@ -95,7 +95,7 @@ impl CarlaServer {
         let vehicle = world.spawn(&role("vehicle.tesla.model3", "hero"), &place, 0);
         let parent = at(&vehicle, 0).as_u64().unwrap() as u32;
         world.spawn(&role("sensor.other.collision", "pdk"), &place, parent);
-        // This one is somebody else's.
+        // This one belongs to another client.
         world.spawn(&role("vehicle.tesla.model3", "autopilot"), &place, 0);
     }
 }

@@ -316,7 +316,7 @@ fn a_description_that_misbehaves_is_refused_by_name() {
     let exited = list("exit_in_describe").succeed();
     assert!(exited.stderr.contains("libmisbehave.so: opening it ended the process"), "{}", exited.stderr);
     assert!(exited.stdout.contains("lane_keeper"));
-    // One that hangs has a minute, but `pdk check` has the patience that it is told to have.
+    // One that hangs has a minute, but `pdk check` has the patience that is set.
     let check = Pdk::new(["check", "--patience", "0.7"]).arg(test_library("misbehave"));
     let hung = check.env("MISBEHAVE", "hang_in_describe").run();
     assert_eq!(hung.code, Some(1), "{}", hung.stderr);

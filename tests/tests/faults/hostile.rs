@@ -21,7 +21,7 @@ fn soon<T>(what: &str, work: impl FnOnce() -> T) -> T {
     result
 }
 
-/// A pipe that nobody writes to, a link to a device that never ends, and how each is named.
+/// A pipe without a writer, a link to a device that never ends, and how each is named.
 fn endless(folder: &Path) -> [(PathBuf, &'static str); 2] {
     let (pipe, zero) = (folder.join("pipe"), folder.join("zero"));
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());

@@ -17,7 +17,7 @@ use pdk_tests::records::{difference, files, lines, partial};
 use pdk_tests::{Pdk, temp};
 use rustix::process::Signal;
 
-/// Rounds where nobody says how many.
+/// The default number of rounds.
 const ROUNDS: usize = 12;
 /// A run is killed at most this many times.
 const MOST_KILLS: u32 = 3;
@@ -74,7 +74,7 @@ const TARGETS: [Target; 6] = [
     Target::Paused,
 ];
 
-/// What comes from outside. Half of all are kills, which nobody can prepare for.
+/// What comes from outside. Half of all are kills, which a process cannot prepare for.
 const SIGNALS: [Signal; 6] =
     [Signal::KILL, Signal::KILL, Signal::KILL, Signal::TERM, Signal::HUP, Signal::INT];
 /// What a defect, or an accident, may end the run itself with besides.
@@ -140,7 +140,7 @@ fn kill(target: Target, child: &mut Child, bus: &BusFolder, random: &mut Random)
         let found: Vec<&Process> =
             of_run.iter().filter(|process| process.command.ends_with(ending)).collect();
         match found.is_empty() {
-            true => "nobody".to_owned(),
+            true => "no process".to_owned(),
             false => {
                 found[random.below(found.len())].signal(any);
                 ending.trim().to_owned()
@@ -169,14 +169,14 @@ fn kill(target: Target, child: &mut Child, bus: &BusFolder, random: &mut Random)
             format!("run and {other}")
         }
         Target::Everybody => {
-            // The run first, so that it does not start anybody; then whoever there is by now.
+            // The run first, so that it does not start another process; then the processes that there are by now.
             processes::signal(child, Signal::STOP);
             bus.processes().iter().for_each(|process| process.signal(Signal::KILL));
             return "everybody KILL".to_owned();
         }
         Target::Paused => {
             if of_run.is_empty() {
-                return "nobody".to_owned();
+                return "no process".to_owned();
             }
             let paused = &of_run[random.below(of_run.len())];
             paused.signal(Signal::STOP);

@@ -151,7 +151,7 @@ fn run(folder: &Path, script: &Path, name: &str, set: &[(&str, &str)]) -> Ran {
     Ran { finished: command.run(), out }
 }
 
-/// Drives all of these, and makes sure of what is said, and that nobody else was disturbed. What was written to standard error.
+/// Drives all of these, and checks the messages, and that no other component was disturbed. Returns standard error.
 fn drive(ways: &[Way], set: &[(&str, &str)]) -> String {
     let folder = temp();
     let script = pipeline(folder.path(), &source(ways));

@@ -19,7 +19,7 @@ const SCENARIOS: usize = 24;
 const HANGS: Duration = Duration::from_secs(120);
 /// Between one damage and the next.
 const PAUSE: Duration = Duration::from_millis(15);
-/// Damages to be done if nobody says how many. A run lasts for some tens of them, or for fewer on a quick machine, which then needs more runs.
+/// The default number of damages. A run lasts for some tens of them, or for fewer on a quick machine, which then needs more runs.
 const DAMAGES: usize = 40;
 /// More runs than this are not needed even if each is damaged only once.
 const MOST_ROUNDS: usize = 2 * DAMAGES;

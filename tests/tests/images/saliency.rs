@@ -244,7 +244,7 @@ fn mistakes_are_sentences() {
     );
     saliency("dave2", &["--with", "hirescam,size=frame"]).fail(1, &["`size` cannot be set"]);
     saliency("onnx,model=/no/such.onnx", &[]).fail(1, &["/no/such.onnx", "there is no such file"]);
-    saliency("nobody", &[]).fail(1, &["nobody"]);
+    saliency("missing_driver", &[]).fail(1, &["missing_driver"]);
     let damaged = dir.path().join("damaged.onnx");
     std::fs::write(&damaged, b"no network").unwrap();
     Pdk::new(["show"]).arg(&damaged).fail(1, &["the file is not an ONNX model"]);

@@ -1,4 +1,4 @@
-//! The documents keep to docs/STYLE.md in what a program can find: the patterns that make a native reader stop.
+//! Documents and sources keep to docs/STYLE.md in what a program can find: the patterns that make a native reader stop.
 
 use std::fs;
 
@@ -7,6 +7,8 @@ use pdk_tests::repository;
 /// A pattern that docs/STYLE.md rules out.
 struct Pattern {
     text: &'static str,
+    /// Whether it only counts in a sentence with a comma: "Where it fails, ..." is a condition, "Where it stands." is a place.
+    in_a_condition: bool,
     /// Words right before the pattern with which it is good English.
     unless_after: &'static [&'static str],
     /// Words right after the pattern with which it is good English.
@@ -14,23 +16,31 @@ struct Pattern {
     remedy: &'static str,
 }
 
-const PATTERNS: [Pattern; 10] = [
+const PATTERNS: [Pattern; 13] = [
     // "There is no driver `x`" and "it is no longer used" are good English, "it is no driver" is not.
-    Pattern { unless_after: &["there"], unless_before: &["longer"], ..pattern("is no ", "write `is not a`") },
-    Pattern { unless_after: &["there"], unless_before: &["longer"], ..pattern("are no ", "write `are not`") },
-    Pattern { unless_before: &["that"], ..pattern("so many", "write `this many` or a noun with its number") },
+    Pattern { unless_after: &["there"], unless_before: COMPARED, ..pattern("is no ", "write `is not a`") },
+    Pattern { unless_after: &["there"], unless_before: COMPARED, ..pattern("are no ", "write `are not`") },
+    Pattern {
+        unless_before: &["that", "of", "as"],
+        ..pattern("so many", "write `this many` or a noun with its number")
+    },
     pattern("none where", "write `none if`"),
     pattern("nothing where", "write `nothing if`"),
-    // In these cases "where" is a condition; a place has no "it" or "there" right after it at the start of a sentence.
-    pattern("Where it", "write `If it`"),
-    pattern("Where there is", "write `If there is`"),
-    pattern("Where they", "write `If they`"),
+    Pattern { in_a_condition: true, ..pattern("Where it", "write `If it`") },
+    Pattern { in_a_condition: true, ..pattern("Where there is", "write `If there is`") },
+    Pattern { in_a_condition: true, ..pattern("Where they", "write `If they`") },
     pattern("nobody", "say who, or write `none`"),
+    pattern("Nobody", "say who, or write `none`"),
+    pattern("somebody", "say who"),
+    pattern("whoever", "say who"),
     pattern("is told", "a program reports, a callback is called with"),
 ];
 
+/// "Is no better than" is good English.
+const COMPARED: &[&str] = &["better", "brighter", "larger", "longer", "more"];
+
 const fn pattern(text: &'static str, remedy: &'static str) -> Pattern {
-    Pattern { text, unless_after: &[], unless_before: &[], remedy }
+    Pattern { text, in_a_condition: false, unless_after: &[], unless_before: &[], remedy }
 }
 
 /// The files and folders whose texts keep to the rules. `docs/STYLE.md` is missing because it quotes what it rules out, and
@@ -58,68 +68,162 @@ const DOCUMENTS: [&str; 17] = [
 #[test]
 fn the_documents_are_in_plain_english() {
     let mut found = Vec::new();
-    for document in DOCUMENTS {
-        for page in pages(document) {
-            let text = fs::read_to_string(repository().join(&page)).unwrap();
-            for (line, pattern) in findings(&text) {
-                found.push(format!("{page}:{line}: `{}`; {}", pattern.text, pattern.remedy));
-            }
-        }
+    for page in DOCUMENTS.iter().flat_map(|document| files(document, &["md"])) {
+        let text = fs::read_to_string(repository().join(&page)).unwrap();
+        found.extend(findings(&sentences(&text)).iter().map(|finding| finding.shown(&page)));
     }
     assert!(found.is_empty(), "docs/STYLE.md rules these out:\n{}", found.join("\n"));
 }
 
+/// The folders with sources. Copies of earlier versions and inputs of tests stay as they are.
+const SOURCES: [&str; 7] = ["kernel", "plugins", "sdk", "dist", "product", "scripts", "tests"];
+const NOT_SOURCES: [&str; 5] = [
+    "tests/frozen",
+    "tests/golden",
+    "tests/fuzz/corpus",
+    "tests/fuzz/target",
+    "tests/tests/product/english.rs",
+];
+
+#[test]
+fn comments_and_messages_are_in_plain_english() {
+    let mut found = Vec::new();
+    let sources = SOURCES.iter().flat_map(|folder| files(folder, &["rs", "lua", "py"]));
+    for source in sources.filter(|source| NOT_SOURCES.iter().all(|not| !source.starts_with(not))) {
+        let text = fs::read_to_string(repository().join(&source)).unwrap();
+        found.extend(findings(&prose(&text, &source)).iter().map(|finding| finding.shown(&source)));
+        found.extend(odd_names(&text).into_iter().map(|name| format!("{source}: the name `{name}`")));
+    }
+    assert!(found.is_empty(), "docs/STYLE.md rules these out:\n{}", found.join("\n"));
+}
+
+/// Names of test functions that are not plain sentences.
+fn odd_names(source: &str) -> Vec<&str> {
+    let names = source.lines().filter_map(|line| line.trim().strip_prefix("fn ")?.split_once("() {"));
+    let names = names.map(|(name, _)| name);
+    let odd = ["_is_no_", "_are_no_", "_is_said", "_is_told", "_are_said", "_are_told", "nobody", "so_many"];
+    names.filter(|name| !name.contains("there_") && odd.iter().any(|odd| name.contains(odd))).collect()
+}
+
 #[test]
 fn a_pattern_is_found_in_a_sentence_and_not_in_code() {
-    let lines = |text: &str| findings(text).iter().map(|(line, _)| *line).collect::<Vec<_>>();
+    let lines = |text: &str| findings(&sentences(text)).iter().map(|found| found.line).collect::<Vec<_>>();
     assert_eq!(lines("It is no plugin."), [1]);
     assert_eq!(lines("A line.\nAfter so\nmany worlds"), [2]);
-    assert_eq!(lines("Where it cannot be read."), [1]);
+    assert_eq!(lines("Where it cannot be read, it fails."), [1]);
+    assert_eq!(lines("Where it stands. And so, on."), [0; 0]);
     assert_eq!(lines("It is there, where it belongs. There is no driver `x`, so many that fail."), [0; 0]);
     assert_eq!(lines("```\nis no plugin\n```\n`is no plugin`\nis no plugin"), [5]);
     assert_eq!(lines("<!-- a -->\nis no plugin\n<!-- end of a -->\nis no plugin"), [4]);
 }
 
-/// The Markdown files of a folder, or the file itself.
-fn pages(document: &str) -> Vec<String> {
-    if document.ends_with(".md") {
-        return vec![document.to_owned()];
-    }
-    let mut pages = Vec::new();
-    for entry in fs::read_dir(repository().join(document)).unwrap() {
-        let entry = entry.unwrap();
-        let name = format!("{document}/{}", entry.file_name().to_str().unwrap());
-        if entry.file_type().unwrap().is_dir() {
-            pages.extend(self::pages(&name));
-        } else if name.ends_with(".md") {
-            pages.push(name);
-        }
-    }
-    pages
+#[test]
+fn a_pattern_is_found_in_a_comment_and_in_a_message_and_not_in_code() {
+    let lines = |text: &str, file: &str| {
+        findings(&prose(text, file)).iter().map(|found| found.line).collect::<Vec<_>>()
+    };
+    let source =
+        "/// It is\n/// no plugin.\nlet nobody = is_told;\nError::new(\"it is no plugin\") // nobody\n";
+    assert_eq!(lines(source, "a.rs"), [1, 4, 4]);
+    assert_eq!(lines("x = 1 -- is no plugin\ny = nobody\n", "a.lua"), [1]);
+    assert_eq!(lines("x = 1 # is no plugin\n\"\"\"Is told so.\"\"\"\nnobody = 1\n", "a.py"), [1]);
+    assert_eq!(odd_names("fn a_file_is_said() {}\nfn there_is_no_way() {}"), ["a_file_is_said"]);
 }
 
-/// The patterns in a text with the lines on which they begin, from 1.
-fn findings(text: &str) -> Vec<(usize, &'static Pattern)> {
-    let sentences = sentences(text);
+/// The files of a folder with one of these endings, or the file itself.
+fn files(name: &str, endings: &[&str]) -> Vec<String> {
+    let path = repository().join(name);
+    if path.is_file() {
+        let ending = path.extension().unwrap_or_default();
+        return if endings.iter().any(|one| *one == ending) { vec![name.to_owned()] } else { Vec::new() };
+    }
+    let names = fs::read_dir(path).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let names = names.filter(|name| !name.starts_with('.') && name != "target");
+    names.flat_map(|entry| files(&format!("{name}/{entry}"), endings)).collect()
+}
+
+/// A pattern that was found.
+struct Finding {
+    /// The line on which it begins, from 1.
+    line: usize,
+    pattern: &'static Pattern,
+}
+
+impl Finding {
+    fn shown(&self, file: &str) -> String {
+        format!("{file}:{}: `{}`; {}", self.line, self.pattern.text, self.pattern.remedy)
+    }
+}
+
+/// The patterns in sentences whose line breaks are vertical tabs.
+fn findings(sentences: &str) -> Vec<Finding> {
     let mut found = Vec::new();
+    // With one space between words, and the place of each byte.
+    let (mut words, mut places) = (String::new(), Vec::new());
+    for (place, sign) in sentences.char_indices() {
+        let sign = if sign.is_whitespace() { ' ' } else { sign };
+        if sign != ' ' || !words.ends_with(' ') {
+            words.push(sign);
+            places.resize(words.len(), place);
+        }
+    }
+    let not_in_a_word = |sign: char| !sign.is_alphanumeric();
     for pattern in &PATTERNS {
-        for (start, _) in sentences.match_indices(pattern.text) {
-            let (before, after) = (&sentences[..start], &sentences[start + pattern.text.len()..]);
-            let last = before.split_whitespace().next_back().unwrap_or_default().to_lowercase();
-            let next = after.split_whitespace().next().unwrap_or_default();
+        for (start, _) in words.match_indices(pattern.text) {
+            let (before, after) = (&words[..start], &words[start + pattern.text.len()..]);
+            let word = |word: Option<&str>| word.unwrap_or_default().to_lowercase();
+            let last = word(before.split(not_in_a_word).rfind(|part| !part.is_empty()));
+            let next = word(after.split(not_in_a_word).find(|part| !part.is_empty()));
             let in_a_word = before.ends_with(char::is_alphanumeric);
-            if !in_a_word && !pattern.unless_after.contains(&&*last) && !pattern.unless_before.contains(&next)
+            let sentence = after.split(". ").next().unwrap_or_default();
+            let is_meant = !pattern.in_a_condition || sentence.contains(", ");
+            if !in_a_word
+                && is_meant
+                && !pattern.unless_after.contains(&&*last)
+                && !pattern.unless_before.contains(&&*next)
             {
-                // Sentences have as many bytes as the text.
-                found.push((text[..start].matches('\n').count() + 1, pattern));
+                found.push(Finding { line: sentences[..places[start]].matches(BREAK).count() + 1, pattern });
             }
         }
     }
-    found.sort_by_key(|(line, _)| *line);
+    found.sort_by_key(|found| found.line);
     found
 }
 
-/// The text on one line, with spaces in the place of code and of what is written by programs. Its bytes stay in their places.
+/// Stands for a line break in sentences, which are otherwise on one line.
+const BREAK: char = '\u{b}';
+
+/// Stands for code, which is not searched.
+const CODE: char = '\u{1}';
+
+/// What a person reads of a source: its comments and texts.
+fn prose(source: &str, file: &str) -> String {
+    let comment = match file.rsplit('.').next() {
+        Some("lua") => "--",
+        Some("py") => "#",
+        _ => "//",
+    };
+    let mut prose = String::new();
+    for line in source.lines() {
+        let (mut in_text, mut rest) = (false, line);
+        while let Some(sign) = rest.chars().next() {
+            if !in_text && rest.starts_with(comment) {
+                let text = rest.trim_start_matches(['/', '!', '-', '#']);
+                prose.push(' ');
+                prose.push_str(&sentences(text));
+                break;
+            }
+            in_text ^= sign == '"';
+            let is_read = sign.is_whitespace() || in_text && sign != '"';
+            prose.push(if is_read { sign } else { CODE });
+            rest = &rest[sign.len_utf8()..];
+        }
+        prose.push(BREAK);
+    }
+    prose
+}
+
+/// The sentences of Markdown without code, and without what is written by programs.
 fn sentences(text: &str) -> String {
     let mut sentences = String::new();
     let (mut in_block, mut in_code, mut generated) = (false, false, false);
@@ -134,11 +238,10 @@ fn sentences(text: &str) -> String {
         }
         for sign in line.chars() {
             in_code ^= sign == '`' && !fence && !in_block;
-            let read = !(in_block || fence || in_code || generated || sign == '\n');
-            if read {
-                sentences.push(sign);
-            } else {
-                sentences.extend(std::iter::repeat_n(' ', sign.len_utf8()));
+            match sign {
+                '\n' => sentences.push(BREAK),
+                _ if in_block || fence || in_code || generated => sentences.push(CODE),
+                _ => sentences.push(sign),
             }
         }
     }

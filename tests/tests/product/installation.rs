@@ -80,7 +80,7 @@ fn a_users_own_clip_and_script_work_without_a_home() {
     };
     let (gulls, darker) = (perturb("gulls@4"), perturb("darker"));
     assert!(gulls != darker && gulls == perturb("gulls@4"));
-    // What was prepared is kept in a folder that nobody else can enter.
+    // What was prepared is kept in a folder that no other user can enter.
     let kept: Vec<_> =
         fs::read_dir(folder.path().join("tmp")).unwrap().map(|entry| entry.unwrap().path()).collect();
     let [cache] = kept.as_slice() else { panic!("{kept:?}") };

@@ -558,7 +558,7 @@ fn a_run_goes_on_where_one_of_its_workers_is_killed() {
     let status = child.wait().unwrap();
     assert_eq!(status.code(), Some(130));
     let recorded = json_lines(&out.join("scenarios.jsonl"));
-    assert!(recorded.iter().all(|line| line["cause"] == "time_out"), "nobody is to blame");
+    assert!(recorded.iter().all(|line| line["cause"] == "time_out"), "no component failed");
 }
 
 #[test]

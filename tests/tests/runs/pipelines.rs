@@ -175,7 +175,7 @@ fn an_error_of_a_component_is_not_a_failure_of_the_driver() {
         let out = folder.path().join(script);
         let run = if script == "study.lua" { tiny_study(&out) } else { tiny(script, &out) };
         let run = run.set("perturbations", "breaks,contrast").set("roads", 1);
-        // What a component breaks is told at the end.
+        // What a component breaks is reported at the end.
         run.arg("--plugins").arg(folder.path()).fail(1, &["breaks"]);
         out
     };

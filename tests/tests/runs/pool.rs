@@ -123,7 +123,7 @@ fn a_pool_that_does_not_speak_as_it_should_is_a_sentence() {
         let many = changed("\"slots\":1", &format!("\"slots\":{slots}"));
         fail(8, &many, &[&format!("it has {slots} slots"), "at most 65536"]);
     }
-    // It lives on, and nobody hears it.
+    // It lives on, but its output is closed.
     let deaf = "exec python3 -c 'import os, time; os.close(1); time.sleep(600)'";
     for (number, command) in [deaf, deaf.strip_prefix("exec ").unwrap()].into_iter().enumerate() {
         fail(9 + number, command, &["closed its output before it was ready"]);
@@ -166,7 +166,7 @@ fn a_scenario_that_a_pool_gives_up_has_a_trace_that_says_so() {
         })
         "#,
     );
-    // Nobody tells the workers where the trace goes.
+    // The workers do not learn where the trace goes.
     let pool = format!("sed -u 's/\"trace\":\"[^\"]*\"/\"trace\":null/' | {}", pool(1));
     let out = folder.path().join("out");
     run(&script, &out).args(["--pool", &pool]).fail(1, &["could not be driven"]);
@@ -242,7 +242,7 @@ fn a_scenario_over_which_workers_are_lost_again_and_again_has_a_line_that_says_s
             });
             at_work.is_some()
         });
-        assert!(found, "nobody drives: {:?}", bus.processes());
+        assert!(found, "no worker drives: {:?}", bus.processes());
         let worker = at_work.unwrap();
         worker.signal(Signal::KILL);
         killed.insert(worker.id);

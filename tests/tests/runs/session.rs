@@ -237,7 +237,7 @@ fn a_pipeline_in_lua_is_sent_line_by_line() {
         "local outcomes = pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 1, scenarios = { {} } })
          pdk.show(outcomes)
          pdk.table({ 'a' }, { { 'b\\27[2Jc' } })
-         pdk.drive({ simulator = 'lane', driver = 'nobody', scenarios = { {} } })",
+         pdk.drive({ simulator = 'lane', driver = 'absent', scenarios = { {} } })",
     );
     // Its input stays open, as that of a program that is there.
     let (input, _open) = std::io::pipe().unwrap();
@@ -254,6 +254,6 @@ fn a_pipeline_in_lua_is_sent_line_by_line() {
     };
     assert!(told("b\\u{1b}[2Jc") && !told("\u{1b}"), "{messages:?}");
     let end = &messages.last().unwrap()["end"];
-    assert!(end["failure"]["message"].as_str().unwrap().contains("there is no driver `nobody`"), "{end}");
+    assert!(end["failure"]["message"].as_str().unwrap().contains("there is no driver `absent`"), "{end}");
     assert_eq!(json_lines(&folder.path().join("out/scenarios.jsonl")).len(), 1);
 }

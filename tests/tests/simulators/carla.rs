@@ -393,9 +393,9 @@ fn wrong(simulator: &str) -> Tried {
 #[test]
 fn an_unsupported_server_version_is_reported() {
     let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-    let nobody = wrong(&simulator(free, json!({"start_seconds": 1})));
-    nobody.says(1, &["the CARLA server is not at 127.0.0.1:", "start it"]);
-    assert!(nobody.lines.is_empty());
+    let absent = wrong(&simulator(free, json!({"start_seconds": 1})));
+    absent.says(1, &["the CARLA server is not at 127.0.0.1:", "start it"]);
+    assert!(absent.lines.is_empty());
 
     // Something that answers otherwise, and something that does not answer.
     for (what, said, part) in [

@@ -378,7 +378,7 @@ fn ctrl_c_ends_the_wait_for_a_simulator() {
     let mut said = String::new();
     child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
     assert_eq!(status.code(), Some(130), "{said}");
-    // It would say that nobody came if it had waited to the end.
+    // It would report that no client came if it had waited to the end.
     assert!(said.contains("pdk: error: the run was interrupted") && !said.contains("is not at"), "{said}");
     assert!(comes_true(LIMIT, || bus.processes().is_empty()), "{:?}", bus.processes());
     assert!(bus.left().is_empty(), "{:?}", bus.left());

@@ -22,7 +22,7 @@ const SOURCE: &str = r#"
     }))
 "#;
 
-/// A driver that holds the middle by what it is told alone, and goes wrong at frame 10 of its first scenario where it is asked to.
+/// A driver that holds the middle by the state alone, and goes wrong at frame 10 of its first scenario where it is asked to.
 const PILOT: &str = r#"
 import os, sys, time
 import iceoryx2
@@ -120,13 +120,13 @@ fn a_program_that_cannot_be_started_or_does_not_come_is_reported() {
     let missing = json!({"name": "process", "command": ["/no/such/pilot"]});
     run(&missing, &[("scenarios", "1")])
         .says(1, &["cannot start the driver: there is no program `/no/such/pilot`; correct `command`"]);
-    let nobody = json!({"name": "process", "exchange": "nobody", "start_seconds": 0.5});
-    let run = self::run(&nobody, &[("scenarios", "1")]);
+    let absent = json!({"name": "process", "exchange": "absent", "start_seconds": 0.5});
+    let run = self::run(&absent, &[("scenarios", "1")]);
     run.says(
         1,
         &[
-            "no driver is at the exchange `nobody`, which was waited for 0.5 s",
-            "exchange=\"nobody\")",
+            "no driver is at the exchange `absent`, which was waited for 0.5 s",
+            "exchange=\"absent\")",
             "`command`",
         ],
     );

@@ -305,7 +305,7 @@ fn the_unity_library_is_understood() {
     }
 }
 
-/// A simulator for socket.io-client 2 of npm. The vehicle stands at the start of whatever road it is told.
+/// A simulator for socket.io-client 2 of npm. The vehicle stands at the start of the road that it gets.
 const IN_JAVASCRIPT: &str = r#"
 const io = require('socket.io-client'), image = require('fs').readFileSync(process.argv[2]).toString('base64');
 const options = process.argv[3] === 'websocket' ? { transports: ['websocket'] } : {};

@@ -446,7 +446,7 @@ mod tests {
         let expected =
             format!("there is nothing to see of scenario 3 for {}: driver `x`: it aborts", video.display());
         assert_eq!(error, expected);
-        // A step without its frames is no shorter video.
+        // A step without its frames does not make the video shorter.
         let mut incomplete = Trace::create(&trace, &recorded.line.id).unwrap();
         for sequence in [0, 1] {
             let (state, control) = (State::default(), Control::default());

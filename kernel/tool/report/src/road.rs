@@ -76,7 +76,7 @@ impl Frame {
         }
         let size = [high[0] - low[0], high[1] - low[1]];
         let longer = size[0].max(size[1]);
-        // Without a point it is no size at all.
+        // Without a point it has no size at all.
         if longer.is_nan() || longer <= 0.0 {
             return None;
         }

@@ -87,7 +87,7 @@ impl Component for LaneKeeper {
 }
 
 impl LaneKeeper {
-    /// Where it wants to be, in metres to the right of the lane's centre: two swings whose periods have no common
+    /// Its aim, in metres to the right of the lane's centre: two swings whose periods have no common
     /// multiple soon, so that places and directions mix.
     fn swing(&self, time: f64) -> f64 {
         if self.wander == 0.0 || !time.is_finite() {

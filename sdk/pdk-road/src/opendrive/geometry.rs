@@ -7,7 +7,7 @@ use crate::{Point, distance};
 /// A piece of a reference line, in the axes of OpenDRIVE.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piece {
-    /// Where it begins, in metres along the line.
+    /// Its start, in metres along the line.
     pub s: f64,
     /// The point where it begins.
     pub at: Point,

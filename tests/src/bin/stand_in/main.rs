@@ -36,7 +36,7 @@ use std::path::PathBuf;
 
 use fault::Faults;
 
-/// What it is told to do.
+/// What it has to do.
 pub struct Options {
     /// Where it listens or connects.
     pub port: u16,

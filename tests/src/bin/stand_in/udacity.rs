@@ -31,7 +31,7 @@ pub fn run(mut options: Options) {
     let mut world = World::new(options.seeds.as_deref(), options.rate.unwrap_or(20.0));
     world.resize(320, 160);
     world.start();
-    // Whoever connects next finds the road of whoever came before.
+    // The next client finds the road of the one before.
     let mut track = String::new();
     loop {
         let connected = match options.polls {

@@ -105,7 +105,7 @@ impl World {
         frame
     }
 
-    /// Moves on by a frame. While the adapter holds the vehicle at the start, no time passes; a driver that wants to stand there is told
+    /// Moves on by a frame. While the adapter holds the vehicle at the start, no time passes; a driver that wants to stand there learns
     /// the time.
     pub fn go_on(&mut self, control: Control, held: bool) {
         if self.simulator.is_none() {

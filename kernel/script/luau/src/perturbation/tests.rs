@@ -61,7 +61,7 @@ fn described(name: &str, doc: &str) -> Description {
 
 #[test]
 fn a_declaration_becomes_a_description() {
-    let source = "return { name = 'fog_bank', doc = 'Fog', family = 'weather', source = 'nobody (2020)', version = 3,
+    let source = "return { name = 'fog_bank', doc = 'Fog', family = 'weather', source = 'Doe (2020)', version = 3,
         temporal = 'dynamic', default = false, apply = function() end, parameters = {
             { name = 'strength', levels = { 0, 1, 2, 3, 4.5 }, doc = 'How much', min = 0, max = 9, unit = 'm' },
             { name = 'size', default = 3, type = 'integer', min = 1, doc = 'Size' },
