@@ -5,7 +5,7 @@
 //! lib/pdk/                             the libraries with the built-in components
 //! lib/libpdkdriver.so                  drivers in C and C++, with include/pdk_driver.h
 //! share/pdk/sdk/                       the SDK's source, and the Lua types in sdk/lua
-//! share/doc/pdk/                       licences, changes, the worker protocol, the recipe of the networks
+//! share/doc/pdk/                       licences, changes, the worker protocol, examples, the recipe of the networks
 //! share/man/man1/
 //! share/bash-completion/completions/   and those of zsh and fish
 //! ```
@@ -46,6 +46,9 @@ const DOCUMENTS: [(&str, &str); 6] = [
     ("scripts/training/requirements.txt", "training/requirements.txt"),
 ];
 
+/// Short pipelines, in the workspace.
+const EXAMPLES: &str = "scripts/examples";
+
 /// Lays out the tree anew, and returns its folder.
 ///
 /// # Errors
@@ -67,12 +70,26 @@ pub fn lay_out(project: &Project, compiled: &Compiled, profile: Profile) -> Resu
     for (from, to) in DOCUMENTS {
         put(&project.root().join(from), &documents.join(to), 0o644)?;
     }
+    copy(&project.root().join(EXAMPLES), &documents.join("examples"))?;
     write(&documents.join("THIRD-PARTY-LICENSES.txt"), licences::page(project, profile)?.as_bytes())?;
     for (shell, place) in COMPLETIONS {
         write(&tree.join(place), &output(Command::new(&executable).args(["completions", shell]))?)?;
     }
     succeed(Command::new(&executable).arg("man").arg(tree.join("share/man/man1")))?;
     Ok(tree)
+}
+
+/// Puts the files of a folder, and of the folders in it, into another one.
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    for entry in fs::read_dir(from).place(from.display())? {
+        let entry = entry.place(from.display())?;
+        let (path, to) = (entry.path(), to.join(entry.file_name()));
+        match path.is_dir() {
+            true => copy(&path, &to)?,
+            false => put(&path, &to, 0o644)?,
+        }
+    }
+    Ok(())
 }
 
 fn put(from: &Path, to: &Path, mode: u32) -> Result<()> {

@@ -4,6 +4,7 @@
 
 mod closed_loop;
 mod decide;
+mod examples;
 mod pipelines;
 mod pool;
 mod search;
