@@ -79,7 +79,7 @@ both!(
     places_do_not_depend_on_the_intensity,
     keys_differ,
     resolutions_agree,
-    starts_clear_where_it_is_told_to,
+    starts_clear_if_it_is_set_to,
     attention_moves_it_to_salient_places,
     what_is_born_stays_when_the_map_changes,
     refuses_impossible_times,
