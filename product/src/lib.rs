@@ -1,5 +1,7 @@
 //! What pdk consists of besides its kernel. The kernel names no plugin and no script; the executable hands it this list.
 
+mod examples;
+
 use pdk_components::product::{BuiltInScript, Product};
 
 /// The product that the executable `pdk` and the Python package are.
@@ -9,6 +11,8 @@ pub static PRODUCT: Product = Product {
     pipelines: PIPELINES,
     modules: MODULES,
     first_pipeline: include_str!("../templates/pipeline.lua"),
+    examples: examples::EXAMPLES,
+    samples: &[("{{perturbation}}", "fog_filter@3"), ("{{driver}}", "dave2")],
 };
 
 /// The built-in plugins: the folders of `plugins`, each of which is a crate with the library `pdk_NAME`.

@@ -120,6 +120,8 @@ mod tests {
         pipelines: &[],
         modules: &[],
         first_pipeline: "",
+        examples: &[],
+        samples: &[],
     };
 
     #[test]

@@ -18,7 +18,14 @@ pub struct Product {
     pub modules: &'static [BuiltInScript],
     /// The pipeline that a user begins with.
     pub first_pipeline: &'static str,
+    /// The examples in the help of the command line.
+    pub examples: &'static [Examples],
+    /// Components that a command may use to try a new one: what stands in braces in its place, and the component.
+    pub samples: &'static [(&'static str, &'static str)],
 }
+
+/// A verb of the command line with commands that use it, each with what it does.
+pub type Examples = (&'static str, &'static [(&'static str, &'static str)]);
 
 /// A script that is part of the product.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,8 +46,15 @@ impl BuiltInScript {
 }
 
 /// A kernel alone.
-static NOTHING: Product =
-    Product { plugins: &[], perturbations: &[], pipelines: &[], modules: &[], first_pipeline: "" };
+static NOTHING: Product = Product {
+    plugins: &[],
+    perturbations: &[],
+    pipelines: &[],
+    modules: &[],
+    first_pipeline: "",
+    examples: &[],
+    samples: &[],
+};
 
 static PRODUCT: OnceLock<&Product> = OnceLock::new();
 

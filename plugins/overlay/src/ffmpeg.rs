@@ -215,7 +215,7 @@ mod tests {
         let header = r"printf 'YUV4MPEG2 W3 H2 F30:1 C420jpeg\n'";
         for (script, refused) in [
             // What it goes on writing is not read.
-            (r"printf 'YUV4MPEG2 W3 H2 F30:1 C444\n'; exec yes".to_owned(), "in the form asked for"),
+            (r"printf 'YUV4MPEG2 W3 H2 F30:1 C444\n'; exec yes".to_owned(), "in the requested format"),
             (
                 r"printf 'YUV4MPEG2 W40000 H40 F30:1 C420jpeg\n'; exec yes".to_owned(),
                 "it is 40000 x 40, and pictures may have",

@@ -229,7 +229,9 @@ mod tests {
         assert!(error(json!({"nearer": 5, "farther": 6})).contains("both farther and nearer"));
         assert!(error(json!({"nearer": -5})).contains("0 to 1,000,000 metres"));
         assert!(error(json!({"random": 10, "every": 0})).contains("every 0 frames"));
-        assert!(error(json!({"random": 10, "every": 2, "change": 3})).contains("either for `every`"));
+        assert!(
+            error(json!({"random": 10, "every": 2, "change": 3})).contains("`every`, or until a `change`")
+        );
         assert!(error(json!({"random": 10, "follow": true})).contains("nothing to follow"));
         assert!(error(json!({"random": 10, "change": 300})).contains("from 0 to 255"));
         assert!(error(json!({"random": 10, "soft": 2000})).contains("at most 1000"));

@@ -229,7 +229,7 @@ fn a_script_that_was_meant_as_a_perturbation_gets_a_reason_why_it_is_not_one() {
     for (script, said) in [
         ("return { doc = 'Helps', aply = function() end }", "`aply`"),
         ("return { doc = 'Helps' }", "has no `apply`"),
-        ("return { help = function() end }", "returns no table with `apply`"),
+        ("return { help = function() end }", "does not return a table with `apply`"),
     ] {
         fs::write(folder.path().join("helper.lua"), script).unwrap();
         run().fail(1, &["there is no perturbation `helper`", "helper.lua", said]);

@@ -30,7 +30,12 @@ fn every_verb_explains_itself() {
         assert!(own.contains(&format!("Usage: pdk {verb}")), "{own}");
     }
     let version = Pdk::new(["--version"]).succeed().stdout;
-    assert!(version.starts_with("pdk ") && version.trim().split('.').count() == 3, "{version}");
+    let lines: Vec<_> = version.lines().collect();
+    assert!(lines[0].starts_with("pdk ") && lines[0].split('.').count() == 3, "{version}");
+    for (line, start) in lines[1..].iter().zip(["plugin interface: ", "instructions: ", "engine: "]) {
+        assert!(line.len() > start.len() && line.starts_with(start), "{version}");
+    }
+    assert_eq!(lines.len(), 4, "{version}");
 }
 
 #[test]
@@ -130,8 +135,9 @@ fn a_name_of_pdks_own_stays_what_it_is() {
         let kept = list.as_array().unwrap().iter().find(|c| c["description"]["name"] == name).unwrap();
         assert!(kept["file"].as_str().unwrap().contains("libpdk_"), "{kept}");
     }
-    for what in ["perturbation", "plugin"] {
-        Pdk::new(["new", what, "gaussian_noise", "--out", "new"])
+    for more in [&[][..], &["--rust"]] {
+        Pdk::new(["new", "perturbation", "gaussian_noise", "--out", "new"])
+            .args(more)
             .folder(folder.path())
             .fail(1, &["`gaussian_noise` already", "libpdk_noise", "another name"]);
     }
@@ -270,7 +276,9 @@ fn completions_are_there_for_the_usual_shells() {
         assert!(script.contains("PDK_COMPLETE"), "{script}");
     }
     Pdk::program("bash").args(["-n", "-c"]).arg(Pdk::new(["completions", "bash"]).succeed().stdout).succeed();
-    Pdk::new(["completions", "tcsh"]).fail(2, &["tcsh", "bash"]);
+    let finished = Pdk::new(["completions", "tcsh"]).run();
+    assert_eq!(finished.code, Some(2), "{}", finished.stderr);
+    assert!(finished.stderr.contains("tcsh") && finished.stderr.contains("bash"), "{}", finished.stderr);
 }
 
 #[test]
@@ -292,7 +300,8 @@ fn completions_know_verbs_components_levels_pipelines_and_records() {
         stdout.lines().map(str::to_owned).collect::<Vec<_>>()
     };
     let verbs: Vec<String> = verbs().into_iter().filter(|verb| verb.starts_with("re")).collect();
-    let mut offered = completed(&["re"]);
+    let (mut verbs, mut offered) = (verbs, completed(&["re"]));
+    verbs.sort();
     offered.sort();
     assert_eq!(offered, verbs);
     assert_eq!(completed(&["show", "fog_"]), ["fog_filter"]);

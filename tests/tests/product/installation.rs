@@ -153,7 +153,7 @@ fn every_verb_reports_what_is_missing() {
     }
     // Without the SDK's source everything works but plugins in Rust, and the remedy is said.
     let installation = Installation::copies();
-    let new = installation.pdk().args(["new", "plugin", "mine"]).folder(folder.path());
+    let new = installation.pdk().args(["new", "perturbation", "mine", "--rust"]).folder(folder.path());
     new.fail(1, &["the source of the SDK is missing", "--sdk"]);
     assert!(!folder.path().join("mine").exists());
     let doctor = installation.pdk().arg("doctor").succeed();
@@ -172,7 +172,7 @@ fn pipelines_that_come_along_have_names_and_can_be_copied() {
     new(&["pipeline", "mine", "--from", "quickstart"]).succeed();
     let text = |file: &Path| fs::read_to_string(file).unwrap();
     assert_eq!(text(&folder.path().join("mine.lua")), text(&repository().join("scripts/quickstart.lua")));
-    new(&["plugin", "mine", "--from", "quickstart"]).fail(1, &["--from is for pipelines"]);
+    new(&["driver", "mine", "--from", "quickstart"]).fail(1, &["--from is for pipelines"]);
     let run = |name: &str| Pdk::new(["run", name]).folder(folder.path());
     run("quickstat").fail(1, &["no pipeline `quickstat`", "did you mean `quickstart`?", "./quickstat"]);
     run("quickstart.lua").fail(1, &["cannot read the pipeline quickstart.lua", "`pdk run quickstart`"]);

@@ -11,3 +11,4 @@ mod installation;
 mod kernel;
 mod python;
 mod shown;
+mod structure;

@@ -187,7 +187,7 @@ impl Sandbox {
         let seconds = (self.limits.time.as_secs_f64() * 1000.0).round() / 1000.0;
         let used = match self.limits.renewed {
             true => format!("computed for more than {seconds} s at a stretch"),
-            false => format!("used more than {seconds} s of time"),
+            false => format!("used more than {seconds} s of processor time"),
         };
         Error::new(format!("{used}; make the loop shorter or raise the limit with {TIME_VARIABLE}"))
             .at(failure::location(script))

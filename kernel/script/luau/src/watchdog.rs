@@ -4,14 +4,16 @@
 //! body, so none is set until a deadline has passed: a single thread looks at the deadlines of all virtual machines
 //! every few milliseconds and sets the function of the one that is late. It stays set until the call ends, so
 //! a script that catches the error meets it again at its next loop or call. The same thread asks whether to stop.
+//!
+//! A script's time is the processor time of its thread, so that a busy machine does not end one that computes little.
 
 use std::cell::Cell;
 use std::ffi::{c_int, c_void};
 use std::ptr;
-use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicPtr, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::{self, Thread};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use mlua::{Lua, ffi};
 use pdk_sdk::error::{Error, Result};
@@ -37,7 +39,9 @@ pub type Stop = fn() -> Option<Error>;
 
 /// The deadline of one virtual machine.
 pub(crate) struct Alarm {
-    /// Nanoseconds on [`clock`].
+    /// The clock of the thread that the machine runs in: its processor time.
+    clock: AtomicI32,
+    /// Nanoseconds on that clock.
     deadline: AtomicU64,
     /// Nanoseconds that are left after [`without_clock`]; [`NEVER`] for what was left before.
     renewal: AtomicU64,
@@ -66,7 +70,7 @@ impl Alarm {
     }
 
     fn is_late(&self) -> bool {
-        self.is_stopped.load(Ordering::Acquire) || clock() >= self.deadline.load(Ordering::Relaxed)
+        self.is_stopped.load(Ordering::Acquire) || own_time() >= self.deadline.load(Ordering::Relaxed)
     }
 
     /// Asks whether to stop.
@@ -120,6 +124,7 @@ impl Registration {
         unsafe { lua.exec_raw::<()>((), |state| slot = slot_of(state)) }
             .map_err(|error| Error::new(format!("the script's virtual machine cannot be set up: {error}")))?;
         let alarm = Arc::new(Alarm {
+            clock: AtomicI32::new(libc::CLOCK_THREAD_CPUTIME_ID),
             deadline: AtomicU64::new(NEVER),
             renewal: AtomicU64::new(NEVER),
             stop: OnceLock::new(),
@@ -155,10 +160,11 @@ impl Registration {
         if before == NEVER {
             self.alarm.rang.store(false, Ordering::Relaxed);
             self.alarm.is_stopped.store(false, Ordering::Relaxed);
+            self.alarm.clock.store(own_clock(), Ordering::SeqCst);
             let renewal = if renewed { nanoseconds(budget) } else { NEVER };
             self.alarm.renewal.store(renewal, Ordering::Relaxed);
         }
-        arm(&self.alarm, clock().saturating_add(nanoseconds(budget)).min(before));
+        arm(&self.alarm, own_time().saturating_add(nanoseconds(budget)).min(before));
         Running { alarm: &self.alarm, outer, before }
     }
 }
@@ -219,14 +225,14 @@ pub fn without_clock<R>(work: impl FnOnce() -> R) -> R {
         fn drop(&mut self) {
             // SAFETY: the alarm belongs to a call that this thread is still in, and the call keeps it alive.
             if let Some(alarm) = unsafe { self.alarm.as_ref() } {
-                arm(alarm, clock().saturating_add(self.left));
+                arm(alarm, own_time().saturating_add(self.left));
             }
         }
     }
     let alarm = CURRENT.get();
     // SAFETY: as above.
     let _resume = unsafe { alarm.as_ref() }.map(|current| {
-        let left = current.deadline.swap(NEVER, Ordering::SeqCst).saturating_sub(clock());
+        let left = current.deadline.swap(NEVER, Ordering::SeqCst).saturating_sub(own_time());
         let left = match current.renewal.load(Ordering::Relaxed) {
             NEVER => left,
             renewal => renewal,
@@ -299,7 +305,6 @@ impl Watchdog {
 
     /// Interrupts what is late. Says whether anything runs.
     fn look(&self) -> bool {
-        let now = clock();
         let mut running = false;
         for alarm in self.alarms().iter() {
             let deadline = alarm.deadline.load(Ordering::SeqCst);
@@ -308,7 +313,9 @@ impl Watchdog {
             }
             running = true;
             alarm.ask();
-            if deadline <= now || alarm.is_stopped.load(Ordering::Relaxed) {
+            // A clock that cannot be read is of a thread that has just ended, and its call with it.
+            let is_over = time_on(alarm.clock.load(Ordering::SeqCst)).is_some_and(|now| deadline <= now);
+            if is_over || alarm.is_stopped.load(Ordering::Relaxed) {
                 alarm.set(Some(interrupt));
             }
         }
@@ -382,8 +389,25 @@ fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(NEVER - 1).min(NEVER - 1)
 }
 
-/// Nanoseconds since the first look at the clock.
-fn clock() -> u64 {
-    static START: OnceLock<Instant> = OnceLock::new();
-    nanoseconds(START.get_or_init(Instant::now).elapsed())
+/// The clock of this thread's processor time, which other threads of the process can read as well.
+fn own_clock() -> libc::clockid_t {
+    let mut clock = libc::CLOCK_THREAD_CPUTIME_ID;
+    // SAFETY: the thread is the present one, and `clock` can be written to. On failure it stays as it is, and the watchdog then measures its
+    // own time, which is almost none: the script would not be ended by its time, but by the limit of the call that it runs in.
+    unsafe { libc::pthread_getcpuclockid(libc::pthread_self(), &raw mut clock) };
+    clock
+}
+
+/// The processor time of this thread in nanoseconds.
+pub(crate) fn own_time() -> u64 {
+    time_on(libc::CLOCK_THREAD_CPUTIME_ID).unwrap_or_default()
+}
+
+/// Nanoseconds on a clock; none if there is no such clock any more.
+fn time_on(clock: libc::clockid_t) -> Option<u64> {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: `time` can be written to; the system checks the clock.
+    let read = unsafe { libc::clock_gettime(clock, &raw mut time) } == 0;
+    let (seconds, rest) = (u64::try_from(time.tv_sec).ok()?, u64::try_from(time.tv_nsec).ok()?);
+    read.then(|| seconds.saturating_mul(1_000_000_000).saturating_add(rest))
 }

@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn a_free_table_has_its_columns() {
         let text = render(&json!(["name", "n"]), &json!([["fog", 0.25], ["rain", 3.0]])).unwrap();
-        for part in ["name", "fog", "0.250", " 3 "] {
+        for part in ["name", "fog", "0.250", " 3"] {
             assert!(text.contains(part), "{part}: {text}");
         }
         assert!(render(&json!(["a"]), &json!([["b", 1]])).unwrap_err().to_string().contains("row 1"));

@@ -312,11 +312,11 @@ fn no_operation_goes_far_beyond_the_limit() {
         "large:resized(2048, 2048, 'area')",
         "cx.frame_random:fill_normal(buffer.create(1.5e8))",
     ] {
-        let start = std::time::Instant::now();
+        let start = crate::watchdog::own_time();
         let mut perturbation =
             make_perturbation(&body(&format!("{make} {call}")), Default::default()).unwrap();
         let result = run(&mut perturbation, &picture(20, 10), &Context::new(2.0, 3, 0.1, &key()));
-        let took = start.elapsed();
+        let took = std::time::Duration::from_nanos(crate::watchdog::own_time() - start);
         assert!(took < std::time::Duration::from_secs(5), "{took:?}: {call}: {result:?}");
     }
 }

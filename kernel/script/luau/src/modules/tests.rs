@@ -267,7 +267,7 @@ fn mistakes_are_reported_with_file_and_line() {
         ),
         (
             "require('./stuck')",
-            "pipelines/stuck.lua:3: used more than 0.3 s of time; make the loop shorter or raise the limit with \
+            "pipelines/stuck.lua:3: used more than 0.3 s of processor time; make the loop shorter or raise the limit with \
              PDK_SCRIPT_SECONDS",
         ),
         (

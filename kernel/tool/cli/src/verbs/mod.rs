@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::CompleteEnv;
 use pdk_components::inspection;
+use pdk_components::product;
 use pdk_components::registry::Registry;
 use pdk_components::search_path::SearchPath;
 use pdk_lua::LuaScripts;
@@ -232,7 +233,7 @@ pub fn main() -> ExitCode {
 
 /// The command line with all that is derived for it.
 fn command() -> Command {
-    examples::shown(completions::offered(Cli::command()))
+    examples::shown(completions::offered(Cli::command()), product::get())
 }
 
 /// What is on the command line. Wrong usage ends the process.

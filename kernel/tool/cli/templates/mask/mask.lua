@@ -1,5 +1,5 @@
 -- A mask for pdk: put this file into a folder and name the folder with --plugins.
--- See it:    pdk --plugins . perturb IMAGE --with 'fog_filter@3,where={"mask":"{{name}}"}' -o out.png
+-- See it:    pdk --plugins . perturb IMAGE --with '{{perturbation}},where={"mask":"{{name}}"}' -o out.png
 -- Check it:  pdk check {{name}}.lua
 
 return {

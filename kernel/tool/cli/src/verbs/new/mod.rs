@@ -57,7 +57,8 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
         (Some([source, attempt]), _) if !arguments.rust => {
             let file = folder.join(format!("{name}.lua"));
             write(&file, source, arguments)?;
-            let attempt = attempt.replace("{{folder}}", &shown(&folder)).replace("{{name}}", name);
+            let attempt = attempt.replace("{{folder}}", &shown(&folder));
+            let attempt = filled(&attempt, name);
             println!("Wrote {}. Try it:\n  {attempt}", file.display());
             Ok(())
         }
@@ -131,9 +132,16 @@ fn refuse_taken(catalog: &Catalog, kind: Kind, name: &str) -> Result<()> {
     }
 }
 
+/// A template with the name of what is new, and with the components of the product that it is tried with.
+fn filled(template: &str, name: &str) -> String {
+    let samples = product::get().samples.iter();
+    samples
+        .fold(template.replace("{{name}}", name), |text, (place, component)| text.replace(place, component))
+}
+
 /// Writes a file from a template; never over one that is there.
 fn write(file: &Path, template: &str, arguments: &Arguments) -> Result<()> {
-    let text = template.replace("{{name}}", &arguments.name).replace("{{type}}", &type_name(&arguments.name));
+    let text = filled(template, &arguments.name).replace("{{type}}", &type_name(&arguments.name));
     if let Some(folder) = file.parent() {
         fs::create_dir_all(folder).place(format_args!("cannot make the folder {}", folder.display()))?;
     }

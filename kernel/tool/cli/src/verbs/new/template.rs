@@ -65,7 +65,7 @@ impl What {
             ]),
             What::Mask => Some([
                 include_str!("../../../templates/mask/mask.lua"),
-                r#"pdk --plugins {{folder}} perturb IMAGE --with 'fog_filter@3,where={"mask":"{{name}}"}' -o out.png"#,
+                r#"pdk --plugins {{folder}} perturb IMAGE --with '{{perturbation}},where={"mask":"{{name}}"}' -o out.png"#,
             ]),
             _ => None,
         }
@@ -83,7 +83,7 @@ impl What {
             What::Mask => package(
                 include_str!("../../../templates/mask/lib.rs.txt"),
                 "mask",
-                r#"pdk --plugins target/release perturb IMAGE --with 'fog_filter@3,where={"mask":"{{name}}"}' -o out.png"#,
+                r#"pdk --plugins target/release perturb IMAGE --with '{{perturbation}},where={"mask":"{{name}}"}' -o out.png"#,
             ),
             What::Simulator => package(
                 include_str!("../../../templates/simulator/lib.rs.txt"),
@@ -100,7 +100,7 @@ impl What {
             What::Saliency => package(
                 include_str!("../../../templates/saliency/lib.rs.txt"),
                 "saliency method",
-                "pdk --plugins target/release saliency IMAGE --driver dave2 --with {{name}}",
+                "pdk --plugins target/release saliency IMAGE --driver {{driver}} --with {{name}}",
             ),
             What::Search => package(
                 include_str!("../../../templates/search/lib.rs.txt"),
@@ -110,7 +110,7 @@ impl What {
             What::Dataset => package(
                 include_str!("../../../templates/dataset/lib.rs.txt"),
                 "dataset reader",
-                r#"pdk --plugins target/release run offline --set driver=dave2 --set 'dataset={"name":"{{name}}","path":"DIR"}'"#,
+                r#"pdk --plugins target/release run offline --set driver={{driver}} --set 'dataset={"name":"{{name}}","path":"DIR"}'"#,
             ),
             What::Adapter => Some(Crate {
                 source: include_str!("../../../templates/adapter/lib.rs.txt"),

@@ -1,0 +1,119 @@
+//! The examples in the help of each verb of the command line.
+
+use pdk_components::product::Examples;
+
+/// A verb with commands that use it, each with what it does. A verb that only other programs call has none.
+pub const EXAMPLES: &[Examples] = &[
+    (
+        "run",
+        &[
+            ("pdk run quickstart", "drive a few perturbations on a road and show the outcomes"),
+            (
+                "pdk run search --set driver=dave2 --seed 7",
+                "search for the conditions in which a driver fails",
+            ),
+            ("pdk run study.lua --out records/study", "run a pipeline of your own and keep its record there"),
+        ],
+    ),
+    (
+        "perturb",
+        &[
+            ("pdk perturb road.png --with fog_filter@3 -o fog.png", "fog of intensity 3 on an image"),
+            (
+                "pdk perturb drive.mp4 --with gaussian_blur@1 --with dirty_lens@2 -o worse.mp4",
+                "two perturbations, one after the other, on a video",
+            ),
+        ],
+    ),
+    (
+        "preview",
+        &[
+            ("pdk preview road.png", "a sheet of the default set, and strips and clips of what moves"),
+            ("pdk preview road.png --with fog_filter --out fog", "one perturbation at all levels"),
+        ],
+    ),
+    (
+        "saliency",
+        &[
+            (
+                "pdk saliency frames --driver dave2 --out maps",
+                "what matters to a network in a folder of images",
+            ),
+            (
+                "pdk saliency frames --driver dave2 --out maps --with gradient --curves",
+                "another method, and how faithful it is",
+            ),
+        ],
+    ),
+    ("reference", &[("pdk reference pages", "the reference pages of all perturbations, in a folder")]),
+    (
+        "list",
+        &[
+            ("pdk list perturbation", "all perturbations by family"),
+            ("pdk list --json", "all components for a program"),
+        ],
+    ),
+    (
+        "show",
+        &[
+            ("pdk show fog_filter", "a perturbation with its parameters"),
+            ("pdk show pilot.onnx", "the inputs, outputs and layers of a network"),
+        ],
+    ),
+    (
+        "new",
+        &[
+            ("pdk new perturbation salt_spray", "a perturbation in Lua that works"),
+            ("pdk new perturbation salt_spray --rust", "the same as a plugin in Rust"),
+            ("pdk new driver my_pilot", "a driver that drives, as a plugin"),
+        ],
+    ),
+    ("check", &[("pdk check target/release/libsalt_spray.so", "a plugin, before it is shipped")]),
+    (
+        "plugin",
+        &[
+            ("pdk plugin add libsalt_spray.so", "install a plugin for this user"),
+            ("pdk plugin remove salt_spray", "remove it"),
+        ],
+    ),
+    (
+        "doctor",
+        &[
+            ("pdk doctor", "whether all is there"),
+            ("pdk doctor --simulator carla", "whether a simulator can be reached"),
+        ],
+    ),
+    (
+        "report",
+        &[("pdk report runs/quickstart-1 --open", "write the page about a run and show it in the browser")],
+    ),
+    ("road", &[("pdk road --turns 3 --seed 4 -o road.png", "a road with three turns, drawn")]),
+    (
+        "replay",
+        &[
+            ("pdk replay runs/quickstart-1", "drive all scenarios again and compare"),
+            ("pdk replay runs/quickstart-1 --scenario 3 --clip failure.mp4", "a video of the third one"),
+        ],
+    ),
+    (
+        "shrink",
+        &[("pdk shrink runs/search-1 --scenario 12 -o failure.lua", "the simplest drive that still fails")],
+    ),
+    ("export", &[("pdk export runs/quickstart-1 -o scenarios.json", "the scenarios for the published tool")]),
+    ("merge", &[("pdk merge part-1 part-2 --out whole", "one record from the parts of a run")]),
+    (
+        "cache",
+        &[
+            ("pdk cache", "how much is kept"),
+            ("pdk cache clear", "remove what was prepared; it is made again"),
+        ],
+    ),
+    (
+        "completions",
+        &[(
+            "pdk completions bash > ~/.local/share/bash-completion/completions/pdk",
+            "completions for this user",
+        )],
+    ),
+    ("man", &[("pdk man ~/.local/share/man/man1", "the manual pages for this user")]),
+];

@@ -1,0 +1,310 @@
+//! The house stays as ARCHITECTURE describes it: the kernel proper is small, no two files of a crate import each other, and crates depend
+//! one way. `cargo test --release -p pdk-tests --test product structure:: -- --nocapture` prints the lines of code of each crate.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use pdk_tests::repository;
+
+/// The crates of the kernel proper, and the most lines of code that they may have together.
+const KERNEL_PROPER: [&str; 7] = [
+    "kernel/chain",
+    "kernel/components",
+    "kernel/loop",
+    "kernel/notice",
+    "kernel/record",
+    "kernel/session",
+    "kernel/supervise",
+];
+const MOST_LINES: usize = 9000;
+
+/// The layers of crates, from top to bottom: a crate depends on none of a layer above its own.
+const LAYERS: [&[&str]; 5] =
+    [&["kernel/tool/"], &["product"], &["kernel/script/"], &KERNEL_PROPER, &["plugins/", "sdk/pdk-"]];
+
+/// A source file of a crate without its tests.
+struct Source {
+    /// The path of its module, such as `["trace", "reading"]`; that of `lib.rs` is empty.
+    module: Vec<String>,
+    code: String,
+}
+
+#[test]
+fn the_kernel_proper_is_small() {
+    let mut total = 0;
+    for folder in crates() {
+        let lines: usize = sources(&folder).iter().map(|source| lines_of_code(&source.code)).sum();
+        println!("{lines:6} {folder}");
+        if KERNEL_PROPER.contains(&folder.as_str()) {
+            total += lines;
+        }
+    }
+    println!("{total:6} the kernel proper");
+    assert!(total > 5000, "only {total} lines of the kernel proper were found");
+    assert!(total <= MOST_LINES, "the kernel proper has {total} lines of code, more than {MOST_LINES}");
+}
+
+#[test]
+fn no_two_files_of_a_crate_import_each_other() {
+    let mut rings = Vec::new();
+    for folder in crates() {
+        let sources = sources(&folder);
+        let modules: BTreeSet<_> = sources.iter().map(|source| source.module.clone()).collect();
+        let imports: BTreeMap<_, _> =
+            sources.iter().map(|source| (source.module.clone(), imports(source, &modules))).collect();
+        rings.extend(rings_of(&imports).into_iter().map(|ring| format!("{folder}: {}", ring.join(", "))));
+    }
+    assert!(rings.is_empty(), "these files import each other:\n{}", rings.join("\n"));
+}
+
+#[test]
+fn crates_depend_on_none_of_a_layer_above() {
+    let layer = |folder: &str| {
+        LAYERS.iter().position(|layer| {
+            layer
+                .iter()
+                .any(|start| folder == *start || start.ends_with(['/', '-']) && folder.starts_with(start))
+        })
+    };
+    let folders: BTreeMap<_, _> = crates().into_iter().map(|folder| (name_of(&folder), folder)).collect();
+    let mut checked = 0;
+    for folder in folders.values() {
+        let Some(own) = layer(folder) else { continue };
+        for dependency in dependencies(folder) {
+            let Some(below) = folders.get(&dependency) else { continue };
+            let of_dependency = layer(below).unwrap_or_else(|| panic!("{below} is in no layer"));
+            assert!(own <= of_dependency, "{folder} depends on {below}, which is in a layer above");
+            let plugin = folder.starts_with("plugins/");
+            assert!(
+                !plugin || below.starts_with("sdk/"),
+                "the plugin {folder} depends on {below}, which is not the SDK's"
+            );
+            checked += 1;
+        }
+    }
+    assert!(checked > 100, "only {checked} dependencies were found");
+}
+
+/// The folders of the crates that are built for users.
+fn crates() -> Vec<String> {
+    let mut folders = vec!["product".to_owned()];
+    for above in ["kernel", "kernel/script", "kernel/tool", "plugins", "sdk"] {
+        for entry in fs::read_dir(repository().join(above)).unwrap() {
+            let folder = entry.unwrap().path();
+            if folder.join("Cargo.toml").is_file() {
+                folders.push(folder.strip_prefix(repository()).unwrap().display().to_string());
+            }
+        }
+    }
+    folders.sort();
+    folders
+}
+
+fn manifest(folder: &str) -> String {
+    fs::read_to_string(repository().join(folder).join("Cargo.toml")).unwrap()
+}
+
+fn name_of(folder: &str) -> String {
+    let manifest = manifest(folder);
+    let line = manifest.lines().find_map(|line| line.strip_prefix("name = \"")).unwrap();
+    line.trim_end_matches('"').to_owned()
+}
+
+/// The names in the section `[dependencies]`.
+fn dependencies(folder: &str) -> Vec<String> {
+    let manifest = manifest(folder);
+    let section = manifest.split("\n[dependencies]\n").nth(1).unwrap_or_default();
+    let lines = section.lines().take_while(|line| !line.starts_with('['));
+    lines.filter_map(|line| Some(line.split_once([' ', '.'])?.0.to_owned())).collect()
+}
+
+fn sources(folder: &str) -> Vec<Source> {
+    let root = repository().join(folder).join("src");
+    let mut files = Vec::new();
+    collect(&root, &mut files);
+    let all: BTreeMap<_, _> =
+        files.iter().map(|file| (module_of(&root, file), fs::read_to_string(file).unwrap())).collect();
+    // A file that is declared as `#[cfg(test)] mod NAME;` is of tests, and so is what lies below it.
+    let of_tests: Vec<Vec<String>> = all
+        .iter()
+        .flat_map(|(module, text)| {
+            let declared = text.split("#[cfg(test)]\n").skip(1).filter_map(|rest| {
+                let name =
+                    rest.lines().next()?.trim().trim_start_matches("pub(crate) ").strip_prefix("mod ")?;
+                name.strip_suffix(';')
+            });
+            declared.map(|name| [module.clone(), vec![name.to_owned()]].concat()).collect::<Vec<_>>()
+        })
+        .collect();
+    all.into_iter()
+        .filter(|(module, _)| !of_tests.iter().any(|tests| module.starts_with(tests)))
+        .map(|(module, text)| Source { module, code: without_tests(&text).to_owned() })
+        .collect()
+}
+
+fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            collect(&path, files);
+        } else if path.extension().is_some_and(|ending| ending == "rs") {
+            files.push(path);
+        }
+    }
+}
+
+fn module_of(root: &Path, file: &Path) -> Vec<String> {
+    let path = file.strip_prefix(root).unwrap().with_extension("");
+    let mut module: Vec<_> = path.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+    if module.last().is_some_and(|last| ["lib", "main", "mod"].contains(&last.as_str())) {
+        module.pop();
+    }
+    module
+}
+
+/// A module of tests inside a file stands at its end.
+fn without_tests(text: &str) -> &str {
+    text.split("#[cfg(test)]\nmod tests {").next().unwrap()
+}
+
+/// Lines that are neither blank nor a comment.
+fn lines_of_code(code: &str) -> usize {
+    code.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with("//")).count()
+}
+
+/// The modules, other than its own, from whose files a file takes something. The root of a crate and the file that declares a module only pass on what
+/// others hold, so what is taken through them is not counted.
+fn imports(source: &Source, modules: &BTreeSet<Vec<String>>) -> BTreeSet<Vec<String>> {
+    let code: String =
+        source.code.lines().filter(|line| !line.trim().starts_with("//")).collect::<Vec<_>>().join("\n");
+    let mut found = BTreeSet::new();
+    for path in paths(&code) {
+        let mut at = match path.first().map(String::as_str) {
+            Some("crate") => Vec::new(),
+            Some("self") => source.module.clone(),
+            Some("super") => source.module[..source.module.len().saturating_sub(1)].to_vec(),
+            // A module that this file declares.
+            Some(name) => {
+                let child = [source.module.clone(), vec![name.to_owned()]].concat();
+                if !modules.contains(&child) {
+                    continue;
+                }
+                found.extend(deepest(child, &path[1..], modules));
+                continue;
+            }
+            None => continue,
+        };
+        let mut rest = &path[1..];
+        while rest.first().is_some_and(|part| part == "super") {
+            at.pop();
+            rest = &rest[1..];
+        }
+        found.extend(deepest(at, rest, modules));
+    }
+    found.remove(&source.module);
+    found.remove(&Vec::new());
+    found
+}
+
+/// The file that a path ends in.
+fn deepest(mut at: Vec<String>, rest: &[String], modules: &BTreeSet<Vec<String>>) -> Option<Vec<String>> {
+    for part in rest {
+        let child = [at.clone(), vec![part.clone()]].concat();
+        if !modules.contains(&child) {
+            break;
+        }
+        at = child;
+    }
+    modules.contains(&at).then_some(at)
+}
+
+/// All paths of a source, with the braces of imports written out.
+fn paths(code: &str) -> Vec<Vec<String>> {
+    let mut found = Vec::new();
+    let word = |c: char| c.is_alphanumeric() || c == '_';
+    let mut rest = code;
+    while let Some(start) = rest.find("::") {
+        let head = rest[..start]
+            .rfind(|c| !word(c))
+            .map_or(0, |before| before + rest[before..].chars().next().map_or(1, char::len_utf8));
+        let before = rest[head..start].to_owned();
+        rest = &rest[start..];
+        let (branches, used) = tail(rest);
+        found.extend(branches.into_iter().map(|branch| [vec![before.clone()], branch].concat()));
+        rest = &rest[used.max(2)..];
+    }
+    found
+}
+
+/// What follows a path's first word, from `::` on: its branches, and how many bytes they take.
+fn tail(text: &str) -> (Vec<Vec<String>>, usize) {
+    let Some(behind) = text.strip_prefix("::") else { return (vec![Vec::new()], 0) };
+    if let Some(inside) = behind.strip_prefix('{') {
+        let (mut branches, mut used) = (Vec::new(), 0);
+        while let Some(left) = inside.get(used..).filter(|left| !left.is_empty() && !left.starts_with('}')) {
+            let skip = left.len() - left.trim_start_matches([' ', '\n', '\t', ',']).len();
+            if skip > 0 {
+                used += skip;
+                continue;
+            }
+            let length = left.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(left.len());
+            let (of_word, more) = tail(&left[length..]);
+            branches
+                .extend(of_word.into_iter().map(|branch| [vec![left[..length].to_owned()], branch].concat()));
+            used += (length + more).max(1);
+        }
+        return (branches, used + 4);
+    }
+    let length = behind.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(behind.len());
+    if length == 0 {
+        return (vec![Vec::new()], 2);
+    }
+    let (of_word, more) = tail(&behind[length..]);
+    let branches =
+        of_word.into_iter().map(|branch| [vec![behind[..length].to_owned()], branch].concat()).collect();
+    (branches, 2 + length + more)
+}
+
+/// The sets of files each of which leads to all others of its set.
+fn rings_of(imports: &BTreeMap<Vec<String>, BTreeSet<Vec<String>>>) -> BTreeSet<Vec<String>> {
+    let reached = |from: &Vec<String>| {
+        let (mut seen, mut open) = (BTreeSet::new(), vec![from.clone()]);
+        while let Some(module) = open.pop() {
+            for next in imports.get(&module).into_iter().flatten() {
+                if seen.insert(next.clone()) {
+                    open.push(next.clone());
+                }
+            }
+        }
+        seen
+    };
+    let all: BTreeMap<_, _> = imports.keys().map(|module| (module, reached(module))).collect();
+    let in_rings = all.iter().filter(|(module, seen)| seen.contains(**module));
+    in_rings
+        .map(|(module, seen)| {
+            let back = seen.iter().filter(|other| all.get(other).is_some_and(|seen| seen.contains(*module)));
+            back.map(|module| module.join("::")).collect()
+        })
+        .collect()
+}
+
+#[test]
+fn paths_are_written_out_and_rings_are_found() {
+    let code = "use crate::{a::X, b::{self, c::Y}};\nuse super::d;\nlet z = e::make();";
+    let paths: Vec<_> = paths(code).into_iter().map(|path| path.join("::")).collect();
+    assert_eq!(paths, ["crate::a::X", "crate::b::self", "crate::b::c::Y", "super::d", "e::make"]);
+    let module = |name: &str| vec![name.to_owned()];
+    let graph = |arrows: &[(&str, &str)]| {
+        let mut imports: BTreeMap<_, BTreeSet<_>> = BTreeMap::new();
+        for (from, to) in arrows {
+            imports.entry(module(from)).or_default().insert(module(to));
+        }
+        rings_of(&imports)
+    };
+    assert!(graph(&[("a", "b"), ("b", "c"), ("a", "c")]).is_empty());
+    assert_eq!(
+        graph(&[("a", "b"), ("b", "c"), ("c", "a"), ("d", "a")]),
+        BTreeSet::from([vec!["a".to_owned(), "b".to_owned(), "c".to_owned()]])
+    );
+}
