@@ -102,6 +102,38 @@ pub fn ambiguous(path: &Path, height: u64, width: u64) {
     std::fs::write(path, model).unwrap();
 }
 
+/// Writes a network with a memory: its steering is the mean of the picture's values times `share`, plus half of its steering on the frame
+/// before. Its pictures have three planes of `height` x `width` pixels.
+///
+/// # Panics
+/// If it cannot be written.
+pub fn remembering(path: &Path, height: u64, width: u64, share: f32) {
+    let inputs = 3 * height * width;
+    let tensor = |name: &str, shape: [u64; 2], content: &[f32]| {
+        let shape: Vec<u8> = shape.iter().flat_map(|&length| number(1, length)).collect();
+        let content: Vec<u8> = content.iter().flat_map(|value| value.to_le_bytes()).collect();
+        bytes(5, &[shape, number(2, 1), bytes(8, name.as_bytes()), bytes(9, &content)].concat())
+    };
+    let weights = vec![share / inputs as f32; inputs as usize];
+    let graph = [
+        bytes(1, &node("Flatten", ["image", ""], "flat")),
+        bytes(1, &node("MatMul", ["flat", "weights"], "seen")),
+        bytes(1, &node("Mul", ["state_in", "half"], "kept")),
+        bytes(1, &node("Add", ["seen", "kept"], "state_out")),
+        bytes(1, &node("Identity", ["state_out", ""], "steering")),
+        bytes(2, b"remembering"),
+        tensor("weights", [inputs, 1], &weights),
+        tensor("half", [1, 1], &[0.5]),
+        bytes(11, &value("image", &[1, 3, height, width])),
+        bytes(11, &value("state_in", &[1, 1])),
+        bytes(12, &value("steering", &[1, 1])),
+        bytes(12, &value("state_out", &[1, 1])),
+    ]
+    .concat();
+    let model = [number(1, 8), bytes(7, &graph), bytes(8, &number(2, 17))].concat();
+    std::fs::write(path, model).unwrap();
+}
+
 /// Writes a network that gives the picture that it gets: three planes of `height` x `width` pixels.
 ///
 /// # Panics

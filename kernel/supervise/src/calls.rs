@@ -59,6 +59,8 @@ pub enum Function {
     Name,
     /// A frame of a dataset.
     Read,
+    /// Where in its recording a frame of a dataset lies.
+    Position,
     /// The size of a saliency map.
     MapSize,
     /// A frame for a saliency method.
@@ -82,7 +84,7 @@ pub enum Function {
 }
 
 impl Function {
-    const ALL: [Self; 24] = [
+    const ALL: [Self; 25] = [
         Self::Load,
         Self::New,
         Self::Camera,
@@ -97,6 +99,7 @@ impl Function {
         Self::Len,
         Self::Name,
         Self::Read,
+        Self::Position,
         Self::MapSize,
         Self::Map,
         Self::Weights,
@@ -126,6 +129,7 @@ impl Function {
             Self::Len => "len",
             Self::Name => "name",
             Self::Read => "read",
+            Self::Position => "position",
             Self::MapSize => "map_size",
             Self::Map => "map",
             Self::Weights => "weights",

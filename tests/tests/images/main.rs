@@ -5,5 +5,6 @@
 mod masks;
 mod offline;
 mod saliency;
+mod sequences;
 mod strength;
 mod video;

@@ -1,0 +1,20 @@
+//! How good the outputs of a network are: plain functions of numbers, each after the paper or the program that its module names.
+//!
+//! | module | metric |
+//! |---|---|
+//! | [`classification`] | top-k, the mean corruption error (mCE) and the relative one |
+//! | [`detection`] | the average precision of COCO |
+//! | [`segmentation`] | the mean intersection over union (mIoU) |
+//! | [`depth`] | absolute relative error, root mean square error, share within a factor of 1.25 |
+//! | [`trajectory`] | average and final displacement error (ADE, FDE) |
+
+pub mod classification;
+pub mod depth;
+pub mod detection;
+pub mod segmentation;
+pub mod trajectory;
+
+// The example in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
