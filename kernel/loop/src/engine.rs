@@ -136,6 +136,11 @@ impl<'a> Engine<'a> {
                 let mut held = Held::new(*kind, component, instance);
                 made.info = held.call(Function::Info, None, |driver| Ok(driver.info()))?;
             }
+            Kind::Predictor => {
+                let instance = self.registry.predictor(name, parameters)?.0;
+                let mut held = Held::new(*kind, component, instance);
+                made.info = held.call(Function::Info, None, |predictor| Ok(predictor.info()))?;
+            }
             Kind::Dataset => {
                 let instance: Box<dyn Dataset> = self.registry.dataset(name, parameters)?.0;
                 let mut held = Held::new(*kind, component, instance);

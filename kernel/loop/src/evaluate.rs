@@ -6,24 +6,39 @@ use std::time::{Duration, Instant};
 use pdk_chain::chain::Chain;
 use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
-use pdk_model::component::ComponentSpec;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
-use pdk_sdk::prelude::{Control, Dataset, DriveContext, Driver, Entry, FrameBuf};
+use pdk_sdk::prelude::{Control, Dataset, DriveContext, Driver, Entry, Frame, FrameBuf, Predictor};
 use pdk_supervise::calls::Function;
 
 use crate::held::Held;
-use crate::protocol::{EvaluateFrames, Evaluated, EvaluatedFrame};
+use crate::protocol::{EvaluateFrames, Evaluated, EvaluatedFrame, Subject};
+use crate::taken::{Take, Taken};
 
 /// Decoded pictures that are kept for the next perturbation of the same frames, in bytes.
 const KEPT_PICTURES: usize = 256 << 20;
 
-/// A dataset and a driver that are kept from one job to the next.
+/// Values that a job may return, so that its answer is a message that can be sent.
+const MOST_VALUES: usize = 4 << 20;
+
+/// A dataset and what looks at its frames, which are kept from one job to the next.
 pub struct Evaluator {
     dataset: Held<dyn Dataset>,
-    driver: Held<dyn Driver>,
+    looking: Looking,
     pictures: Pictures,
     perturbed: FrameBuf,
+}
+
+/// What looks at frames.
+enum Looking {
+    Driver(Held<dyn Driver>),
+    Predictor(Held<dyn Predictor>, Take),
+}
+
+/// What was seen in a frame.
+enum Seen {
+    Control(Control),
+    Taken(Taken),
 }
 
 /// Entries of a dataset by their number, as many as there is room for.
@@ -60,25 +75,39 @@ pub fn frames(
 ) -> Result<Evaluated> {
     let mut evaluator = match kept.take() {
         Some(evaluator) if evaluator.is_for(job) => evaluator,
-        _ => Evaluator::new(registry, &job.dataset, &job.driver)?,
+        _ => Evaluator::new(registry, job)?,
     };
     let mut chain = chain(registry, job)?;
     evaluator.pictures.keep_only(job.from, job.end);
     let origin = evaluator.origin(job.sequence)?;
     let mut evaluated = Evaluated { frames: Vec::new(), perturbation_seconds: 0.0, driver_seconds: 0.0 };
-    let mut begins = true;
+    let (mut begins, mut values) = (true, 0);
     for index in job.from..job.end {
         let at = Some(index as u64);
         let name = evaluator.dataset.call(Function::Name, at, |dataset| Ok(dataset.name(index)))?;
         let found = evaluator.frame(index, (job.sequence, origin), begins, chain.as_mut(), &mut evaluated);
         begins = found.is_err();
         let frame = match found {
-            Ok((truth, control)) => EvaluatedFrame::Good { frame: name, truth, control },
+            Ok((truth, Seen::Control(control))) => EvaluatedFrame::Good { frame: name, truth, control },
+            Ok((_, Seen::Taken(taken))) => {
+                values += taken.size();
+                if values > MOST_VALUES {
+                    return Err(Error::of(
+                        ErrorKind::Configuration,
+                        format!(
+                            "the outputs of {} frames have more than {MOST_VALUES} values, which is too much to send; name those that the \
+                             metric needs with `outputs` of the task",
+                            index + 1 - job.start
+                        ),
+                    ));
+                }
+                EvaluatedFrame::Predicted { frame: name, taken }
+            }
             Err(Failed { error, .. }) if error.kind() == ErrorKind::Configuration => return Err(error),
             Err(Failed { error, by_driver }) => {
                 if error.kind() == ErrorKind::Panic {
                     // What panicked may be in any state.
-                    evaluator = Evaluator::new(registry, &job.dataset, &job.driver)?;
+                    evaluator = Evaluator::new(registry, job)?;
                     chain = self::chain(registry, job)?;
                 }
                 EvaluatedFrame::Bad { frame: name, error: error.message().to_owned(), by_driver }
@@ -99,19 +128,35 @@ fn chain(registry: &Registry, job: &EvaluateFrames) -> Result<Option<Chain>> {
 }
 
 impl Evaluator {
-    fn new(registry: &Registry, dataset: &ComponentSpec, driver: &ComponentSpec) -> Result<Self> {
-        let (reader, _) = registry.dataset(&dataset.name, &dataset.parameters)?;
-        let (instance, _) = registry.driver(&driver.name, &driver.parameters)?;
+    fn new(registry: &Registry, job: &EvaluateFrames) -> Result<Self> {
+        let (reader, _) = registry.dataset(&job.dataset.name, &job.dataset.parameters)?;
+        let looking = match &job.subject {
+            Subject::Driver(driver) => {
+                let (instance, _) = registry.driver(&driver.name, &driver.parameters)?;
+                Looking::Driver(Held::new(Kind::Driver, driver.clone(), instance))
+            }
+            Subject::Predictor { component, take } => {
+                let (instance, _) = registry.predictor(&component.name, &component.parameters)?;
+                Looking::Predictor(Held::new(Kind::Predictor, component.clone(), instance), take.clone())
+            }
+        };
         Ok(Self {
-            dataset: Held::new(Kind::Dataset, dataset.clone(), reader),
-            driver: Held::new(Kind::Driver, driver.clone(), instance),
+            dataset: Held::new(Kind::Dataset, job.dataset.clone(), reader),
+            looking,
             pictures: Pictures::default(),
             perturbed: FrameBuf::default(),
         })
     }
 
     fn is_for(&self, job: &EvaluateFrames) -> bool {
-        (self.dataset.component(), self.driver.component()) == (&job.dataset, &job.driver)
+        let same = match (&self.looking, &job.subject) {
+            (Looking::Driver(held), Subject::Driver(driver)) => held.component() == driver,
+            (Looking::Predictor(held, taken), Subject::Predictor { component, take }) => {
+                (held.component(), taken) == (component, take)
+            }
+            _ => false,
+        };
+        same && *self.dataset.component() == job.dataset
     }
 
     /// The time of the first frame of a sequence; 0 if the reader does not know it.
@@ -121,8 +166,8 @@ impl Evaluator {
         Ok(if position.time.is_finite() { position.time } else { 0.0 })
     }
 
-    /// What was recorded with a frame, and what the driver makes of it. `sequence` says where its sequence begins: the number of the
-    /// frame, and its time.
+    /// What was recorded with a frame, and what is seen in it. `sequence` says where its sequence begins: the number of the frame, and
+    /// its time.
     fn frame(
         &mut self,
         index: usize,
@@ -130,11 +175,13 @@ impl Evaluator {
         begins: bool,
         chain: Option<&mut Chain>,
         times: &mut Evaluated,
-    ) -> Result<(Control, Control), Failed> {
+    ) -> Result<(Control, Seen), Failed> {
         let at = Some(index as u64);
-        let Self { dataset, driver, pictures, perturbed } = self;
-        let entry = pictures
-            .entry(index, || dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?)))?;
+        let Self { dataset, looking, pictures, perturbed } = self;
+        let needs_truth = matches!(looking, Looking::Driver(_));
+        let entry = pictures.entry(index, || {
+            dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?, needs_truth))
+        })?;
         let mut frame = entry.frame.as_ref();
         if let Some(chain) = chain {
             let started = Instant::now();
@@ -148,14 +195,33 @@ impl Evaluator {
         let cx = DriveContext { frame_index, time: entry.time - origin, speed: f64::NAN };
         let by_driver = |error| Failed { error, by_driver: true };
         let started = Instant::now();
-        if begins {
-            driver.call(Function::Reset, at, |driver| driver.reset()).map_err(by_driver)?;
-        }
-        let control = driver
-            .call(Function::Drive, at, |driver| driver.drive(frame, &cx)?.checked())
-            .map_err(by_driver)?;
+        let seen = looking.look(frame, &cx, at, begins).map_err(by_driver)?;
         times.driver_seconds += seconds(started.elapsed());
-        Ok((Control { steering: entry.steering, throttle: entry.throttle }, control))
+        Ok((Control { steering: entry.steering, throttle: entry.throttle }, seen))
+    }
+}
+
+impl Looking {
+    fn look(&mut self, frame: Frame<'_>, cx: &DriveContext, at: Option<u64>, begins: bool) -> Result<Seen> {
+        match self {
+            Self::Driver(driver) => {
+                if begins {
+                    driver.call(Function::Reset, at, |driver| driver.reset())?;
+                }
+                driver
+                    .call(Function::Drive, at, |driver| driver.drive(frame, cx)?.checked())
+                    .map(Seen::Control)
+            }
+            Self::Predictor(predictor, take) => {
+                if begins {
+                    predictor.call(Function::Reset, at, |predictor| predictor.reset())?;
+                }
+                let size = (frame.width(), frame.height());
+                predictor
+                    .call(Function::Predict, at, |predictor| take.from(predictor.predict(frame, cx)?, size))
+                    .map(Seen::Taken)
+            }
+        }
     }
 }
 
@@ -185,9 +251,10 @@ fn seconds(duration: Duration) -> f64 {
     duration.as_secs_f64()
 }
 
-/// A frame that a prediction can be compared with.
-fn plausible(entry: Entry) -> Result<Entry> {
-    match [entry.steering, entry.throttle, entry.time].iter().all(|value| value.is_finite()) {
+/// A frame that a prediction can be compared with. Only drivers are compared with what was recorded.
+fn plausible(entry: Entry, needs_truth: bool) -> Result<Entry> {
+    let truth = [entry.steering, entry.throttle];
+    match entry.time.is_finite() && (!needs_truth || truth.iter().all(|value| value.is_finite())) {
         true => Ok(entry),
         false => Err(Error::of(
             ErrorKind::Nonsense,

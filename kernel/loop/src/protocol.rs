@@ -20,6 +20,7 @@ use pdk_sdk::prelude::{Camera, Control};
 use serde::{Deserialize, Serialize};
 
 use crate::stages::Times;
+use crate::taken::{Take, Taken};
 
 /// The version of the protocol. Both ends have to have the same one; within a version new fields may come, which the other end leaves
 /// out. `docs/worker-protocol.md` says what else is a new version.
@@ -126,8 +127,9 @@ pub struct Skip {
 pub struct EvaluateFrames {
     /// The dataset.
     pub dataset: ComponentSpec,
-    /// The driver under test.
-    pub driver: ComponentSpec,
+    /// What looks at the frames.
+    #[serde(flatten)]
+    pub subject: Subject,
     /// What every frame goes through; none for the frames as they are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub perturbation: Option<AppliedPerturbation>,
@@ -141,6 +143,21 @@ pub struct EvaluateFrames {
     pub start: usize,
     /// The frame behind the last.
     pub end: usize,
+}
+
+/// What looks at the frames of a dataset.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Subject {
+    /// A driver under test.
+    Driver(ComponentSpec),
+    /// A predictor under test, with what is taken from its outputs.
+    Predictor {
+        /// The predictor.
+        component: ComponentSpec,
+        /// What is taken.
+        take: Take,
+    },
 }
 
 /// A component to make.
@@ -306,13 +323,20 @@ pub enum EvaluatedFrame {
         /// What the driver makes of it.
         control: Control,
     },
+    /// The predictor gave its outputs.
+    Predicted {
+        /// The name of the frame.
+        frame: String,
+        /// What was taken from them.
+        taken: Taken,
+    },
     /// It could not be read, or a component failed.
     Bad {
         /// The name of the frame.
         frame: String,
         /// The reason.
         error: String,
-        /// Whether it was the driver that failed.
+        /// Whether it was the driver or the predictor that failed.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         by_driver: bool,
     },

@@ -332,8 +332,9 @@ impl Worker {
         let (kind, message) = (end.kind(), self.sentence(end, calls));
         let at = calls.iter().find_map(|call| call.frame);
         let Work::Drive(drive) = &job.work else {
-            let by_driver =
-                calls.iter().any(|call| matches!(call.function, Function::Drive | Function::Reset));
+            let by_driver = calls
+                .iter()
+                .any(|call| matches!(call.function, Function::Drive | Function::Predict | Function::Reset));
             return Answer::Failed(Failure { at, by_driver, ..Error::of(kind, message).into() });
         };
         let frames = at.unwrap_or_default();

@@ -49,6 +49,8 @@ pub enum Function {
     Apply,
     /// A frame for a driver.
     Drive,
+    /// A frame for a predictor.
+    Predict,
     /// What a driver says of itself.
     Info,
     /// The files that a component reads.
@@ -84,7 +86,7 @@ pub enum Function {
 }
 
 impl Function {
-    const ALL: [Self; 25] = [
+    const ALL: [Self; 26] = [
         Self::Load,
         Self::New,
         Self::Camera,
@@ -94,6 +96,7 @@ impl Function {
         Self::Waypoints,
         Self::Apply,
         Self::Drive,
+        Self::Predict,
         Self::Info,
         Self::InputFiles,
         Self::Len,
@@ -124,6 +127,7 @@ impl Function {
             Self::Waypoints => "waypoints",
             Self::Apply => "apply",
             Self::Drive => "drive",
+            Self::Predict => "predict",
             Self::Info => "info",
             Self::InputFiles => "input_files",
             Self::Len => "len",

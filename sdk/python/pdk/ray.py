@@ -79,6 +79,8 @@ class Paths:
             if name in spec:
                 yield from self._component(name, spec[name], (*root, name))
         places = [((*root, "perturbations", number), applied) for number, applied in enumerate(spec.get("perturbations", []))]
+        if "predictor" in spec:
+            yield from self._component("predictor", spec["predictor"]["component"], (*root, "predictor", "component"))
         if "perturbation" in spec:
             places.append(((*root, "perturbation"), spec["perturbation"]))
         for place, applied in places:
@@ -118,6 +120,7 @@ def gpus(job):
     else:
         spec = given["scenario"] if kind == "drive" else given
         components = [spec[name] for name in ("simulator", "driver") if name in spec]
+        components += [spec["predictor"]["component"]] if "predictor" in spec else []
     return sum(float(component.get("parameters", {}).get("gpus", 0)) for component in components)
 
 

@@ -7,4 +7,5 @@ mod offline;
 mod saliency;
 mod sequences;
 mod strength;
+mod tasks;
 mod video;

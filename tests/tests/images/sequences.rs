@@ -55,7 +55,7 @@ fn a_network_remembers_the_frames_of_its_sequence_on_any_number_of_workers() {
         folder.path(),
         r#"
         pdk.show(pdk.evaluate({
-            dataset = pdk.path("data"), driver = { name = "onnx", model = pdk.path("pilot.onnx"), engine = "tract" },
+            dataset = pdk.path("data"), driver = { name = "onnx", model = pdk.path("pilot.onnx"), scale = "0..1", engine = "tract" },
             -- Does not change what is grey, up to rounding.
             perturbations = { "grayscale_filter", "increase_brightness" }, levels = { 0, 4 },
         }))

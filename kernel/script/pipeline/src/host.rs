@@ -10,6 +10,7 @@ mod record;
 mod scenarios;
 mod searching;
 mod setup;
+mod tasks;
 
 use std::path::Path;
 

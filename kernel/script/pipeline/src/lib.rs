@@ -50,5 +50,6 @@ pub mod settings;
 mod statistics;
 pub mod table;
 mod tables;
+mod task;
 mod tickets;
 mod values;

@@ -239,13 +239,8 @@ impl Evaluate {
     pub fn from_json(request: Value) -> Result<Self> {
         let known = ["dataset", "driver", "perturbations", "levels", "frames", "trust", "tolerance"];
         let mut fields = Fields::new("pdk.evaluate", request, &known)?;
-        let dataset = match fields.needed("dataset")? {
-            Value::String(path) => DatasetSpec::Path(path),
-            other => DatasetSpec::Reader(ComponentSpec::from_json("dataset", &other)?),
-        };
+        let dataset = dataset(&mut fields)?;
         let driver = ComponentSpec::from_json("driver", &fields.needed("driver")?)?;
-        let perturbations = fields.filled_list("perturbations")?;
-        let levels = fields.filled_list("levels")?;
         let frames = fields.whole("frames")?.map(|frames| usize::try_from(frames).unwrap_or(usize::MAX));
         let trust = fields.truth("trust")?.unwrap_or_default();
         let tolerance = fields.number("tolerance")?.unwrap_or(DEFAULT_TOLERANCE);
@@ -254,21 +249,43 @@ impl Evaluate {
                 "pdk.evaluate: `tolerance` is {tolerance}, but has to be a number of at least 0"
             )));
         }
-        let mut cells = Vec::new();
-        for perturbation in &perturbations {
-            let applied = AppliedPerturbation::from_json_without_level(perturbation)?;
-            for level in &levels {
-                let number = level.as_f64().ok_or_else(|| {
-                    Error::new(format!(
-                        "pdk.evaluate: {level} in `levels` is not a number; they are numbers from 0 to 4"
-                    ))
-                })?;
-                pdk_model::level::Level::from_json("levels", level)?;
-                cells.push(applied.clone().at_level(number));
-            }
-        }
+        let cells = cells(&mut fields)?;
         Ok(Self { dataset, driver, cells, frames, trust, tolerance })
     }
+}
+
+/// Where frames come from, as a request has it.
+///
+/// # Errors
+/// If it is missing, or is not a dataset.
+pub fn dataset(fields: &mut Fields) -> Result<DatasetSpec> {
+    Ok(match fields.needed("dataset")? {
+        Value::String(path) => DatasetSpec::Path(path),
+        other => DatasetSpec::Reader(ComponentSpec::from_json("dataset", &other)?),
+    })
+}
+
+/// Each perturbation of a request at each of its levels.
+///
+/// # Errors
+/// If one is missing, unknown or out of range.
+pub fn cells(fields: &mut Fields) -> Result<Vec<AppliedPerturbation>> {
+    let perturbations = fields.filled_list("perturbations")?;
+    let levels = fields.filled_list("levels")?;
+    let mut cells = Vec::new();
+    for perturbation in &perturbations {
+        let applied = AppliedPerturbation::from_json_without_level(perturbation)?;
+        for level in &levels {
+            let number = level.as_f64().ok_or_else(|| {
+                Error::new(format!(
+                    "pdk.evaluate: {level} in `levels` is not a number; they are numbers from 0 to 4"
+                ))
+            })?;
+            pdk_model::level::Level::from_json("levels", level)?;
+            cells.push(applied.clone().at_level(number));
+        }
+    }
+    Ok(cells)
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ pub fn render(result: &Value) -> Result<String> {
         Value::Array(outcomes) if outcomes.iter().all(|outcome| outcome.get("cause").is_some()) => {
             Ok(outcome_table(table(OUTCOMES), outcomes).to_string())
         }
+        Value::Object(summary) if summary.contains_key("task") => Ok(task_tables(result)),
         Value::Object(summary) if summary.contains_key("rows") => Ok(evaluation_tables(result)),
         _ => Err(Error::new("pdk.show takes what pdk.drive or pdk.evaluate returned")),
     }
@@ -103,6 +104,66 @@ fn evaluation_tables(summary: &Value) -> String {
         "± reaches to the further end of the interval of 95 %, from blocks of frames that follow each other"
             .to_owned(),
     );
+    parts.join("\n\n")
+}
+
+/// What is said of an evaluation of a predictor: a table of perturbations by levels for each number of its metric.
+fn task_tables(summary: &Value) -> String {
+    let bad = summary["bad_frames"].as_array().map_or(0, Vec::len);
+    let left_out = if bad > 0 { format!(", {bad} left out") } else { String::new() };
+    let originals: Vec<&Value> = summary["original"].as_array().into_iter().flatten().collect();
+    let mut parts = vec![format!(
+        "{} pictures{left_out}, {}",
+        summary["frames"],
+        summary["task"].as_str().unwrap_or_default()
+    )];
+    for original in originals {
+        let name = original["name"].as_str().unwrap_or_default();
+        // As the grid of a driver has it, with this number alone.
+        let row = |row: &Value| {
+            let totals = row["totals"].as_array().into_iter().flatten();
+            let total = totals.filter(|total| total["name"] == name).next().cloned().unwrap_or_default();
+            serde_json::json!({"label": row["label"], "level": row["level"], "value": total["value"],
+                "value_interval": total["interval"]})
+        };
+        let rows: Vec<Value> = summary["rows"].as_array().into_iter().flatten().map(row).collect();
+        let shown = with_interval(
+            &serde_json::json!({"value": original["value"], "value_interval": original["interval"]}),
+            "value",
+        );
+        let shown = if shown.is_empty() { "none".to_owned() } else { shown };
+        parts.push(format!(
+            "{name}, without perturbation: {shown}\n{}",
+            grid(&rows.iter().collect::<Vec<_>>(), "value", None)
+        ));
+    }
+    let errors = &summary["corruption_errors"];
+    if errors.is_object() {
+        let percent = |value: &Value| {
+            right(value.as_f64().map_or_else(String::new, |value| format!("{:.1} %", value * 100.0)))
+        };
+        let mut table = table(["perturbation", "error", "of the baseline", "CE", "relative CE"]);
+        for row in errors["rows"].as_array().into_iter().flatten() {
+            table.add_row([
+                Cell::new(row["label"].as_str().unwrap_or_default()),
+                percent(&row["error"]),
+                percent(&row["baseline_error"]),
+                percent(&row["ce"]),
+                percent(&row["relative_ce"]),
+            ]);
+        }
+        table.add_row([
+            Cell::new("mean (mCE, relative mCE)"),
+            right(String::new()),
+            right(String::new()),
+            percent(&errors["mce"]),
+            percent(&errors["relative_mce"]),
+        ]);
+        parts.push(format!(
+            "Corruption errors, relative to {}\n{table}",
+            errors["baseline"].as_str().unwrap_or_default()
+        ));
+    }
     parts.join("\n\n")
 }
 

@@ -87,6 +87,11 @@ impl Check {
         Self { refusal, ..self }
     }
 
+    /// The check alone.
+    pub fn unjudged(self) -> Self {
+        Self { refusal: None, ..self }
+    }
+
     fn finding(&self) -> Option<String> {
         let NumberCheck { error, constant, constant_error, at_limit, same, .. } = self.steering;
         let percent = |share: f64| format!("{:.0} %", share * 100.0);

@@ -14,7 +14,7 @@ mod summary;
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-use pdk_loop::protocol::{EvaluateFrames, EvaluatedFrame};
+use pdk_loop::protocol::{EvaluateFrames, EvaluatedFrame, Subject};
 use pdk_model::component::ComponentSpec;
 use pdk_model::perturbation::AppliedPerturbation;
 use pdk_record::shard::Shard;
@@ -24,13 +24,13 @@ use pdk_session::session::Session;
 use serde::Serialize;
 
 use self::check::Check;
-use self::feed::{Feed, Times};
-pub use self::results::Results;
-use self::results::{BadFrame, Frame};
-pub use self::segments::Segment;
-use self::segments::segments;
+pub use self::feed::{Feed, Times};
+use self::results::Frame;
+pub use self::results::{BadFrame, Results, TaskFrame, level_of};
+use self::segments::DRIVER;
+pub use self::segments::{PREDICTOR, Segment, segments};
 use self::summary::Collector;
-pub use self::summary::Summary;
+pub use self::summary::{Interval, Summary};
 
 /// How long it took: the part of the result that differs from run to run.
 #[derive(Debug, Clone, Serialize)]
@@ -83,7 +83,7 @@ pub enum Evaluated {
 impl Evaluation {
     /// The pieces of the recording that are evaluated here.
     pub fn own(&self) -> Vec<Segment> {
-        let all = segments(&self.sequences, self.frames);
+        let all = segments(&self.sequences, self.frames, DRIVER);
         match self.shard {
             Some(shard) => shard.own(all.len()).map(|place| all[place]).collect(),
             None => all,
@@ -99,7 +99,7 @@ impl Evaluation {
     ) -> EvaluateFrames {
         EvaluateFrames {
             dataset: self.dataset.clone(),
-            driver: self.driver.clone(),
+            subject: Subject::Driver(self.driver.clone()),
             perturbation: perturbation.cloned(),
             seed: self.seed,
             sequence: segment.sequence,
@@ -207,6 +207,7 @@ fn check(recorded: &[Vec<Frame>], originals: &[Vec<EvaluatedFrame>]) -> Check {
         match frame {
             EvaluatedFrame::Good { truth, control, .. } => good.push((*truth, *control)),
             EvaluatedFrame::Bad { by_driver, .. } => failed += usize::from(*by_driver),
+            EvaluatedFrame::Predicted { .. } => {}
         }
     }
     Check::of(&good, failed)
@@ -217,7 +218,7 @@ fn good_runs(segment: &Segment, originals: &[EvaluatedFrame]) -> Vec<Range<usize
     let mut runs: Vec<Range<usize>> = Vec::new();
     for (index, frame) in (segment.start..).zip(originals) {
         match (frame, runs.last_mut()) {
-            (EvaluatedFrame::Bad { .. }, _) => {}
+            (EvaluatedFrame::Bad { .. } | EvaluatedFrame::Predicted { .. }, _) => {}
             (EvaluatedFrame::Good { .. }, Some(run)) if run.end == index => run.end = index + 1,
             (EvaluatedFrame::Good { .. }, _) => runs.push(index..index + 1),
         }
@@ -232,6 +233,16 @@ fn without_cells(original: &EvaluatedFrame) -> Frame {
             Frame::Good { frame, truth, original: control, perturbed: Vec::new() }
         }
         EvaluatedFrame::Bad { frame, error, by_driver } => Frame::Bad(BadFrame { frame, error, by_driver }),
+        EvaluatedFrame::Predicted { frame, .. } => Frame::Bad(not_driven(frame)),
+    }
+}
+
+/// A frame that a worker gave to a predictor.
+fn not_driven(frame: String) -> BadFrame {
+    BadFrame {
+        frame,
+        error: "a worker predicted instead of driving, which is a defect in pdk".to_owned(),
+        by_driver: false,
     }
 }
 
@@ -240,6 +251,7 @@ fn add_cell(frame: &mut Frame, found: EvaluatedFrame) {
     let Frame::Good { frame: name, perturbed, .. } = frame else { return };
     match found {
         EvaluatedFrame::Good { control, .. } => perturbed.push(control),
+        EvaluatedFrame::Predicted { .. } => *frame = Frame::Bad(not_driven(std::mem::take(name))),
         EvaluatedFrame::Bad { error, .. } => {
             // On the frame as it is, the driver did not fail.
             *frame = Frame::Bad(BadFrame { frame: std::mem::take(name), error, by_driver: false });
@@ -248,7 +260,7 @@ fn add_cell(frame: &mut Frame, found: EvaluatedFrame) {
 }
 
 /// `new` is how many frames were not recorded already.
-fn performance(new: usize, cells: usize, workers: usize, times: Times, wall: Duration) -> Performance {
+pub fn performance(new: usize, cells: usize, workers: usize, times: Times, wall: Duration) -> Performance {
     let perturbed = new * cells;
     Performance {
         workers,

@@ -8,6 +8,7 @@ use pdk_record::lines::Lines;
 use pdk_sdk::error::{Place, Result};
 use pdk_sdk::prelude::Control;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 /// One line of the results.
 #[derive(Debug, Serialize, Deserialize)]
@@ -32,6 +33,32 @@ enum Line {
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         by_driver: bool,
     },
+    Task {
+        evaluation: u64,
+        index: usize,
+        frame: String,
+        /// None for the frame as it is, as are the next two.
+        perturbation: Option<String>,
+        label: Option<String>,
+        level: Option<f64>,
+        measured: Value,
+    },
+}
+
+/// What one picture came to with a predictor.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TaskFrame {
+    /// The predictor gave outputs, also under each perturbation.
+    Good {
+        /// Its name.
+        frame: String,
+        /// What the metric keeps of the outputs for the picture as it is.
+        original: Value,
+        /// What it keeps under each perturbation.
+        perturbed: Vec<Value>,
+    },
+    /// It could not be evaluated.
+    Bad(BadFrame),
 }
 
 /// What one frame came to.
@@ -130,7 +157,7 @@ impl Results {
                             && *label == cell.label()
                             && *level == level_of(cell)
                     }
-                    Line::Bad { .. } => false,
+                    Line::Bad { .. } | Line::Task { .. } => false,
                 };
                 if self.recorded.len() < cells.len() || !self.recorded.iter().zip(cells).all(fits) {
                     return None;
@@ -153,7 +180,113 @@ impl Results {
                 let (frame, truth, original) = found?;
                 Some(Frame::Good { frame, truth, original, perturbed: controls })
             }
+            (Line::Task { .. }, _) => None,
         }
+    }
+
+    /// As [`Results::take`], of an evaluation of a predictor.
+    pub fn take_task(
+        &mut self,
+        number: u64,
+        frames: std::ops::Range<usize>,
+        cells: &[AppliedPerturbation],
+    ) -> Option<Vec<TaskFrame>> {
+        let before = self.length;
+        let taken: Option<Vec<TaskFrame>> =
+            frames.map(|index| self.take_task_frame(number, index, cells)).collect();
+        if taken.is_none() {
+            self.length = before;
+            self.recorded.clear();
+        }
+        taken
+    }
+
+    fn take_task_frame(
+        &mut self,
+        number: u64,
+        index: usize,
+        cells: &[AppliedPerturbation],
+    ) -> Option<TaskFrame> {
+        let (line, length) = self.recorded.pop_front()?;
+        self.length += length;
+        let (name, original) = match line {
+            Line::Bad { evaluation, index: at, frame, error, by_driver } => {
+                let bad = BadFrame { frame, error, by_driver };
+                return ((evaluation, at) == (number, index)).then_some(TaskFrame::Bad(bad));
+            }
+            Line::Task { evaluation, index: at, frame, label: None, measured, .. }
+                if (evaluation, at) == (number, index) =>
+            {
+                (frame, measured)
+            }
+            Line::Task { .. } | Line::Result { .. } => return None,
+        };
+        let mut perturbed = Vec::with_capacity(cells.len());
+        for cell in cells {
+            let (line, length) = self.recorded.pop_front()?;
+            self.length += length;
+            match line {
+                Line::Task { evaluation, index: at, label, level, measured, .. }
+                    if (evaluation, at) == (number, index)
+                        && label == Some(cell.label())
+                        && level == Some(level_of(cell)) =>
+                {
+                    perturbed.push(measured);
+                }
+                _ => return None,
+            }
+        }
+        Some(TaskFrame::Good { frame: name, original, perturbed })
+    }
+
+    /// As [`Results::add`], of an evaluation of a predictor.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn add_task(
+        &mut self,
+        evaluation: u64,
+        first: usize,
+        frames: &[TaskFrame],
+        cells: &[AppliedPerturbation],
+    ) -> Result<()> {
+        self.forget_rest()?;
+        for (index, frame) in (first..).zip(frames) {
+            self.text.clear();
+            match frame {
+                TaskFrame::Bad(BadFrame { frame, error, by_driver }) => {
+                    let (frame, error, by_driver) = (frame.clone(), error.clone(), *by_driver);
+                    write(&mut self.text, &Line::Bad { evaluation, index, frame, error, by_driver })?;
+                }
+                TaskFrame::Good { frame, original, perturbed } => {
+                    let all = std::iter::once((None, original)).chain(cells.iter().map(Some).zip(perturbed));
+                    for (cell, measured) in all {
+                        let line = Line::Task {
+                            evaluation,
+                            index,
+                            frame: frame.clone(),
+                            perturbation: cell.map(|cell| cell.name.clone()),
+                            label: cell.map(AppliedPerturbation::label),
+                            level: cell.map(level_of),
+                            measured: measured.clone(),
+                        };
+                        write(&mut self.text, &line)?;
+                    }
+                }
+            }
+            self.lines.add(&self.text)?;
+        }
+        self.length = self.lines.length();
+        self.lines.sync()
+    }
+
+    /// Forgets what an earlier process left behind the last frames that were taken up.
+    fn forget_rest(&mut self) -> Result<()> {
+        if self.length < self.lines.length() {
+            self.lines.truncate(self.length)?;
+            self.recorded.clear();
+        }
+        Ok(())
     }
 
     /// Adds the lines of frames, of which the first has this number. What an earlier process left behind the last frames that were
@@ -168,10 +301,7 @@ impl Results {
         frames: &[Frame],
         cells: &[AppliedPerturbation],
     ) -> Result<()> {
-        if self.length < self.lines.length() {
-            self.lines.truncate(self.length)?;
-            self.recorded.clear();
-        }
+        self.forget_rest()?;
         for (index, frame) in (first..).zip(frames) {
             self.print(number, index, frame, cells)?;
             self.lines.add(&self.text)?;
@@ -189,10 +319,7 @@ impl Results {
         cells: &[AppliedPerturbation],
     ) -> Result<()> {
         self.text.clear();
-        let mut add = |line: &Line| -> Result<()> {
-            serde_json::to_writer(&mut self.text, line)?;
-            Ok(self.text.write_all(b"\n")?)
-        };
+        let mut add = |line: &Line| write(&mut self.text, line);
         match frame {
             Frame::Bad(BadFrame { frame, error, by_driver }) => {
                 let (frame, error, by_driver) = (frame.clone(), error.clone(), *by_driver);
@@ -215,6 +342,11 @@ impl Results {
             }
         }
     }
+}
+
+fn write(text: &mut Vec<u8>, line: &Line) -> Result<()> {
+    serde_json::to_writer(&mut *text, line)?;
+    Ok(text.write_all(b"\n")?)
 }
 
 #[cfg(test)]
@@ -259,5 +391,25 @@ mod tests {
         // Another evaluation is not taken for this one.
         assert!(Results::open(&path).unwrap().take(1, 0..1, &cells).is_none());
         assert!(Results::open(&path).unwrap().take(0, 0..1, &cells[..1]).is_none());
+    }
+
+    #[test]
+    fn pictures_of_a_predictor_are_taken_up_as_well() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("results.jsonl");
+        let cells = cells();
+        let good = TaskFrame::Good {
+            frame: "a/1.png".into(),
+            original: serde_json::json!({"top": [1], "class": 1}),
+            perturbed: vec![serde_json::json!({"top": [0], "class": 1}); 2],
+        };
+        let bad = TaskFrame::Bad(BadFrame { frame: "b".into(), error: "cut".into(), by_driver: false });
+        let frames = [good, bad];
+        Results::open(&path).unwrap().add_task(0, 0, &frames, &cells).unwrap();
+        let mut results = Results::open(&path).unwrap();
+        assert_eq!(results.take_task(0, 0..2, &cells).unwrap(), frames);
+        assert!(results.take_task(0, 2..3, &cells).is_none());
+        assert!(Results::open(&path).unwrap().take(0, 0..1, &cells).is_none());
+        assert!(Results::open(&path).unwrap().take_task(0, 0..1, &cells[..1]).is_some());
     }
 }

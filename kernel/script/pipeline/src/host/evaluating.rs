@@ -13,10 +13,11 @@ use serde_json::Value;
 
 use super::Host;
 use super::driving::components;
-use crate::evaluation::{self, Evaluated, Evaluation, Results, Segment};
+use crate::evaluation::{self, BadFrame, Evaluated, Evaluation, Performance, Results, Segment};
 use crate::follow::Progress;
 use crate::requests::{DatasetSpec, Evaluate};
 use crate::table;
+use crate::task::Request;
 
 /// What evaluations came to.
 #[derive(Default)]
@@ -36,6 +37,9 @@ pub(super) struct Evaluations {
 impl Host {
     /// `pdk.evaluate`: the offline loop.
     pub(crate) fn evaluate(&mut self, request: Value) -> Result<Value> {
+        if Request::is(&request) {
+            return self.evaluate_task(request);
+        }
         let Evaluate { dataset, mut driver, mut cells, frames, trust, tolerance } =
             Evaluate::from_json(request)?;
         let mut settler = self.settler();
@@ -56,13 +60,6 @@ impl Host {
         self.record.in_use.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
         self.record.in_use.add_perturbations(catalog, &cells)?;
         self.begin()?;
-        let results = match &mut self.evaluations.results {
-            Some(results) => results,
-            None => {
-                let folder = self.record.directory.as_ref().map(RunDirectory::path).unwrap_or(Path::new(""));
-                self.evaluations.results.insert(Results::open(&folder.join(RESULTS))?)
-            }
-        };
         let frames = frames.unwrap_or(usize::MAX).min(available);
         let (shard, number) = (self.setup.common.shard, self.evaluations.summaries.len() as u64);
         let evaluation = Evaluation {
@@ -87,19 +84,45 @@ impl Host {
         bar.add(all);
         // What is driven again because a process was lost does not count twice.
         let progress = &mut |done: u64| bar.set(done.min(all));
+        self.results()?;
+        let Some(results) = &mut self.evaluations.results else {
+            return Err(Error::new("there is no file for results, which is a defect in pdk"));
+        };
         let evaluated = evaluation::evaluate(&mut self.session, &evaluation, number, results, progress);
         bar.finish();
         let (summary, performance) = match evaluated? {
             Evaluated::Ranked(summary, performance) => (summary, performance),
+            // The error says why.
             Evaluated::Refused(check, error) => {
+                let check = check.unjudged();
                 self.print(&table::check(&serde_json::to_value(check)?));
                 return Err(error);
             }
         };
-        for bad in &summary.bad_frames {
+        self.conclude(&summary.bad_frames, serde_json::to_value(&summary)?, performance)
+    }
+
+    /// The file with the results, which is opened when it is first needed.
+    pub(super) fn results(&mut self) -> Result<&mut Results> {
+        match &mut self.evaluations.results {
+            Some(results) => Ok(results),
+            empty => {
+                let folder = self.record.directory.as_ref().map(RunDirectory::path).unwrap_or(Path::new(""));
+                Ok(empty.insert(Results::open(&folder.join(RESULTS))?))
+            }
+        }
+    }
+
+    /// Notes what came of an evaluation, and returns it.
+    pub(super) fn conclude(
+        &mut self,
+        bad_frames: &[BadFrame],
+        summary: Value,
+        performance: Performance,
+    ) -> Result<Value> {
+        for bad in bad_frames {
             self.account.warnings.push(format!("{} was left out: {}", bad.frame, bad.error));
         }
-        let summary = serde_json::to_value(summary)?;
         self.evaluations.summaries.push(summary.clone());
         if performance.perturbed_frames > 0 {
             self.account.speed.push(format!(
@@ -112,7 +135,10 @@ impl Host {
     }
 
     /// The reader of a dataset, how many frames it finds, and which of them begin a sequence.
-    fn open_dataset(&mut self, dataset: &DatasetSpec) -> Result<(ComponentSpec, usize, Vec<usize>)> {
+    pub(super) fn open_dataset(
+        &mut self,
+        dataset: &DatasetSpec,
+    ) -> Result<(ComponentSpec, usize, Vec<usize>)> {
         let opened =
             |reader: ComponentSpec, made: Made| (reader, made.frames.unwrap_or_default(), made.sequences);
         let path = match dataset {

@@ -136,3 +136,104 @@ pub(super) const EVALUATION_ROW: ApiRecord = ApiRecord {
         field("throttle_drift_interval", "EvaluationInterval?", "Its interval."),
     ],
 };
+
+pub(super) const TASK_REQUEST: ApiRecord = ApiRecord {
+    name: "TaskRequest",
+    doc: "What `pdk.evaluate` takes for a network that does not drive.",
+    fields: &[
+        field(
+            "dataset",
+            "string | Component",
+            "A folder that any reader may open, or a reader with its parameters, such as `pictures`.",
+        ),
+        field(
+            "predictor",
+            "string | Component",
+            "The predictor under test, such as `network` with its `model`.",
+        ),
+        field("task", "Task", "The metric with the labels."),
+        field("perturbations", "{ string | AppliedPerturbation }", "Each is applied by itself."),
+        field("levels", "{ number }", "The intensities at which each is applied."),
+        field("frames", "number?", "How many pictures, from the first. The default is all."),
+    ],
+};
+
+pub(super) const TASK: ApiRecord = ApiRecord {
+    name: "Task",
+    doc: "A metric. Which fields there are depends on `kind`.",
+    fields: &[
+        field("kind", "\"classification\" | \"detection\" | \"function\"", "The metric."),
+        field(
+            "labels",
+            "(string | { [string]: any })?",
+            "What the pictures show. Classification: `folders` (the default: the first folder of a picture's name is its class), or a \
+             table of a class for each name. Detection: a JSON file of COCO. Function: a table of what the function gets, by name.",
+        ),
+        field(
+            "classes",
+            "({ string } | string)?",
+            "Classification: the classes in the order in which the network has them. The default is the order of their names. \
+             Detection: the output with the class of each box. The default is `classes`.",
+        ),
+        field("output", "string?", "Classification: the output with the scores. The default is the first."),
+        field(
+            "baseline",
+            "(string | { name: string, clean: number?, errors: { [string]: number } })?",
+            "Classification: what corruption errors are relative to. `alexnet`, or the mean top-1 error of another network over the \
+             levels of each perturbation, with its error on the pictures as they are.",
+        ),
+        field("boxes", "string?", "Detection: the output with the boxes. The default is `boxes`."),
+        field("scores", "string?", "Detection: the output with the scores. The default is `scores`."),
+        field(
+            "corners",
+            "boolean?",
+            "Detection: whether a box is its left, top, right and bottom. Else it is left, top, width and height. The default is true.",
+        ),
+        field(
+            "units",
+            "(string | { width: number, height: number })?",
+            "Detection: whether boxes are in `pixels` of the picture (the default), in `shares` of its size, or in pixels of the \
+             network's input of this size.",
+        ),
+        field("outputs", "{ string }?", "Function: the outputs that it gets. The default is all."),
+        field(
+            "score",
+            "((seen: { outputs: { [string]: { shape: { number }, values: { number } } }, label: any, name: string, width: number, \
+             height: number }) -> { [string]: number })?",
+            "Function: returns numbers about a picture, whose means are the result.",
+        ),
+    ],
+};
+
+pub(super) const TASK_RESULT: ApiRecord = ApiRecord {
+    name: "TaskResult",
+    doc: "What `pdk.evaluate` returns for a task.",
+    fields: &[
+        field("evaluation", "number", "The number of the evaluation in its run, from 0."),
+        field("task", "string", "The metric."),
+        field("frames", "number", "Pictures that were evaluated."),
+        field("bad_frames", "{ { frame: string, error: string } }", "Pictures that were left out, and why."),
+        field("original", "{ TaskTotal }", "What the metric says of the pictures as they are."),
+        field(
+            "rows",
+            "{ { perturbation: string, label: string, level: number, totals: { TaskTotal } } }",
+            "What it says under each perturbation at each level.",
+        ),
+        field(
+            "corruption_errors",
+            "{ baseline: string, mce: number?, relative_mce: number?, rows: { { label: string, error: number, baseline_error: number?, \
+             ce: number?, relative_ce: number? } } }?",
+            "The errors of a classification relative to those of its baseline, where 1 is as good as that.",
+        ),
+    ],
+};
+
+pub(super) const TASK_TOTAL: ApiRecord = ApiRecord {
+    name: "TaskTotal",
+    doc: "A number about pictures.",
+    fields: &[
+        field("name", "string", "What it is, such as `top1_error` or `ap`."),
+        field("value", "number?", "The number. None if the pictures do not have it."),
+        field("interval", "EvaluationInterval?", "Its interval, if it is a mean over pictures."),
+    ],
+};
