@@ -184,7 +184,9 @@ fn of_means(path: &Path, height: u64, width: u64, outputs: &[(&str, Vec<Value>)]
         let mut content = vec![0.0; 3 * pixels * count];
         for (place, (_, factors)) in values.iter().enumerate() {
             for (channel, factor) in factors {
-                (0..pixels).for_each(|pixel| content[(channel * pixels + pixel) * count + place] = factor / pixels as f32);
+                (0..pixels).for_each(|pixel| {
+                    content[(channel * pixels + pixel) * count + place] = factor / pixels as f32
+                });
             }
         }
         let constants: Vec<f32> = values.iter().map(|(constant, _)| *constant).collect();

@@ -4,14 +4,10 @@
 //! |---|---|
 //! | [`classification`] | top-k, the mean corruption error (mCE) and the relative one |
 //! | [`detection`] | the average precision of COCO |
-//! | [`segmentation`] | the mean intersection over union (mIoU) |
-//! | [`depth`] | absolute relative error, root mean square error, share within a factor of 1.25 |
 //! | [`trajectory`] | average and final displacement error (ADE, FDE) |
 
 pub mod classification;
-pub mod depth;
 pub mod detection;
-pub mod segmentation;
 pub mod trajectory;
 
 // The example in the README compiles.

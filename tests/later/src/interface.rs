@@ -9,7 +9,8 @@ use abi_stable::library::RootModule;
 use abi_stable::sabi_types::VersionStrings;
 use pdk_abi::{
     Control, DatasetFunctionsRef, DriveContext, Frame, Instance, MaskFunctionsRef, PerturbationFunctionsRef,
-    PredictorFunctionsRef, SaliencyFunctionsRef, SearchFunctionsRef, SimulatorFunctionsRef, Sink, Status, Text,
+    PredictorFunctionsRef, SaliencyFunctionsRef, SearchFunctionsRef, SimulatorFunctionsRef, Sink, Status,
+    Text,
 };
 
 /// The functions of a plugin, with two more.

@@ -5,8 +5,8 @@ use std::process::{Command, Stdio};
 
 use image::RgbImage;
 use pdk_tests::process::{json_file, json_lines, pipeline};
-use pdk_tests::records::{assert_equal, files};
 use pdk_tests::random::Random;
+use pdk_tests::records::{assert_equal, files};
 use pdk_tests::{Pdk, onnx, repository, temp};
 use serde_json::{Value, json};
 
@@ -51,7 +51,12 @@ fn corruption_errors_are_those_of_a_plain_program() {
         (ran, out)
     };
     let (ran, out) = run("1");
-    for part in ["36 pictures, classification", "top1_error, without perturbation: 0.000", "relative to a plain one", "mCE"] {
+    for part in [
+        "36 pictures, classification",
+        "top1_error, without perturbation: 0.000",
+        "relative to a plain one",
+        "mCE",
+    ] {
         assert!(ran.stdout.contains(part), "{part}: {}", ran.stdout);
     }
     let expected = files(&out);
@@ -65,7 +70,8 @@ fn corruption_errors_are_those_of_a_plain_program() {
 
     let summary = out.join("summary.json");
     let evaluation = json_file(&summary)["evaluations"][0].clone();
-    let highest = evaluation["rows"].as_array().unwrap().iter().find(|row| row["level"] == 4).unwrap().clone();
+    let highest =
+        evaluation["rows"].as_array().unwrap().iter().find(|row| row["level"] == 4).unwrap().clone();
     let error = highest["totals"][0]["value"].as_f64().unwrap();
     assert!(0.05 < error && error < 1.0, "nothing to compare: {highest}");
     let has = Command::new("python3").args(["-c", "import numpy, PIL"]).stderr(Stdio::null()).status();
@@ -131,7 +137,9 @@ fn precisions_of_a_detector_are_those_of_coco() {
         // The detector finds three boxes, whose places follow the colour in the corner: see `onnx::boxes`.
         let colour: [u8; 3] = std::array::from_fn(|channel| byte(number, channel as u32, 7));
         RgbImage::from_pixel(64, 48, image::Rgb(colour)).save(data.join(format!("{number:02}.png"))).unwrap();
-        images.push(json!({"id": number + 100, "file_name": format!("{number:02}.png"), "width": 64, "height": 48}));
+        images.push(
+            json!({"id": number + 100, "file_name": format!("{number:02}.png"), "width": 64, "height": 48}),
+        );
         for (channel, value) in colour.into_iter().enumerate() {
             let value = f64::from(value) / 255.0;
             let shift = f64::from(byte(number, channel as u32, 9)) / 64.0;
@@ -164,7 +172,11 @@ fn precisions_of_a_detector_are_those_of_coco() {
     assert!(ran.stdout.contains("ap, without perturbation: 0."), "{}", ran.stdout);
     assert_eq!(json_lines(&out.join("results.jsonl")).len(), 30 * 5);
     let manifest = json_file(&out.join("manifest.json"));
-    assert!(manifest["files"].to_string().contains("labels.json"), "the labels have no hash: {}", manifest["files"]);
+    assert!(
+        manifest["files"].to_string().contains("labels.json"),
+        "the labels have no hash: {}",
+        manifest["files"]
+    );
     let python = std::env::var("PDK_TEST_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let has = Command::new(&python).args(["-c", "import pycocotools"]).stderr(Stdio::null()).status();
     if !has.is_ok_and(|status| status.success()) {

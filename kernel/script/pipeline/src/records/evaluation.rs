@@ -162,12 +162,13 @@ pub(super) const TASK: ApiRecord = ApiRecord {
     name: "Task",
     doc: "A metric. Which fields there are depends on `kind`.",
     fields: &[
-        field("kind", "\"classification\" | \"detection\" | \"function\"", "The metric."),
+        field("kind", "\"classification\" | \"detection\" | \"trajectory\" | \"function\"", "The metric."),
         field(
             "labels",
             "(string | { [string]: any })?",
             "What the pictures show. Classification: `folders` (the default: the first folder of a picture's name is its class), or a \
-             table of a class for each name. Detection: a JSON file of COCO. Function: a table of what the function gets, by name.",
+             table of a class for each name. Detection: a JSON file of COCO. Trajectory: a table of a \
+             list of points { x, y } for each name. Function: a table of what the function gets, by name.",
         ),
         field(
             "classes",
@@ -175,7 +176,11 @@ pub(super) const TASK: ApiRecord = ApiRecord {
             "Classification: the classes in the order in which the network has them. The default is the order of their names. \
              Detection: the output with the class of each box. The default is `classes`.",
         ),
-        field("output", "string?", "Classification: the output with the scores. The default is the first."),
+        field(
+            "output",
+            "string?",
+            "Classification: the output with the scores. Trajectory: the one with the points. The default is the first.",
+        ),
         field(
             "baseline",
             "(string | { name: string, clean: number?, errors: { [string]: number } })?",

@@ -1,9 +1,11 @@
 //! How good what a predictor says of pictures is: a metric that is built in, or a function of the pipeline.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use pdk_loop::taken::{Take, Taken, TakenOutput};
 use pdk_metrics::detection::{Areas, Detection, Picture, average_precision};
+use pdk_metrics::trajectory::{average_displacement, final_displacement};
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_statistics::{CONFIDENCE, Estimate, blocks};
 use serde::Serialize;
@@ -38,6 +40,13 @@ pub enum Metric {
         corners: bool,
         /// In which units boxes are given.
         units: Units,
+    },
+    /// How far predicted points lie from those that were driven.
+    Trajectory {
+        /// The output with the points; none for the first.
+        output: Option<String>,
+        /// The points that were driven, by the name of the picture.
+        driven: BTreeMap<String, Vec<[f64; 2]>>,
     },
     /// A function of the pipeline.
     Function {
@@ -102,6 +111,12 @@ impl Metric {
                 let objects = Objects::read_coco(&path)?;
                 Ok((Self::Detection { objects, outputs, corners, units }, vec![path]))
             }
+            "trajectory" => {
+                let mut fields = Fields::new("task", task, &["kind", "labels", "output"])?;
+                let labels = fields.needed("labels")?;
+                let driven = labels.as_object().into_iter().flatten().map(points).collect::<Result<_>>()?;
+                Ok((Self::Trajectory { output: fields.text("output")?, driven }, Vec::new()))
+            }
             "function" => {
                 let mut fields = Fields::new("task", task, &["kind", "outputs", "labels", "score"])?;
                 let name = |name: Value| {
@@ -130,7 +145,7 @@ impl Metric {
                 Ok((Self::Function { outputs, labels }, Vec::new()))
             }
             other => Err(Error::new(format!(
-                "task: `kind` is `{other}`, but has to be classification, detection or function"
+                "task: `kind` is `{other}`, but has to be classification, detection, trajectory or function"
             ))),
         }
     }
@@ -140,6 +155,7 @@ impl Metric {
         match self {
             Self::Classification { .. } => "classification",
             Self::Detection { .. } => "detection",
+            Self::Trajectory { .. } => "trajectory",
             Self::Function { .. } => "function",
         }
     }
@@ -149,6 +165,7 @@ impl Metric {
         match self {
             Self::Classification { output, .. } => Take::Top { output: output.clone(), count: TOP },
             Self::Detection { outputs, .. } => Take::Outputs { names: outputs.to_vec() },
+            Self::Trajectory { output, .. } => Take::Outputs { names: output.iter().cloned().collect() },
             Self::Function { outputs, .. } => Take::Outputs { names: outputs.clone() },
         }
     }
@@ -170,6 +187,9 @@ impl Metric {
                 objects.of(picture)?;
                 let detections = detections(given, outputs, *corners, units.scale(*width, *height))?;
                 Ok(json!({"detections": detections}))
+            }
+            (Self::Trajectory { driven, .. }, Taken::Outputs { outputs, .. }) => {
+                displacements(driven, picture, outputs)
             }
             (Self::Function { labels, .. }, Taken::Outputs { outputs, width, height }) => {
                 let outputs: Map<String, Value> = outputs
@@ -200,7 +220,7 @@ impl Metric {
                 })
                 .to_vec(),
             Self::Detection { objects, .. } => precisions(objects, pictures),
-            Self::Function { .. } => {
+            Self::Trajectory { .. } | Self::Function { .. } => {
                 let mut names: Vec<&String> = Vec::new();
                 for name in pictures.iter().flat_map(|(_, kept)| kept.as_object()).flat_map(Map::keys) {
                     if !names.contains(&name) {
@@ -213,6 +233,43 @@ impl Metric {
                 names.iter().map(|name| mean(name, &values(name))).collect()
             }
         }
+    }
+}
+
+/// The points that were driven from a picture on, as a pipeline has them.
+fn points((picture, points): (&String, &Value)) -> Result<(String, Vec<[f64; 2]>)> {
+    let point = |point: &Value| Some([point[0].as_f64()?, point[1].as_f64()?]);
+    let read = points.as_array().and_then(|points| points.iter().map(point).collect::<Option<Vec<_>>>());
+    match read.filter(|points| !points.is_empty()) {
+        Some(points) => Ok((picture.clone(), points)),
+        None => Err(Error::new(format!(
+            "task: the points of `{picture}` in `labels` are {points}, but have to be a list of {{ x, y }}"
+        ))),
+    }
+}
+
+/// The displacement errors of a picture.
+fn displacements(
+    driven: &BTreeMap<String, Vec<[f64; 2]>>,
+    picture: &str,
+    outputs: &[TakenOutput],
+) -> Result<Value> {
+    let driven = driven
+        .get(picture)
+        .ok_or_else(|| Error::new(format!("`labels` has no points for the picture `{picture}`")))?;
+    let values = outputs.first().map_or(&[][..], |output| &output.values);
+    let predicted: Vec<[f64; 2]> = values
+        .chunks_exact(2)
+        .filter_map(|point| Some([f64::from(point[0]?), f64::from(point[1]?)]))
+        .collect();
+    match (average_displacement(&predicted, driven), final_displacement(&predicted, driven)) {
+        (Some(average), Some(last)) if values.len() == 2 * driven.len() => {
+            Ok(json!({"ade": average, "fde": last}))
+        }
+        _ => Err(Error::of(
+            ErrorKind::Nonsense,
+            format!("it gave {} points, but has to give {}, as `labels` has", predicted.len(), driven.len()),
+        )),
     }
 }
 
@@ -363,6 +420,29 @@ mod tests {
         assert_eq!(Units::Input(160.0, 80.0).scale(80, 40), [0.5, 0.5]);
         let error = detections(&given[..2], &names, true, scale).unwrap_err();
         assert_eq!(error.message(), "it gave no output `classes`");
+    }
+
+    #[test]
+    fn displacements_are_those_of_the_points_that_were_driven() {
+        let task = json!({"kind": "trajectory", "labels": {"a": [[0, 1], [0, 0]]}});
+        let (metric, _) = Metric::read(task, None).unwrap();
+        let taken = |values: &[f32]| Taken::Outputs {
+            width: 8,
+            height: 6,
+            outputs: vec![TakenOutput {
+                name: "points".into(),
+                shape: vec![1, values.len()],
+                values: values.iter().map(|value| Some(*value)).collect(),
+            }],
+        };
+        let kept = metric.measure("a", &taken(&[0.0, 0.0, 3.0, 4.0])).unwrap();
+        let totals = metric.totals(&[("a", &kept)]);
+        let found: Vec<(&str, Option<f64>)> =
+            totals.iter().map(|total| (total.name.as_str(), total.value)).collect();
+        assert_eq!(found, [("ade", Some(3.0)), ("fde", Some(5.0))]);
+        let error = metric.measure("a", &taken(&[0.0, 0.0])).unwrap_err();
+        assert_eq!(error.message(), "it gave 1 points, but has to give 2, as `labels` has");
+        assert!(metric.measure("b", &taken(&[])).unwrap_err().message().contains("no points for"));
     }
 
     #[test]
