@@ -19,7 +19,7 @@ pub struct Pictures {
 
 impl Component for Pictures {
     fn description() -> Description {
-        let doc = "Reads all pictures (.jpg, .jpeg or .png) of a folder and the folders in it; they have no recorded steering";
+        let doc = "Reads all pictures of a folder and the folders in it, without records";
         Description::dataset("pictures", doc).parameter(Parameter::path("path", "the folder")).parameter(
             Parameter::number("rate", 20.0, "how many pictures follow each other in a second")
                 .range(0.001, 100_000.0)

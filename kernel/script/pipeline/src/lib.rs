@@ -44,6 +44,7 @@ mod requests;
 pub mod road;
 pub mod run;
 pub mod run_settings;
+mod scored;
 mod search;
 mod session_object;
 pub mod settings;

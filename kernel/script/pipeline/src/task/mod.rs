@@ -2,13 +2,11 @@
 //! how good its outputs are.
 
 mod baseline;
-mod conduct;
 mod labels;
 mod metric;
 mod request;
 mod summary;
 
-pub use conduct::{conduct, score_of};
 pub use metric::Metric;
 pub use request::Request;
 pub use summary::TaskCollector;
