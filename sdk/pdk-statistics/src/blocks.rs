@@ -32,7 +32,7 @@ pub fn length(values: &[f64]) -> usize {
     if values.len() < 2 * FEWEST || variance <= 0.0 {
         return 1;
     }
-    // The published choice of the constants: c = 2, and so many lags in a row that are not significant.
+    // The published choice of the constants: c = 2, and the number of lags in a row that are not significant.
     let limit = 2.0 * (libm::log10(n) / n).sqrt();
     let in_a_row = libm::log10(n).sqrt().ceil().max(5.0) as usize;
     let last = (n.sqrt().ceil() as usize + in_a_row).min(values.len() - 1);
