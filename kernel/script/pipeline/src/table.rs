@@ -121,8 +121,8 @@ fn task_tables(summary: &Value) -> String {
         let name = original["name"].as_str().unwrap_or_default();
         // As the grid of a driver has it, with this number alone.
         let row = |row: &Value| {
-            let totals = row["totals"].as_array().into_iter().flatten();
-            let total = totals.filter(|total| total["name"] == name).next().cloned().unwrap_or_default();
+            let mut totals = row["totals"].as_array().into_iter().flatten();
+            let total = totals.find(|total| total["name"] == name).cloned().unwrap_or_default();
             serde_json::json!({"label": row["label"], "level": row["level"], "value": total["value"],
                 "value_interval": total["interval"]})
         };
