@@ -3,8 +3,19 @@
 //!
 //! Boxes are `[x, y, width, height]` in pixels, as in COCO's files.
 
-/// The thresholds of intersection over union: 0.5 to 0.95 in steps of 0.05.
-pub const THRESHOLDS: [f64; 10] = [0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95];
+/// The thresholds of intersection over union: 0.5 to 0.95 in steps of 0.05, with the rounding of the original program, which counts if
+/// an overlap is exactly at a threshold.
+pub const THRESHOLDS: [f64; 10] = {
+    let step = (0.95 - 0.5) / 9.0;
+    let mut thresholds = [0.5; 10];
+    let mut place = 1;
+    while place < 9 {
+        thresholds[place] = place as f64 * step + 0.5;
+        place += 1;
+    }
+    thresholds[9] = 0.95;
+    thresholds
+};
 /// Of each class in a picture at most this many detections count, those with the highest scores.
 pub const MOST_DETECTIONS: usize = 100;
 /// The recalls at which the precision is taken: 0 to 1 in steps of 0.01.
@@ -198,7 +209,8 @@ fn precision(counts: impl Iterator<Item = Counts>, objects: usize) -> f64 {
         *precision = highest;
     }
     let at = |step: usize| {
-        let recall = step as f64 / (RECALLS - 1) as f64;
+        // Not divided by 100, which rounds 0.35 and others differently: a recall may be exactly there.
+        let recall = step as f64 * 0.01;
         let place = curve.partition_point(|(reached, _)| *reached < recall);
         curve.get(place).map_or(0.0, |(_, precision)| *precision)
     };
@@ -238,6 +250,18 @@ mod tests {
         // 51 of 101 recalls are reached.
         let found = average_precision(&[picture], 1, Areas::ALL).mean.unwrap();
         assert!((found - 51.0 / 101.0).abs() < 1e-9, "{found}");
+    }
+
+    #[test]
+    fn a_recall_that_is_exactly_reached_is_rounded_as_in_the_original_program() {
+        // 7 of 20 objects are found: the program takes 0.35000000000000003 for the 36th recall, which 7 / 20 does not reach.
+        let place = |number: usize| [100.0 * number as f64, 0.0, 10.0, 10.0];
+        let picture = Picture {
+            detections: (0..7).map(|number| detection(place(number), 0.9)).collect(),
+            labelled: (0..20).map(|number| labelled(place(number))).collect(),
+        };
+        let found = average_precision(&[picture], 1, Areas::ALL).mean.unwrap();
+        assert!((found - 35.0 / 101.0).abs() < 1e-9, "{found}");
     }
 
     #[test]

@@ -71,7 +71,7 @@ fn corruption_errors_are_those_of_a_plain_program() {
     let summary = out.join("summary.json");
     let evaluation = json_file(&summary)["evaluations"][0].clone();
     let highest =
-        evaluation["rows"].as_array().unwrap().iter().find(|row| row["level"] == 4).unwrap().clone();
+        evaluation["rows"].as_array().unwrap().iter().find(|row| row["level"] == 4.0).unwrap().clone();
     let error = highest["totals"][0]["value"].as_f64().unwrap();
     assert!(0.05 < error && error < 1.0, "nothing to compare: {highest}");
     let has = Command::new("python3").args(["-c", "import numpy, PIL"]).stderr(Stdio::null()).status();

@@ -7,9 +7,9 @@ use pdk_sdk::error::Error;
 use serde_json::Value;
 
 use crate::bridge::{call, frames_of, function, with_host};
+use crate::scored::{conduct, score_of};
 use crate::search::conduct::search;
 use crate::session_object::{SESSION, SessionObject};
-use crate::scored::{conduct, score_of};
 use crate::values::from_lua;
 use crate::{levels, records, statistics};
 
