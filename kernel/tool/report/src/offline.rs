@@ -14,6 +14,9 @@ use crate::view::{Evaluation, EvaluationCell};
 /// Perturbations that have a curve of their own.
 const CURVES: usize = 7;
 
+/// With fewer frames a constant is hard to beat.
+const FEWEST: usize = 30;
+
 /// What the page says about an evaluation.
 #[derive(Debug, Serialize)]
 pub struct Section {
@@ -81,7 +84,16 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
             number(worst.error)
         )
     });
-    [first].into_iter().chain(second).collect()
+    let worse = evaluation.frames >= FEWEST && evaluation.original_error > evaluation.constant_error;
+    let worthless = worse.then(|| {
+        format!(
+            "The driver is worse than a constant on the frames as they are ({} against {} on average), so what perturbations do to it says \
+             nothing.",
+            number(evaluation.original_error),
+            number(evaluation.constant_error)
+        )
+    });
+    worthless.into_iter().chain([first]).chain(second).collect()
 }
 
 /// All that the page says about an evaluation.
@@ -95,8 +107,10 @@ pub fn section(evaluation: &Evaluation) -> Result<Section> {
         frames: evaluation.frames,
         original_error: number(evaluation.original_error),
         bad_frames: evaluation.bad_frames.clone(),
-        error: heat_map(evaluation, &order, Some(evaluation.original_error), |cell| cell.error),
-        drift: heat_map(evaluation, &order, None, |cell| cell.drift),
+        error: heat_map(evaluation, &order, Some(evaluation.original_error), |cell| {
+            (cell.error, cell.error_interval)
+        }),
+        drift: heat_map(evaluation, &order, None, |cell| (cell.drift, cell.drift_interval)),
         curves: curves(evaluation, &order)?,
         worst: evaluation
             .worst
@@ -118,20 +132,25 @@ fn heat_map(
     evaluation: &Evaluation,
     order: &[String],
     nominal: Option<f64>,
-    value: impl Fn(&EvaluationCell) -> f64,
+    value: impl Fn(&EvaluationCell) -> (f64, Option<(f64, f64)>),
 ) -> Grid {
     let columns = Columns::of(evaluation.cells.iter().map(|cell| cell.level));
-    // The sum and the count of what goes into a cell, by row and column, in the order in which these come.
+    // The sum and the count of what goes into a cell, by row and column, in the order in which these come; and the interval of one that
+    // is alone.
     let mut places: Vec<(&str, f64, f64, usize)> = Vec::new();
+    let mut intervals: Vec<Option<(f64, f64)>> = Vec::new();
     let mut known: HashMap<(&str, u64), usize> = HashMap::new();
     for cell in &evaluation.cells {
         let column = columns.column(cell.level);
         let place = *known.entry((&cell.perturbation, heat::key(column))).or_insert_with(|| {
             places.push((&cell.perturbation, column, 0.0, 0));
+            intervals.push(None);
             places.len() - 1
         });
-        places[place].2 += value(cell);
+        let (value, interval) = value(cell);
+        places[place].2 += value;
         places[place].3 += 1;
+        intervals[place] = interval.filter(|_| places[place].3 == 1);
     }
     let means = || places.iter().map(|(.., sum, count)| sum / *count as f64);
     let largest = means().chain(nominal).fold(0.0, f64::max);
@@ -142,10 +161,16 @@ fn heat_map(
     let mut entries: Vec<Entry> = places
         .iter()
         .zip(means())
-        .map(|((perturbation, column, ..), mean)| Entry {
-            row: Some((*perturbation).to_owned()),
-            level: Some(*column),
-            cell: cell(mean, format!("{perturbation} at level {}", columns.name(*column))),
+        .zip(&intervals)
+        .map(|(((perturbation, column, ..), mean), interval)| {
+            let interval = interval.map_or_else(String::new, |(low, high)| {
+                format!(" (95 %: {} to {})", number(low), number(high))
+            });
+            Entry {
+                row: Some((*perturbation).to_owned()),
+                level: Some(*column),
+                cell: cell(mean, format!("{perturbation} at level {}{interval}", columns.name(*column))),
+            }
         })
         .collect();
     entries.extend(nominal.map(|value| Entry {
@@ -200,6 +225,8 @@ mod tests {
             level,
             error,
             drift: error / 2.0,
+            drift_interval: Some((error / 4.0, error)),
+            ..EvaluationCell::default()
         };
         Evaluation {
             frames: 3,
@@ -228,6 +255,16 @@ mod tests {
     }
 
     #[test]
+    fn a_driver_that_is_worse_than_a_constant_is_named_first() {
+        let evaluation = Evaluation { frames: 40, constant_error: 0.05, ..evaluation() };
+        assert_eq!(
+            verdict(&evaluation)[0],
+            "The driver is worse than a constant on the frames as they are (0.100 against 0.050 on average), so what perturbations do to \
+             it says nothing."
+        );
+    }
+
+    #[test]
     fn the_worst_perturbation_comes_first_in_both_tables() {
         let section = section(&evaluation()).unwrap();
         for (grid, first) in [(&section.error, "0.300"), (&section.drift, "0.150")] {
@@ -237,6 +274,8 @@ mod tests {
         }
         assert_eq!(section.error.nominal.unwrap().text, "0.100");
         assert!(section.drift.nominal.is_none());
+        let title = &section.drift.rows[0].cells[1].as_ref().unwrap().title;
+        assert_eq!(title, "rain at level 4 (95 %: 0.100 to 0.400): 0.200");
         assert_eq!(section.curves[0].legend.len(), 3);
     }
 
@@ -247,7 +286,7 @@ mod tests {
             perturbation: "fog".into(),
             level: f64::from(place) / 10.0,
             error: f64::from(place),
-            drift: 0.0,
+            ..EvaluationCell::default()
         };
         evaluation.cells = (0..=40).map(cell).collect();
         let grid = section(&evaluation).unwrap().error;
