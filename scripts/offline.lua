@@ -3,7 +3,7 @@
 --   pdk run offline --set dataset=DIR --set model=FILE.onnx
 
 local settings = pdk.settings({
-	dataset = "", -- a DonkeyCar tub, or a folder of images with records
+	dataset = "", -- a recording: a folder or a file, see docs/guide/datasets.md
 	model = "", -- for the driver onnx: frame in, steering and throttle out
 	driver = { name = "onnx" },
 	perturbations = {

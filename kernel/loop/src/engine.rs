@@ -150,6 +150,7 @@ impl<'a> Engine<'a> {
                 };
                 let positions: Vec<_> = (0..frames).map(position).collect::<Result<_>>()?;
                 (made.frames, made.sequences) = (Some(frames), sequences::starts(&positions));
+                made.info = held.call(Function::Info, None, |dataset| Ok(dataset.info()))?;
             }
             // Nothing is asked of the others.
             kind => {

@@ -178,9 +178,8 @@ impl Evaluator {
     ) -> Result<(Control, Seen), Failed> {
         let at = Some(index as u64);
         let Self { dataset, looking, pictures, perturbed } = self;
-        let needs_truth = matches!(looking, Looking::Driver(_));
         let entry = pictures.entry(index, || {
-            dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?, needs_truth))
+            dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?))
         })?;
         let mut frame = entry.frame.as_ref();
         if let Some(chain) = chain {
@@ -192,7 +191,7 @@ impl Evaluator {
         }
         let (first, origin) = sequence;
         let frame_index = (index - first) as u64;
-        let cx = DriveContext { frame_index, time: entry.time - origin, speed: f64::NAN };
+        let cx = DriveContext { frame_index, time: entry.time - origin, speed: entry.speed };
         let by_driver = |error| Failed { error, by_driver: true };
         let started = Instant::now();
         let seen = looking.look(frame, &cx, at, begins).map_err(by_driver)?;
@@ -251,16 +250,15 @@ fn seconds(duration: Duration) -> f64 {
     duration.as_secs_f64()
 }
 
-/// A frame that a prediction can be compared with. Only drivers are compared with what was recorded.
-fn plausible(entry: Entry, needs_truth: bool) -> Result<Entry> {
-    let truth = [entry.steering, entry.throttle];
-    match entry.time.is_finite() && (!needs_truth || truth.iter().all(|value| value.is_finite())) {
+/// A frame that a prediction can be compared with.
+fn plausible(entry: Entry) -> Result<Entry> {
+    match entry.is_plausible() {
         true => Ok(entry),
         false => Err(Error::of(
             ErrorKind::Nonsense,
             format!(
-                "the record has steering {}, throttle {} and time {}, which have to be numbers",
-                entry.steering, entry.throttle, entry.time
+                "the record has steering {}, throttle {}, speed {} and time {}, which have to be finite",
+                entry.steering, entry.throttle, entry.speed, entry.time
             ),
         )),
     }

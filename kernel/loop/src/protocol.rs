@@ -318,7 +318,8 @@ pub enum EvaluatedFrame {
     Good {
         /// The name of the frame.
         frame: String,
-        /// What was recorded.
+        /// What was recorded; not a number if it was not.
+        #[serde(with = "crate::recorded")]
         truth: Control,
         /// What the driver makes of it.
         control: Control,
@@ -354,7 +355,7 @@ pub struct Made {
     /// The frames of a dataset that begin a sequence: see [`crate::sequences`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sequences: Vec<usize>,
-    /// What a driver says of itself.
+    /// What a driver or a dataset says of itself.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub info: Vec<(String, String)>,
 }

@@ -51,7 +51,7 @@ pub enum Function {
     Drive,
     /// A frame for a predictor.
     Predict,
-    /// What a driver says of itself.
+    /// What a driver or a dataset says of itself.
     Info,
     /// The files that a component reads.
     InputFiles,

@@ -12,6 +12,7 @@ use pdk_sdk::serde_json::{self, Map, Value};
 
 use crate::clock::Clock;
 use crate::inside::Inside;
+use crate::place::{MISSING, unsuitable};
 use crate::record::Record;
 
 /// Reads a folder of images with one record each.
@@ -48,12 +49,18 @@ impl Component for Folder {
     fn new(config: &Config) -> Result<Self> {
         let root = Path::new(config.text("path"));
         let place = format!("dataset folder `{}`", root.display());
-        let folder = Inside::new(root).map_err(|e| e.at(&place))?;
+        if !root.exists() {
+            return Err(unsuitable(MISSING));
+        }
+        let folder = Inside::new(root).map_err(|e| unsuitable(e.message()))?;
         let rows = rows(root).map_err(|e| e.at(&place))?;
-        if rows.is_empty() {
-            return Err(Error::new(format!(
-                "{place} has no frames: it needs images N_text.jpg, .jpeg or .png with a record_N.json beside each"
-            )));
+        if !rows
+            .iter()
+            .any(|row| matches!(row.files, Files::Pair { .. } | Files::RecordAlone | Files::Unclear { .. }))
+        {
+            return Err(unsuitable(
+                "it has no frames of a folder of records: images N_text.jpg, .jpeg or .png with a record_N.json beside each",
+            ));
         }
         let first = rows.iter().find_map(|row| match &row.files {
             Files::Pair { record } => read_record(&folder, record).ok(),
@@ -112,6 +119,7 @@ impl Dataset for Folder {
             steering: record.steering,
             throttle: record.throttle,
             time: self.clock.time(index, &record).map_err(|e| e.at(name))?,
+            ..Entry::default()
         })
     }
 
@@ -302,6 +310,6 @@ mod tests {
         assert!(open(dir.path()).err().unwrap().message().contains("has no frames"));
         let file = dir.path().join("notes.txt");
         assert!(open(&file).err().unwrap().message().ends_with("it is not a folder"));
-        assert!(open(Path::new("/no/such/place")).err().unwrap().message().contains("/no/such/place"));
+        assert_eq!(open(Path::new("/no/such/place")).err().unwrap().message(), MISSING);
     }
 }

@@ -1,22 +1,55 @@
-//! Readers of recorded datasets: DonkeyCar tubs, folders of images with one record each, and pictures without records.
+//! Readers of recorded datasets.
 //!
-//! Both readers follow one rule about faults. What makes the recording unusable as a whole (no such folder, no
+//! | reader | what it reads |
+//! |---|---|
+//! | [`Csv`] | a folder of pictures with a CSV file, such as Udacity's |
+//! | [`Folder`] | a folder of images with one record each, such as a DonkeyCar tub of version 1 |
+//! | [`Mcap`] | an MCAP file |
+//! | [`Pictures`] | a folder of pictures without labels |
+//! | [`Rosbag2`] | the folder of a ROS 2 bag with MCAP files |
+//! | [`Tub`] | a DonkeyCar tub of version 2 |
+//! | [`Video`] | a video, with a CSV file or without |
+//!
+//! All follow one rule about faults. What makes the recording unusable as a whole (no such folder, no
 //! frames, no index) is an error when the reader is made. What is wrong with one frame (a missing or damaged image,
 //! a record without steering) is an error when that frame is read, so that a run can count it, name it and go on.
-//! No frame is left out in silence.
+//! No frame is left out in silence. A recording of another format is [`Unsuitable`](pdk_sdk::error::ErrorKind::Unsuitable), and at most one
+//! of the readers finds a recording suitable.
 
+mod bag;
+mod cdr;
 mod clock;
+mod csv;
 mod folder;
+mod foxglove;
 mod inside;
+mod label;
+mod listing;
+mod mcap;
+mod message;
 mod pictures;
+mod place;
+mod raw;
 mod record;
+mod rosbag2;
+mod table;
+mod topics;
 mod tub;
+mod video;
 
 #[cfg(test)]
 mod fixture;
 
+pub use csv::Csv;
 pub use folder::Folder;
+pub use mcap::Mcap;
 pub use pictures::Pictures;
+pub use rosbag2::Rosbag2;
 pub use tub::Tub;
+pub use video::Video;
 
-pdk_sdk::export! { datasets: [tub::Tub, folder::Folder, pictures::Pictures] }
+pdk_sdk::export! {
+    datasets: [
+        tub::Tub, folder::Folder, csv::Csv, mcap::Mcap, pictures::Pictures, rosbag2::Rosbag2, video::Video
+    ]
+}

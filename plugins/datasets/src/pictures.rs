@@ -1,4 +1,4 @@
-//! A folder of pictures and nothing else: for networks that say what pictures show.
+//! A folder of pictures and nothing else: image sequences without labels, and pictures for networks that say what they show.
 
 use std::path::{Path, PathBuf};
 
@@ -6,6 +6,8 @@ use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
 use crate::inside::Inside;
+use crate::listing::{ends_in, in_order, is_picture, names};
+use crate::place::{Named, beyond, unsuitable};
 
 /// How many folders may lie in one another.
 const DEEPEST: usize = 16;
@@ -19,30 +21,43 @@ pub struct Pictures {
 
 impl Component for Pictures {
     fn description() -> Description {
-        let doc = "Reads all pictures of a folder and the folders in it, without records";
-        Description::dataset("pictures", doc).parameter(Parameter::path("path", "the folder")).parameter(
-            Parameter::number("rate", 20.0, "how many pictures follow each other in a second")
-                .range(0.001, 100_000.0)
-                .unit("1/s"),
-        )
+        let doc = "Reads all pictures of a folder and the folders in it; they have no labels";
+        let alone = "reads the pictures alone, although there are files beside them from which other readers take labels";
+        Description::dataset("pictures", doc)
+            .parameter(Parameter::path("path", "the folder"))
+            .parameter(
+                Parameter::number("rate", 20.0, "how many pictures follow each other in a second")
+                    .range(0.001, 100_000.0)
+                    .unit("1/s"),
+            )
+            .parameter(Parameter::boolean("unlabelled", false, alone))
     }
 
     fn new(config: &Config) -> Result<Self> {
-        let root = Path::new(config.text("path"));
-        let place = format!("folder `{}`", root.display());
-        let folder = Inside::new(root).map_err(|error| error.at(&place))?;
-        if root.join("manifest.json").exists() {
-            return Err(Error::new(format!(
-                "{place} holds a tub, whose records go with its pictures; use the dataset `tub`"
+        let path = Path::new(config.text("path"));
+        let place = format!("folder `{}`", path.display());
+        let Named { folder, path: root, file: None } = Named::new(path)? else {
+            return Err(unsuitable("it is not a folder of pictures"));
+        };
+        let beside = self::names(&root).map_err(|error| error.at(&place))?;
+        let labels = beside.iter().find(|name| {
+            let text = name.to_string_lossy();
+            ends_in(name, &["csv", "mcap"])
+                || matches!(&*text, "manifest.json" | "metadata.yaml")
+                || text.starts_with("record_") && ends_in(name, &["json"])
+        });
+        if let (Some(labels), false) = (labels, config.boolean("unlabelled")) {
+            return Err(unsuitable(format_args!(
+                "it has `{}`, from which another reader may take labels; `unlabelled=true` of the dataset `pictures` reads pictures alone",
+                labels.display()
             )));
         }
         let mut names = Vec::new();
-        list(root, Path::new(""), 0, &mut names).map_err(|error| error.at(&place))?;
+        list(&root, Path::new(""), 0, &mut names).map_err(|error| error.at(&place))?;
         if names.is_empty() {
-            return Err(Error::new(format!("{place} has no pictures: it needs .jpg, .jpeg or .png files")));
+            return Err(unsuitable("it has no pictures (JPEG, PNG, BMP or WebP)"));
         }
-        // The order in which a folder lists its files is not defined.
-        names.sort();
+        names.sort_by(|a, b| in_order(a, b));
         Ok(Self { folder, names, rate: config.number("rate") })
     }
 
@@ -72,12 +87,6 @@ fn list(root: &Path, inside: &Path, depth: usize, names: &mut Vec<String>) -> Re
     Ok(())
 }
 
-fn is_picture(name: &Path) -> bool {
-    name.extension()
-        .and_then(|ending| ending.to_str())
-        .is_some_and(|ending| ["jpg", "jpeg", "png"].iter().any(|known| ending.eq_ignore_ascii_case(known)))
-}
-
 impl Dataset for Pictures {
     fn len(&self) -> usize {
         self.names.len()
@@ -88,16 +97,14 @@ impl Dataset for Pictures {
     }
 
     fn read(&mut self, index: usize) -> Result<Entry> {
-        let name = self.names.get(index).ok_or_else(|| {
-            Error::new(format!("the folder has {} pictures, so there is no frame {index}", self.names.len()))
-        })?;
-        Ok(Entry {
-            frame: pdk_image::read(&self.folder.path(Path::new(name))?)?,
-            // Not recorded.
-            steering: f64::NAN,
-            throttle: f64::NAN,
-            time: index as f64 / self.rate,
-        })
+        let name = self.names.get(index).ok_or_else(|| beyond(index, self.names.len()))?;
+        let frame = pdk_image::read(&self.folder.path(Path::new(name))?)?;
+        Ok(Entry { frame, time: index as f64 / self.rate, ..Entry::default() })
+    }
+
+    fn info(&self) -> Vec<(String, String)> {
+        let frames = format!("{} pictures without labels, {} a second", self.names.len(), self.rate);
+        vec![("frames".to_owned(), frames)]
     }
 }
 
@@ -111,7 +118,7 @@ mod tests {
     #[test]
     fn pictures_come_in_the_order_of_their_names_from_all_folders() {
         let dir = TempDir::new().unwrap();
-        for name in ["b/2.png", "b/1.png", "a/x/9.png", "c.png"] {
+        for name in ["b/10.png", "b/9.png", "a/x/9.png", "c.png"] {
             std::fs::create_dir_all(dir.path().join(name).parent().unwrap()).unwrap();
             fixture::image(&dir.path().join(name), 8, 6);
         }
@@ -119,11 +126,15 @@ mod tests {
         let open = || Pictures::new(&config::<Pictures>(json!({"path": dir.path()})));
         let mut pictures = open().unwrap();
         let names: Vec<String> = (0..pictures.len()).map(|index| pictures.name(index)).collect();
-        assert_eq!(names, ["a/x/9.png", "b/1.png", "b/2.png", "c.png"]);
+        assert_eq!(names, ["a/x/9.png", "b/9.png", "b/10.png", "c.png"]);
         let entry = pictures.read(2).unwrap();
         assert!(entry.frame.width() == 8 && entry.steering.is_nan() && entry.time == 0.1);
         std::fs::write(dir.path().join("manifest.json"), "").unwrap();
-        assert!(open().err().unwrap().message().contains("use the dataset `tub`"));
+        let error = open().err().unwrap();
+        assert_eq!(error.kind(), ErrorKind::Unsuitable);
+        assert!(error.message().contains("`manifest.json`"), "{error}");
+        let alone = config::<Pictures>(json!({"path": dir.path(), "unlabelled": true}));
+        assert_eq!(Pictures::new(&alone).unwrap().len(), 4);
         let empty = TempDir::new().unwrap();
         let error = Pictures::new(&config::<Pictures>(json!({"path": empty.path()}))).err().unwrap();
         assert!(error.message().contains("has no pictures"));

@@ -4,7 +4,7 @@ use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Map, Value};
 
 /// The steering and the time of one frame, as they were recorded.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Record {
     /// -1 (full left) to 1 (full right).
     pub steering: f64,

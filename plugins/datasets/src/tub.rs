@@ -14,6 +14,7 @@ use pdk_sdk::serde_json::{self, Map, Value};
 
 use crate::clock::Clock;
 use crate::inside::Inside;
+use crate::place::{MISSING, unsuitable};
 use crate::record::Record;
 
 /// The file that lists the catalogs.
@@ -51,6 +52,14 @@ impl Component for Tub {
     fn new(config: &Config) -> Result<Self> {
         let root = Path::new(config.text("path"));
         let place = format!("tub `{}`", root.display());
+        if !root.join(MANIFEST).exists() {
+            let what = if root.exists() {
+                "it has no manifest.json, so it is not a tub of version 2"
+            } else {
+                MISSING
+            };
+            return Err(unsuitable(what));
+        }
         let folder = Inside::new(root).map_err(|e| e.at(&place))?;
         let manifest = Manifest::read(&folder).map_err(|e| e.at(&place))?;
         let mut rows = Vec::new();
@@ -95,6 +104,7 @@ impl Dataset for Tub {
             steering: record.steering,
             throttle: record.throttle,
             time: self.clock.time(index, &record).map_err(|e| e.at(&row.name))?,
+            ..Entry::default()
         })
     }
 
@@ -286,8 +296,9 @@ mod tests {
         assert!(error(&tub(&[&all], deleted)).contains("`deleted_indexes`"));
         let empty = TempDir::new().unwrap();
         assert!(error(&empty).contains("manifest.json"));
+        assert_eq!(open(&empty).err().unwrap().kind(), ErrorKind::Unsuitable);
         let none = Tub::new(&config::<Tub>(json!({"path": "/no/such/place"}))).err().unwrap();
-        assert_eq!(none.message(), "tub `/no/such/place`: there is no such folder");
+        assert_eq!(none.message(), "there is no such file or folder");
     }
 
     #[test]

@@ -4,9 +4,8 @@ use std::io::{BufReader, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use pdk_sdk::prelude::*;
-use pdk_video::{Container, Input, Opened, Reader, Yuv420};
+use pdk_video::{Container, Ffmpeg, Input, Opened, Pace, Reader, Yuv420};
 
-use crate::ffmpeg::Ffmpeg;
 use crate::file;
 use crate::frames::Frames;
 use crate::picture::{Layout, Picture};
@@ -34,6 +33,27 @@ impl Frames for Video {
 
     fn end(&self) -> f64 {
         self.reader.time(self.count)
+    }
+}
+
+/// The frames of a video that ffmpeg decodes, at a fixed rate.
+struct Decoded {
+    ffmpeg: Ffmpeg,
+    frame: Yuv420,
+}
+
+impl Frames for Decoded {
+    fn next(&mut self, into: &mut Picture) -> Result<bool> {
+        if !self.ffmpeg.next(&mut self.frame)? {
+            return Ok(false);
+        }
+        (into.width, into.height, into.layout) = (self.frame.width, self.frame.height, Layout::Yuv420);
+        std::mem::swap(&mut into.data, &mut self.frame.data);
+        Ok(true)
+    }
+
+    fn end(&self) -> f64 {
+        self.ffmpeg.end()
     }
 }
 
@@ -116,7 +136,8 @@ impl Clip {
 
     fn through_ffmpeg(&self, codec: &str) -> Result<Box<dyn Frames>> {
         let Self::Path(path) = self else { return Err(Error::new(format!("it is {codec}"))) };
-        Ok(Box::new(Ffmpeg::start(Path::new("ffmpeg"), path, codec)?))
+        let ffmpeg = Ffmpeg::start(Path::new("ffmpeg"), path, codec, Pace::Steady)?;
+        Ok(Box::new(Decoded { ffmpeg, frame: Yuv420::default() }))
     }
 }
 

@@ -12,7 +12,6 @@ mod dynamic_rain_filter;
 mod dynamic_smoke_filter;
 mod dynamic_snow_filter;
 mod dynamic_sun_filter;
-mod ffmpeg;
 mod file;
 mod frames;
 mod key;
@@ -22,7 +21,6 @@ mod pictures;
 mod place;
 mod player;
 mod prepare;
-mod process;
 #[cfg(test)]
 mod processes;
 mod published;

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use image::codecs::gif::GifEncoder;
 use image::{Delay, Rgba, RgbaImage};
-use mp4::{AvcConfig, MediaConfig, Mp4Config, Mp4Reader, Mp4Writer, TrackConfig, TrackType};
 use pdk_sdk::config::frame_values;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Value, json};
 use pdk_sdk::testing::{check_perturbation, sample_frame};
+use pdk_video::mp4::{Indexed, Mp4, index};
 use pdk_video::{Opened, Reader, Yuv420};
 
 use crate::clip::{Clip, some_pictures};
@@ -52,34 +52,24 @@ fn recording(name: &str) -> Option<PathBuf> {
 
 /// The first `frames` frames of a clip of one scene, again and again where it has fewer.
 fn remuxed(clip: &[u8], frames: u32) -> Vec<u8> {
-    let mut reader = Mp4Reader::read_header(Cursor::new(clip), clip.len() as u64).unwrap();
-    let track = &reader.tracks()[&1];
-    let (timescale, count) = (track.timescale(), track.sample_count());
-    let sets = AvcConfig {
-        width: track.width(),
-        height: track.height(),
-        seq_param_set: track.sequence_parameter_set().unwrap().to_vec(),
-        pic_param_set: track.picture_parameter_set().unwrap().to_vec(),
+    let size = clip.len() as u64;
+    let Indexed::Own(index) = index(&mut Cursor::new(clip), size).unwrap() else { panic!("another codec") };
+    let Opened::Frames(mut reader) = Reader::open(Box::new(Cursor::new(clip.to_vec())), size, false).unwrap()
+    else {
+        panic!("another codec")
     };
-    let brand = mp4::FourCC { value: *b"isom" };
-    let config =
-        Mp4Config { major_brand: brand, minor_version: 0, compatible_brands: vec![brand], timescale };
-    let mut writer = Mp4Writer::write_start(Cursor::new(Vec::new()), &config).unwrap();
-    writer
-        .add_track(&TrackConfig {
-            track_type: TrackType::Video,
-            timescale,
-            language: "und".to_owned(),
-            media_conf: MediaConfig::AvcConfig(sets),
-        })
-        .unwrap();
+    let mut picture = Yuv420::default();
+    reader.next(&mut picture).unwrap();
+    let [sequence, parameters] = &index.parameters[..] else { panic!("two parameter sets") };
+    let mut writer = Mp4::begin(Cursor::new(Vec::new()), 30_000).unwrap();
+    writer.describe(picture.width as u16, picture.height as u16, sequence, parameters).unwrap();
+    let duration = (reader.time(1) * 30_000.0).round() as u32;
     for frame in 0..frames {
-        let mut sample = reader.read_sample(1, frame % count + 1).unwrap().unwrap();
-        sample.start_time = u64::from(frame) * u64::from(sample.duration);
-        writer.write_sample(1, &sample).unwrap();
+        let sample = index.samples[frame as usize % index.samples.len()];
+        let bytes = &clip[sample.at as usize..][..sample.length as usize];
+        writer.add(bytes, duration, sample.alone).unwrap();
     }
-    writer.write_end().unwrap();
-    writer.into_writer().into_inner()
+    writer.finish().unwrap().into_inner()
 }
 
 /// A GIF in which a dark square moves to the right before `screen`, by four pixels a frame.

@@ -56,6 +56,8 @@ pub mod status {
         pub const CONFIGURATION = 5;
         /// It panicked: the instance is of no more use.
         pub const PANIC = 6;
+        /// The file or folder is not of the kind that the component reads.
+        pub const UNSUITABLE = 7;
     }
 }
 

@@ -333,4 +333,6 @@ pub struct DatasetFunctions {
         into: *mut Position,
         error: *const Sink,
     ) -> Status,
+    /// What was decided when the recording was opened: a JSON list of `[name, value]`.
+    pub info: unsafe extern "C" fn(object: *mut c_void, info: *const Sink, error: *const Sink) -> Status,
 }

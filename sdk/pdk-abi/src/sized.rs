@@ -162,12 +162,14 @@ sized! {
         pub width: usize,
         /// Rows.
         pub height: usize,
-        /// The recorded steering, -1 to 1.
+        /// The recorded steering, -1 to 1; not a number if none was recorded.
         pub steering: f64,
-        /// The recorded throttle, -1 to 1.
+        /// The recorded throttle, -1 to 1; not a number if none was recorded.
         pub throttle: f64,
         /// Seconds since the first frame.
         pub time: f64,
+        /// The recorded speed in metres per second; not a number if none was recorded.
+        pub speed: f64,
     }
 
     /// Where in its recording a frame lies.

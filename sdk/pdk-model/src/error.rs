@@ -31,12 +31,22 @@ pub enum ErrorKind {
     Configuration,
     /// A component panicked: the instance is of no more use.
     Panic,
+    /// The file or folder is not of the kind that this component reads, so that another one may read it. Said by dataset readers of
+    /// what they do not recognise.
+    Unsuitable,
 }
 
 impl ErrorKind {
     /// All kinds.
-    pub const ALL: [Self; 6] =
-        [Self::Failed, Self::Late, Self::Lost, Self::Nonsense, Self::Configuration, Self::Panic];
+    pub const ALL: [Self; 7] = [
+        Self::Failed,
+        Self::Late,
+        Self::Lost,
+        Self::Nonsense,
+        Self::Configuration,
+        Self::Panic,
+        Self::Unsuitable,
+    ];
 }
 
 /// The result of everything a component does.
@@ -199,7 +209,7 @@ mod tests {
     #[test]
     fn kinds_are_written_in_words() {
         let written = serde_json::to_value(ErrorKind::ALL).unwrap();
-        let words = ["failed", "late", "lost", "nonsense", "configuration", "panic"];
+        let words = ["failed", "late", "lost", "nonsense", "configuration", "panic", "unsuitable"];
         assert_eq!(written, serde_json::json!(words));
     }
 }

@@ -25,7 +25,7 @@ use serde_json::{Map, Value};
 
 use crate::component::Component;
 use crate::config::{Config, frame_values};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, Entry};
 use crate::describe::{Description, LEVELS};
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, Result};
@@ -422,10 +422,15 @@ pub fn check_dataset(config: &Config, make: Make<'_, dyn Dataset>) -> Result<()>
     ensure(!dataset.name(last).is_empty(), || "its last frame has an empty name".to_owned())?;
     let before = dataset.read(last)?;
     dataset.read(0)?;
-    ensure([before.steering, before.throttle, before.time].iter().all(|value| value.is_finite()), || {
-        "its last frame has a steering, throttle or time that is not a number".to_owned()
+    ensure(before.is_plausible(), || {
+        "its last frame has a steering, throttle, speed or time that is not finite".to_owned()
     })?;
-    ensure(before == dataset.read(last)?, || "the same frame is read differently the second time".to_owned())
+    let again = dataset.read(last)?;
+    // By their bits, because what was not recorded is not a number, which is unequal to itself.
+    let bits = |entry: &Entry| [entry.steering, entry.throttle, entry.speed, entry.time].map(f64::to_bits);
+    ensure(before.frame == again.frame && bits(&before) == bits(&again), || {
+        "the same frame is read differently the second time".to_owned()
+    })
 }
 
 #[cfg(test)]

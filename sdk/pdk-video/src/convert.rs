@@ -82,6 +82,12 @@ impl Yuv420 {
         }
     }
 
+    /// Red, green and blue of a pixel with this luma, blue chroma and red chroma.
+    pub fn colour(luma: u8, blue: u8, red: u8) -> [u8; 3] {
+        let [blue, red] = [blue, red].map(|chroma| i32::from(chroma) - 128);
+        colour(luma, blue, red)
+    }
+
     /// Writes the picture as RGB; chroma is interpolated between its samples.
     ///
     /// # Panics
@@ -111,16 +117,7 @@ impl Yuv420 {
                 let chroma = [[2 * blue[0], 2 * red[0]], [blue[0] + blue[1], red[0] + red[1]]];
                 for ((out, &luma), chroma) in out.chunks_exact_mut(3).zip(luma).zip(chroma) {
                     let [blue, red] = chroma.map(|eightfold| i32::from((eightfold + 4) >> 3) - 128);
-                    let base = (i32::from(luma) - 16) * FROM_LUMA + (1 << (BITS - 1));
-                    let [red_red, blue_green, red_green, blue_blue] = FROM_CHROMA;
-                    let sums = [
-                        base + red_red * red,
-                        base + blue_green * blue + red_green * red,
-                        base + blue_blue * blue,
-                    ];
-                    for (out, sum) in out.iter_mut().zip(sums) {
-                        *out = (sum >> BITS).clamp(0, 255) as u8;
-                    }
+                    out.copy_from_slice(&colour(luma, blue, red));
                 }
             }
         }
@@ -131,6 +128,15 @@ fn split_mut(data: &mut [u8], pixels: usize) -> [&mut [u8]; 3] {
     let (luma, chroma) = data.split_at_mut(pixels);
     let (blue, red) = chroma.split_at_mut(chroma.len() / 2);
     [luma, blue, red]
+}
+
+/// A pixel of this luma, and of chroma that is 0 for grey.
+#[inline]
+fn colour(luma: u8, blue: i32, red: i32) -> [u8; 3] {
+    let base = (i32::from(luma) - 16) * FROM_LUMA + (1 << (BITS - 1));
+    let [red_red, blue_green, red_green, blue_blue] = FROM_CHROMA;
+    let sums = [base + red_red * red, base + blue_green * blue + red_green * red, base + blue_blue * blue];
+    sums.map(|sum| (sum >> BITS).clamp(0, 255) as u8)
 }
 
 fn weighted(weights: [i32; 3], values: [i32; 3]) -> i32 {

@@ -1,100 +1,293 @@
-//! Looks at the index of an MP4 file before it is believed: the reader of such files takes it at its word.
+//! The index of an MP4 file: where its frames lie and when they are shown. It is compared with the file before it is believed.
 
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{Read, Seek};
 
-use mp4::Mp4Track;
+use mp4_atom::{Avcc, Co64, Ctts, Elst, Mdhd, Mvhd, Stco, Stsc, Stss, Stsz, StszSamples, Stts, Tkhd};
 use pdk_sdk::prelude::*;
 
-const UNKNOWN: &str = "MP4 or QuickTime of a kind that the built-in reader does not know";
+use crate::boxes::{CUT_OFF, Content, Misbuilt, outermost};
+use crate::fragments;
+use crate::timing::{MOST, Moment, Timing};
+use crate::turn::quarter_turns;
 
-/// Looks at the sizes of all boxes before anything is read from them, because the reader would go round in circles in one
-/// of size 0. Returns what the file is where the reader would not understand it.
-pub fn check_boxes(input: &mut (impl Read + Seek), size: u64) -> Result<Option<String>> {
-    let mut index = false;
-    // Where the boxes to look at begin and end, and whether that is the whole file.
-    let mut spans = vec![(0, size, true)];
-    while let Some((mut at, end, file)) = spans.pop() {
-        while at < end {
-            let Some((name, header, length)) = box_at(input, at, end)? else {
-                return match file {
-                    true => Err(Error::new(CUT_OFF)),
-                    false => Ok(Some(format!("{UNKNOWN} (a box has an impossible size)"))),
-                };
-            };
-            // The last box of a file may go on to its end without saying how long it is.
-            let length = if file && length == 0 { end - at } else { length };
-            if at + length > end && file {
-                return Err(Error::new(CUT_OFF));
-            }
-            if length < header || at + length > end {
-                return Ok(Some(format!("{UNKNOWN} (a box has an impossible size)")));
-            }
-            index |= &name == b"moov";
-            // Boxes that consist of boxes, some behind a version.
-            match &name {
-                b"moov" | b"trak" | b"mdia" | b"minf" | b"stbl" | b"dinf" | b"mvex" | b"moof" | b"traf"
-                | b"udta" => {
-                    spans.push((at + header, at + length, false));
-                }
-                b"meta" => spans.push((at + header + 4, at + length, false)),
-                _ => {}
-            }
-            at += length;
+/// Profiles that the decoder knows: Baseline, Main, Extended and High. The others have more bits or more chroma.
+const PROFILES: [u8; 4] = [66, 77, 88, 100];
+/// Bytes of a picture's description before the boxes in it.
+const VISUAL: usize = 78;
+
+/// What became of reading an index.
+pub enum Indexed {
+    /// The frames can be decoded here.
+    Own(Box<Index>),
+    /// It is a video that the built-in reader leaves to others; the sentence part says what it is.
+    Other(String),
+}
+
+/// The index of a video with H.264.
+pub struct Index {
+    /// Where each frame lies, in the order of decoding.
+    pub samples: Vec<Sample>,
+    /// When each frame is shown.
+    pub timing: Timing,
+    /// Parameter sets of the stream.
+    pub parameters: Vec<Vec<u8>>,
+    /// Bytes before each unit that hold its length.
+    pub length_size: usize,
+    /// How many quarters the pictures are turned to the right.
+    pub quarters: u8,
+    /// Whether the file has sound.
+    pub has_sound: bool,
+}
+
+/// Where a frame lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sample {
+    /// Its first byte.
+    pub at: u64,
+    /// Its bytes.
+    pub length: u32,
+    /// Whether decoding can begin with it.
+    pub alone: bool,
+}
+
+/// Why there is no index to be used.
+pub enum Left {
+    /// The file is broken.
+    Broken(Error),
+    /// It is left to others.
+    Other(String),
+}
+
+impl From<Misbuilt> for Left {
+    fn from(_: Misbuilt) -> Self {
+        Self::Other(
+            "MP4 or QuickTime of a kind that the built-in reader does not know (a box of its index is not built as expected)"
+                .to_owned(),
+        )
+    }
+}
+
+impl From<Error> for Left {
+    fn from(error: Error) -> Self {
+        Self::Broken(error)
+    }
+}
+
+/// Reads the index of a file of `size` bytes.
+///
+/// # Errors
+/// If it is not an MP4 file, is cut off or damaged, or has no video.
+pub fn index(input: &mut (impl Read + Seek), size: u64) -> Result<Indexed> {
+    match read(input, size) {
+        Ok(index) => Ok(Indexed::Own(Box::new(index))),
+        Err(Left::Other(what)) => Ok(Indexed::Other(what)),
+        Err(Left::Broken(error)) => Err(error),
+    }
+}
+
+fn read(input: &mut (impl Read + Seek), size: u64) -> Result<Index, Left> {
+    let boxes = outermost(input, size)?;
+    let movie = boxes.iter().find(|found| &found.name == b"moov").ok_or_else(|| Error::new(CUT_OFF))?;
+    let movie = movie.read(input)?;
+    let movie = Content(&movie);
+    let (mut video, mut has_sound) = (None, false);
+    for (name, track) in movie.boxes()? {
+        if &name != b"trak" {
+            continue;
+        }
+        match track.reach(&[b"mdia", b"hdlr"])?.and_then(|handler| handler.0.get(8..12)) {
+            Some(b"vide") if video.is_none() => video = Some(track),
+            Some(b"soun") => has_sound = true,
+            _ => {}
         }
     }
-    input.seek(SeekFrom::Start(0))?;
-    if index { Ok(None) } else { Err(Error::new(CUT_OFF)) }
+    let track = video.ok_or_else(|| Error::new("it has no video track"))?;
+    let tables = needed(track.reach(&[b"mdia", b"minf", b"stbl"])?)?;
+    let sets = h264(needed(tables.find(b"stsd")?)?)?;
+    let header: Tkhd = needed(track.find(b"tkhd")?)?.as_a()?;
+    let whole: Mvhd = needed(movie.find(b"mvhd")?)?.as_a()?;
+    let scale = needed(track.reach(&[b"mdia", b"mdhd"])?)?.as_a::<Mdhd>()?.timescale.max(1);
+
+    let (samples, moments) = match movie.find(b"mvex")? {
+        Some(defaults) => fragments::read(input, &boxes, defaults, header.track_id, size)?,
+        None => listed(tables, size)?,
+    };
+    if samples.is_empty() {
+        return Err(Error::new("it has no frames").into());
+    }
+    let edits = match track.reach(&[b"edts", b"elst"])? {
+        Some(list) => list.as_a::<Elst>()?.entries,
+        None => Vec::new(),
+    };
+    let timing = Timing::new(moments, scale, &edits, whole.timescale)?;
+    if timing.time(timing.count()) <= 0.0 {
+        return Err(Error::new("its frames are shown for no time at all").into());
+    }
+    let turns = [&header.matrix, &whole.matrix].map(|m| quarter_turns([m.a, m.b, m.u, m.c, m.d, m.v]));
+    let [Some(own), Some(all)] = turns else {
+        return Err(Left::Other(
+            "an MP4 file whose pictures are to be mirrored, scaled or turned by other than quarter turns"
+                .to_owned(),
+        ));
+    };
+    let parameters = sets.sequence_parameter_sets.into_iter().chain(sets.picture_parameter_sets).collect();
+    Ok(Index {
+        samples,
+        timing,
+        parameters,
+        length_size: usize::from(sets.length_size),
+        quarters: own + all,
+        has_sound,
+    })
 }
 
-/// Said of a file of which a part is missing.
-pub const CUT_OFF: &str = "it is cut off: its frames or their index are missing in part; copy it again";
-
-/// The name, the length of the header and the length of the box at a place; none if there is no room for a header.
-fn box_at(input: &mut (impl Read + Seek), at: u64, end: u64) -> Result<Option<([u8; 4], u64, u64)>> {
-    if end - at < 8 {
-        return Ok(None);
-    }
-    let mut head = [0; 8];
-    input.seek(SeekFrom::Start(at))?;
-    input.read_exact(&mut head)?;
-    let [a, b, c, d, name @ ..] = head;
-    let length = u64::from(u32::from_be_bytes([a, b, c, d]));
-    if length != 1 {
-        return Ok(Some((name, 8, length)));
-    }
-    if end - at < 16 {
-        return Ok(None);
-    }
-    let mut long = [0; 8];
-    input.read_exact(&mut long)?;
-    Ok(Some((name, 16, u64::from_be_bytes(long).min(u64::MAX / 2))))
+/// A box without which there is no index.
+fn needed<T>(found: Option<T>) -> Result<T, Misbuilt> {
+    found.ok_or(Misbuilt)
 }
 
-/// Looks at what the index says of the frames before memory is taken for them: they have to find room in a file of `size`
-/// bytes, and to lie and to be shown somewhere.
-pub fn check_samples(track: &Mp4Track, size: u64) -> Result<()> {
-    let tables = &track.trak.mdia.minf.stbl;
-    let (sizes, chunks, times) = (&tables.stsz, &tables.stsc, &tables.stts);
-    let count = sizes.sample_count;
-    let largest = sizes.sample_sizes.iter().copied().max().unwrap_or(sizes.sample_size);
-    let together = u64::from(count) * u64::from(sizes.sample_size);
+/// How the frames are encoded, where that is H.264 that the decoder knows.
+fn h264(description: Content<'_>) -> Result<Avcc, Left> {
+    let (count, entries) =
+        description.0.get(4..).and_then(|content| content.split_first_chunk::<4>()).ok_or(Misbuilt)?;
+    let entries = Content(entries).boxes()?;
+    let ([(name, entry)], 1) = (&entries[..], u32::from_be_bytes(*count)) else {
+        return Err(Left::Other("an MP4 file whose frames are encoded in several ways".to_owned()));
+    };
+    if !matches!(name, b"avc1" | b"avc3") {
+        return Err(Left::Other(match name {
+            b"hvc1" | b"hev1" => "H.265".to_owned(),
+            b"vp09" => "VP9".to_owned(),
+            b"av01" => "AV1".to_owned(),
+            _ => "another codec than H.264".to_owned(),
+        }));
+    }
+    let boxes = Content(entry.0.get(VISUAL..).ok_or(Misbuilt)?);
+    let sets: Avcc = needed(boxes.find(b"avcC")?)?.as_a()?;
+    let profile = sets.avc_profile_indication;
+    match PROFILES.contains(&profile) {
+        true => Ok(sets),
+        false => Err(Left::Other(format!(
+            "H.264 in profile {profile} with more than 8 bits or more than 4:2:0 chroma"
+        ))),
+    }
+}
+
+/// The frames of a file that is not in fragments, from its tables.
+fn listed(tables: Content<'_>, size: u64) -> Result<(Vec<Sample>, Vec<Moment>), Left> {
+    let sizes = needed(tables.find(b"stsz")?)?.as_a::<Stsz>()?.samples;
+    let (count, largest, together) = match &sizes {
+        StszSamples::Identical { count, size } => (*count, *size, u64::from(*count) * u64::from(*size)),
+        StszSamples::Different { sizes } => (
+            u32::try_from(sizes.len()).map_err(|_| Misbuilt)?,
+            sizes.iter().copied().max().unwrap_or_default(),
+            0,
+        ),
+    };
     if together > size || u64::from(largest) > size {
         return Err(Error::new(format!(
             "it is damaged: its index claims {count} frames, of up to {largest} bytes each, in a file of {size} bytes; copy \
              it again"
-        )));
+        ))
+        .into());
     }
+    few_enough(count)?;
+    let chunks: Stsc = needed(tables.find(b"stsc")?)?.as_a()?;
+    let times: Stts = needed(tables.find(b"stts")?)?.as_a()?;
     let placed = chunks.entries.iter().all(|entry| entry.samples_per_chunk > 0 && entry.first_chunk > 0);
     let shown: u64 = times.entries.iter().map(|entry| u64::from(entry.sample_count)).sum();
-    if !placed || shown < u64::from(count) {
-        return Err(Error::new(format!(
+    let places: Vec<u64> = match (tables.find(b"stco")?, tables.find(b"co64")?) {
+        (Some(places), _) => places.as_a::<Stco>()?.entries.into_iter().map(u64::from).collect(),
+        (None, places) => needed(places)?.as_a::<Co64>()?.entries,
+    };
+    let damaged = || {
+        Error::new(format!(
             "it is damaged: its index does not say of all {count} frames where they lie and when they are shown; copy it \
              again"
-        )));
+        ))
+    };
+    if !placed || shown < u64::from(count) {
+        return Err(damaged().into());
     }
-    Ok(())
+    let alone = match tables.find(b"stss")? {
+        Some(alone) => Some(alone.as_a::<Stss>()?.entries),
+        None => None,
+    };
+
+    let mut samples = Vec::with_capacity(count as usize);
+    let mut entries = chunks.entries.iter().peekable();
+    let mut per_chunk = 0;
+    for (chunk, place) in (1u32..).zip(places) {
+        while let Some(entry) = entries.next_if(|entry| entry.first_chunk <= chunk) {
+            per_chunk = entry.samples_per_chunk;
+        }
+        let mut at = place;
+        for _ in 0..per_chunk {
+            if samples.len() == count as usize {
+                break;
+            }
+            let length = match &sizes {
+                StszSamples::Identical { size, .. } => *size,
+                StszSamples::Different { sizes } => sizes[samples.len()],
+            };
+            samples.push(Sample { at, length, alone: alone.is_none() });
+            at = at.saturating_add(u64::from(length));
+        }
+    }
+    if samples.len() < count as usize {
+        return Err(damaged().into());
+    }
+    for number in alone.into_iter().flatten() {
+        if let Some(sample) = (number as usize).checked_sub(1).and_then(|place| samples.get_mut(place)) {
+            sample.alone = true;
+        }
+    }
+    within(&samples, size)?;
+
+    let offsets = match tables.find(b"ctts")? {
+        Some(offsets) => offsets.as_a::<Ctts>()?.entries,
+        None => Vec::new(),
+    };
+    let offsets = offsets
+        .iter()
+        .flat_map(|entry| std::iter::repeat_n(entry.sample_offset, entry.sample_count as usize));
+    let durations = times
+        .entries
+        .iter()
+        .flat_map(|entry| std::iter::repeat_n(entry.sample_delta, entry.sample_count as usize));
+    let mut decoded = 0;
+    let moments =
+        durations.zip(offsets.chain(std::iter::repeat(0))).take(count as usize).map(|(duration, offset)| {
+            let begins = decoded + offset;
+            decoded += i64::from(duration);
+            Moment { begins, duration }
+        });
+    let moments = moments.collect();
+    Ok((samples, moments))
 }
 
+/// Makes sure that the times of this many frames find room in memory.
+pub fn few_enough(count: u32) -> Result<()> {
+    match count > MOST {
+        true => {
+            Err(Error::new(format!("it has {count} frames, and a video may have {MOST}; cut it into parts")))
+        }
+        false => Ok(()),
+    }
+}
+
+/// Makes sure that the frames lie in the file.
+pub fn within(samples: &[Sample], size: u64) -> Result<()> {
+    let outside = samples.iter().position(|sample| sample.at.saturating_add(u64::from(sample.length)) > size);
+    match outside {
+        Some(place) => Err(Error::new(format!(
+            "it is cut off: frame {} of {} is missing; copy it again",
+            place + 1,
+            samples.len()
+        ))),
+        None => Ok(()),
+    }
+}
 #[cfg(test)]
 mod tests {
     use std::path::{Path, PathBuf};
@@ -149,16 +342,29 @@ mod tests {
     }
 
     #[test]
-    fn an_index_that_leads_in_circles_is_left() {
+    fn what_is_not_needed_of_an_index_is_not_read() {
         let folder = tempfile::tempdir().unwrap();
         let (path, whole) = clip(folder.path());
         // The list of places of the data: very many, of which the first takes no bytes.
         let mut circle = whole.clone();
         circle[place(&whole, b"dref", 0)].copy_from_slice(&u32::MAX.to_be_bytes());
         circle[place(&whole, b"dref", 4)].copy_from_slice(&0u32.to_be_bytes());
-        circle[place(&whole, b"dref", 8)].copy_from_slice(b"abcd");
         std::fs::write(&path, &circle).unwrap();
-        assert_eq!(refusal(&path), "it is damaged: its index leads in circles; copy it again");
+        assert_eq!(Reader::open_file(&path).unwrap().count(), 3);
+    }
+
+    #[test]
+    fn a_table_with_more_entries_than_bytes_is_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, whole) = clip(folder.path());
+        for table in [b"stsz", b"stts", b"stsc", b"stco", b"stss"] {
+            let mut many = whole.clone();
+            let skip = if table == b"stsz" { 4 } else { 0 };
+            many[place(&whole, table, skip)].copy_from_slice(&u32::MAX.to_be_bytes());
+            std::fs::write(&path, &many).unwrap();
+            let said = refusal(&path);
+            assert!(said.contains("a box of its index is not built as expected"), "{table:?}: {said}");
+        }
     }
 
     #[test]

@@ -1,21 +1,40 @@
-//! H.264 videos in MP4 files as frames, one at a time: a video is never in memory as a whole.
+//! Videos as frames, one at a time: a video is never in memory as a whole.
+//!
+//! [`Video`] opens any: [`Reader`] decodes H.264 in MP4 files, and [`Ffmpeg`] leaves the others to the program of that name.
 //!
 //! [`Writer`] is deterministic: the same frames give the same bytes. Colours are those of ITU-R BT.601 with luma from 16 to
 //! 235.
 
 mod assembly;
-mod bounded;
+mod boxes;
+mod container;
 mod convert;
+mod ffmpeg;
+mod fragments;
 mod index;
+mod process;
 mod reader;
+#[cfg(test)]
+mod stand_in;
+mod stream;
 mod timing;
 mod turn;
+mod video;
 mod writer;
 
+/// MP4 files without their frames being decoded or encoded.
+pub mod mp4 {
+    pub use crate::container::Mp4;
+    pub use crate::index::{Index, Indexed, Sample, index};
+}
+
 pub use assembly::has_assembly;
-pub use bounded::Input;
 pub use convert::Yuv420;
-pub use reader::{Container, Opened, Reader, container, only_h264};
+pub use ffmpeg::{Ffmpeg, Pace};
+pub use reader::{Container, Input, Opened, Reader, container};
+pub use stream::{Stream, begins_anew};
+pub use timing::Timing;
+pub use video::Video;
 pub use writer::Writer;
 
 // The example in the README compiles.

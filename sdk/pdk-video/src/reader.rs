@@ -1,26 +1,25 @@
 //! Decodes H.264 from MP4 files.
 
 use std::collections::VecDeque;
-use std::io::BufReader;
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use mp4::{MediaType, Mp4Reader, TrackType};
 use openh264::OpenH264API;
 use openh264::decoder::{DecodedYUV, Decoder, DecoderConfig, Flush};
 use openh264::formats::YUVSource;
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
-use crate::bounded::{Bounded, Input};
 use crate::convert::Yuv420;
-use crate::index::{CUT_OFF, check_boxes, check_samples};
-use crate::timing::Timing;
-use crate::turn::{quarter_turns, turn};
+use crate::index::{Index, Indexed, index};
+use crate::turn::turn;
 
-/// Profiles that the decoder knows: Baseline, Main, Extended and High. The others have more bits or more chroma.
-const PROFILES: [u8; 4] = [66, 77, 88, 100];
 /// Goes before every unit of a stream that is not in a container (ITU-T H.264, annex B).
 const START_CODE: [u8; 4] = [0, 0, 0, 1];
+
+/// Reads from a file or from memory.
+pub trait Input: Read + Seek + Send {}
+impl<T: Read + Seek + Send> Input for T {}
 
 /// What became of opening a file.
 pub enum Opened {
@@ -32,22 +31,17 @@ pub enum Opened {
 
 /// The frames of an MP4 file in the order in which they are shown, held up as the file says, each with its time.
 pub struct Reader {
-    mp4: Mp4Reader<Bounded>,
+    input: Box<dyn Input>,
+    index: Index,
     decoder: Decoder,
-    track: u32,
-    /// Samples still to be decoded, by number from 1.
-    samples: Box<dyn Iterator<Item = u32>>,
-    /// How many samples the file has.
-    count: u32,
-    timing: Timing,
+    /// Samples still to be decoded, by their place in the index.
+    samples: Box<dyn Iterator<Item = u32> + Send>,
     /// Frames that were decoded, shown or not.
     decoded: u32,
-    /// How many quarters each is turned to the right, and memory for that.
-    quarters: u8,
+    /// The first of those that is given.
+    from: u32,
+    /// Memory for turning pictures.
     turned: Yuv420,
-    has_sound: bool,
-    /// Bytes before each unit that hold its length.
-    length_size: usize,
     /// Parameter sets of the stream, with start codes.
     headers: Vec<u8>,
     packet: Vec<u8>,
@@ -76,96 +70,40 @@ impl Reader {
     /// # Errors
     /// If it is not an MP4 file, is cut off, or has no video.
     pub fn open(mut input: Box<dyn Input>, size: u64, few: bool) -> Result<Opened> {
-        if let Some(other) = check_boxes(&mut input, size)? {
-            return Ok(Opened::OtherCodec(other));
-        }
-        let (input, steps) = Bounded::new(input, size);
-        let reader = match Mp4Reader::read_header(input, size) {
-            Ok(reader) => reader,
-            Err(_) if steps.are_used_up() => {
-                return Err(Error::new("it is damaged: its index leads in circles; copy it again"));
-            }
-            Err(mp4::Error::BoxNotFound(mp4::BoxType::MoovBox) | mp4::Error::IoError(_)) => {
-                return Err(Error::new(CUT_OFF));
-            }
-            Err(error) => {
-                return Ok(Opened::OtherCodec(format!(
-                    "MP4 or QuickTime of a kind that the built-in reader does not know ({error})"
-                )));
-            }
+        let index = match index(&mut input, size)? {
+            Indexed::Own(index) => *index,
+            Indexed::Other(what) => return Ok(Opened::OtherCodec(what)),
         };
-        steps.lift();
-        if reader.is_fragmented() {
-            return Ok(Opened::OtherCodec("an MP4 file in fragments".to_owned()));
-        }
-        let mut tracks: Vec<_> = reader.tracks().values().collect();
-        tracks.sort_by_key(|track| track.track_id());
-        let video = tracks.into_iter().find(|track| matches!(track.track_type(), Ok(TrackType::Video)));
-        let Some(track) = video else { return Err(Error::new("it has no video track")) };
-        let tables = &track.trak.mdia.minf.stbl;
-        let Some(format) = &tables.stsd.avc1 else {
-            let codec = match track.media_type() {
-                Ok(MediaType::H265) => "H.265",
-                Ok(MediaType::VP9) => "VP9",
-                _ => "another codec than H.264",
-            };
-            return Ok(Opened::OtherCodec(codec.to_owned()));
-        };
-        let sets = &format.avcc;
-        if !PROFILES.contains(&sets.avc_profile_indication) {
-            let profile = sets.avc_profile_indication;
-            return Ok(Opened::OtherCodec(format!(
-                "H.264 in profile {profile} with more than 8 bits or more than 4:2:0 chroma"
-            )));
-        }
         let mut headers = Vec::new();
-        for set in sets.sequence_parameter_sets.iter().chain(&sets.picture_parameter_sets) {
+        for set in &index.parameters {
             headers.extend_from_slice(&START_CODE);
-            headers.extend_from_slice(&set.bytes);
+            headers.extend_from_slice(set);
         }
-        let length_size = usize::from(sets.length_size_minus_one & 3) + 1;
-
-        let (id, count) = (track.track_id(), track.sample_count());
-        if count == 0 {
-            return Err(Error::new("it has no frames"));
-        }
-        check_samples(track, size)?;
-        let timing = Timing::of(track, reader.timescale())?;
-        if timing.time(timing.count()) <= 0.0 {
-            return Err(Error::new("its frames are shown for no time at all"));
-        }
-        let matrices = [&track.trak.tkhd.matrix, &reader.moov.mvhd.matrix];
-        let turns = matrices.map(|m| quarter_turns([m.a, m.b, m.u, m.c, m.d, m.v]));
-        let [Some(own), Some(all)] = turns else {
-            return Err(Error::new(
-                "its pictures are to be mirrored, scaled or turned by other than quarter turns, which the built-in reader cannot \
-                 do; convert it, such as with `ffmpeg -i VIDEO -c:v libx264 -pix_fmt yuv420p OUT.mp4`",
-            ));
-        };
-        let has_sound =
-            reader.tracks().values().any(|track| matches!(track.track_type(), Ok(TrackType::Audio)));
-        let samples: Box<dyn Iterator<Item = u32>> = match (few, &tables.stss) {
-            (true, Some(alone)) if !alone.entries.is_empty() => {
-                let last = alone.entries.len() - 1;
-                let mut few = vec![alone.entries[0], alone.entries[last / 2], alone.entries[last]];
+        let count = index.samples.len() as u32;
+        let samples: Box<dyn Iterator<Item = u32> + Send> = match few {
+            true => {
+                let alone: Vec<u32> =
+                    (0..count).filter(|place| index.samples[*place as usize].alone).collect();
+                let mut few = match (alone.first(), alone.last()) {
+                    // All can, which says nothing: the file has no list of them.
+                    (Some(first), _) if alone.len() == count as usize => vec![*first],
+                    (Some(first), Some(last)) => vec![*first, alone[(alone.len() - 1) / 2], *last],
+                    _ => vec![0],
+                };
                 few.dedup();
                 Box::new(few.into_iter())
             }
-            (true, _) => Box::new(std::iter::once(1)),
-            (false, _) => Box::new(1..=count),
+            false => Box::new(0..count),
         };
+        let from = index.timing.skipped;
         Ok(Opened::Frames(Box::new(Self {
-            mp4: reader,
+            input,
+            index,
             decoder: new_decoder()?,
-            track: id,
             samples,
-            count,
-            timing,
             decoded: 0,
-            quarters: own + all,
+            from,
             turned: Yuv420::default(),
-            has_sound,
-            length_size,
             headers,
             packet: Vec::new(),
             rest: None,
@@ -173,19 +111,42 @@ impl Reader {
         })))
     }
 
+    /// Goes to a frame, so that [`next`](Self::next) reads it: decoding begins at the last frame before it at which it can.
+    ///
+    /// # Errors
+    /// If the decoder does not start.
+    pub fn seek(&mut self, frame: u32) -> Result<()> {
+        let Self { index, .. } = self;
+        let begin = index.timing.before(frame, |place| index.samples[place as usize].alone);
+        let from = frame.saturating_add(index.timing.skipped);
+        // What lies ahead is decoded on, unless there is a shorter way.
+        if self.decoded > from || begin > self.decoded {
+            self.samples = Box::new(begin..index.samples.len() as u32);
+            (self.decoder, self.rest, self.decoded) = (new_decoder()?, None, begin);
+        }
+        self.from = from;
+        Ok(())
+    }
+
     /// Puts a sample into `packet`, in the form of a stream. The parameter sets go before every sample that needs them.
-    fn read_packet(&mut self, sample: u32) -> Result<()> {
+    fn read_packet(&mut self, place: u32) -> Result<()> {
         let missing = || {
-            Error::new(format!("it is cut off: frame {sample} of {} is missing; copy it again", self.count))
+            let (number, count) = (place + 1, self.index.samples.len());
+            Error::new(format!("it is cut off: frame {number} of {count} is missing; copy it again"))
         };
-        let sample = self.mp4.read_sample(self.track, sample).ok().flatten().ok_or_else(missing)?;
+        let sample = self.index.samples[place as usize];
+        // The index was compared with the size of the file, so that this is not more than the file has.
+        let mut bytes = vec![0; sample.length as usize];
+        let read =
+            self.input.seek(SeekFrom::Start(sample.at)).and_then(|_| self.input.read_exact(&mut bytes));
+        read.map_err(|_| missing())?;
         self.packet.clear();
-        if sample.is_sync {
+        if sample.alone {
             self.packet.extend_from_slice(&self.headers);
         }
-        let mut bytes = &sample.bytes[..];
-        while bytes.len() > self.length_size {
-            let (length, rest) = bytes.split_at(self.length_size);
+        let mut bytes = &bytes[..];
+        while bytes.len() > self.index.length_size {
+            let (length, rest) = bytes.split_at(self.index.length_size);
             let length = length.iter().fold(0usize, |sum, &byte| sum << 8 | usize::from(byte));
             let unit = rest.get(..length).ok_or_else(missing)?;
             self.packet.extend_from_slice(&START_CODE);
@@ -210,12 +171,17 @@ impl Reader {
     /// # Errors
     /// If the file is damaged or cut off.
     pub fn next(&mut self, into: &mut Yuv420) -> Result<bool> {
-        let Timing { skipped, .. } = self.timing;
-        let end = if self.alone { u32::MAX } else { skipped + self.timing.count() };
-        while self.decoded < end && self.decode(into)? {
+        let timing = &self.index.timing;
+        let end = if self.alone { u32::MAX } else { timing.skipped + timing.count() };
+        while self.decoded < end {
+            // After an error, decoding begins anew if another frame is wanted.
+            let decoded = self.decode(into).inspect_err(|_| self.decoded = u32::MAX)?;
+            if !decoded {
+                break;
+            }
             self.decoded += 1;
-            if self.alone || self.decoded > skipped {
-                turn(into, self.quarters, &mut self.turned);
+            if self.alone || self.decoded > self.from {
+                turn(into, self.index.quarters, &mut self.turned);
                 return Ok(true);
             }
         }
@@ -257,17 +223,17 @@ impl Reader {
 
     /// Frames that are shown, as the file's index says.
     pub fn count(&self) -> u32 {
-        self.timing.count()
+        self.index.timing.count()
     }
 
     /// When a frame begins, in seconds after the first one; that of [`count`](Self::count) is when the last one ends.
     pub fn time(&self, frame: u32) -> f64 {
-        self.timing.time(frame)
+        self.index.timing.time(frame)
     }
 
     /// Whether the file has sound, which is not read.
     pub fn has_sound(&self) -> bool {
-        self.has_sound
+        self.index.has_sound
     }
 }
 
@@ -316,7 +282,7 @@ fn damaged(error: &openh264::Error) -> Error {
     Error::new(format!("its H.264 is damaged, or uses what the built-in decoder does not know ({error})"))
 }
 
-fn copy_planes(frame: &DecodedYUV<'_>, into: &mut Yuv420) {
+pub(crate) fn copy_planes(frame: &DecodedYUV<'_>, into: &mut Yuv420) {
     let (width, height) = frame.dimensions();
     into.reset(width, height);
     let strides = frame.strides();
@@ -434,7 +400,7 @@ mod tests {
         let path = clip(folder.path(), 3, 10.0);
         let (plain, times) = whole(Reader::open_file(&path).unwrap());
         // The matrices of the track and of the whole file, behind dates, numbers and a duration.
-        let places = [(b"tkhd", 40), (b"mvhd", 36)];
+        let places = [(b"tkhd", 52), (b"mvhd", 48)];
         for (name, skip) in places {
             let turned = |matrix: [i32; 6]| Reader::open_file(&changed(&path, name, skip, &numbers(&matrix)));
             let right = whole(turned([0, ONE, 0, -ONE, 0, 0]).unwrap());
@@ -500,16 +466,38 @@ mod tests {
         let all = whole(Reader::open_file(&path).unwrap()).0;
         assert_eq!(cut, all[1..3]);
         for (entries, reason) in [
-            (&[36_000, 18_000, RATE / 2][..], "its edit list plays it at another speed"),
+            (
+                &[36_000, 18_000, RATE / 2][..],
+                "it is an MP4 file whose edit list plays it at another speed, but only",
+            ),
             (
                 &[9_000, 18_000, RATE, 9_000, 36_000, RATE],
-                "its edit list puts it together from several parts",
+                "it is an MP4 file whose edit list puts it together from several parts, but only",
             ),
             (&[9_000, 90_000, RATE], "its edit list leaves none of its frames"),
         ] {
             let said = edits(entries).err().unwrap().to_string();
             assert!(said.starts_with(reason), "{said}");
         }
+    }
+
+    #[test]
+    fn frames_are_read_in_any_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = clip(folder.path(), 20, 4.0);
+        let (all, _) = whole(Reader::open_file(&path).unwrap());
+        let mut reader = Reader::open_file(&path).unwrap();
+        let mut picture = Yuv420::default();
+        for frame in [19, 0, 7, 8, 9, 17, 3, 3, 16, 18] {
+            reader.seek(frame).unwrap();
+            assert!(reader.next(&mut picture).unwrap());
+            assert!(picture == all[frame as usize], "frame {frame}");
+        }
+        // On from there to the end, and behind it.
+        assert!(reader.next(&mut picture).unwrap() && picture == all[19]);
+        assert!(!reader.next(&mut picture).unwrap());
+        reader.seek(20).unwrap();
+        assert!(!reader.next(&mut picture).unwrap());
     }
 
     #[test]
@@ -522,7 +510,7 @@ mod tests {
         // The same track again, as one of sound.
         let mut track = bytes[at + 4..at - 4 + length].to_vec();
         let name = |track: &[u8], name: &[u8; 4]| track.windows(4).position(|window| window == name).unwrap();
-        let number = name(&track, b"tkhd") + 16;
+        let number = name(&track, b"tkhd") + 24;
         track[number..number + 4].copy_from_slice(&2u32.to_be_bytes());
         let handler = name(&track, b"vide");
         track[handler..handler + 4].copy_from_slice(b"soun");
@@ -552,9 +540,11 @@ mod tests {
     fn every_two_seconds_a_player_can_jump_to() {
         let folder = tempfile::tempdir().unwrap();
         let bytes = std::fs::read(clip(folder.path(), 20, 4.0)).unwrap();
-        let mp4 = Mp4Reader::read_header(Cursor::new(&bytes), bytes.len() as u64).unwrap();
-        let alone = &mp4.tracks()[&1].trak.mdia.minf.stbl.stss.as_ref().unwrap().entries;
-        assert_eq!(alone, &[1, 9, 17]);
+        let Indexed::Own(index) = index(&mut Cursor::new(&bytes), bytes.len() as u64).unwrap() else {
+            panic!("it is another codec")
+        };
+        let alone: Vec<_> = (0..20).filter(|place| index.samples[*place].alone).collect();
+        assert_eq!(alone, [0, 8, 16]);
     }
 
     #[test]

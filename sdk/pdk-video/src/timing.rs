@@ -4,11 +4,22 @@
 //! that of showing lets all of them begin late, and takes that back with an edit list, which is also how cameras and editors cut
 //! the beginning or the end off without encoding anew. What the list leaves out is decoded, since other frames may need it, and not shown.
 
-use mp4::Mp4Track;
+use mp4_atom::ElstEntry;
 use pdk_sdk::prelude::*;
 
+use crate::index::Left;
+
 /// More frames than this are not believed: they take the memory of their times. At 30 frames a second they take 38 hours.
-const MOST: u32 = 1 << 22;
+pub const MOST: u32 = 1 << 22;
+
+/// When a frame is shown, in ticks of its track.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Moment {
+    /// When it begins.
+    pub begins: i64,
+    /// How long it lasts until the next one is decoded.
+    pub duration: u32,
+}
 
 /// When frames are shown, in the order in which they are.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -19,54 +30,37 @@ pub struct Timing {
     ticks: Vec<i64>,
     /// Ticks a second.
     scale: u32,
+    /// Frames behind which nothing is decoded that is shown before them, and before which nothing that is shown later: they have the
+    /// same place in both orders.
+    begins: Vec<u32>,
 }
 
 impl Timing {
-    /// The timing of a track, in a file whose edit lists count in `movie_scale` ticks a second. The index has been looked at.
+    /// The timing of frames, given in the order of decoding, of a track with `scale` ticks a second, in a file whose edit lists count in
+    /// `movie_scale` ticks a second.
     ///
     /// # Errors
     /// If the edit list does more than cut, or leaves nothing.
-    pub fn of(track: &Mp4Track, movie_scale: u32) -> Result<Self> {
-        let tables = &track.trak.mdia.minf.stbl;
-        let scale = track.trak.mdia.mdhd.timescale.max(1);
-        let count = track.sample_count();
-        if count > MOST {
-            return Err(Error::new(format!(
-                "it has {count} frames, and a video may have {MOST}; cut it into parts"
-            )));
-        }
-        let durations = tables.stts.entries.iter();
-        let durations =
-            durations.flat_map(|entry| std::iter::repeat_n(entry.sample_delta, entry.sample_count as usize));
-        let offsets = tables.ctts.iter().flat_map(|offsets| &offsets.entries);
-        let offsets =
-            offsets.flat_map(|entry| std::iter::repeat_n(entry.sample_offset, entry.sample_count as usize));
-        // When each begins, and how long it lasts.
-        let mut decoded = 0;
-        let mut frames: Vec<(i64, u32)> = durations
-            .zip(offsets.chain(std::iter::repeat(0)))
-            .take(count as usize)
-            .map(|(duration, offset)| {
-                let begins = decoded + i64::from(offset);
-                decoded += i64::from(duration);
-                (begins, duration)
-            })
-            .collect();
+    pub fn new(frames: Vec<Moment>, scale: u32, edits: &[ElstEntry], movie_scale: u32) -> Result<Self, Left> {
+        let begins = beginnings(&frames);
+        let mut frames: Vec<(i64, u32)> =
+            frames.into_iter().map(|frame| (frame.begins, frame.duration)).collect();
         frames.sort_by_key(|&(begins, _)| begins);
 
-        let edit = Edit::of(track, scale, movie_scale.max(1))?;
+        let edit = Edit::of(edits, scale, movie_scale.max(1))?;
         let skipped = frames.partition_point(|&(begins, _)| begins < edit.from);
         let shown = frames.partition_point(|&(begins, _)| edit.to.is_none_or(|to| begins < to));
         let Some(&[(first, _), ..]) = frames.get(skipped..shown) else {
-            return Err(Error::new("its edit list leaves none of its frames"));
+            return Err(Error::new("its edit list leaves none of its frames").into());
         };
         let (last, duration) = frames[shown - 1];
-        let end = last + i64::from(duration);
+        let end = last.saturating_add(i64::from(duration));
         // An edit list says in ticks of its own when the last frame ends.
         let end = edit.to.filter(|to| to.abs_diff(end) > edit.tick).unwrap_or(end);
-        let mut ticks: Vec<i64> = frames[skipped..shown].iter().map(|&(begins, _)| begins - first).collect();
-        ticks.push(end - first);
-        Ok(Self { skipped: skipped as u32, ticks, scale })
+        let mut ticks: Vec<i64> =
+            frames[skipped..shown].iter().map(|&(begins, _)| begins.saturating_sub(first)).collect();
+        ticks.push(end.saturating_sub(first));
+        Ok(Self { skipped: skipped as u32, ticks, scale, begins })
     }
 
     /// How many frames are shown.
@@ -79,6 +73,35 @@ impl Timing {
         let ticks = self.ticks.get(frame as usize).or(self.ticks.last());
         ticks.map_or(0.0, |&ticks| ticks as f64 / f64::from(self.scale))
     }
+
+    /// Where to begin decoding so that a frame comes soon: a place that is the same in the orders of decoding and of showing. `alone`
+    /// says with which ones decoding can begin.
+    pub fn before(&self, frame: u32, alone: impl Fn(u32) -> bool) -> u32 {
+        let wanted = frame.saturating_add(self.skipped);
+        let behind = self.begins.partition_point(|&place| place <= wanted);
+        self.begins[..behind].iter().rev().copied().find(|&place| alone(place)).unwrap_or_default()
+    }
+}
+
+/// The frames that have the same place in the orders of decoding and of showing, and divide both: all that is decoded before them is shown
+/// before them, and the same behind them.
+fn beginnings(frames: &[Moment]) -> Vec<u32> {
+    let mut latest = i64::MIN;
+    let mut after = vec![false; frames.len()];
+    for (place, frame) in frames.iter().enumerate() {
+        after[place] = frame.begins >= latest;
+        latest = latest.max(frame.begins);
+    }
+    let mut earliest = i64::MAX;
+    let mut found = Vec::new();
+    for (place, frame) in frames.iter().enumerate().rev() {
+        if after[place] && frame.begins < earliest {
+            found.push(place as u32);
+        }
+        earliest = earliest.min(frame.begins);
+    }
+    found.reverse();
+    found
 }
 
 /// The part of a track that is shown, in ticks of the track.
@@ -91,17 +114,14 @@ struct Edit {
 }
 
 impl Edit {
-    fn of(track: &Mp4Track, scale: u32, movie_scale: u32) -> Result<Self> {
-        let list = track.trak.edts.as_ref().and_then(|edits| edits.elst.as_ref());
-        let empty = list.map_or(u64::MAX, |list| if list.version == 1 { u64::MAX } else { u32::MAX.into() });
-        let parts = list.into_iter().flat_map(|list| &list.entries);
+    fn of(parts: &[ElstEntry], scale: u32, movie_scale: u32) -> Result<Self, Left> {
         // Nothing is shown before a track begins late, such as after its sound: time counts from the first frame.
-        let parts: Vec<_> = parts.filter(|part| part.media_time != empty).collect();
+        let parts: Vec<_> = parts.iter().filter_map(|part| Some((part, part.media_time?))).collect();
         let tick = u64::from(scale.div_ceil(movie_scale));
         match parts[..] {
             [] => Ok(Self { from: i64::MIN, to: None, tick }),
-            [part] if (part.media_rate, part.media_rate_fraction) == (1, 0) => {
-                let from = i64::try_from(part.media_time).unwrap_or(i64::MAX);
+            [(part, from)] if part.media_rate == 1.into() => {
+                let from = i64::try_from(from).unwrap_or(i64::MAX);
                 let (scale, movie_scale) = (u128::from(scale), u128::from(movie_scale));
                 let length = (u128::from(part.segment_duration) * scale + movie_scale / 2) / movie_scale;
                 let length = i64::try_from(length).unwrap_or(i64::MAX);
@@ -113,9 +133,6 @@ impl Edit {
     }
 }
 
-fn unknown(what: &str) -> Error {
-    Error::new(format!(
-        "its edit list {what}, which the built-in reader cannot do; convert it, such as with `ffmpeg -i VIDEO -c:v libx264 \
-         -pix_fmt yuv420p OUT.mp4`"
-    ))
+fn unknown(what: &str) -> Left {
+    Left::Other(format!("an MP4 file whose edit list {what}"))
 }

@@ -4,7 +4,6 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use mp4::{AvcConfig, Bytes, MediaConfig, Mp4Config, Mp4Sample, Mp4Writer, TrackConfig, TrackType};
 use openh264::OpenH264API;
 use openh264::encoder::{
     BitRate, Complexity, Encoder, EncoderConfig, FrameRate, IntraFramePeriod, Profile, QpRange,
@@ -15,6 +14,7 @@ use pdk_sdk::error::Place;
 use pdk_sdk::file;
 use pdk_sdk::prelude::*;
 
+use crate::container::Mp4;
 use crate::convert::Yuv420;
 
 /// Ticks a second in the file: frame rates such as 24, 25, 30 and 30000/1001 have a whole number of them in a frame.
@@ -34,7 +34,7 @@ pub struct Writer {
     path: PathBuf,
     part: PathBuf,
     /// None once the file is complete.
-    mp4: Option<Mp4Writer<BufWriter<File>>>,
+    mp4: Option<Mp4<BufWriter<File>>>,
     encoder: Encoder,
     width: usize,
     height: usize,
@@ -95,14 +95,7 @@ impl Writer {
             std::fs::create_dir_all(folder)?;
         }
         let part = file::part_of(path);
-        let brand = |name: &[u8; 4]| mp4::FourCC { value: *name };
-        let header = Mp4Config {
-            major_brand: brand(b"isom"),
-            minor_version: 512,
-            compatible_brands: [b"isom", b"iso2", b"avc1", b"mp41"].map(brand).into(),
-            timescale: TIMESCALE,
-        };
-        let mp4 = Mp4Writer::write_start(BufWriter::new(File::create(&part)?), &header).map_err(text)?;
+        let mp4 = Mp4::begin(BufWriter::new(File::create(&part)?), TIMESCALE)?;
         Ok(Self {
             path: path.to_owned(),
             part,
@@ -180,30 +173,12 @@ impl Writer {
             let [Some(sequence), Some(picture)] = parameters else {
                 return Err(Error::new("the encoder gives no parameter sets"));
             };
-            let track = TrackConfig {
-                track_type: TrackType::Video,
-                timescale: TIMESCALE,
-                language: "und".to_owned(),
-                media_conf: MediaConfig::AvcConfig(AvcConfig {
-                    width: width as u16,
-                    height: height as u16,
-                    seq_param_set: sequence,
-                    pic_param_set: picture,
-                }),
-            };
-            mp4.add_track(&track).map_err(text)?;
+            mp4.describe(width as u16, height as u16, &sequence, &picture)?;
         }
         if bytes.is_empty() {
             return Err(Error::new(format!("the encoder left out frame {}", self.frames)));
         }
-        let sample = Mp4Sample {
-            start_time: self.end,
-            duration,
-            rendering_offset: 0,
-            is_sync: alone,
-            bytes: Bytes::from(bytes),
-        };
-        mp4.write_sample(1, &sample).map_err(text)?;
+        mp4.add(&bytes, duration, alone)?;
         (self.frames, self.end) = (self.frames + 1, end);
         Ok(())
     }
@@ -226,9 +201,9 @@ impl Writer {
         if self.frames == 0 {
             return Err(Error::new("a video has at least one frame"));
         }
-        let Some(mut mp4) = self.mp4.take() else { return Ok(()) };
-        let completed = mp4.write_end().map_err(text).and_then(|()| {
-            let file = mp4.into_writer().into_inner().map_err(|error| Error::from(error.into_error()))?;
+        let Some(mp4) = self.mp4.take() else { return Ok(()) };
+        let completed = mp4.finish().and_then(|file| {
+            let file = file.into_inner().map_err(|error| Error::from(error.into_error()))?;
             file.sync_all()?;
             Ok(std::fs::rename(&self.part, &self.path)?)
         });
@@ -272,10 +247,6 @@ fn check_size(width: usize, height: usize) -> Result<()> {
 
 fn place(path: &Path) -> String {
     format!("cannot write the video {}", path.display())
-}
-
-fn text(error: mp4::Error) -> Error {
-    Error::new(error.to_string())
 }
 
 fn without_start_code(unit: &[u8]) -> &[u8] {

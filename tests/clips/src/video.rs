@@ -2,12 +2,12 @@
 
 use std::io::{Cursor, Error, Result};
 
-use mp4::{AvcConfig, Bytes, MediaConfig, Mp4Config, Mp4Sample, Mp4Writer, TrackConfig, TrackType};
 use openh264::OpenH264API;
 use openh264::encoder::{
     BitRate, Complexity, Encoder, EncoderConfig, FrameRate, Profile, QpRange, RateControlMode, VuiConfig,
 };
 use openh264::formats::YUVBuffer;
+use pdk_video::mp4::Mp4;
 
 use crate::canvas::{Canvas, SIZE};
 
@@ -34,8 +34,8 @@ pub fn encode(frames: impl Iterator<Item = Canvas>, rate: u32, quantiser: u8) ->
         .background_detection(false)
         .num_threads(1);
     let mut encoder = Encoder::with_api_config(OpenH264API::from_source(), config).map_err(Error::other)?;
-    let mut file: Option<Mp4Writer<Cursor<Vec<u8>>>> = None;
-    for (number, canvas) in frames.enumerate() {
+    let mut file: Option<Mp4<Cursor<Vec<u8>>>> = None;
+    for canvas in frames {
         let picture = YUVBuffer::from_vec(planes(&canvas), SIZE.0, SIZE.1);
         let stream = encoder.encode(&picture).map_err(Error::other)?;
         let units = units(&stream.to_vec());
@@ -47,7 +47,9 @@ pub fn encode(frames: impl Iterator<Item = Canvas>, rate: u32, quantiser: u8) ->
                 let (Some(sequence), Some(picture)) = (set(7), set(8)) else {
                     return Err(Error::other("the encoder gives no parameter sets"));
                 };
-                file.insert(begin(sequence, picture)?)
+                let mut writer = Mp4::begin(Cursor::new(Vec::new()), TIMESCALE).map_err(Error::other)?;
+                writer.describe(SIZE.0 as u16, SIZE.1 as u16, &sequence, &picture).map_err(Error::other)?;
+                file.insert(writer)
             }
         };
         let mut bytes = Vec::new();
@@ -56,43 +58,11 @@ pub fn encode(frames: impl Iterator<Item = Canvas>, rate: u32, quantiser: u8) ->
             bytes.extend_from_slice(&(unit.len() as u32).to_be_bytes());
             bytes.extend_from_slice(unit);
         }
-        let duration = TIMESCALE / rate;
-        let sample = Mp4Sample {
-            start_time: u64::from(duration) * number as u64,
-            duration,
-            rendering_offset: 0,
-            is_sync: units.iter().any(|unit| kind(unit) == 5),
-            bytes: Bytes::from(bytes),
-        };
-        writer.write_sample(1, &sample).map_err(Error::other)?;
+        let alone = units.iter().any(|unit| kind(unit) == 5);
+        writer.add(&bytes, TIMESCALE / rate, alone).map_err(Error::other)?;
     }
-    let mut writer = file.ok_or_else(|| Error::other("a clip has frames"))?;
-    writer.write_end().map_err(Error::other)?;
-    Ok(writer.into_writer().into_inner())
-}
-
-fn begin(sequence: Vec<u8>, picture: Vec<u8>) -> Result<Mp4Writer<Cursor<Vec<u8>>>> {
-    let brand = |name: &[u8; 4]| mp4::FourCC { value: *name };
-    let config = Mp4Config {
-        major_brand: brand(b"isom"),
-        minor_version: 512,
-        compatible_brands: [b"isom", b"iso2", b"avc1", b"mp41"].map(brand).into(),
-        timescale: TIMESCALE,
-    };
-    let mut writer = Mp4Writer::write_start(Cursor::new(Vec::new()), &config).map_err(Error::other)?;
-    let track = TrackConfig {
-        track_type: TrackType::Video,
-        timescale: TIMESCALE,
-        language: "und".to_owned(),
-        media_conf: MediaConfig::AvcConfig(AvcConfig {
-            width: SIZE.0 as u16,
-            height: SIZE.1 as u16,
-            seq_param_set: sequence,
-            pic_param_set: picture,
-        }),
-    };
-    writer.add_track(&track).map_err(Error::other)?;
-    Ok(writer)
+    let writer = file.ok_or_else(|| Error::other("a clip has frames"))?;
+    Ok(writer.finish().map_err(Error::other)?.into_inner())
 }
 
 /// The units of a stream, without the start codes between them.
@@ -145,43 +115,19 @@ fn planes(canvas: &Canvas) -> Vec<u8> {
 mod tests {
     use super::*;
     use crate::effect::CLIPS;
-    use mp4::Mp4Reader;
-    use openh264::decoder::{Decoder, DecoderConfig, Flush};
-    use openh264::formats::YUVSource;
+    use pdk_video::{Opened, Reader, Yuv420};
 
     /// The luma of the first `count` frames of a file as [`encode`] writes it.
     fn lumas(file: &[u8], count: u32) -> Vec<Vec<u8>> {
-        let mut reader = Mp4Reader::read_header(Cursor::new(file), file.len() as u64).unwrap();
-        let track = &reader.tracks()[&1];
-        let mut stream = Vec::new();
-        for set in [track.sequence_parameter_set().unwrap(), track.picture_parameter_set().unwrap()] {
-            stream.extend_from_slice(&[0, 0, 0, 1]);
-            stream.extend_from_slice(set);
-        }
-        let config = DecoderConfig::new().flush_after_decode(Flush::NoFlush);
-        let mut decoder = Decoder::with_api_config(OpenH264API::from_source(), config).unwrap();
-        let mut lumas = Vec::new();
-        let mut keep = |y: &[u8], stride: usize| {
-            lumas.push(y.chunks(stride).take(SIZE.1).flat_map(|row| &row[..SIZE.0]).copied().collect());
+        let size = file.len() as u64;
+        let opened = Reader::open(Box::new(Cursor::new(file.to_vec())), size, false).unwrap();
+        let Opened::Frames(mut reader) = opened else { panic!("it is another codec") };
+        let mut planes = Yuv420::default();
+        let mut luma = || {
+            assert!(reader.next(&mut planes).unwrap());
+            planes.planes()[0].to_vec()
         };
-        for number in 1..=count {
-            let sample = reader.read_sample(1, number).unwrap().unwrap().bytes;
-            let mut rest = &sample[..];
-            while rest.len() > 4 {
-                let length = u32::from_be_bytes(rest[..4].try_into().unwrap()) as usize;
-                stream.extend_from_slice(&[0, 0, 0, 1]);
-                stream.extend_from_slice(&rest[4..4 + length]);
-                rest = &rest[4 + length..];
-            }
-            if let Some(frame) = decoder.decode(&stream).unwrap() {
-                keep(frame.y(), frame.strides().0);
-            }
-            stream.clear();
-        }
-        for frame in decoder.flush_remaining().unwrap() {
-            keep(frame.y(), frame.strides().0);
-        }
-        lumas
+        (0..count).map(|_| luma()).collect()
     }
 
     #[test]

@@ -20,5 +20,13 @@ fuzz_target!(|data: &[u8]| {
                 break;
             }
         }
+        if !few {
+            let count = reader.count();
+            for frame in [count - 1, 0, count / 2] {
+                if reader.seek(frame).is_err() || reader.next(&mut picture).is_err() {
+                    break;
+                }
+            }
+        }
     }
 });

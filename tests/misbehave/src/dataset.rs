@@ -41,8 +41,8 @@ impl Dataset for Misbehaving {
         self.manner.reach_frame("read", index as u64);
         let mut frame = FrameBuf::new(8, 6);
         frame.as_mut().rows_mut().for_each(|row| row.fill(index as u8 * 50));
-        let steering = if self.manner.is("no_number") { f64::NAN } else { 0.25 };
-        Ok(Entry { frame, steering, throttle: 0.5, time: index as f64 / 20.0 })
+        let steering = if self.manner.is("no_number") { f64::INFINITY } else { 0.25 };
+        Ok(Entry { frame, steering, throttle: 0.5, time: index as f64 / 20.0, ..Entry::default() })
     }
 }
 

@@ -186,7 +186,7 @@ fn a_crate_of_each_other_kind_is_built_and_checked() {
     let recording = home.join("recording");
     fs::create_dir(&recording).unwrap();
     fs::copy(home.join("in.png"), recording.join("0.png")).unwrap();
-    fs::write(recording.join("labels.csv"), "0.png,0.1,0.2,0\n").unwrap();
+    fs::write(recording.join("frames.txt"), "0.png,0.1,0.2,0\n").unwrap();
     let dataset = json!({ "name": "my_dataset", "path": recording });
     let offline = user(home, &["run", "offline", "--set", "driver=dave2", "--set"]);
     let evaluated = offline.arg(format!("dataset={dataset}")).succeed().stdout;

@@ -34,8 +34,7 @@ fn images_that_cannot_be_read_are_named() {
     for name in ["text.jpg", "empty.png", "large.png", "missing.png", "."] {
         perturb(folder.path(), name, "contrast@1", "out.png").fail(1, &[name]);
     }
-    for (output, said) in
-        [("out.mp4", "neither a video in MP4 nor an image"), ("out.png", "JPEG, PNG, BMP or WebP")]
+    for (output, said) in [("out.mp4", "neither a video nor an image"), ("out.png", "JPEG, PNG, BMP or WebP")]
     {
         perturb(folder.path(), "text.jpg", "contrast@1", output).fail(1, &["text.jpg", said]);
     }

@@ -75,9 +75,15 @@ fn evaluation_tables(summary: &Value) -> String {
     };
     let mut parts = vec![
         format!(
-            "{} frames{left_out}, in {sequences}; mean absolute steering error on the original frames: {}",
+            "{} frames{left_out}, in {sequences}; {}",
             summary["frames"],
-            with_interval(summary, "original_steering_error")
+            match summary["original_steering_error"].is_null() {
+                true => "no steering was recorded to compare with".to_owned(),
+                false => format!(
+                    "mean absolute steering error on the original frames: {}",
+                    with_interval(summary, "original_steering_error")
+                ),
+            }
         ),
         check(&summary["check"]),
     ];
@@ -90,10 +96,13 @@ fn evaluation_tables(summary: &Value) -> String {
             parts.push("The throttle does not change under any perturbation.".to_owned());
             continue;
         }
-        parts.push(format!(
-            "Mean absolute {what} error against the ground truth\n{}",
-            grid(&rows, error, None)
-        ));
+        match rows.iter().all(|row| row[error].is_null()) {
+            true => parts.push(format!("No {what} was recorded to compare with.")),
+            false => parts.push(format!(
+                "Mean absolute {what} error against the ground truth\n{}",
+                grid(&rows, error, None)
+            )),
+        }
         let levels = (what == "steering").then_some(summary);
         parts.push(format!(
             "Mean absolute drift of the {what} from the prediction on the original frame\n{}",

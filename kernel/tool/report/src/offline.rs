@@ -41,16 +41,23 @@ struct WorstRow {
     worse: String,
 }
 
+impl EvaluationCell {
+    /// What tells how much harm it does: the error, or the drift if no steering was recorded.
+    fn harm(&self) -> f64 {
+        if self.error.is_nan() { self.drift } else { self.error }
+    }
+}
+
 /// The perturbations, the one with the largest mean error over its levels first.
 fn by_severity(evaluation: &Evaluation) -> Vec<String> {
     let mut order: Vec<(String, f64, usize)> = Vec::new();
     for cell in &evaluation.cells {
         match order.iter_mut().find(|(name, ..)| *name == cell.perturbation) {
             Some((_, sum, count)) => {
-                *sum += cell.error;
+                *sum += cell.harm();
                 *count += 1;
             }
-            None => order.push((cell.perturbation.clone(), cell.error, 1)),
+            None => order.push((cell.perturbation.clone(), cell.harm(), 1)),
         }
     }
     order.sort_by(|a, b| (b.1 / b.2 as f64).total_cmp(&(a.1 / a.2 as f64)));
@@ -64,13 +71,21 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
         bad => format!(" ({} left out)", was(bad, "frame")),
     };
     let perturbations = by_severity(evaluation).len();
+    let off = match evaluation.original_error.is_nan() {
+        true => "no steering was recorded to compare with".to_owned(),
+        false => {
+            format!(
+                "without perturbation the steering is off by {} on average",
+                number(evaluation.original_error)
+            )
+        }
+    };
     let first = format!(
-        "{} evaluated under {}{bad}; without perturbation the steering is off by {} on average.",
+        "{} evaluated under {}{bad}; {off}.",
         was(evaluation.frames, "frame"),
         count(perturbations, "perturbation"),
-        number(evaluation.original_error)
     );
-    let worst = evaluation.cells.iter().max_by(|a, b| a.error.total_cmp(&b.error));
+    let worst = evaluation.cells.iter().max_by(|a, b| a.harm().total_cmp(&b.harm()));
     let second = worst.map(|worst| {
         let times = worst.error / evaluation.original_error;
         let times = match times.is_finite() && times >= 1.0 {
@@ -78,10 +93,11 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
             false => String::new(),
         };
         format!(
-            "The worst is {} at level {}, where it is off by {}{times}.",
+            "The worst is {} at level {}, where it {} {}{times}.",
             worst.perturbation,
             text::short(worst.level),
-            number(worst.error)
+            if worst.error.is_nan() { "drifts by" } else { "is off by" },
+            number(worst.harm())
         )
     });
     let worse = evaluation.frames >= FEWEST && evaluation.original_error > evaluation.constant_error;
@@ -277,6 +293,22 @@ mod tests {
         let title = &section.drift.rows[0].cells[1].as_ref().unwrap().title;
         assert_eq!(title, "rain at level 4 (95 %: 0.100 to 0.400): 0.200");
         assert_eq!(section.curves[0].legend.len(), 3);
+    }
+
+    #[test]
+    fn a_recording_without_steering_is_ordered_by_drift() {
+        let mut evaluation = evaluation();
+        evaluation.original_error = f64::NAN;
+        evaluation.cells.iter_mut().for_each(|cell| cell.error = f64::NAN);
+        assert_eq!(
+            verdict(&evaluation),
+            [
+                "3 frames were evaluated under 2 perturbations (1 frame was left out); no steering was recorded to compare \
+                 with.",
+                "The worst is rain at level 4, where it drifts by 0.200.",
+            ]
+        );
+        assert_eq!(section(&evaluation).unwrap().drift.rows[0].label, "rain");
     }
 
     #[test]

@@ -169,7 +169,7 @@ pub struct Evaluation {
     pub frames: usize,
     /// Names of frames that could not be evaluated, with the reason.
     pub bad_frames: Vec<(String, String)>,
-    /// Steering without perturbation against the recorded truth.
+    /// Steering without perturbation against the recorded truth; not a number if no steering was recorded.
     pub original_error: f64,
     /// The same of the best constant.
     pub constant_error: f64,
@@ -186,7 +186,7 @@ pub struct EvaluationCell {
     pub perturbation: String,
     /// The level.
     pub level: f64,
-    /// Steering against the recorded truth.
+    /// Steering against the recorded truth; not a number if none was recorded.
     pub error: f64,
     /// Steering against that without perturbation.
     pub drift: f64,

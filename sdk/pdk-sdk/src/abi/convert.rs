@@ -22,6 +22,7 @@ const STATUSES: [(ErrorKind, u64); ErrorKind::ALL.len()] = [
     (ErrorKind::Nonsense, status::NONSENSE),
     (ErrorKind::Configuration, status::CONFIGURATION),
     (ErrorKind::Panic, status::PANIC),
+    (ErrorKind::Unsuitable, status::UNSUITABLE),
 ];
 
 /// What a call returns that failed with this kind of error.

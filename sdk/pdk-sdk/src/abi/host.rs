@@ -521,6 +521,7 @@ struct HostDataset {
     /// Behind a cell, because an instance is used by one at a time.
     object: RefCell<Object<DatasetFunctionsRef>>,
     len: usize,
+    info: Vec<(String, String)>,
 }
 
 impl HostDataset {
@@ -530,7 +531,15 @@ impl HostDataset {
         call(|error| unsafe { object.functions.length()(object.pointer, &mut length, error) })?;
         let len = usize::try_from(length)
             .map_err(|_| Error::of(ErrorKind::Nonsense, format!("it says that it has {length} frames")))?;
-        Ok(Self { object: RefCell::new(object), len })
+        let info = match object.functions.info() {
+            None => Vec::new(),
+            Some(info) => {
+                // SAFETY: both sinks live through the call.
+                let info = collect(|text, error| unsafe { info(object.pointer, text, error) })?;
+                serde_json::from_str(&info)?
+            }
+        };
+        Ok(Self { object: RefCell::new(object), len, info })
     }
 }
 
@@ -550,18 +559,24 @@ impl Dataset for HostDataset {
 
     fn read(&mut self, index: usize) -> Result<Entry> {
         let Object { pointer, functions, .. } = *self.object.get_mut();
-        let mut entry = empty::<pdk_abi::Entry>();
+        // An older plugin says nothing of the speed.
+        let mut entry = pdk_abi::Entry { speed: f64::NAN, ..empty() };
         let mut pixels = Vec::new();
         let sink = convert::sink(&mut pixels);
         // SAFETY: everything lives through the call.
         call(|error| unsafe { functions.read()(pointer, index as u64, &mut entry, &sink, error) })?;
-        let pdk_abi::Entry { width, height, steering, throttle, time, .. } = entry;
+        let pdk_abi::Entry { width, height, steering, throttle, time, speed, .. } = entry;
         Ok(Entry {
             frame: FrameBuf::from_vec(pixels, width, height).map_err(Error::new)?,
             steering,
             throttle,
             time,
+            speed,
         })
+    }
+
+    fn info(&self) -> Vec<(String, String)> {
+        self.info.clone()
     }
 
     fn position(&self, index: usize) -> Position {

@@ -126,18 +126,25 @@ fn remedy(driver: &ComponentSpec) -> String {
 impl NumberCheck {
     /// The check of recorded numbers with those of the driver.
     fn of(numbers: &[(f64, f64)]) -> Self {
+        // What was not recorded cannot be compared with.
+        let recorded: Vec<(f64, f64)> =
+            numbers.iter().copied().filter(|(truth, _)| !truth.is_nan()).collect();
+        let mean_of = |sum: f64| match (recorded.is_empty(), numbers.is_empty()) {
+            (true, false) => f64::NAN,
+            _ => sum / recorded.len().max(1) as f64,
+        };
         let count = numbers.len().max(1) as f64;
         let share = |is: &dyn Fn(f64) -> bool| {
             numbers.iter().filter(|(_, output)| is(*output)).count() as f64 / count
         };
         let error_of =
-            |constant: f64| numbers.iter().map(|(truth, _)| (truth - constant).abs()).sum::<f64>() / count;
-        let constant = median(numbers.iter().map(|(truth, _)| *truth).collect());
-        let mean = numbers.iter().map(|(truth, _)| truth).sum::<f64>() / count;
+            |constant: f64| mean_of(recorded.iter().map(|(truth, _)| (truth - constant).abs()).sum());
+        let constant = median(recorded.iter().map(|(truth, _)| *truth).collect());
+        let mean = mean_of(recorded.iter().map(|(truth, _)| truth).sum());
         // If most outputs are the same number, it is their median.
         let usual = median(numbers.iter().map(|(_, output)| *output).collect());
         Self {
-            error: numbers.iter().map(|(truth, output)| (output - truth).abs()).sum::<f64>() / count,
+            error: mean_of(recorded.iter().map(|(truth, output)| (output - truth).abs()).sum()),
             constant,
             constant_error: error_of(constant),
             mean,
@@ -192,6 +199,15 @@ mod tests {
         assert!(
             silent.judged(&ComponentSpec::new("x")).refusal.unwrap().contains("no usable number for 80 %")
         );
+    }
+
+    #[test]
+    fn without_a_recorded_steering_nothing_is_compared() {
+        let none = Control { steering: f64::NAN, throttle: f64::NAN };
+        let frames: Vec<(Control, Control)> =
+            (0..100).map(|n| (none, Control { steering: f64::from(n) / 200.0, throttle: 0.3 })).collect();
+        let check = Check::of(&frames, 0).judged(&ComponentSpec::new("x"));
+        assert!(check.refusal.is_none() && check.steering.error.is_nan() && check.steering.at_limit == 0.0);
     }
 
     #[test]

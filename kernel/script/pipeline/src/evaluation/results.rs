@@ -21,6 +21,7 @@ enum Line {
         perturbation: String,
         label: String,
         level: f64,
+        #[serde(with = "pdk_loop::recorded")]
         truth: Control,
         original: Control,
         perturbed: Control,

@@ -22,7 +22,7 @@ pub struct Summary {
     pub bad_frames: Vec<BadFrame>,
     /// How the driver does on the frames as they are, beside a constant.
     pub check: Check,
-    /// Mean absolute steering error on the original frames.
+    /// Mean absolute steering error on the original frames; not a number, which JSON has as null, if no steering was recorded.
     pub original_steering_error: f64,
     /// Its interval.
     pub original_steering_error_interval: Option<Interval>,
@@ -199,11 +199,12 @@ fn throttle(control: &Control) -> f64 {
     control.throttle
 }
 
-/// The mean absolute difference of a number, with its interval.
+/// The mean absolute difference of a number, with its interval; not a number if no frame has one to compare with.
 fn mean(controls: &[Control], from: &[Control], number: fn(&Control) -> f64) -> Estimate {
-    let differences: Vec<f64> =
-        controls.iter().zip(from).map(|(control, from)| (number(control) - number(from)).abs()).collect();
-    let none = Estimate { value: 0.0, low: f64::NEG_INFINITY, high: f64::INFINITY };
+    let differences = controls.iter().zip(from).map(|(control, from)| (number(control) - number(from)).abs());
+    let differences: Vec<f64> = differences.filter(|difference| !difference.is_nan()).collect();
+    let value = if controls.is_empty() { 0.0 } else { f64::NAN };
+    let none = Estimate { value, low: f64::NEG_INFINITY, high: f64::INFINITY };
     blocks::mean(&differences, blocks::length(&differences), CONFIDENCE).unwrap_or(none)
 }
 

@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
+use pdk_components::readers;
 use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
 use pdk_record::directory::{RESULTS, RunDirectory};
 use pdk_record::manifest::components_of_all;
 use pdk_record::merge::EvaluatedFrames;
 use pdk_sdk::describe::Kind;
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::Result;
 use serde_json::Value;
 
 use super::Host;
@@ -45,7 +46,7 @@ impl Host {
         let mut settler = self.settler();
         settler.component(Kind::Driver, &mut driver);
         settler.perturbations(&mut cells);
-        let (reader, available, sequences) = self.open_dataset(&dataset)?;
+        let (reader, Made { frames: available, sequences, info: told, .. }) = self.open_dataset(&dataset)?;
         let info = self.make(Kind::Driver, &driver)?.info;
         for component in components(&cells) {
             self.make(Kind::Perturbation, &component)?;
@@ -56,11 +57,15 @@ impl Host {
             self.note_files(kind, &component)?;
         }
         let catalog = self.session.catalog();
-        self.record.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;
+        // What was guessed is said before anything is computed from it.
+        let lines: Vec<String> =
+            told.iter().map(|(name, value)| format!("dataset {}: {name}: {value}", reader.name)).collect();
+        self.record.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, told)?;
         self.record.in_use.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
         self.record.in_use.add_perturbations(catalog, &cells)?;
         self.begin()?;
-        let frames = frames.unwrap_or(usize::MAX).min(available);
+        lines.iter().for_each(|line| self.print(line));
+        let frames = frames.unwrap_or(usize::MAX).min(available.unwrap_or_default());
         let (shard, number) = (self.setup.common.shard, self.evaluations.summaries.len() as u64);
         let evaluation = Evaluation {
             dataset: reader,
@@ -134,29 +139,14 @@ impl Host {
         Ok(summary)
     }
 
-    /// The reader of a dataset, how many frames it finds, and which of them begin a sequence.
-    pub(super) fn open_dataset(
-        &mut self,
-        dataset: &DatasetSpec,
-    ) -> Result<(ComponentSpec, usize, Vec<usize>)> {
-        let opened =
-            |reader: ComponentSpec, made: Made| (reader, made.frames.unwrap_or_default(), made.sequences);
-        let path = match dataset {
-            DatasetSpec::Reader(reader) => {
-                return Ok(opened(reader.clone(), self.make(Kind::Dataset, reader)?));
-            }
-            DatasetSpec::Path(path) => path,
-        };
-        let mut reasons = Vec::new();
-        for reader in self.session.catalog().readers(path) {
-            match self.make(Kind::Dataset, &reader) {
-                Ok(made) => return Ok(opened(reader, made)),
-                Err(error) => reasons.push(error.to_string()),
+    /// The reader of a dataset, and what it says of the recording.
+    pub(super) fn open_dataset(&mut self, dataset: &DatasetSpec) -> Result<(ComponentSpec, Made)> {
+        match dataset {
+            DatasetSpec::Reader(reader) => Ok((reader.clone(), self.make(Kind::Dataset, reader)?)),
+            DatasetSpec::Path(path) => {
+                let catalog = self.session.catalog().clone();
+                readers::open(&catalog, path, |reader| self.make(Kind::Dataset, reader))
             }
         }
-        Err(Error::new(match reasons.is_empty() {
-            true => format!("cannot open the dataset {path}: no dataset reader is installed"),
-            false => format!("cannot open the dataset {path}: {}", reasons.join("; ")),
-        }))
     }
 }

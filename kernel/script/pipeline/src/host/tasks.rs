@@ -48,7 +48,8 @@ impl Host {
         let mut settler = self.settler();
         settler.component(Kind::Predictor, &mut predictor);
         settler.perturbations(&mut cells);
-        let (reader, available, sequences) = self.open_dataset(&dataset)?;
+        let (reader, opened) = self.open_dataset(&dataset)?;
+        let (available, sequences) = (opened.frames.unwrap_or_default(), opened.sequences);
         let info = self.make(Kind::Predictor, &predictor)?.info;
         for component in components(&cells) {
             self.make(Kind::Perturbation, &component)?;

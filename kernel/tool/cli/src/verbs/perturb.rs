@@ -15,7 +15,7 @@ use pdk_notice::println;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use pdk_sdk::prelude::FrameBuf;
-use pdk_video::{Container, Reader, Writer, Yuv420};
+use pdk_video::{Video, Writer, Yuv420};
 use serde_json::json;
 
 use super::{Global, print_json};
@@ -24,7 +24,7 @@ use super::{Global, print_json};
 #[derive(clap::Args)]
 #[command(after_help = modifiers::help())]
 pub struct Arguments {
-    /// The image, or the video: H.264 in MP4
+    /// The image, or the video: H.264 in MP4, and with ffmpeg on the PATH others
     image: PathBuf,
     /// A perturbation with its intensity from 0 to 4 (2 where none is given) and parameters; several are applied one after the
     /// other
@@ -89,16 +89,14 @@ fn is_video(input: &Path, output: &Path) -> Result<bool> {
     let mp4 = output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4"));
     let (input, output) = (input.display(), output.display());
     match container {
-        Some(Container::Other(kind)) => {
-            Err(pdk_video::only_h264(kind)).place(format_args!("video `{input}`"))
-        }
-        Some(Container::Mp4) if !mp4 => Err(Error::new(format!(
+        Some(_) if !mp4 => Err(Error::new(format!(
             "`{input}` is a video, so the name of the result, {output}, has to end in .mp4"
         ))),
         None if read.is_ok() && head.is_empty() => Err(Error::new(format!("`{input}` is empty"))),
         // What is given as a picture is read as one, which says what is wrong with it.
         None if read.is_ok() && mp4 && !pdk_image::is_image(&head) => Err(Error::new(format!(
-            "`{input}` is neither a video in MP4 nor an image (JPEG, PNG, BMP or WebP)"
+            "`{input}` is neither a video nor an image; name a video in MP4, QuickTime, Matroska, WebM or AVI, or an image in JPEG, PNG, BMP \
+             or WebP"
         ))),
         None if read.is_ok() && mp4 => Err(Error::new(format!(
             "`{input}` is an image, so the name of the result, {output}, has to end in .png, .jpg, .bmp or .webp"
@@ -141,7 +139,7 @@ fn perturb_video(
     mut chain: Chain,
 ) -> Result<()> {
     let place = format!("video `{}`", arguments.image.display());
-    let mut reader = Reader::open_file(&arguments.image).place(&place)?;
+    let mut reader = Video::open(&arguments.image).place(&place)?;
     let rate = reader.rate();
     if reader.has_sound() {
         eprintln!("pdk: warning: {place} has sound, which the result does not have");

@@ -37,9 +37,21 @@ struct ResultLine {
     frame: String,
     label: String,
     level: f64,
-    truth: Control,
+    truth: Truth,
     original: Control,
     perturbed: Control,
+}
+
+/// What was recorded, as far as the page needs it.
+#[derive(Deserialize)]
+struct Truth {
+    /// Not a number if it was not recorded.
+    #[serde(default = "not_a_number")]
+    steering: f64,
+}
+
+fn not_a_number() -> f64 {
+    f64::NAN
 }
 
 /// The sums of an evaluation.
@@ -105,9 +117,13 @@ impl Sums {
             cells.len() - 1
         });
         let cell = &mut cells[place];
-        cell.errors.push(error);
-        cell.drifts.push((perturbed.steering - original.steering).abs());
-        let grown = error - before;
+        let drift = (perturbed.steering - original.steering).abs();
+        if !error.is_nan() {
+            cell.errors.push(error);
+        }
+        cell.drifts.push(drift);
+        // Without a recorded steering, the drift is all that is known of the harm.
+        let grown = if error.is_nan() { drift } else { error - before };
         if self.worst.get(&label).is_none_or(|(most, _)| grown > *most) {
             let worst = WorstFrame {
                 frame,
@@ -129,9 +145,14 @@ impl Sums {
             number,
             frames,
             bad_frames: self.bad_frames,
-            original_error: self.original.values().map(|(_, error)| error).sum::<f64>()
-                / frames.max(1) as f64,
-            constant_error: constant_error(self.original.values().map(|(truth, _)| *truth).collect()),
+            original_error: {
+                let known: Vec<f64> =
+                    self.original.values().map(|(_, error)| *error).filter(|error| !error.is_nan()).collect();
+                known.iter().sum::<f64>() / known.len() as f64
+            },
+            constant_error: constant_error(
+                self.original.values().map(|(truth, _)| *truth).filter(|truth| !truth.is_nan()).collect(),
+            ),
             cells: self
                 .cells
                 .into_iter()
@@ -140,7 +161,7 @@ impl Sums {
                     EvaluationCell {
                         perturbation: cell.label,
                         level: cell.level,
-                        error: error.value,
+                        error: if cell.errors.is_empty() { f64::NAN } else { error.value },
                         drift: drift.value,
                         error_interval: interval(&error),
                         drift_interval: interval(&drift),

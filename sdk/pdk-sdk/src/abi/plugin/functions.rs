@@ -95,7 +95,7 @@ registrations! {
     masks: Mask, mask, MaskFunctions as MaskFunctionsRef { weights };
     predictors: Predictor, predictor, PredictorFunctions as PredictorFunctionsRef { reset, predict, info };
     searches: Search, search, SearchFunctions as SearchFunctionsRef { start, ask, tell };
-    datasets: Dataset, dataset, DatasetFunctions as DatasetFunctionsRef { length, name, read, position };
+    datasets: Dataset, dataset, DatasetFunctions as DatasetFunctionsRef { length, name, read, position, info };
 }
 
 /// Makes an instance.
@@ -324,12 +324,16 @@ functions! { datasets: Dataset;
         let entry = component.read(index as usize)?;
         let (width, height) = (entry.frame.width(), entry.frame.height());
         load(pixels, empty()).put(entry.frame.data());
-        let crate::dataset::Entry { steering, throttle, time, .. } = entry;
-        store(pdk_abi::Entry { width, height, steering, throttle, time, ..empty() }, into);
+        let crate::dataset::Entry { steering, throttle, time, speed, .. } = entry;
+        store(pdk_abi::Entry { width, height, steering, throttle, time, speed, ..empty() }, into);
         Ok(())
     }
     fn position(component, _, index: u64, into: *mut pdk_abi::Position) {
         store(component.position(index as usize).raw(), into);
+        Ok(())
+    }
+    fn info(component, _, info: *const Sink) {
+        put(info, &serde_json::to_string(&component.info())?);
         Ok(())
     }
 }

@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use pdk_components::readers;
 use pdk_components::registry::Registry;
+use pdk_model::component::ComponentSpec;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::prelude::Dataset;
 use pdk_supervise::calls::{self, Function};
@@ -44,26 +46,15 @@ impl Frames {
             let taken = spread(images.len(), count).into_iter().map(|at| images[at].clone());
             return Ok(Self::Images(named(taken.collect())));
         }
-        let mut reasons = Vec::new();
-        for reader in registry.catalog().readers(&path.to_string_lossy()) {
-            match registry.dataset(&reader.name, &reader.parameters) {
-                Ok((dataset, _)) => {
-                    let place = format!("dataset `{}`", path.display());
-                    let length = calls::call(&place, Function::Len, || dataset.len());
-                    if length == 0 {
-                        return Err(Error::new(format!(
-                            "{place} has no frames; name a folder that has some"
-                        )));
-                    }
-                    return Ok(Self::Dataset(dataset, place, spread(length, count)));
-                }
-                Err(error) => reasons.push(error.to_string()),
-            }
+        let text = path.to_string_lossy();
+        let make = |reader: &ComponentSpec| Ok(registry.dataset(&reader.name, &reader.parameters)?.0);
+        let (_, dataset) = readers::open(registry.catalog(), &text, make)?;
+        let place = format!("dataset `{}`", path.display());
+        let length = calls::call(&place, Function::Len, || dataset.len());
+        if length == 0 {
+            return Err(Error::new(format!("{place} has no frames; name a folder that has some")));
         }
-        Err(Error::new(match reasons.is_empty() {
-            true => format!("cannot open the dataset {}: no dataset reader is installed", path.display()),
-            false => format!("cannot open the dataset {}: {}", path.display(), reasons.join("; ")),
-        }))
+        Ok(Self::Dataset(dataset, place, spread(length, count)))
     }
 
     /// The number of frames.

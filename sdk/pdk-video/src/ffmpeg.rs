@@ -2,16 +2,15 @@
 //! YUV4MPEG2 form that MJPEG tools introduced: a line of text with the size and the rate, then a line and the three planes
 //! for each frame.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, Read};
 use std::path::Path;
-use std::process::{ChildStdout, Command};
+use std::process::{Command, Stdio};
 
 use pdk_image::{check_size, most_pixels};
 use pdk_sdk::prelude::*;
 
-use crate::frames::Frames;
-use crate::picture::{Layout, Picture};
-use crate::process::Process;
+use crate::convert::Yuv420;
+use crate::process::{Output, Process};
 
 /// Longer lines are not a header.
 const LONGEST_LINE: u64 = 1000;
@@ -19,13 +18,26 @@ const LONGEST_LINE: u64 = 1000;
 const FORMATS: &str = "matroska,mov,avi,mpeg,mpegts,mpegvideo,m4v,h264,hevc,vvc,obu,ivf,av1,vc1,ogg,flv,asf,mxf,nut,rm,dv,\
                        yuv4mpegpipe,tiff_pipe,jpegxl_pipe";
 
+/// More frames than this are not listed; see `timing`.
+const MOST: usize = 1 << 22;
+
+/// Which frames a video gives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pace {
+    /// As many a second as the video has on average: ffmpeg repeats and leaves out frames of a video without a fixed rate, so that they
+    /// come in their time.
+    Steady,
+    /// Each frame of the video once.
+    Own,
+}
+
 /// A running `ffmpeg` and its output.
 pub struct Ffmpeg {
     process: Process,
-    output: BufReader<ChildStdout>,
+    output: Output,
     width: usize,
     height: usize,
-    /// Frames a second: ffmpeg repeats and leaves out frames of a clip without a fixed rate, so that they come in their time.
+    /// Frames a second.
     rate: f64,
     /// Frames that were read.
     count: u64,
@@ -36,25 +48,13 @@ impl Ffmpeg {
     ///
     /// # Errors
     /// If there is no such program, or it cannot decode the clip.
-    pub fn start(program: &Path, clip: &Path, codec: &str) -> Result<Self> {
-        // A relative path could start with a dash, or read as a protocol.
-        let clip = std::path::absolute(clip)?;
-        let mut command = Command::new(program);
-        command
-            .args(["-v", "error", "-nostdin", "-xerror", "-err_detect", "explode"])
-            .args(["-protocol_whitelist", "file,pipe", "-format_whitelist", FORMATS])
-            .args(["-max_pixels", &most_pixels()?.to_string(), "-i"])
-            .arg(&clip)
-            .args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-strict", "-1", "-f", "yuv4mpegpipe", "-"]);
-        let (process, output) = Process::start(command).map_err(|error| match error.kind() {
-            std::io::ErrorKind::NotFound => Error::new(format!(
-                "it is {codec}, which needs the program ffmpeg, and there is none on the PATH; install ffmpeg, or convert \
-                 the clip to MP4 with H.264"
-            )),
-            _ => Error::new(format!(
-                "it is {codec}, and the program ffmpeg, which that needs, does not start: {error}"
-            )),
-        })?;
+    pub fn start(program: &Path, clip: &Path, codec: &str, pace: Pace) -> Result<Self> {
+        let mut command = command(program, clip)?;
+        if pace == Pace::Own {
+            command.args(each_once(program));
+        }
+        command.args(["-pix_fmt", "yuv420p", "-strict", "-1", "-f", "yuv4mpegpipe", "-"]);
+        let (process, output) = Process::start(command).map_err(|error| not_started(&error, codec))?;
         let mut decoder = Self { process, output, width: 0, height: 0, rate: 0.0, count: 0 };
         let header = decoder.line()?;
         if header.is_empty() {
@@ -101,15 +101,12 @@ impl Ffmpeg {
     fn failure(&mut self) -> Error {
         because(&self.process.finish().1)
     }
-}
 
-fn because(said: &str) -> Error {
-    let reason = said.lines().find(|line| !line.trim().is_empty()).unwrap_or("it gives no reason").trim();
-    Error::new(format!("ffmpeg cannot decode it whole: {reason}"))
-}
-
-impl Frames for Ffmpeg {
-    fn next(&mut self, into: &mut Picture) -> Result<bool> {
+    /// Reads the next frame; false at the end.
+    ///
+    /// # Errors
+    /// If the clip is damaged or cut off.
+    pub fn next(&mut self, into: &mut Yuv420) -> Result<bool> {
         let line = self.line()?;
         if line.is_empty() {
             // It ends well where a file was cut off, but says so.
@@ -122,16 +119,113 @@ impl Frames for Ffmpeg {
             ));
         }
         self.count += 1;
-        into.reset(self.width, self.height, Layout::Yuv420);
+        into.reset(self.width, self.height);
         match self.output.read_exact(&mut into.data) {
             Ok(()) => Ok(true),
             Err(_) => Err(self.failure()),
         }
     }
 
-    fn end(&self) -> f64 {
+    /// When the frame that was read last ends, in seconds after the first one began, if they come at a fixed rate.
+    pub fn end(&self) -> f64 {
         self.count as f64 / self.rate
     }
+}
+
+/// The beginning of a command: how `program` reads a clip.
+fn command(program: &Path, clip: &Path) -> Result<Command> {
+    // A relative path could start with a dash, or read as a protocol.
+    let clip = std::path::absolute(clip)?;
+    let mut command = Command::new(program);
+    command
+        .args(["-v", "error", "-nostdin", "-xerror", "-err_detect", "explode"])
+        .args(["-protocol_whitelist", "file,pipe", "-format_whitelist", FORMATS])
+        .args(["-max_pixels", &most_pixels()?.to_string(), "-i"])
+        .arg(&clip)
+        .args(["-map", "0:v:0"]);
+    Ok(command)
+}
+
+/// The option by which ffmpeg gives each frame once; it has another name since version 5.1.
+fn each_once(program: &Path) -> [&'static str; 2] {
+    let mut command = Command::new(program);
+    command.args(["-v", "error", "-nostdin", "-fps_mode", "passthrough", "-version"]);
+    let known = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    match known {
+        Ok(status) if !status.success() => ["-vsync", "passthrough"],
+        _ => ["-fps_mode", "passthrough"],
+    }
+}
+
+fn not_started(error: &std::io::Error, codec: &str) -> Error {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => Error::new(format!(
+            "it is {codec}, which needs the program ffmpeg, and there is none on the PATH; install ffmpeg, or convert \
+             the clip to MP4 with H.264"
+        )),
+        _ => Error::new(format!(
+            "it is {codec}, and the program ffmpeg, which that needs, does not start: {error}"
+        )),
+    }
+}
+
+/// When the frames of a video begin, in seconds after the first one, and behind them when the last one ends. The video is decoded for
+/// that, because a file may hold frames that are not shown.
+///
+/// # Errors
+/// If there is no such program, or it cannot decode the video.
+pub fn times(program: &Path, video: &Path, codec: &str) -> Result<Vec<f64>> {
+    let mut command = command(program, video)?;
+    command.args(each_once(program));
+    // Times as the file has them, and not in frames of a rate.
+    command.args(["-enc_time_base", "-1", "-c:v", "rawvideo", "-f", "framecrc", "-"]);
+    let (mut process, output) = Process::start(command).map_err(|error| not_started(&error, codec))?;
+    let mut scale = None;
+    let mut ticks: Vec<i64> = Vec::new();
+    let mut last = 0;
+    for line in output.lines() {
+        let line = line.map_err(|error| Error::new(format!("ffmpeg cannot decode it whole: {error}")))?;
+        let fields = || line.split(',').map(|field| field.trim().parse::<i64>().ok());
+        match line.strip_prefix("#tb 0: ").and_then(|scale| scale.split_once('/')) {
+            Some((numerator, denominator)) => {
+                scale = numerator.parse::<f64>().ok().zip(denominator.trim().parse::<f64>().ok());
+            }
+            None if line.starts_with('#') => {}
+            None => match (fields().nth(2).flatten(), fields().nth(3).flatten()) {
+                (Some(begins), Some(duration)) if ticks.len() < MOST => {
+                    ticks.push(begins);
+                    last = duration;
+                }
+                (Some(_), Some(_)) => {
+                    return Err(Error::new(format!("it has more than {MOST} frames; cut it into parts")));
+                }
+                _ => {
+                    return Err(because(&format!(
+                        "its list of frames has the line `{}`",
+                        line.escape_debug()
+                    )));
+                }
+            },
+        }
+    }
+    let (well, said) = process.finish();
+    if !well || !said.is_empty() {
+        return Err(because(&said));
+    }
+    let (Some((numerator, denominator)), Some(&first)) = (scale, ticks.first()) else {
+        return Err(Error::new("it has no frames"));
+    };
+    if !ticks.is_sorted() {
+        return Err(Error::new("ffmpeg gives its frames in another order than their times"));
+    }
+    let end = ticks.last().map_or(first, |begins| begins.saturating_add(last.max(1)));
+    ticks.push(end);
+    Ok(ticks.into_iter().map(|tick| (tick.saturating_sub(first)) as f64 * numerator / denominator).collect())
+}
+
+fn because(said: &str) -> Error {
+    let reason = said.lines().find(|line| !line.trim().is_empty()).unwrap_or("it gives no reason").trim();
+    Error::new(format!("ffmpeg cannot decode it whole: {reason}"))
 }
 
 #[cfg(test)]
@@ -143,7 +237,12 @@ mod tests {
 
     fn start(script: &str) -> Result<Ffmpeg> {
         let folder = tempfile::tempdir().unwrap();
-        Ffmpeg::start(&program(folder.path(), script), Path::new("clip.mkv"), "Matroska or WebM")
+        Ffmpeg::start(
+            &program(folder.path(), script),
+            Path::new("clip.mkv"),
+            "Matroska or WebM",
+            Pace::Steady,
+        )
     }
 
     fn message(result: Result<Ffmpeg>) -> String {
@@ -156,13 +255,13 @@ mod tests {
             r"printf 'YUV4MPEG2 W3 H2 F30000:1001 Ip A1:1 C420jpeg\nFRAME\nabcdefUUVVFRAME\nghijklXXYY'";
         let mut frames = start(script).unwrap();
         assert!((frames.rate - 29.97).abs() < 0.001);
-        let mut picture = Picture::default();
+        let mut picture = Yuv420::default();
         assert!(frames.next(&mut picture).unwrap());
-        assert_eq!((picture.width, picture.height, picture.layout), (3, 2, Layout::Yuv420));
+        assert_eq!((picture.width, picture.height), (3, 2));
         assert_eq!(picture.data, b"abcdefUUVV");
         assert_eq!(frames.end(), 1001.0 / 30000.0);
         assert!(frames.next(&mut picture).unwrap());
-        assert_eq!(picture.planes_mut()[2], b"YY");
+        assert_eq!(picture.planes()[2], b"YY");
         assert!(!frames.next(&mut picture).unwrap());
     }
 
@@ -173,7 +272,12 @@ mod tests {
             "ffmpeg cannot decode it whole: clip.mkv: Invalid data found"
         );
         let folder = tempfile::tempdir().unwrap();
-        let absent = Ffmpeg::start(&folder.path().join("ffmpeg"), Path::new("clip.mkv"), "Matroska or WebM");
+        let absent = Ffmpeg::start(
+            &folder.path().join("ffmpeg"),
+            Path::new("clip.mkv"),
+            "Matroska or WebM",
+            Pace::Steady,
+        );
         assert_eq!(
             message(absent),
             "it is Matroska or WebM, which needs the program ffmpeg, and there is none on the PATH; install ffmpeg, or \
@@ -186,10 +290,10 @@ mod tests {
         );
         let mut cut =
             start(r"printf 'YUV4MPEG2 W3 H2 F30:1 C420jpeg\nFRAME\nabc'; echo 'ends early' >&2").unwrap();
-        assert!(cut.next(&mut Picture::default()).unwrap_err().to_string().ends_with("ends early"));
+        assert!(cut.next(&mut Yuv420::default()).unwrap_err().to_string().ends_with("ends early"));
         let mut late =
             start(r"printf 'YUV4MPEG2 W3 H2 F30:1 C420jpeg\n'; echo 'corrupt' >&2; exit 3").unwrap();
-        assert!(late.next(&mut Picture::default()).unwrap_err().to_string().ends_with("corrupt"));
+        assert!(late.next(&mut Yuv420::default()).unwrap_err().to_string().ends_with("corrupt"));
     }
 
     #[test]
@@ -200,7 +304,7 @@ mod tests {
             let frame = r"printf 'FRAME\nabcdefUUVV'";
             let header = r"printf 'YUV4MPEG2 W3 H2 F30:1 C420jpeg\n'";
             let mut frames = start(&format!("{flood}; {header}; {frame}; {flood}; {frame}; cat")).unwrap();
-            let mut picture = Picture::default();
+            let mut picture = Yuv420::default();
             assert!(frames.next(&mut picture).unwrap() && frames.next(&mut picture).unwrap());
             frames.next(&mut picture).unwrap_err().to_string()
         });
@@ -231,9 +335,9 @@ mod tests {
             let number = folder.path().join("number");
             let path = program(folder.path(), &format!("echo $$ > '{}'; {script}", number.display()));
             let said = within(20, move || {
-                let read = |frames: &mut Ffmpeg| frames.next(&mut Picture::default());
-                let ended =
-                    Ffmpeg::start(&path, Path::new("clip.mkv"), "x").and_then(|mut frames| read(&mut frames));
+                let read = |frames: &mut Ffmpeg| frames.next(&mut Yuv420::default());
+                let ended = Ffmpeg::start(&path, Path::new("clip.mkv"), "x", Pace::Steady)
+                    .and_then(|mut frames| read(&mut frames));
                 ended.err().map_or_else(String::new, |error| error.to_string())
             });
             assert!(said.contains(refused) && said.is_empty() == refused.is_empty(), "{script}: {said}");
@@ -246,7 +350,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let told = folder.path().join("told");
         let path = program(folder.path(), &format!("printf '%s\\n' \"$@\" > '{}'", told.display()));
-        message(Ffmpeg::start(&path, Path::new("http:clip.mkv"), "Matroska or WebM"));
+        message(Ffmpeg::start(&path, Path::new("http:clip.mkv"), "Matroska or WebM", Pace::Steady));
         let told = std::fs::read_to_string(told).unwrap();
         let told: Vec<&str> = told.lines().collect();
         let input = told.iter().position(|argument| *argument == "-i").unwrap();
@@ -286,8 +390,8 @@ mod tests {
         for name in ["clip.mkv", "clip.avi", "clip.nut"] {
             let clip = folder.path().join(name);
             make(&ffmpeg, "64x48", "ffv1", &clip);
-            let mut frames = Ffmpeg::start(&ffmpeg, &clip, "a test").unwrap();
-            let (mut picture, mut count) = (Picture::default(), 0);
+            let mut frames = Ffmpeg::start(&ffmpeg, &clip, "a test", Pace::Steady).unwrap();
+            let (mut picture, mut count) = (Yuv420::default(), 0);
             while frames.next(&mut picture).unwrap() {
                 count += 1;
             }
@@ -297,12 +401,12 @@ mod tests {
         make(&ffmpeg, "40000x40", "ffv1", &clip);
         let said = within(20, {
             let ffmpeg = ffmpeg.clone();
-            move || message(Ffmpeg::start(&ffmpeg, &clip, "a test"))
+            move || message(Ffmpeg::start(&ffmpeg, &clip, "a test", Pace::Steady))
         });
         assert!(said.starts_with("it is 40000 x 40, and pictures may have"), "{said}");
         let clip = folder.path().join("large.mkv");
         make(&ffmpeg, "8192x8208", "ffv1", &clip);
-        let said = within(20, move || message(Ffmpeg::start(&ffmpeg, &clip, "a test")));
+        let said = within(20, move || message(Ffmpeg::start(&ffmpeg, &clip, "a test", Pace::Steady)));
         assert!(said.starts_with("ffmpeg cannot decode it whole: "), "{said}");
     }
 
@@ -322,7 +426,7 @@ mod tests {
             let clip = folder.path().join(name);
             std::fs::write(&clip, list).unwrap();
             let ffmpeg = ffmpeg.clone();
-            let said = within(20, move || message(Ffmpeg::start(&ffmpeg, &clip, "a test")));
+            let said = within(20, move || message(Ffmpeg::start(&ffmpeg, &clip, "a test", Pace::Steady)));
             assert!(said.contains("whitelist"), "{name}: {said}");
         }
     }

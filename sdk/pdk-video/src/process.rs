@@ -1,16 +1,25 @@
 //! A program whose output is read. It never waits for a reader of its messages, and nothing of it stays behind: it is
-//! ended when it is dropped, and when this process is killed.
+//! ended when it is dropped, and when this process is killed. Its memory is limited, and it is given up if it writes
+//! nothing for too long.
 
 use std::io::{BufReader, Read};
+use std::os::unix::process::CommandExt;
 use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::{Pid, Signal, kill_process_group};
+
 /// Bytes that are kept of what a program says, from the end.
 const KEPT: usize = 800;
 /// How long a program may take to end once its output has ended.
 const GRACE: Duration = Duration::from_secs(5);
+/// How long a program may write nothing before it is given up. A frame of the largest size takes seconds.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Bytes of address space that a program may take: a decoder of large frames with all of its threads has room.
+const MEMORY: u64 = 8 << 30;
 /// How often is looked whether it has ended.
 const LOOK: Duration = Duration::from_millis(5);
 
@@ -28,10 +37,12 @@ impl Process {
     ///
     /// # Errors
     /// If it cannot be started.
-    pub fn start(mut command: Command) -> std::io::Result<(Self, BufReader<ChildStdout>)> {
+    pub fn start(mut command: Command) -> std::io::Result<(Self, Output)> {
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // What it starts is ended with it, and a signal of the terminal does not reach it before this process.
+        command.process_group(0);
         #[cfg(target_os = "linux")]
-        end_with_this_process(&mut command);
+        limit(&mut command);
         let (sender, all_said) = channel();
         let said = Arc::new(Mutex::new(Vec::new()));
         // From here on the program is ended on every way out.
@@ -42,7 +53,7 @@ impl Process {
         let said = process.said.clone();
         let listener = std::thread::Builder::new().name("messages of a program".to_owned());
         listener.spawn(move || listen(errors, &said, sender))?;
-        Ok((process, BufReader::new(output)))
+        Ok((process, BufReader::new(Patient { output, patience: PATIENCE })))
     }
 
     /// Waits for the end of a program whose output has ended, and ends it where it does not come. Returns whether it ended
@@ -61,11 +72,14 @@ impl Process {
         (well, self.said())
     }
 
-    /// Ends the program, if it has not ended.
+    /// Ends the program and what it started, if it has not ended.
     pub fn stop(&mut self) {
-        // If it has ended already, so much the better.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        // A number that was waited for may belong to another program by now.
+        if let (Ok(None), Some(group)) = (self.child.try_wait(), Pid::from_raw(self.child.id() as i32)) {
+            // If it has ended already, so much the better.
+            let _ = kill_process_group(group, Signal::KILL);
+            let _ = self.child.wait();
+        }
     }
 
     /// The last whole lines of what the program said.
@@ -75,6 +89,37 @@ impl Process {
         match (said.len() < KEPT, text.split_once('\n')) {
             (false, Some((_, whole))) if !whole.trim().is_empty() => whole.to_owned(),
             _ => text.into_owned(),
+        }
+    }
+}
+
+/// The output of a program.
+pub type Output = BufReader<Patient>;
+
+/// Reads from a program that is given up if it writes nothing for too long.
+pub struct Patient {
+    output: ChildStdout,
+    patience: Duration,
+}
+
+impl Read for Patient {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let mut wanted = [PollFd::new(&self.output, PollFlags::IN)];
+        let limit =
+            Timespec { tv_sec: self.patience.as_secs() as i64, tv_nsec: self.patience.subsec_nanos().into() };
+        loop {
+            match poll(&mut wanted, Some(&limit)) {
+                Ok(0) => {
+                    let seconds = self.patience.as_secs();
+                    return Err(std::io::Error::new(
+                        std::io::ErrorKind::TimedOut,
+                        format!("it wrote nothing for {seconds} seconds"),
+                    ));
+                }
+                Ok(_) => return self.output.read(into),
+                Err(rustix::io::Errno::INTR) => {}
+                Err(error) => return Err(error.into()),
+            }
         }
     }
 }
@@ -103,24 +148,52 @@ fn listen(mut errors: ChildStderr, said: &Mutex<Vec<u8>>, _all: Sender<()>) {
     }
 }
 
-/// Has the system end the program when this process ends in any way.
+/// Has the system end the program when this process ends in any way, and refuse it more memory than it may take.
 #[cfg(target_os = "linux")]
-fn end_with_this_process(command: &mut Command) {
-    use std::os::unix::process::CommandExt;
-
+fn limit(command: &mut Command) {
     use rustix::io::Errno;
-    use rustix::process::{Signal, getpid, getppid, set_parent_process_death_signal};
+    use rustix::process::{Resource, Rlimit, getpid, getppid, set_parent_process_death_signal, setrlimit};
 
     let parent = getpid();
     let ask = move || {
         set_parent_process_death_signal(Some(Signal::KILL))?;
+        setrlimit(Resource::As, Rlimit { current: Some(MEMORY), maximum: Some(MEMORY) })?;
         // If the parent ended before it was asked for, the signal never comes.
         match getppid() == Some(parent) {
             true => Ok(()),
             false => Err(Errno::SRCH.into()),
         }
     };
-    // SAFETY: between fork and exec only what is safe in a signal handler may be done: these are two system calls, and
+    // SAFETY: between fork and exec only what is safe in a signal handler may be done: these are three system calls, and
     // errors that are a number each, which takes no memory.
     unsafe { command.pre_exec(ask) };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_that_writes_nothing_is_given_up() {
+        let mut command = Command::new("sleep");
+        command.arg("60");
+        let (mut process, output) = Process::start(command).unwrap();
+        let mut output = output.into_inner();
+        output.patience = Duration::from_millis(50);
+        let error = output.read(&mut [0; 8]).unwrap_err();
+        assert_eq!(error.kind(), std::io::ErrorKind::TimedOut);
+        process.stop();
+        assert!(process.child.try_wait().unwrap().is_some());
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_program_gets_no_more_memory_than_it_may_take() {
+        let mut command = Command::new("sh");
+        command.args(["-c", "ulimit -v"]);
+        let (_process, mut output) = Process::start(command).unwrap();
+        let mut said = String::new();
+        output.read_to_string(&mut said).unwrap();
+        assert_eq!(said.trim(), (MEMORY >> 10).to_string());
+    }
 }

@@ -1,0 +1,242 @@
+//! MCAP files, record by record: every message with its place, so that it can be read again.
+//!
+//! The file says how long its records are. That is compared with the file, and with a limit, before memory is taken for them.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use ::mcap::parse_record;
+use ::mcap::records::{Channel, Record, op};
+use ::mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use pdk_sdk::error::Place as _;
+use pdk_sdk::file;
+use pdk_sdk::prelude::*;
+
+/// How an MCAP file begins.
+pub const MAGIC: &[u8] = ::mcap::MAGIC;
+/// Bytes of a record, and of what a chunk unpacks to.
+const LARGEST: u64 = 1 << 29;
+
+/// Where a message lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    /// The number of the file.
+    pub file: usize,
+    /// Where the record of the message, or of its chunk, begins.
+    at: u64,
+    /// Its place among the messages of the chunk.
+    ordinal: u32,
+    /// Its channel in the file.
+    channel: u16,
+}
+
+/// A message as it is found.
+pub struct Message<'a> {
+    /// Its topic.
+    pub topic: &'a str,
+    /// How it is encoded, such as `cdr`.
+    pub encoding: &'a str,
+    /// What it is, such as `sensor_msgs/msg/Image`.
+    pub schema: &'a str,
+    /// When it was recorded, in nanoseconds.
+    pub time: u64,
+    /// Where it is.
+    pub place: Place,
+    /// What it says.
+    pub data: &'a [u8],
+}
+
+/// MCAP files that belong together.
+pub struct Bag {
+    files: Vec<PathBuf>,
+    /// The chunk that was read last: its file, its place and channel, and its messages by their place in it.
+    kept: Option<(usize, u64, u16, BTreeMap<u32, Vec<u8>>)>,
+}
+
+impl Bag {
+    /// Files in the order in which they were recorded.
+    pub fn new(files: Vec<PathBuf>) -> Self {
+        Self { files, kept: None }
+    }
+
+    /// Shows every message, in the order of the files. Returns what is to be told of files that end early.
+    ///
+    /// # Errors
+    /// If a file cannot be read, is not an MCAP file or is damaged, or `show` returns an error.
+    pub fn scan(&self, show: &mut dyn FnMut(&Message<'_>) -> Result<()>) -> Result<Option<String>> {
+        let mut early = None;
+        for (number, path) in self.files.iter().enumerate() {
+            let end = scan(number, path, show).place(format_args!("`{}`", path.display()))?;
+            early = early.or(end);
+        }
+        Ok(early)
+    }
+
+    /// Reads a message again.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn read(&mut self, place: Place) -> Result<&[u8]> {
+        let Place { file, at, ordinal, channel } = place;
+        let is_kept = matches!(&self.kept, Some((f, a, c, _)) if (*f, *a, *c) == (file, at, channel));
+        if !is_kept {
+            let path = self.files.get(file).ok_or_else(changed)?;
+            let mut reader = Records::open(path)?;
+            let (opcode, body) = reader.record(at)?.ok_or_else(changed)?;
+            let mut messages = BTreeMap::new();
+            each_message(opcode, &body, &mut |message| {
+                if let Found::Message { ordinal, channel: of, data, .. } = message
+                    && of == channel
+                {
+                    messages.insert(ordinal, data.to_vec());
+                }
+                Ok(())
+            })?;
+            self.kept = Some((file, at, channel, messages));
+        }
+        let messages = self.kept.as_ref().map(|(.., messages)| messages);
+        messages.and_then(|messages| messages.get(&ordinal)).map(Vec::as_slice).ok_or_else(changed)
+    }
+}
+
+fn changed() -> Error {
+    Error::new("the message is not there any more; the file has changed while it was read")
+}
+
+/// The records of a file.
+struct Records {
+    file: BufReader<File>,
+    size: u64,
+}
+
+impl Records {
+    fn open(path: &Path) -> Result<Self> {
+        let (file, size) = file::open(path)?;
+        Ok(Self { file: BufReader::new(file), size })
+    }
+
+    /// What a record is and where its body is; none if the file ends before it does.
+    fn head(&mut self, at: u64) -> Result<Option<(u8, u64)>> {
+        if self.size.saturating_sub(at) < 9 {
+            return Ok(None);
+        }
+        let mut head = [0; 9];
+        self.file.seek(SeekFrom::Start(at))?;
+        self.file.read_exact(&mut head)?;
+        let [opcode, a, b, c, d, e, f, g, h] = head;
+        let length = u64::from_le_bytes([a, b, c, d, e, f, g, h]);
+        Ok((length <= self.size - at - 9).then_some((opcode, length)))
+    }
+
+    /// A record; none if the file ends before it does.
+    fn record(&mut self, at: u64) -> Result<Option<(u8, Vec<u8>)>> {
+        let Some((opcode, length)) = self.head(at)? else { return Ok(None) };
+        if length > LARGEST {
+            return Err(Error::new(format!("a record has {length} bytes, and at most {LARGEST} are read")));
+        }
+        let mut body = vec![0; length as usize];
+        self.file.read_exact(&mut body)?;
+        Ok(Some((opcode, body)))
+    }
+}
+
+/// What records tell.
+enum Found<'a> {
+    Schema(u16, String),
+    Channel(Channel),
+    Message { ordinal: u32, channel: u16, time: u64, data: &'a [u8] },
+}
+
+/// Shows what a record tells; a chunk tells what the records in it do.
+fn each_message(opcode: u8, body: &[u8], show: &mut dyn FnMut(Found<'_>) -> Result<()>) -> Result<()> {
+    let damaged = |error: ::mcap::McapError| Error::new(format!("it is damaged ({error}); copy it again"));
+    let mut ordinal = 0;
+    let mut tell = |record: Record<'_>| match record {
+        Record::Schema { header, .. } => show(Found::Schema(header.id, header.name)),
+        Record::Channel(channel) => show(Found::Channel(channel)),
+        Record::Message { header, data } => {
+            ordinal += 1;
+            let (channel, time) = (header.channel_id, header.log_time);
+            show(Found::Message { ordinal: ordinal - 1, channel, time, data: &data })
+        }
+        _ => Ok(()),
+    };
+    if opcode != op::CHUNK {
+        return tell(parse_record(opcode, body).map_err(damaged)?);
+    }
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_validate_chunk_crcs(true)
+        .with_record_length_limit(LARGEST as usize);
+    let mut reader = LinearReader::new_with_options(options);
+    let (code, length) = ([opcode], (body.len() as u64).to_le_bytes());
+    let mut chunk = code[..].chain(&length[..]).chain(body);
+    let mut left = body.len() + 9;
+    while let Some(event) = reader.next_event() {
+        match event.map_err(damaged)? {
+            LinearReadEvent::ReadRequest(wanted) => {
+                // No more room than what comes.
+                let count = wanted.min(left);
+                chunk.read_exact(reader.insert(count))?;
+                reader.notify_read(count);
+                left -= count;
+            }
+            LinearReadEvent::Record { data, opcode } => tell(parse_record(opcode, data).map_err(damaged)?)?,
+        }
+    }
+    Ok(())
+}
+
+fn scan(
+    file: usize,
+    path: &Path,
+    show: &mut dyn FnMut(&Message<'_>) -> Result<()>,
+) -> Result<Option<String>> {
+    let mut records = Records::open(path)?;
+    let mut magic = vec![0; MAGIC.len()];
+    if records.size < MAGIC.len() as u64 || records.file.read_exact(&mut magic).is_err() || magic != MAGIC {
+        return Err(Error::new("it does not begin as an MCAP file"));
+    }
+    let mut schemas: BTreeMap<u16, String> = BTreeMap::new();
+    let mut channels: BTreeMap<u16, Channel> = BTreeMap::new();
+    let mut at = MAGIC.len() as u64;
+    loop {
+        let Some((opcode, length)) = records.head(at)? else {
+            // What was recorded until a crash is all there is.
+            let path = path.display();
+            return Ok(Some(format!(
+                "`{path}` ends early, as after a crash; what was recorded until then is read"
+            )));
+        };
+        if matches!(opcode, op::DATA_END | op::FOOTER) {
+            return Ok(None);
+        }
+        if matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE | op::CHUNK) {
+            let Some((opcode, body)) = records.record(at)? else { continue };
+            each_message(opcode, &body, &mut |found| {
+                match found {
+                    Found::Schema(id, name) => {
+                        schemas.insert(id, name);
+                    }
+                    Found::Channel(channel) => {
+                        channels.insert(channel.id, channel);
+                    }
+                    Found::Message { ordinal, channel, time, data } => {
+                        let known = channels.get(&channel).ok_or_else(|| {
+                            Error::new("it is damaged: a message belongs to no channel; copy it again")
+                        })?;
+                        let schema = schemas.get(&known.schema_id).map_or("", String::as_str);
+                        let (topic, encoding) = (known.topic.as_str(), known.message_encoding.as_str());
+                        let place = Place { file, at, ordinal, channel };
+                        show(&Message { topic, encoding, schema, time, place, data })?;
+                    }
+                }
+                Ok(())
+            })?;
+        }
+        at += 9 + length;
+    }
+}

@@ -1,0 +1,151 @@
+//! Pictures without compression, as cameras of robots give them, as RGB.
+
+use pdk_image::check_size;
+use pdk_sdk::prelude::*;
+use pdk_video::Yuv420;
+
+/// A picture without compression.
+pub struct Raw<'a> {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// How the pixels are stored, as ROS calls it.
+    pub encoding: &'a str,
+    /// Bytes from one row to the next.
+    pub step: u32,
+    /// The pixels.
+    pub data: &'a [u8],
+}
+
+impl Raw<'_> {
+    /// The picture as RGB.
+    ///
+    /// # Errors
+    /// If it is too large, is stored in another way, or has too few bytes.
+    pub fn to_frame(&self) -> Result<FrameBuf> {
+        check_size(self.width, self.height)?;
+        if self.width == 0 || self.height == 0 {
+            return Err(Error::new("it has no pixels"));
+        }
+        let (width, height, step) = (self.width as usize, self.height as usize, self.step as usize);
+        let encoding = self.encoding.to_ascii_lowercase();
+        let layout = Layout::of(&encoding).ok_or_else(|| {
+            Error::new(format!(
+                "its pixels are stored as `{}`, and rgb8, bgr8, rgba8, bgra8, mono8, 8UC1, 8UC3, yuv422 and yuv422_yuy2 are read; \
+                 convert the topic",
+                self.encoding
+            ))
+        })?;
+        let row = width * layout.bytes();
+        let enough = step >= row && self.data.len() >= step * (height - 1) + row;
+        if !enough || (layout.is_yuv() && width % 2 == 1) {
+            return Err(Error::new(format!(
+                "it is {width} x {height} in `{}` with {step} bytes a row, and has {} bytes, which does not fit; record it again",
+                self.encoding,
+                self.data.len()
+            )));
+        }
+        let mut frame = FrameBuf::new(width, height);
+        let mut into = frame.as_mut();
+        for (y, from) in self.data.chunks(step).take(height).enumerate() {
+            layout.convert(&from[..row], into.row_mut(y));
+        }
+        Ok(frame)
+    }
+}
+
+/// Where the channels of a pixel lie.
+enum Layout {
+    /// Bytes a pixel, and the places of red, green and blue among them.
+    Colours(usize, [usize; 3]),
+    /// Two pixels in four bytes: the places of their lumas, and of blue and red chroma.
+    Yuv422([usize; 2], [usize; 2]),
+}
+
+impl Layout {
+    fn of(encoding: &str) -> Option<Self> {
+        Some(match encoding {
+            "rgb8" => Self::Colours(3, [0, 1, 2]),
+            "bgr8" | "8uc3" => Self::Colours(3, [2, 1, 0]),
+            "rgba8" => Self::Colours(4, [0, 1, 2]),
+            "bgra8" | "8uc4" => Self::Colours(4, [2, 1, 0]),
+            "mono8" | "8uc1" => Self::Colours(1, [0, 0, 0]),
+            "yuv422" | "uyvy" => Self::Yuv422([1, 3], [0, 2]),
+            "yuv422_yuy2" | "yuyv" => Self::Yuv422([0, 2], [1, 3]),
+            _ => return None,
+        })
+    }
+
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Colours(bytes, _) => *bytes,
+            Self::Yuv422(..) => 2,
+        }
+    }
+
+    fn is_yuv(&self) -> bool {
+        matches!(self, Self::Yuv422(..))
+    }
+
+    fn convert(&self, from: &[u8], into: &mut [u8]) {
+        match self {
+            Self::Colours(bytes, places) => {
+                for (pixel, out) in from.chunks_exact(*bytes).zip(into.chunks_exact_mut(3)) {
+                    out.copy_from_slice(&places.map(|place| pixel[place]));
+                }
+            }
+            Self::Yuv422(lumas, chroma) => {
+                for (pair, out) in from.chunks_exact(4).zip(into.chunks_exact_mut(6)) {
+                    let [blue, red] = chroma.map(|place| pair[place]);
+                    let colours = lumas.map(|place| Yuv420::colour(pair[place], blue, red));
+                    out.copy_from_slice(colours.as_flattened());
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pixels(encoding: &str, width: u32, data: &[u8]) -> Result<Vec<u8>> {
+        let step = data.len() as u32;
+        Raw { width, height: 1, encoding, step, data }.to_frame().map(|frame| frame.data().to_vec())
+    }
+
+    #[test]
+    fn every_order_of_channels_becomes_rgb() {
+        assert_eq!(pixels("rgb8", 1, &[1, 2, 3]).unwrap(), [1, 2, 3]);
+        assert_eq!(pixels("bgr8", 1, &[1, 2, 3]).unwrap(), [3, 2, 1]);
+        assert_eq!(pixels("8UC3", 1, &[1, 2, 3]).unwrap(), [3, 2, 1]);
+        assert_eq!(pixels("rgba8", 1, &[1, 2, 3, 4]).unwrap(), [1, 2, 3]);
+        assert_eq!(pixels("bgra8", 1, &[1, 2, 3, 4]).unwrap(), [3, 2, 1]);
+        assert_eq!(pixels("mono8", 2, &[7, 8]).unwrap(), [7, 7, 7, 8, 8, 8]);
+        // White and black without chroma.
+        assert_eq!(pixels("yuv422", 2, &[128, 235, 128, 16]).unwrap(), [255, 255, 255, 0, 0, 0]);
+        assert_eq!(pixels("yuv422_yuy2", 2, &[235, 128, 16, 128]).unwrap(), [255, 255, 255, 0, 0, 0]);
+    }
+
+    #[test]
+    fn rows_may_be_padded_and_what_does_not_fit_is_refused() {
+        let data = [1, 2, 3, 9, 4, 5, 6];
+        let raw = Raw { width: 1, height: 2, encoding: "rgb8", step: 4, data: &data };
+        assert_eq!(raw.to_frame().unwrap().data(), [1, 2, 3, 4, 5, 6]);
+        let error = |raw: Raw<'_>| raw.to_frame().unwrap_err().to_string();
+        assert!(error(Raw { height: 3, ..raw }).contains("does not fit"));
+        assert!(
+            error(Raw { width: 1, height: 2, encoding: "rgb8", step: 2, data: &data })
+                .contains("does not fit")
+        );
+        assert!(
+            error(Raw { width: 1, height: 1, encoding: "16UC1", step: 2, data: &data }).contains("`16UC1`")
+        );
+        assert!(
+            error(Raw { width: u32::MAX, height: u32::MAX, encoding: "mono8", step: 1, data: &data })
+                .contains("pictures may have")
+        );
+        assert!(error(Raw { width: 0, height: 1, encoding: "mono8", step: 0, data: &data }).len() > 5);
+    }
+}

@@ -1,0 +1,330 @@
+//! What a bag holds of a drive: its pictures, and what was recorded beside them at about the same time.
+
+use std::collections::BTreeMap;
+
+use pdk_sdk::prelude::*;
+use pdk_video::{Stream, Yuv420};
+
+use crate::bag::{Bag, Place};
+use crate::label::{Label, Units, pedals};
+use crate::message::{Numbers, Picture, decode_next};
+use crate::place::{beyond, unsuitable};
+use crate::video::nearest;
+
+/// More messages than this of one topic are not believed.
+const MOST: usize = 1 << 22;
+
+/// A drive in a bag.
+pub struct Drive {
+    bag: Bag,
+    kind: Picture,
+    topic: String,
+    frames: Vec<Frame>,
+    told: Vec<(String, String)>,
+    /// The video as far as it was decoded: the frame that comes next.
+    stream: Option<(Stream, usize)>,
+    picture: Yuv420,
+}
+
+struct Frame {
+    place: Place,
+    /// Seconds since the first.
+    time: f64,
+    /// Whether decoding can begin here.
+    begins: bool,
+    label: Result<Label>,
+}
+
+/// A message with a picture.
+struct Seen {
+    place: Place,
+    logged: u64,
+    stamp: u64,
+    begins: bool,
+}
+
+/// Messages with numbers of a topic: when they were recorded and what they say.
+struct Series {
+    kind: Numbers,
+    values: Vec<(u64, f64, Option<f64>)>,
+}
+
+impl Drive {
+    /// The parameters that name topics, and say how numbers belong to pictures.
+    pub fn parameters() -> Vec<Parameter> {
+        let topic = |name: &str, doc: &str| Parameter::text(name, doc);
+        let clock = "where the time of a frame comes from: when its message was recorded, or its header";
+        let mut parameters = vec![
+            topic("image", "the topic of the pictures; guessed if it is not set"),
+            topic(
+                "steering",
+                "the topic of the steering: Float32, Float64, Twist (angular.z) or AckermannDrive (steering_angle), with a header or \
+                 without; guessed if it is not set, and `none` for none",
+            ),
+            topic("throttle", "the topic of the throttle: Float32 or Float64"),
+            topic("brake", "the topic of the brake, which counts against the throttle: Float32 or Float64"),
+            topic(
+                "speed",
+                "the topic of the speed: Float32, Float64, Twist (linear.x) or AckermannDrive; that of the steering if it is not set and \
+                 has one",
+            ),
+            Parameter::number("tolerance", 0.1, "how far a message with numbers may be from its picture")
+                .range(0.0, 1e6)
+                .unit("s"),
+            Parameter::choice("clock", &["log", "header"], clock),
+        ];
+        parameters.extend(Units::parameters("m/s"));
+        parameters
+    }
+
+    /// Reads where everything is.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or has no pictures.
+    pub fn new(config: &Config, bag: Bag) -> Result<Self> {
+        let mut pictures: BTreeMap<String, (Picture, Vec<Seen>)> = BTreeMap::new();
+        let mut numbers: BTreeMap<String, Series> = BTreeMap::new();
+        let mut others: BTreeMap<String, String> = BTreeMap::new();
+        let early = bag.scan(&mut |message| {
+            if let Some(kind) = Picture::of(message.encoding, message.schema) {
+                let (_, seen) =
+                    pictures.entry(message.topic.to_owned()).or_insert_with(|| (kind, Vec::new()));
+                // What is wrong with it is said when it is read.
+                let (stamp, begins) = kind.look(message.data).unwrap_or((0, true));
+                seen.push(Seen { place: message.place, logged: message.time, stamp, begins });
+                few_enough(seen.len(), message.topic)?;
+            } else if let Some(kind) = Numbers::of(message.encoding, message.schema) {
+                let series = numbers
+                    .entry(message.topic.to_owned())
+                    .or_insert_with(|| Series { kind, values: Vec::new() });
+                let (first, speed) = kind
+                    .read(message.data)
+                    .map_err(|error| error.at(format_args!("topic `{}`", message.topic)))?;
+                series.values.push((message.time, first, speed));
+                few_enough(series.values.len(), message.topic)?;
+            } else if !others.contains_key(message.topic) {
+                others
+                    .insert(message.topic.to_owned(), format!("{} in {}", message.schema, message.encoding));
+            }
+            Ok(())
+        })?;
+        let mut told = Vec::new();
+        let topic = choose("image", config.text("image"), pictures.keys(), |topic| {
+            pictures.get(topic).map_or(0, |(_, seen)| seen.len())
+        })?;
+        let Some(topic) = topic else {
+            let others: Vec<String> =
+                others.iter().map(|(topic, what)| format!("{topic} ({what})")).collect();
+            return Err(unsuitable(format_args!(
+                "it has no pictures of ROS 2 or Foxglove; its topics are {}",
+                if others.is_empty() { "none".to_owned() } else { others.join(", ") }
+            )));
+        };
+        let (kind, mut seen) = pictures.remove(&topic).ok_or_else(|| unsuitable("it has no pictures"))?;
+        seen.sort_by_key(|seen| seen.logged);
+        told.push(("frames".to_owned(), format!("{} of topic {topic}", seen.len())));
+        told.extend(early.map(|early| ("end".to_owned(), early)));
+
+        let labels = labels(config, &numbers, &seen, &mut told)?;
+        let by_header = config.text("clock") == "header";
+        let time = |seen: &Seen| if by_header { seen.stamp } else { seen.logged };
+        let first = seen.first().map_or(0, time);
+        let frames: Vec<Frame> = seen
+            .iter()
+            .zip(labels)
+            .map(|(seen, label)| Frame {
+                place: seen.place,
+                time: seconds(time(seen), first),
+                begins: seen.begins,
+                label,
+            })
+            .collect();
+        Ok(Self { bag, kind, topic, frames, told, stream: None, picture: Yuv420::default() })
+    }
+
+    fn video(&mut self, index: usize) -> Result<FrameBuf> {
+        let begin = self.frames[..=index].iter().rposition(|frame| frame.begins).ok_or_else(|| {
+            Error::new("the video does not begin with a picture that can be decoded on its own; the first that can is later")
+        })?;
+        let (mut stream, mut next) = match self.stream.take() {
+            Some((stream, next)) if (begin..=index).contains(&next) => (stream, next),
+            _ => (Stream::new()?, begin),
+        };
+        // Without a stream, the next frame begins anew.
+        while next <= index {
+            let place = self.frames[next].place;
+            decode_next(&mut stream, self.bag.read(place)?, &mut self.picture).map_err(|error| {
+                if next < index { error.at(format_args!("frame {next}, which it needs")) } else { error }
+            })?;
+            next += 1;
+        }
+        self.stream = Some((stream, next));
+        let mut frame = FrameBuf::new(self.picture.width, self.picture.height);
+        self.picture.to_rgb(frame.as_mut());
+        Ok(frame)
+    }
+}
+
+impl Dataset for Drive {
+    fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    fn name(&self, index: usize) -> String {
+        format!("{} {index}", self.topic)
+    }
+
+    fn read(&mut self, index: usize) -> Result<Entry> {
+        let frame = self.frames.get(index).ok_or_else(|| beyond(index, self.frames.len()))?;
+        let (label, time, place) = (frame.label.clone()?, frame.time, frame.place);
+        let frame = match self.kind {
+            Picture::FoxgloveVideo => self.video(index)?,
+            kind => kind.decode(self.bag.read(place)?)?,
+        };
+        Ok(Entry { frame, steering: label.steering, throttle: label.throttle, time, speed: label.speed })
+    }
+
+    fn position(&self, index: usize) -> Position {
+        let time = self.frames.get(index).map_or(f64::NAN, |frame| frame.time);
+        Position { part: 0, number: index as u64, time }
+    }
+
+    fn info(&self) -> Vec<(String, String)> {
+        self.told.clone()
+    }
+}
+
+fn few_enough(count: usize, topic: &str) -> Result<()> {
+    match count > MOST {
+        true => Err(Error::new(format!(
+            "topic `{topic}` has more than {MOST} messages; cut the recording into parts"
+        ))),
+        false => Ok(()),
+    }
+}
+
+/// Seconds from one time in nanoseconds to another.
+fn seconds(time: u64, from: u64) -> f64 {
+    (i128::from(time) - i128::from(from)) as f64 / 1e9
+}
+
+/// The topic that the configuration names, or the one with the most messages; the first by name of several.
+fn choose<'a>(
+    what: &str,
+    given: &str,
+    known: impl Iterator<Item = &'a String> + Clone,
+    messages: impl Fn(&str) -> usize,
+) -> Result<Option<String>> {
+    if given.is_empty() {
+        return Ok(known.rev_max(messages));
+    }
+    match known.clone().any(|topic| topic == given) {
+        true => Ok(Some(given.to_owned())),
+        false => {
+            let known: Vec<&str> = known.map(String::as_str).collect();
+            Err(Error::new(format!(
+                "there is no topic `{given}` for `{what}`; {}",
+                match known.is_empty() {
+                    true => "no topic has messages of the kinds that are read".to_owned(),
+                    false => format!("those with such messages are {}", known.join(", ")),
+                }
+            )))
+        }
+    }
+}
+
+/// The largest, and the first of several that are equal.
+trait RevMax {
+    fn rev_max(self, by: impl Fn(&str) -> usize) -> Option<String>;
+}
+
+impl<'a, I: Iterator<Item = &'a String>> RevMax for I {
+    fn rev_max(self, by: impl Fn(&str) -> usize) -> Option<String> {
+        let largest = self.fold(None::<(&String, usize)>, |largest, topic| match largest {
+            Some((_, most)) if most >= by(topic) => largest,
+            _ => Some((topic, by(topic))),
+        });
+        largest.map(|(topic, _)| topic.clone())
+    }
+}
+
+/// What was recorded with each picture.
+fn labels(
+    config: &Config,
+    numbers: &BTreeMap<String, Series>,
+    seen: &[Seen],
+    told: &mut Vec<(String, String)>,
+) -> Result<Vec<Result<Label>>> {
+    let units = Units::new(config)?;
+    let origin = seen.first().map_or(0, |seen| seen.logged);
+    let tolerance = config.number("tolerance");
+    let named = |what: &str| -> Result<Option<String>> {
+        match config.text(what) {
+            "" | "none" => Ok(None),
+            given => choose(what, given, numbers.keys(), |_| 0),
+        }
+    };
+    let steering = match config.text("steering") {
+        "" => numbers
+            .iter()
+            .find(|(_, series)| !matches!(series.kind, Numbers::Float32 | Numbers::Float64))
+            .or_else(|| numbers.iter().find(|(topic, _)| topic.to_lowercase().contains("steer")))
+            .map(|(topic, _)| topic.clone()),
+        _ => named("steering")?,
+    };
+    let speed = match config.text("speed") {
+        "" => steering
+            .clone()
+            .filter(|topic| !matches!(numbers[topic].kind, Numbers::Float32 | Numbers::Float64)),
+        _ => named("speed")?,
+    };
+    let (throttle, brake) = (named("throttle")?, named("brake")?);
+    // The values of a topic in the order of their times, in seconds after the first picture.
+    let series = |topic: &Option<String>, is_speed: bool| -> Vec<(f64, f64)> {
+        let values =
+            topic.as_ref().and_then(|topic| numbers.get(topic)).map_or(&[][..], |series| &series.values);
+        let value = |(time, first, speed): &(u64, f64, Option<f64>)| {
+            (seconds(*time, origin), if is_speed { speed.unwrap_or(*first) } else { *first })
+        };
+        let mut values: Vec<(f64, f64)> = values.iter().map(value).collect();
+        values.sort_by(|a, b| a.0.total_cmp(&b.0));
+        values
+    };
+    let [steerings, throttles, brakes] = [&steering, &throttle, &brake].map(|topic| series(topic, false));
+    let speeds = series(&speed, true);
+    let mut tell = |what: &str, topic: &Option<String>, how: String| {
+        let topic = topic.as_ref().map(|topic| format!("topic {topic}{how}"));
+        told.push((what.to_owned(), topic.unwrap_or_else(|| "not recorded".to_owned())));
+    };
+    let how = match (&steering, steerings.is_empty()) {
+        (Some(topic), false) => {
+            let (low, high) =
+                steerings.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, value)| {
+                    (low.min(*value), high.max(*value))
+                });
+            let field = numbers[topic].kind.steering();
+            format!(", {field}, {}, at most {tolerance} s away", units.describe_steering(low, high)?)
+        }
+        _ => String::new(),
+    };
+    tell("steering", &steering, how);
+    tell("throttle", &throttle, String::new());
+    tell("speed", &speed, format!(", in {}", units.speed_name()));
+    let label = |seen: &Seen| -> Result<Label> {
+        let time = seconds(seen.logged, origin);
+        let value = |what: &str, topic: &Option<String>, values: &[(f64, f64)]| match topic {
+            None => Ok(f64::NAN),
+            Some(topic) => nearest(values, time, tolerance).ok_or_else(|| {
+                Error::new(format!(
+                    "topic {topic} has no message within {tolerance} s, for the {what}; set `tolerance`"
+                ))
+            }),
+        };
+        Ok(Label {
+            steering: units.steering(value("steering", &steering, &steerings)?),
+            throttle: pedals(value("throttle", &throttle, &throttles)?, value("brake", &brake, &brakes)?)?,
+            speed: units.speed(value("speed", &speed, &speeds)?),
+        })
+    };
+    Ok(seen.iter().map(label).collect())
+}

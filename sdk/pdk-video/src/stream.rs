@@ -1,0 +1,48 @@
+//! H.264 that is not in a file: a stream whose pictures come one by one, each with the units that it needs (ITU-T H.264, annex B).
+
+use openh264::OpenH264API;
+use openh264::decoder::{Decoder, DecoderConfig, Flush};
+use openh264::formats::YUVSource;
+use pdk_sdk::prelude::*;
+
+use crate::convert::Yuv420;
+use crate::reader::copy_planes;
+
+/// Decodes a stream whose pictures are shown in the order in which they come.
+pub struct Stream(Decoder);
+
+impl Stream {
+    /// Begins with a picture that can be decoded on its own.
+    ///
+    /// # Errors
+    /// If the decoder does not start.
+    pub fn new() -> Result<Self> {
+        let config = DecoderConfig::new().flush_after_decode(Flush::Flush);
+        let decoder = Decoder::with_api_config(OpenH264API::from_source(), config);
+        Ok(Self(decoder.map_err(|error| Error::new(format!("the H.264 decoder does not start: {error}")))?))
+    }
+
+    /// Decodes the units of one picture.
+    ///
+    /// # Errors
+    /// If they are damaged, or make none.
+    pub fn decode(&mut self, units: &[u8], into: &mut Yuv420) -> Result<()> {
+        match self.0.decode(units) {
+            Ok(Some(picture)) if picture.dimensions().0 > 0 => {
+                copy_planes(&picture, into);
+                Ok(())
+            }
+            Ok(_) => Err(Error::new(
+                "its H.264 gives no picture of its own; frames that are shown later than others cannot be read",
+            )),
+            Err(error) => Err(Error::new(format!(
+                "its H.264 is damaged, or uses what the decoder does not know ({error})"
+            ))),
+        }
+    }
+}
+
+/// Whether decoding can begin with these units: they have a picture of the kind IDR.
+pub fn begins_anew(units: &[u8]) -> bool {
+    units.windows(4).any(|window| window[..3] == [0, 0, 1] && window[3] & 31 == 5)
+}

@@ -1,0 +1,154 @@
+//! Any video as frames: decoded here if it is H.264 in MP4, and else by the program ffmpeg.
+
+use std::io::{BufReader, Read, Seek};
+use std::path::{Path, PathBuf};
+
+use pdk_sdk::file;
+use pdk_sdk::prelude::*;
+
+use crate::convert::Yuv420;
+use crate::ffmpeg::{Ffmpeg, Pace, times};
+use crate::reader::{Container, Opened, Reader, container};
+
+/// The frames of a video in the order in which they are shown, each with its time.
+pub struct Video(Source);
+
+enum Source {
+    Own(Box<Reader>),
+    Other(Box<Other>),
+}
+
+/// A video that ffmpeg decodes.
+struct Other {
+    path: PathBuf,
+    codec: String,
+    /// When each frame begins, and behind them when the last one ends.
+    times: Vec<f64>,
+    /// None before the first frame is wanted.
+    running: Option<Ffmpeg>,
+    /// The frame that it gives next.
+    next: u32,
+    /// The frame that is wanted next.
+    wanted: u32,
+}
+
+impl Video {
+    /// Opens a video.
+    ///
+    /// # Errors
+    /// If it is not a video, is cut off, or needs ffmpeg, and ffmpeg is missing or cannot decode it.
+    pub fn open(path: &Path) -> Result<Self> {
+        let (mut file, size) = file::open(path)?;
+        let mut head = Vec::new();
+        (&mut file).take(12).read_to_end(&mut head)?;
+        file.rewind()?;
+        let codec = match container(&head) {
+            Some(Container::Mp4) => match Reader::open(Box::new(BufReader::new(file)), size, false)? {
+                Opened::Frames(reader) => return Ok(Self(Source::Own(reader))),
+                Opened::OtherCodec(codec) => codec,
+            },
+            Some(Container::Other(name)) => name.to_owned(),
+            None => return Err(Error::new("it is not a video in MP4, QuickTime, Matroska, WebM or AVI")),
+        };
+        let times = times(Path::new("ffmpeg"), path, &codec)?;
+        let path = path.to_owned();
+        Ok(Self(Source::Other(Box::new(Other { path, codec, times, running: None, next: 0, wanted: 0 }))))
+    }
+
+    /// Reads the next frame; false at the end.
+    ///
+    /// # Errors
+    /// If the video is damaged or cut off.
+    pub fn next(&mut self, into: &mut Yuv420) -> Result<bool> {
+        match &mut self.0 {
+            Source::Own(reader) => reader.next(into),
+            Source::Other(other) => other.next(into),
+        }
+    }
+
+    /// Goes to a frame, so that [`next`](Self::next) reads it.
+    ///
+    /// # Errors
+    /// If the decoder does not start.
+    pub fn seek(&mut self, frame: u32) -> Result<()> {
+        match &mut self.0 {
+            Source::Own(reader) => reader.seek(frame),
+            Source::Other(other) => {
+                other.wanted = frame;
+                Ok(())
+            }
+        }
+    }
+
+    /// How many frames are shown.
+    pub fn count(&self) -> u32 {
+        match &self.0 {
+            Source::Own(reader) => reader.count(),
+            Source::Other(other) => (other.times.len() - 1) as u32,
+        }
+    }
+
+    /// When a frame begins, in seconds after the first one; that of [`count`](Self::count) is when the last one ends.
+    pub fn time(&self, frame: u32) -> f64 {
+        match &self.0 {
+            Source::Own(reader) => reader.time(frame),
+            Source::Other(other) => {
+                let time = other.times.get(frame as usize).or(other.times.last());
+                time.copied().unwrap_or_default()
+            }
+        }
+    }
+
+    /// Frames a second, on average.
+    pub fn rate(&self) -> f64 {
+        f64::from(self.count()) / self.time(self.count())
+    }
+
+    /// Whether the video is known to have sound, which is not read.
+    pub fn has_sound(&self) -> bool {
+        matches!(&self.0, Source::Own(reader) if reader.has_sound())
+    }
+
+    /// What decodes the video, and why that is not pdk itself: for people.
+    pub fn decoder(&self) -> String {
+        match &self.0 {
+            Source::Own(_) => "H.264 in MP4, decoded by pdk".to_owned(),
+            Source::Other(other) => format!("{}, decoded by ffmpeg", other.codec),
+        }
+    }
+}
+
+impl Other {
+    fn next(&mut self, into: &mut Yuv420) -> Result<bool> {
+        let count = (self.times.len() - 1) as u32;
+        if self.wanted >= count {
+            return Ok(false);
+        }
+        // It cannot go back, so it begins anew.
+        if self.next > self.wanted || self.running.is_none() {
+            let ffmpeg = Ffmpeg::start(Path::new("ffmpeg"), &self.path, &self.codec, Pace::Own)?;
+            (self.running, self.next) = (Some(ffmpeg), 0);
+        }
+        while let Some(ffmpeg) = &mut self.running {
+            match ffmpeg.next(into) {
+                Ok(true) if self.next == self.wanted => {
+                    (self.next, self.wanted) = (self.next + 1, self.wanted + 1);
+                    return Ok(true);
+                }
+                Ok(true) => self.next += 1,
+                Ok(false) => {
+                    self.running = None;
+                    return Err(Error::new(format!(
+                        "ffmpeg decodes {} of its {count} frames; copy the video again if it has changed meanwhile",
+                        self.next
+                    )));
+                }
+                Err(error) => {
+                    self.running = None;
+                    return Err(error);
+                }
+            }
+        }
+        Ok(false)
+    }
+}
