@@ -1,9 +1,9 @@
 //! The Python package: a wheel with the tree beside the modules, which maturin makes.
 //!
 //! ```text
-//! pdk/             the modules of sdk/python, and the extension module
-//! pdk/installation the tree
-//! pdk_driver.py    for drivers in another process, and pdk_simulator.py for simulators
+//! pdk_perturb/             the modules of sdk/python, and the extension module
+//! pdk_perturb/installation the tree
+//! pdk_driver.py            for drivers in another process, and pdk_simulator.py for simulators
 //! ```
 
 use std::fs;
@@ -21,9 +21,9 @@ use crate::project::{Project, TARGET, output, succeed};
 /// The folder of the package in the workspace.
 const SOURCE: &str = "sdk/python";
 /// What of it becomes part of the wheel.
-const PARTS: [&str; 5] = ["pyproject.toml", "README.md", "pdk_driver.py", "pdk_simulator.py", "pdk"];
+const PARTS: [&str; 5] = ["pyproject.toml", "README.md", "pdk_driver.py", "pdk_simulator.py", "pdk_perturb"];
 /// Where the tree lies in the wheel, which the package knows.
-const INSTALLATION: &str = "pdk/installation";
+const INSTALLATION: &str = "pdk_perturb/installation";
 
 /// Makes the wheel, and returns it. The extension module is compiled here.
 ///

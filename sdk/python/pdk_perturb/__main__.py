@@ -12,7 +12,7 @@ def main():
     try:
         os.execv(executable, [str(executable), *sys.argv[1:]])
     except OSError as error:
-        sys.exit(f"pdk: error: {executable} cannot be started ({error.strerror}); install the package pdk again")
+        sys.exit(f"pdk: error: {executable} cannot be started ({error.strerror}); install the package pdk-perturb again")
 
 
 if __name__ == "__main__":
