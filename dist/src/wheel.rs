@@ -16,7 +16,7 @@ use walkdir::WalkDir;
 
 use crate::Profile;
 use crate::compile::GLIBC;
-use crate::project::{Project, TARGET, output, succeed};
+use crate::project::{Project, output, succeed};
 
 /// The folder of the package in the workspace.
 const SOURCE: &str = "sdk/python";
@@ -55,7 +55,7 @@ pub fn pack(project: &Project, tree: &Path, profile: Profile) -> Result<PathBuf>
                 "dist",
                 "--zig",
                 "--target",
-                TARGET,
+                project.target().triple(),
                 "--compatibility",
                 &compatibility,
             ])
