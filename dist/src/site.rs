@@ -62,7 +62,7 @@ enable = false
 [output.html.search]
 limit-results = 20
 "#;
-const WIDE: &str = ":root { --content-max-width: 70rem; }\n.table-wrapper table { font-size: 1.4rem; }\n";
+const WIDE: &str = ":root { --content-max-width: 100rem; }\n.table-wrapper table { font-size: 1.4rem; }\n";
 
 /// The pages that have been laid out.
 struct Pages<'a> {

@@ -21,7 +21,8 @@ use crate::project::{Project, output, succeed};
 /// The folder of the package in the workspace.
 const SOURCE: &str = "sdk/python";
 /// What of it becomes part of the wheel.
-const PARTS: [&str; 5] = ["pyproject.toml", "README.md", "pdk_driver.py", "pdk_simulator.py", "pdk_perturb"];
+const PARTS: [&str; 6] =
+    ["pyproject.toml", "README.md", "LICENSE", "pdk_driver.py", "pdk_simulator.py", "pdk_perturb"];
 /// Where the tree lies in the wheel, which the package knows.
 const INSTALLATION: &str = "pdk_perturb/installation";
 
@@ -83,7 +84,8 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
     for entry in WalkDir::new(from).sort_by_file_name() {
         let entry = entry.place(from.display())?;
         let place = entry.path().strip_prefix(from).place(from.display())?;
-        if !entry.file_type().is_file() || place.components().any(|part| part.as_os_str() == "__pycache__") {
+        // A link to a file is copied as the file.
+        if !entry.path().is_file() || place.components().any(|part| part.as_os_str() == "__pycache__") {
             continue;
         }
         let place = if place.as_os_str().is_empty() { to.to_owned() } else { to.join(place) };
