@@ -91,6 +91,25 @@ fn checksums(folder: &Path) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::project::Target;
+
+    /// `cargo publish --workspace` uploads every package that does not refuse it.
+    #[test]
+    fn only_crates_of_the_sdk_are_published() {
+        let project = Project::for_target(Target::HERE).unwrap();
+        let packages = project.metadata().workspace_packages().into_iter();
+        let published: Vec<_> = packages.filter(|package| package.publish.is_none()).collect();
+        assert!(published.len() >= 12);
+        for package in published {
+            assert!(
+                package.manifest_path.starts_with(project.root().join("sdk")),
+                "{} needs `publish = false`",
+                package.name
+            );
+            assert!(package.documentation.is_some() && package.readme.is_some(), "{}", package.name);
+            assert!(!package.keywords.is_empty() && !package.categories.is_empty(), "{}", package.name);
+        }
+    }
 
     #[test]
     fn the_notes_are_the_section_of_the_version() {
