@@ -31,7 +31,9 @@ pub fn pack(project: &Project) -> Result<PathBuf> {
     let text = fs::read_to_string(&file).place(file.display())?;
     let mut description: DocumentMut = text.parse().place(file.display())?;
     let version = project.python()?.version.to_string();
-    let information = information(&description, &version).place(file.display())?;
+    let readme = file.with_file_name("README.md");
+    let readme = fs::read_to_string(&readme).place(readme.display())?;
+    let information = information(&description, &version, &readme).place(file.display())?;
     let name = text_of(&description, "name").place(file.display())?.replace('-', "_");
     build_by_backend(&mut description, &version);
 
@@ -75,7 +77,7 @@ fn text_of<'a>(description: &'a DocumentMut, key: &str) -> Result<&'a str> {
 }
 
 /// What package indexes and pip read, in the format of Python's core metadata.
-fn information(description: &DocumentMut, version: &str) -> Result<String> {
+fn information(description: &DocumentMut, version: &str, readme: &str) -> Result<String> {
     let mut lines = vec![
         "Metadata-Version: 2.4".to_owned(),
         format!("Name: {}", text_of(description, "name")?),
@@ -99,7 +101,9 @@ fn information(description: &DocumentMut, version: &str) -> Result<String> {
             list(Some(entries)).iter().map(|entry| format!("Requires-Dist: {entry} ; extra == '{extra}'")),
         );
     }
-    Ok(lines.join("\n") + "\n")
+    lines.push("Description-Content-Type: text/markdown".to_owned());
+    // The description is the body, after an empty line.
+    Ok(format!("{}\n\n{readme}", lines.join("\n")))
 }
 
 /// Makes the description one that is built by the backend in the workspace.
@@ -155,6 +159,10 @@ mod tests {
         );
         let information = fs::read_to_string(root.join("PKG-INFO")).unwrap();
         assert!(information.contains("\nRequires-Dist: pandas>=1.5 ; extra == 'pandas'\n"), "{information}");
+        assert!(
+            information.contains("\nDescription-Content-Type: text/markdown\n\n# pdk-perturb\n"),
+            "{information}"
+        );
         fs::remove_dir_all(folder).unwrap();
     }
 }
