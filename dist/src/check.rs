@@ -38,7 +38,13 @@ pub fn run(project: &Project, tree: &Path, profile: Profile) -> Result<String> {
             "what is to be shipped needs glibc {glibc}, but has to do with {GLIBC}"
         )));
     }
-    doctor(&tree.join(EXECUTABLE), profile)?;
+    if project.runs_here() {
+        doctor(&tree.join(EXECUTABLE), profile)?;
+    } else {
+        let machine = project.target().machine();
+        let _ =
+            write!(report, "\nnot tried, because it is for {machine}; run `pdk doctor` on such a machine");
+    }
     Ok(report)
 }
 

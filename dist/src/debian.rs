@@ -6,7 +6,7 @@ use std::process::Command;
 
 use pdk_model::error::Result;
 
-use crate::project::{EXECUTABLE, Project, succeed};
+use crate::project::{EXECUTABLE, Project, install, succeed};
 
 /// The version of cargo-deb.
 const VERSION: &str = "3.8.0";
@@ -16,17 +16,19 @@ const VERSION: &str = "3.8.0";
 /// # Errors
 /// If cargo-deb cannot be installed or fails.
 pub fn pack(project: &Project) -> Result<PathBuf> {
-    let tools = project.out().join("tools");
-    let tool = tools.join("bin/cargo-deb");
-    if !tool.is_file() {
-        let mut install = Command::new("cargo");
-        install.args(["install", "cargo-deb", "--locked", "--version", VERSION, "--root"]).arg(&tools);
-        succeed(&mut install)?;
-    }
-    let package = project.out().join(format!("pdk_{}_amd64.deb", project.executable()?.version));
+    let tool = install(project, "cargo-deb", VERSION, &[])?;
+    let package = project.out().join(format!(
+        "pdk_{}_{}.deb",
+        project.executable()?.version,
+        project.target().debian()
+    ));
     let mut pack = Command::new(tool);
     pack.current_dir(project.root()).args(["--no-build", "--no-strip", "--package", EXECUTABLE, "--output"]);
-    succeed(pack.arg(&package))?;
+    pack.arg(&package);
+    if !project.runs_here() {
+        pack.args(["--target", project.target().triple()]);
+    }
+    succeed(&mut pack)?;
     Ok(package)
 }
 
@@ -34,10 +36,11 @@ pub fn pack(project: &Project) -> Result<PathBuf> {
 mod tests {
     use super::*;
     use crate::compile::GLIBC;
+    use crate::project::Target;
 
     #[test]
     fn the_package_asks_for_the_glibc_that_is_compiled_for() {
-        let project = Project::here().unwrap();
+        let project = Project::for_target(Target::HERE).unwrap();
         let metadata = &project.executable().unwrap().metadata["deb"];
         assert_eq!(metadata["depends"], format!("libc6 (>= {GLIBC})"));
     }

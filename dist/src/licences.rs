@@ -56,7 +56,7 @@ pub fn page(project: &Project, profile: Profile) -> Result<String> {
 }
 
 /// The crates from elsewhere whose code is in the executable, a library or the Python package.
-fn compiled_in(project: &Project) -> Result<Vec<&Package>> {
+pub fn compiled_in(project: &Project) -> Result<Vec<&Package>> {
     let metadata = project.metadata();
     let resolve =
         metadata.resolve.as_ref().ok_or_else(|| Error::new("cargo does not tell the dependencies"))?;
@@ -182,10 +182,11 @@ fn same(a: &str, b: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::project::Target;
 
     #[test]
     fn everything_that_is_compiled_in_has_its_licence() {
-        let project = Project::here().unwrap();
+        let project = Project::for_target(Target::HERE).unwrap();
         let page = page(&project, Profile::Dist).unwrap();
         let list = page.split("=====").next().unwrap();
         // A normal dependency, native source, a font, what the compiler adds; macros and build tools are not compiled in.

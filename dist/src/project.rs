@@ -4,30 +4,80 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use cargo_metadata::{Metadata, MetadataCommand, Package};
+use clap::ValueEnum;
 use pdk_model::error::{Error, Place, Result};
 
-/// The system that archives are for, as Rust calls it.
-pub const TARGET: &str = "x86_64-unknown-linux-gnu";
 /// The package with the extension module for Python.
 const PYTHON: &str = "pdk-python";
 /// The package with the executable.
 pub const EXECUTABLE: &str = "pdk";
 
+/// A system that packages are for: Linux with glibc, on one of these processors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Target {
+    /// Intel and AMD
+    #[value(name = "x86-64")]
+    X86,
+    /// ARM with 64 bits
+    #[value(name = "aarch64")]
+    Arm,
+}
+
+impl Target {
+    /// The system of this machine, for which packages are made unless another one is named.
+    pub const HERE: Self = if cfg!(target_arch = "aarch64") { Self::Arm } else { Self::X86 };
+
+    /// The system as Rust calls it.
+    pub fn triple(self) -> &'static str {
+        match self {
+            Self::X86 => "x86_64-unknown-linux-gnu",
+            Self::Arm => "aarch64-unknown-linux-gnu",
+        }
+    }
+
+    /// The processor as the names of archives and wheels have it.
+    pub fn machine(self) -> &'static str {
+        match self {
+            Self::X86 => "x86_64",
+            Self::Arm => "aarch64",
+        }
+    }
+
+    /// The processor as Debian calls it.
+    pub fn debian(self) -> &'static str {
+        match self {
+            Self::X86 => "amd64",
+            Self::Arm => "arm64",
+        }
+    }
+}
+
 /// The workspace.
 pub struct Project {
     metadata: Metadata,
+    target: Target,
 }
 
 impl Project {
-    /// The workspace that this program was built from.
+    /// The workspace that this program was built from, and the system that packages are for.
     ///
     /// # Errors
     /// If cargo cannot read it.
-    pub fn here() -> Result<Self> {
+    pub fn for_target(target: Target) -> Result<Self> {
         let manifest = Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml");
         let mut command = MetadataCommand::new();
-        command.manifest_path(manifest).other_options(["--filter-platform".into(), TARGET.into()]);
-        Ok(Self { metadata: command.exec().place("cargo cannot read the workspace")? })
+        command.manifest_path(manifest).other_options(["--filter-platform".into(), target.triple().into()]);
+        Ok(Self { metadata: command.exec().place("cargo cannot read the workspace")?, target })
+    }
+
+    /// The system that packages are for.
+    pub fn target(&self) -> Target {
+        self.target
+    }
+
+    /// Whether what is compiled runs on this machine.
+    pub fn runs_here(&self) -> bool {
+        self.target == Target::HERE
     }
 
     /// All packages, with those that they depend on.
@@ -79,8 +129,25 @@ impl Project {
     /// # Errors
     /// If there is no package with the executable.
     pub fn title(&self) -> Result<String> {
-        Ok(format!("pdk-{}-x86_64-linux", self.executable()?.version))
+        Ok(format!("pdk-{}-{}-linux", self.executable()?.version, self.target.machine()))
     }
+}
+
+/// Installs a tool of Cargo below `target/pdk-dist`, if it is not there yet, and returns it.
+///
+/// # Errors
+/// If Cargo cannot install it.
+pub fn install(project: &Project, name: &str, version: &str, options: &[&str]) -> Result<PathBuf> {
+    let tools = project.out().join("tools");
+    let tool = tools.join("bin").join(name);
+    // Cargo does nothing if this version is installed, but has to ask the package index for that.
+    let is_there = output(Command::new(&tool).arg("--version"));
+    if !is_there.is_ok_and(|said| String::from_utf8_lossy(&said).contains(version)) {
+        let mut install = Command::new("cargo");
+        install.args(["install", name, "--locked", "--version", version, "--root"]).arg(&tools);
+        succeed(install.args(options))?;
+    }
+    Ok(tool)
 }
 
 /// Runs a program to its end, with its output where this one's goes.

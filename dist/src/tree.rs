@@ -58,8 +58,7 @@ pub fn lay_out(project: &Project, compiled: &Compiled, profile: Profile) -> Resu
     if tree.exists() {
         fs::remove_dir_all(&tree).place(tree.display())?;
     }
-    let executable = tree.join(EXECUTABLE);
-    put(&compiled.executable, &executable, 0o755)?;
+    put(&compiled.executable, &tree.join(EXECUTABLE), 0o755)?;
     for library in &compiled.libraries {
         put(library, &tree.join(LIBRARIES).join(library.file_name().unwrap_or_default()), 0o644)?;
     }
@@ -73,9 +72,9 @@ pub fn lay_out(project: &Project, compiled: &Compiled, profile: Profile) -> Resu
     copy(&project.root().join(EXAMPLES), &documents.join("examples"))?;
     write(&documents.join("THIRD-PARTY-LICENSES.txt"), licences::page(project, profile)?.as_bytes())?;
     for (shell, place) in COMPLETIONS {
-        write(&tree.join(place), &output(Command::new(&executable).args(["completions", shell]))?)?;
+        write(&tree.join(place), &output(Command::new(&compiled.runnable).args(["completions", shell]))?)?;
     }
-    succeed(Command::new(&executable).arg("man").arg(tree.join("share/man/man1")))?;
+    succeed(Command::new(&compiled.runnable).arg("man").arg(tree.join("share/man/man1")))?;
     Ok(tree)
 }
 

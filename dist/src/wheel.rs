@@ -1,9 +1,9 @@
 //! The Python package: a wheel with the tree beside the modules, which maturin makes.
 //!
 //! ```text
-//! pdk/             the modules of sdk/python, and the extension module
-//! pdk/installation the tree
-//! pdk_driver.py    for drivers in another process, and pdk_simulator.py for simulators
+//! pdk_perturb/             the modules of sdk/python, and the extension module
+//! pdk_perturb/installation the tree
+//! pdk_driver.py            for drivers in another process, and pdk_simulator.py for simulators
 //! ```
 
 use std::fs;
@@ -16,14 +16,15 @@ use walkdir::WalkDir;
 
 use crate::Profile;
 use crate::compile::GLIBC;
-use crate::project::{Project, TARGET, output, succeed};
+use crate::project::{Project, output, succeed};
 
 /// The folder of the package in the workspace.
 const SOURCE: &str = "sdk/python";
 /// What of it becomes part of the wheel.
-const PARTS: [&str; 5] = ["pyproject.toml", "README.md", "pdk_driver.py", "pdk_simulator.py", "pdk"];
+const PARTS: [&str; 6] =
+    ["pyproject.toml", "README.md", "LICENSE", "pdk_driver.py", "pdk_simulator.py", "pdk_perturb"];
 /// Where the tree lies in the wheel, which the package knows.
-const INSTALLATION: &str = "pdk/installation";
+const INSTALLATION: &str = "pdk_perturb/installation";
 
 /// Makes the wheel, and returns it. The extension module is compiled here.
 ///
@@ -55,7 +56,7 @@ pub fn pack(project: &Project, tree: &Path, profile: Profile) -> Result<PathBuf>
                 "dist",
                 "--zig",
                 "--target",
-                TARGET,
+                project.target().triple(),
                 "--compatibility",
                 &compatibility,
             ])
@@ -83,7 +84,8 @@ fn copy(from: &Path, to: &Path) -> Result<()> {
     for entry in WalkDir::new(from).sort_by_file_name() {
         let entry = entry.place(from.display())?;
         let place = entry.path().strip_prefix(from).place(from.display())?;
-        if !entry.file_type().is_file() || place.components().any(|part| part.as_os_str() == "__pycache__") {
+        // A link to a file is copied as the file.
+        if !entry.path().is_file() || place.components().any(|part| part.as_os_str() == "__pycache__") {
             continue;
         }
         let place = if place.as_os_str().is_empty() { to.to_owned() } else { to.join(place) };

@@ -1,4 +1,4 @@
-"""Writes pdk/perturbations.pyi from what the components of pdk say of themselves.
+"""Writes pdk_perturb/perturbations.pyi from what the components of pdk say of themselves.
 
     python3 sdk/python/stubs.py target/release/pdk            # writes it anew
     python3 sdk/python/stubs.py target/release/pdk --check    # ends with 1 where it is stale
@@ -14,7 +14,7 @@ import tempfile
 import textwrap
 from pathlib import Path
 
-FILE = Path(__file__).parent / "pdk" / "perturbations.pyi"
+FILE = Path(__file__).parent / "pdk_perturb" / "perturbations.pyi"
 
 HEAD = '''\
 # Written by stubs.py from what the perturbations say of themselves; changes here are lost.

@@ -1,6 +1,6 @@
 """What a cluster costs: three nodes of Ray on this machine, against this machine alone.
 
-    venv/bin/pip install target/pdk-dist/pdk-*.whl 'ray>=2.9'
+    venv/bin/pip install target/pdk-dist/pdk_perturb-*.whl 'ray>=2.9'
     venv/bin/python tests/speed/cluster.py              # or one of: overhead, speedup, search
 
 Prints, as Markdown: the overhead of a scenario, the processor time of the pool for each, how the speed grows with the workers up to as many as
@@ -18,7 +18,7 @@ os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 
 from ray.cluster_utils import Cluster
 
-import pdk
+import pdk_perturb as pdk
 
 SHARED = {"simulator": {"name": "lane", "width": 64, "height": 48}, "driver": "lane_keeper", "images_every": 0}
 
@@ -27,7 +27,7 @@ def pool_seconds():
     """The processor time of the pool that runs now, in seconds."""
     for process in Path("/proc").glob("[0-9]*"):
         try:
-            if b"-m\0pdk.ray\0" in (process / "cmdline").read_bytes():
+            if b"-m\0pdk_perturb.ray\0" in (process / "cmdline").read_bytes():
                 fields = (process / "stat").read_text().rsplit(")", 1)[1].split()
                 return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
         except OSError:

@@ -1,7 +1,7 @@
 """Measures pdk beside other libraries, in one run on one thread, and writes docs/speed.md.
 
     cargo build --release && cargo run --release -p pdk-dist -- --profile release --no-package --wheel
-    python -m venv venv && venv/bin/pip install -r tests/speed/requirements.txt target/pdk-dist/pdk-*.whl
+    python -m venv venv && venv/bin/pip install -r tests/speed/requirements.txt target/pdk-dist/pdk_perturb-*.whl
     venv/bin/python tests/speed/compare.py --only contrast,gaussian_blur --levels 0,4     # a try, prints only
     venv/bin/python tests/speed/compare.py --write                                        # all, on a quiet machine
 
@@ -325,7 +325,7 @@ def published(checkout):
 def from_python():
     """pdk's function for arrays, everything drawn anew for every call; nothing if the wheel is not installed."""
     try:
-        import pdk
+        import pdk_perturb as pdk
     except ImportError:
         print("pdk is not installed here, so calls from Python are not measured", file=sys.stderr)
         return lambda *_: None

@@ -1,6 +1,6 @@
 """Measures calls from Python: what a call costs besides the kernel's work, and how pdk's corruptions agree with imagecorruptions.
 
-    python -m venv venv && venv/bin/pip install -r tests/speed/requirements.txt target/pdk-dist/pdk-*.whl
+    python -m venv venv && venv/bin/pip install -r tests/speed/requirements.txt target/pdk-dist/pdk_perturb-*.whl
     venv/bin/python tests/speed/python.py              # prints tables in Markdown, as docs/python.md has them
     venv/bin/python tests/speed/python.py overhead     # or one of: overhead, suite
 
@@ -20,8 +20,8 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy  # noqa: E402
 
-import pdk  # noqa: E402
-from pdk.corruptions import corrupt, get_corruption_names  # noqa: E402
+import pdk_perturb as pdk  # noqa: E402
+from pdk_perturb.corruptions import corrupt, get_corruption_names  # noqa: E402
 
 SIZES = {"320x240": (240, 320), "1280x720": (720, 1280)}
 BUDGET = 0.15  # Seconds for a figure.

@@ -67,7 +67,7 @@ impl Pool {
 }
 
 /// The pool that the Python package has, by its short name, and what the shell runs for it.
-const RAY: (&str, &str) = ("ray", r#"exec "${PDK_PYTHON:-python3}" -m pdk.ray"#);
+const RAY: (&str, &str) = ("ray", r#"exec "${PDK_PYTHON:-python3}" -m pdk_perturb.ray"#);
 
 /// A command in which the short name of a pool is written out.
 fn written_out(line: &str) -> String {

@@ -7,7 +7,7 @@ use pdk_sdk::error::{self, ErrorKind};
 use pyo3::prelude::*;
 
 pyo3::create_exception!(
-    pdk,
+    pdk_perturb,
     Error,
     pyo3::exceptions::PyRuntimeError,
     "What went wrong, in one sentence; `kind` is one of failed, late, lost, nonsense, configuration, panic."

@@ -1,4 +1,4 @@
-//! The extension module of the Python package `pdk`: arrays in, perturbed arrays out.
+//! The extension module of the Python package `pdk_perturb`: arrays in, perturbed arrays out.
 //!
 //! | module | subject |
 //! |---|---|
@@ -26,7 +26,7 @@ mod values;
 
 use pyo3::prelude::*;
 
-/// Perturbs arrays. The package `pdk` has what users import.
+/// Perturbs arrays. The package `pdk_perturb` has what users import.
 #[pymodule]
 fn _pdk(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("Error", module.py().get_type::<failure::Error>())?;

@@ -15,7 +15,7 @@ use crate::images::{apply, check_seed, check_time};
 use crate::{components, values};
 
 /// Perturbations of the frames of a sequence. See `pdk.Perturbation`.
-#[pyclass(module = "pdk", frozen, subclass)]
+#[pyclass(module = "pdk_perturb", frozen, subclass)]
 pub struct Perturbation {
     perturbations: Vec<AppliedPerturbation>,
     /// Frames a second.
@@ -146,7 +146,7 @@ impl Perturbation {
             (state.seed, state.next)
         };
         let (plugins, drop_ins) = components::searched(py);
-        let resume = py.import("pdk._pdk")?.getattr("resume")?;
+        let resume = py.import("pdk_perturb._pdk")?.getattr("resume")?;
         let arguments = (self.perturbations(), seed, self.fps, next, plugins, drop_ins);
         Ok((resume, arguments.into_pyobject(py)?))
     }

@@ -12,7 +12,7 @@ NOTHING = tempfile.TemporaryDirectory()
 os.environ["XDG_DATA_HOME"] = NOTHING.name
 os.environ.pop("PDK_PLUGIN_PATH", None)
 
-import pdk  # noqa: E402
+import pdk_perturb as pdk  # noqa: E402
 
 
 @pytest.fixture(scope="session")

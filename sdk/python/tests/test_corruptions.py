@@ -5,8 +5,8 @@ import importlib
 import numpy
 import pytest
 
-import pdk
-from pdk.corruptions import corrupt, get_corruption_names
+import pdk_perturb as pdk
+from pdk_perturb.corruptions import corrupt, get_corruption_names
 
 #: Deterministic corruptions, and the share of values that are equal and the largest difference that are held on noise, where few
 #: values are whole before their fractions are dropped.

@@ -11,8 +11,8 @@ import time
 import numpy
 import pytest
 
-import pdk
-from pdk import perturbations
+import pdk_perturb as pdk
+from pdk_perturb import perturbations
 
 #: What needs a file of the user's.
 WITH_FILES = {"overlay", "repaint"}
@@ -304,7 +304,7 @@ def test_scripts_are_found_and_their_errors_are_exceptions(tmp_path, image, sear
         pdk.perturb(image, "blacken", rows=91)
     # In another process too.
     sequence = pickle.dumps(pdk.Perturbation("blacken@3"))
-    code = "import pickle, sys, numpy, pdk; f = pickle.load(sys.stdin.buffer); print(f(numpy.full((9, 9, 3), 7, numpy.uint8)).sum())"
+    code = "import pickle, sys, numpy, pdk_perturb; f = pickle.load(sys.stdin.buffer); print(f(numpy.full((9, 9, 3), 7, numpy.uint8)).sum())"
     done = subprocess.run([sys.executable, "-c", code], input=sequence, capture_output=True)
     assert int(done.stdout) == 7 * 3 * 9 * 5, done.stderr
 
@@ -375,5 +375,5 @@ def test_the_command_of_the_package_finds_everything():
     alone = {"PATH": os.environ["PATH"]}
     done = subprocess.run([pdk.executable(), "doctor"], env=alone, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
-    done = subprocess.run([sys.executable, "-m", "pdk", "--version"], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-m", "pdk_perturb", "--version"], capture_output=True, text=True)
     assert done.stdout.strip() == f"pdk {pdk.__version__}", done.stderr

@@ -3,12 +3,12 @@
 import numpy
 import pytest
 
-import pdk
-from pdk import perturbationdrive
+import pdk_perturb as pdk
+from pdk_perturb import perturbationdrive
 
-#: The two scripts of the published documentation, with `pdk.` before `perturbationdrive`, and Pillow where they read with OpenCV.
+#: The two scripts of the published documentation, with `pdk_perturb.` before `perturbationdrive`, and Pillow where they read with OpenCV.
 SCRIPT = """
-from pdk.perturbationdrive import ImagePerturbation, gaussian_noise, fog_filter
+from pdk_perturb.perturbationdrive import ImagePerturbation, gaussian_noise, fog_filter
 
 perturbed = gaussian_noise(3, image.copy())
 save("gaussian", perturbed)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("ray", reason="ray is missing; `pip install 'pdk[ray]'`")
+pytest.importorskip("ray", reason="ray is missing; `pip install 'pdk-perturb[ray]'`")
 os.environ["RAY_AUTH_MODE"] = "disabled"
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 
@@ -20,9 +20,9 @@ from ray.cluster_utils import Cluster  # noqa: E402
 
 import ray  # noqa: E402
 
-import pdk  # noqa: E402
-from pdk._ray_worker import Ended, Worker  # noqa: E402
-from pdk.ray import PATIENCE, Head, Paths, Pool, gpus, options  # noqa: E402
+import pdk_perturb as pdk  # noqa: E402
+from pdk_perturb._ray_worker import Ended, Worker  # noqa: E402
+from pdk_perturb.ray import PATIENCE, Head, Paths, Pool, gpus, options  # noqa: E402
 
 PIPELINE = """
 local settings = pdk.settings({ mode = "lockstep", duration = 2, scenarios = 12 })
@@ -235,7 +235,7 @@ def test_a_head_that_answers_is_left_alone():
 
 LOCAL = """
 import os, sys
-import pdk
+import pdk_perturb as pdk
 
 def below(process):
     for each in filter(str.isdigit, os.listdir("/proc")):
@@ -283,11 +283,11 @@ def test_a_new_cluster_can_be_reached_from_this_machine_alone(tmp_path):
 
 
 def test_a_cluster_without_the_package_is_one_sentence(cluster, tmp_path, study):
-    (tmp_path / "bare/pdk").mkdir(parents=True)
-    (tmp_path / "bare/pdk/__init__.py").write_text("raise ImportError('there is no pdk')")
+    (tmp_path / "bare/pdk_perturb").mkdir(parents=True)
+    (tmp_path / "bare/pdk_perturb/__init__.py").write_text("raise ImportError('there is no pdk_perturb')")
     node = cluster.add_node(num_cpus=1, resources={"bare": 1}, env_vars={"PYTHONPATH": str(tmp_path / "bare")})
     options = f"""--address {cluster.address} --slots 1 --resources '{{"bare": 1}}'"""
-    remedy = rf"3 times in a row .*there is no pdk.*; install pdk {pdk.__version__} on every machine"
+    remedy = rf"3 times in a row .*there is no pdk_perturb.*; install pdk-perturb {pdk.__version__} on every machine"
     with pytest.raises(pdk.Error, match=remedy):
         study("out", pool=f"ray {options}")
     cluster.remove_node(node)
@@ -418,7 +418,7 @@ def test_starts_that_fail_are_counted_until_one_succeeds(monkeypatch):
     assert actors.started == 9 and list(actors.said[0]) == ["done"]
     failing.update(range(10, 100))
     asyncio.run(actors.give((2, 0)))
-    remedy = f"(the last: The actor died unexpectedly before finishing this task); install pdk {pdk.__version__} on every machine"
+    remedy = f"(the last: The actor died unexpectedly before finishing this task); install pdk-perturb {pdk.__version__} on every machine"
     assert actors.started == 12 and actors.said[1]["failed"].endswith(remedy)
     # A machine that takes several along is one failure.
     actors = Actors(monkeypatch, start=start, slots=8)
@@ -460,7 +460,7 @@ def test_an_actor_that_cannot_be_placed_gets_the_room_of_one_with_nothing_to_do(
         await actors.give((2, 1))
         assert (actors.started, actors.alive) == (3, 2)
 
-    monkeypatch.setattr("pdk.ray.ROOM", 0.02)
+    monkeypatch.setattr("pdk_perturb.ray.ROOM", 0.02)
     actors = Actors(monkeypatch, start=start, slots=8)
     asyncio.run(study())
     assert len(actors.said) == 3
@@ -513,7 +513,7 @@ def test_paths_in_a_job_are_found_by_descriptions():
 
 
 def test_files_travel_once_and_arrive_as_they_were(tmp_path, monkeypatch):
-    from pdk import _files
+    from pdk_perturb import _files
 
     monkeypatch.setenv("PDK_CACHE", str(tmp_path / "cache"))
     blobs = {}

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy
 import pytest
 
-import pdk
-from pdk import _pdk
+import pdk_perturb as pdk
+from pdk_perturb import _pdk
 
 PIPELINE = """
 local scenarios = {}
@@ -151,7 +151,7 @@ def test_ctrl_c_finishes_what_is_under_way(tmp_path):
     script.write_text(
         textwrap.dedent(
             f"""
-            import pdk
+            import pdk_perturb as pdk
             with pdk.Session(simulator="lane", driver="lane_keeper", mode="realtime", out={str(tmp_path / "out")!r}, workers=1) as session:
                 for number in range(20):
                     session.submit(duration=3, repeat=number)
@@ -174,7 +174,7 @@ def test_a_killed_interpreter_leaves_no_process_behind(tmp_path):
     script.write_text(
         textwrap.dedent(
             f"""
-            import pdk
+            import pdk_perturb as pdk
             session = pdk.Session(simulator="lane", driver="lane_keeper", mode="realtime", out={str(tmp_path / "out")!r}, workers=2)
             session.submit(duration=600)
             print(session._program._child.pid, flush=True)

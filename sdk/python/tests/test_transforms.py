@@ -5,8 +5,8 @@ import hashlib
 import numpy
 import pytest
 
-import pdk
-from pdk.transforms import Indexed, OneOf, Transform
+import pdk_perturb as pdk
+from pdk_perturb.transforms import Indexed, OneOf, Transform
 
 NOISE = OneOf("fog_filter", "gaussian_noise", "motion_blur", None)
 

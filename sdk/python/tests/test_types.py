@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-import pdk
+import pdk_perturb as pdk
 
 pytest.importorskip("mypy", reason="mypy is missing; `pip install mypy`")
 
@@ -22,7 +22,7 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-import pdk
+import pdk_perturb as pdk
 
 image: NDArray[numpy.uint8]
 batch: NDArray[numpy.uint8]
@@ -69,7 +69,7 @@ def test_the_examples_in_the_documents_are_typed(tmp_path):
 
 def test_what_is_wrong_is_found(tmp_path):
     wrong = tmp_path / "wrong.py"
-    wrong.write_text("import pdk\nrecord: int = pdk.run('quickstart')\npdk.perturb(1, 2)\n")
+    wrong.write_text("import pdk_perturb as pdk\nrecord: int = pdk.run('quickstart')\npdk.perturb(1, 2)\n")
     said = check([wrong]).stdout
     assert 'expression has type "Record"' in said and 'Argument 2 to "perturb"' in said, said
     assert Path(pdk.__file__).with_name("py.typed").is_file()

@@ -68,6 +68,28 @@ fn what_the_documents_point_to_is_there() {
     }
 }
 
+/// The page of a crate on a package index has no other file of the repository beside it.
+#[test]
+fn the_pages_of_published_crates_link_to_nothing_outside_of_them() {
+    let mut pages = 0;
+    for part in std::fs::read_dir(repository().join("sdk")).unwrap() {
+        let folder = part.unwrap().path();
+        let Ok(manifest) = std::fs::read_to_string(folder.join("Cargo.toml")) else { continue };
+        if manifest.contains("publish = false") {
+            continue;
+        }
+        let page = std::fs::read_to_string(folder.join("README.md")).unwrap();
+        assert!(
+            !page.contains("](../"),
+            "{}: README.md links to a file outside of the crate",
+            folder.display()
+        );
+        assert!(folder.join("LICENSE").is_file(), "{} has no LICENSE", folder.display());
+        pages += 1;
+    }
+    assert!(pages >= 12, "{pages}");
+}
+
 /// What goes wrong with simulators and with drivers in another process, and the test of each that shows what follows.
 const FAULTS: [(&str, [&str; 5]); 10] = [
     (

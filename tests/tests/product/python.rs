@@ -36,7 +36,8 @@ fn the_declarations_are_up_to_date() {
 
 #[test]
 fn the_declarations_have_all_modifiers() {
-    let text = std::fs::read_to_string(repository().join("sdk/python/pdk/perturbations.pyi")).unwrap();
+    let text =
+        std::fs::read_to_string(repository().join("sdk/python/pdk_perturb/perturbations.pyi")).unwrap();
     for modifier in MODIFIERS.iter().filter(|modifier| modifier.name != "level") {
         assert!(text.contains(&format!("    {}: ", modifier.name)), "{}", modifier.name);
     }

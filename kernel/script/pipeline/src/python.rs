@@ -54,7 +54,7 @@ mod tests {
     fn the_committed_module_is_up_to_date() {
         let root =
             std::env::var("PDK_TEST_ROOT").unwrap_or(concat!(env!("CARGO_MANIFEST_DIR"), "/../../..").into());
-        let file = std::path::Path::new(&root).join("sdk/python/pdk/_settings.py");
+        let file = std::path::Path::new(&root).join("sdk/python/pdk_perturb/_settings.py");
         if std::env::var_os("PDK_BLESS").is_some() {
             std::fs::write(&file, module()).unwrap();
         }

@@ -8,6 +8,7 @@ use pdk_components::catalog::Catalog;
 use pdk_components::installation;
 use pdk_components::product;
 use pdk_notice::println;
+use pdk_sdk::SDK_VERSION;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Place, Result};
 
@@ -15,6 +16,12 @@ use self::template::{Crate, What};
 use super::Global;
 
 mod template;
+
+/// What a template may need besides the SDK: how its source names it, and the line for the manifest.
+const FROM_ELSEWHERE: [(&str, &str); 2] = [
+    ("image::", r#"image = { version = "0.25", default-features = false, features = ["jpeg", "png"] }"#),
+    ("libm::", r#"libm = "0.2""#),
+];
 
 /// Arguments of `pdk new`
 #[derive(clap::Args)]
@@ -87,24 +94,21 @@ fn write_crate(folder: &Path, package: &Crate, arguments: &Arguments) -> Result<
     }
     let Crate { source, readme, kind, attempt } = package;
     let sdk = sdk_folder(arguments)?;
-    let dependency = |folder: PathBuf| format!("{{ path = {:?} }}", folder.to_string_lossy());
-    let further = [
-        (
-            "image::",
-            r#"image = { version = "0.25", default-features = false, features = ["jpeg", "png"] }"#
-                .to_owned(),
-        ),
-        ("libm::", r#"libm = "0.2""#.to_owned()),
-        ("pdk_adapter::", format!("pdk-adapter = {}", dependency(sdk.with_file_name("pdk-adapter")))),
-    ];
+    let adapter =
+        source.contains("pdk_adapter::").then(|| ("pdk-adapter", sdk.with_file_name("pdk-adapter")));
     let mut dependencies = String::new();
-    for (_, line) in further.iter().filter(|(used, _)| source.contains(used)) {
+    let mut patches = String::new();
+    for (_, line) in FROM_ELSEWHERE.iter().filter(|(module, _)| source.contains(module)) {
         dependencies.push_str(line);
         dependencies.push('\n');
     }
-    dependencies.push_str(&format!("pdk-sdk = {}\n", dependency(sdk)));
-    let manifest =
-        include_str!("../../../templates/Cargo.toml.txt").replace("{{dependencies}}", &dependencies);
+    for (part, folder) in adapter.into_iter().chain([("pdk-sdk", sdk)]) {
+        dependencies.push_str(&format!("{part} = {SDK_VERSION:?}\n"));
+        patches.push_str(&format!("{part} = {{ path = {:?} }}\n", folder.to_string_lossy()));
+    }
+    let manifest = include_str!("../../../templates/Cargo.toml.txt")
+        .replace("{{dependencies}}", &dependencies)
+        .replace("{{patches}}", &patches);
     let readme = readme.replace("{{kind}}", kind).replace("{{try}}", attempt);
     for (file, text) in [
         ("Cargo.toml", manifest.as_str()),

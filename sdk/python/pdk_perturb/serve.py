@@ -1,4 +1,4 @@
-"""`python3 -m pdk.serve driver|simulator FILE MODULE:CLASS ARGUMENTS`: what `pdk.driver` and `pdk.simulator` have started."""
+"""`python3 -m pdk_perturb.serve driver|simulator FILE MODULE:CLASS ARGUMENTS`: what `pdk.driver` and `pdk.simulator` have started."""
 
 import importlib
 import importlib.util
@@ -60,5 +60,5 @@ if __name__ == "__main__":
         main(*sys.argv[1:])
     except ModuleNotFoundError as missing:
         if missing.name == "iceoryx2":
-            sys.exit("the package iceoryx2 is missing; install it with `pip install 'pdk[driver]'`")
+            sys.exit("the package iceoryx2 is missing; install it with `pip install 'pdk-perturb[driver]'`")
         raise

@@ -22,9 +22,9 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from pdk._program import Program, arguments, error
-from pdk._settings import RunSettings, SessionSettings
-from pdk.records import Record
+from pdk_perturb._program import Program, arguments, error
+from pdk_perturb._settings import RunSettings, SessionSettings
+from pdk_perturb.records import Record
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

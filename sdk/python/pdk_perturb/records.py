@@ -13,8 +13,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pdk import _pdk
-from pdk._program import error
+from pdk_perturb import _pdk
+from pdk_perturb._program import error
 
 if TYPE_CHECKING:
     import numpy

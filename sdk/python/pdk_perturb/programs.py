@@ -1,7 +1,7 @@
 """Drivers and simulators that are classes.
 
     # pilot.py
-    import pdk
+    import pdk_perturb as pdk
 
     class Pilot:
         def __init__(self, gain=1.0):
@@ -18,7 +18,7 @@
 Each worker makes an object of its own in a process of its own, so that one that crashes is the error of its scenario. The class has to
 be in a file that can be imported, as for multiprocessing: what a file does besides stands behind `if __name__ == "__main__":`.
 
-Needs `pip install 'pdk[driver]'`.
+Needs `pip install 'pdk-perturb[driver]'`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pdk._program import error, written
+from pdk_perturb._program import error, written
 
 __all__ = ["driver", "simulator"]
 
@@ -55,7 +55,7 @@ def _component(kind, cls, arguments, parameters):
     module = Path(file).stem if cls.__module__ == "__main__" else cls.__module__
     given = written(arguments or {}, f"the arguments of {cls.__name__}")
     place = f"{module}:{cls.__qualname__}"
-    return {"name": "process", "command": [_interpreter(), "-m", "pdk.serve", kind, file, place, given], **parameters}
+    return {"name": "process", "command": [_interpreter(), "-m", "pdk_perturb.serve", kind, file, place, given], **parameters}
 
 
 def driver(cls: type, arguments: Mapping[str, Any] | None = None, **parameters: Any) -> dict[str, Any]:

@@ -5,7 +5,7 @@
     pdk.run("study", pool="ray")
 
 Where they run, how often they are tried and how many machines there are is Ray's business. Each is an actor that holds a `pdk worker`. The
-package pdk has to be there on every machine, in the same version; what else a scenario needs (models, plugins, scripts, datasets) travels
+package pdk-perturb has to be there on every machine, in the same version; what else a scenario needs (models, plugins, scripts, datasets) travels
 by its content, once to each machine, and traces come back. With `--shared` nothing travels: all machines have the same files at the same
 paths, as on a shared file system.
 
@@ -24,9 +24,9 @@ import time
 from collections import deque
 from pathlib import Path
 
-from pdk import _files, _program
-from pdk._pdk import Error
-from pdk._ray_worker import Ended, Worker
+from pdk_perturb import _files, _program
+from pdk_perturb._pdk import Error
+from pdk_perturb._ray_worker import Ended, Worker
 
 #: How often a job is given to an actor that is lost over it, and how many starts in a row may fail.
 TRIES = 3
@@ -126,7 +126,7 @@ def gpus(job):
 
 def introduced(hello):
     """What a worker of this machine says to hello: the catalog of the session's machine, whose files the session reads."""
-    from pdk import executable
+    from pdk_perturb import executable
 
     child = subprocess.Popen([str(executable()), "worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     try:
@@ -376,11 +376,11 @@ class Pool:
 
     def _unable(self, raised):
         """Why no worker can be started."""
-        import pdk
+        import pdk_perturb as pdk
 
         return _program.error(
             "configuration",
-            f"no worker could be started on the cluster, {TRIES} times in a row (the last: {_reason(raised)}); install pdk "
+            f"no worker could be started on the cluster, {TRIES} times in a row (the last: {_reason(raised)}); install pdk-perturb "
             f"{pdk.__version__} on every machine",
         )
 
@@ -396,7 +396,7 @@ class Pool:
 
     def _check(self, ready):
         """Makes sure that a worker is of the same version and has the same components."""
-        import pdk
+        import pdk_perturb as pdk
 
         if ready["pdk"] != pdk.__version__:
             raise _program.error(
@@ -521,7 +521,7 @@ def main(words):
     try:
         import ray
     except ImportError:
-        sys.exit("pdk: error: --pool ray needs the package ray; install it with `pip install 'pdk[ray]'`")
+        sys.exit("pdk: error: --pool ray needs the package ray; install it with `pip install 'pdk-perturb[ray]'`")
     # What others print is not for the session.
     output = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)

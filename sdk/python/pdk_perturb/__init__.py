@@ -1,6 +1,6 @@
 """Perturbs camera images: arrays in, perturbed arrays out, with the bytes of `pdk perturb` on the command line.
 
-    import pdk
+    import pdk_perturb as pdk
 
     foggy = pdk.perturb(image, "fog_mapping@2", seed=7)
 
@@ -18,9 +18,9 @@ the command line would name it. `pdk check PLUGIN.so` finds such plugins.
 import json as _json
 from pathlib import Path as _Path
 
-from pdk import _pdk
-from pdk._pdk import Error, Perturbation, __version__, identity, perturb, search, written
-from pdk._settings import RunSettings, SessionSettings
+from pdk_perturb import _pdk
+from pdk_perturb._pdk import Error, Perturbation, __version__, identity, perturb, search, written
+from pdk_perturb._settings import RunSettings, SessionSettings
 
 # Set where a run fails that has recorded something.
 Error.record = None
@@ -52,7 +52,7 @@ def executable():
 
 if not executable().is_file():
     raise ImportError(
-        f"the package pdk is not complete: {executable()} is missing; install the wheel that `cargo run --release -p pdk-dist -- --wheel` makes"
+        f"the package pdk-perturb is not complete: {executable()} is missing; install the wheel that `cargo run --release -p pdk-dist -- --wheel` makes"
     )
 _pdk.install(executable())
 
@@ -73,6 +73,6 @@ def names(default=False):
     return [each["name"] for each in described if each.get("default", True) or not default]
 
 
-from pdk.programs import driver, simulator  # noqa: E402
-from pdk.records import Record  # noqa: E402
-from pdk.runs import Session, run  # noqa: E402
+from pdk_perturb.programs import driver, simulator  # noqa: E402
+from pdk_perturb.records import Record  # noqa: E402
+from pdk_perturb.runs import Session, run  # noqa: E402

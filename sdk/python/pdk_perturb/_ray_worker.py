@@ -6,8 +6,8 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from pdk import _files
-from pdk._program import environment
+from pdk_perturb import _files
+from pdk_perturb._program import environment
 
 
 class Ended(Exception):
@@ -26,7 +26,7 @@ class Worker:
 
     def start(self, blobs):
         """Starts the worker; returns what it says of itself."""
-        import pdk
+        import pdk_perturb as pdk
 
         hello = json.loads(self._hello)
         if not self._shared:

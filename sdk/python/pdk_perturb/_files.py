@@ -8,7 +8,7 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-from pdk._program import error
+from pdk_perturb._program import error
 
 #: More than this is for shared storage, in bytes.
 LARGEST = 2 << 30

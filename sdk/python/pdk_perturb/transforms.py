@@ -1,7 +1,7 @@
 """Perturbations as transforms of datasets, whose draws follow from what they draw from, seed, epoch and sample alone, whatever the
 number of workers.
 
-    from pdk.transforms import Indexed, OneOf, Transform
+    from pdk_perturb.transforms import Indexed, OneOf, Transform
 
     transform = Transform(OneOf("fog_filter", "gaussian_noise", "motion_blur"), level=(0, 4), p=0.5, seed=1)
     dataset = Indexed(ImageFolder(root, transform=Compose([transform, ToTensor()])))
@@ -27,10 +27,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy
 
-import pdk
+import pdk_perturb as pdk
 
 if TYPE_CHECKING:
-    from pdk import Chain
+    from pdk_perturb import Chain
 
 __all__ = ["Indexed", "OneOf", "Transform"]
 

@@ -1,6 +1,6 @@
 """The 19 corruptions of ImageNet-C, called as those of the package imagecorruptions: scripts switch by changing the import.
 
-    from pdk.corruptions import corrupt, get_corruption_names
+    from pdk_perturb.corruptions import corrupt, get_corruption_names
 
     for name in get_corruption_names():
         for severity in range(1, 6):
@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy
 
-import pdk
+import pdk_perturb as pdk
 
 if TYPE_CHECKING:
-    from pdk import Image
+    from pdk_perturb import Image
 
 #: The name and version of the suite, for papers. A change of an output raises the version.
 SUITE = "imagenet_c, version 1"

@@ -9,8 +9,8 @@ import sys
 import threading
 from pathlib import Path
 
-from pdk._pdk import Error
-from pdk._settings import RunSettings
+from pdk_perturb._pdk import Error
+from pdk_perturb._settings import RunSettings
 
 #: Lines of standard error that come as exceptions instead.
 _ERROR = "pdk: error: "
@@ -87,7 +87,7 @@ class Program:
     """A process `pdk session`, which takes calls and returns answers."""
 
     def __init__(self, words, progress):
-        from pdk import executable
+        from pdk_perturb import executable
 
         self._progress = _Line() if progress is True else progress or None
         self._messages = queue.SimpleQueue()

@@ -1,6 +1,6 @@
 """One function for each perturbation, with its parameters: they return what `pdk.perturb` and others take.
 
-    from pdk import perturb, perturbations
+    from pdk_perturb import perturb, perturbations
 
     foggy = perturb(image, perturbations.fog_mapping(level=2, strength=0.3), seed=7)
     both = perturb(image, [perturbations.fog_filter(1), perturbations.gaussian_noise(2, probability=0.5)])
@@ -11,8 +11,8 @@ and type checkers. What `parameters` does not allow is refused where the perturb
 
 import inspect as _inspect
 
-import pdk as _pdk
-from pdk._settings import MODIFIERS as _MODIFIERS
+import pdk_perturb as _pdk
+from pdk_perturb._settings import MODIFIERS as _MODIFIERS
 
 #: What every perturbation takes besides its level and its own parameters.
 MODIFIERS = tuple(_MODIFIERS)

@@ -1,6 +1,6 @@
 """The interface of PerturbationDrive: its scripts switch by changing the import.
 
-    from pdk.perturbationdrive import ImagePerturbation, gaussian_noise
+    from pdk_perturb.perturbationdrive import ImagePerturbation, gaussian_noise
 
     controller = ImagePerturbation(funcs=["gaussian_noise", "snow_filter"])
     perturbed = controller.perturbation(image, "snow_filter", intensity=2)
@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy
 
-import pdk
+import pdk_perturb as pdk
 
 if TYPE_CHECKING:
-    from pdk import Image
+    from pdk_perturb import Image
 
 __all__ = ["ImagePerturbation"]
 
