@@ -224,8 +224,15 @@ mod tests {
                 frames: 1,
                 bad_frames: vec![(nasty(), nasty())],
                 original_error: 0.5,
+                constant_error: 0.75,
                 cells: [0.0, 1.0]
-                    .map(|level| EvaluationCell { perturbation: nasty(), level, error: 0.75, drift: 0.25 })
+                    .map(|level| EvaluationCell {
+                        perturbation: nasty(),
+                        level,
+                        error: 0.75,
+                        drift: 0.25,
+                        ..EvaluationCell::default()
+                    })
                     .to_vec(),
                 worst: vec![WorstFrame { frame: nasty(), perturbation: nasty(), ..WorstFrame::default() }],
             }],

@@ -166,7 +166,7 @@ pub fn evaluate(
     });
     let mut feed = Feed::new(jobs, workers);
     for ((segment, originals), runs) in new.iter().zip(&originals).zip(&runs) {
-        let mut frames: Vec<Frame> = originals.iter().map(|original| without_cells(original)).collect();
+        let mut frames: Vec<Frame> = originals.iter().map(without_cells).collect();
         for run in std::iter::repeat_n(runs, cells.len()).flatten() {
             let Some(found) = feed.next(session, &mut times, &mut tick)? else {
                 return Err(Error::new("there are fewer results than jobs, which is a defect in pdk"));

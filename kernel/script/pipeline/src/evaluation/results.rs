@@ -355,7 +355,7 @@ mod tests {
     use super::*;
 
     fn cells() -> Vec<AppliedPerturbation> {
-        ["fog@1", "fog@2"].map(|text| text.parse().unwrap()).to_vec()
+        ["fog@1", "fog@2"].map(|text| AppliedPerturbation::parse(text).unwrap()).to_vec()
     }
 
     fn good(steering: f64) -> Frame {

@@ -230,7 +230,8 @@ mod tests {
 
     #[test]
     fn means_are_over_good_frames_and_levels_follow_from_the_drift() {
-        let cells: Vec<AppliedPerturbation> = ["fog@1", "fog@2"].map(|text| text.parse().unwrap()).to_vec();
+        let cells: Vec<AppliedPerturbation> =
+            ["fog@1", "fog@2"].map(|text| AppliedPerturbation::parse(text).unwrap()).to_vec();
         let mut collector = Collector::new(&cells);
         for _ in 0..20 {
             collector.add(good(0.1, [0.1, 0.5]));
