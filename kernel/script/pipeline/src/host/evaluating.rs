@@ -9,7 +9,7 @@ use pdk_record::directory::{RESULTS, RunDirectory};
 use pdk_record::manifest::components_of_all;
 use pdk_record::merge::EvaluatedFrames;
 use pdk_sdk::describe::Kind;
-use pdk_sdk::error::Result;
+use pdk_sdk::error::{Error, Result};
 use serde_json::Value;
 
 use super::Host;
