@@ -241,11 +241,11 @@ fn what_cannot_be_explained_is_a_sentence() {
             "{place}it has no layer `conv_7` whose cells have a place on the image; its convolutions are `conv_0`"
         )
     );
-    let output = error(open::<GradCam>(&file, json!({"steering_output": "speed"})).map(drop));
+    let output = error(open::<GradCam>(&file, json!({"steering": "speed"})).map(drop));
     assert_eq!(
         output,
         format!(
-            "{place}its outputs, with the number of values of each, are `steering` (1); none is called `speed`, as `steering_output` says"
+            "{place}the parameters: `steering` names the output `speed`, which the network does not have; there is only `steering`"
         )
     );
     let throttle = error(open::<GradCam>(&file, json!({"explain": "throttle"})).map(drop));
