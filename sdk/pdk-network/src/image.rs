@@ -110,10 +110,19 @@ pub(crate) fn find_image(
             match fitting.as_slice() {
                 [one] => *one,
                 [] => {
+                    let fields = ["frames", "color"];
+                    if let Some(field) = fields.into_iter().find(|field| described.given.get(field).is_some())
+                    {
+                        let counts: Vec<String> = counts.iter().map(usize::to_string).collect();
+                        return Err(described.given.wrong(
+                            field,
+                            format_args!(
+                                "does not fit the input `{name}` with the shape {shape}: there would have to be {} channels; correct `frames` and `color`",
+                                counts.join(" or ")
+                            ),
+                        ));
+                    }
                     let stack = match dims.as_slice() {
-                        _ if described.frames.is_some() || described.color.is_some() => {
-                            "; correct `frames` and `color`"
-                        }
                         [_, Some(2 | 4..=64), ..] | [.., Some(2 | 4..=64)] => {
                             "; if it stacks frames, set `frames`"
                         }

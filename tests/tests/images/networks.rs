@@ -134,7 +134,11 @@ fn a_description_that_does_not_fit_ends_a_run_with_file_field_and_remedy() {
             "scale = \"0..1\"\n[steering]\noutput = \"angle_out\"\nbins = { from = -1, to = 1, count = 11 }\n[throttle]\noutput = \"throttle_out\"\n",
             "pilot.toml line 2: `steering` has 11 bins, but the output `angle_out` has 15 numbers; write as many bins",
         ),
-        ("stack", "frames = 2\n", "correct `frames` and `color`"),
+        (
+            "stack",
+            "frames = 2\n",
+            "pilot.toml line 1: `frames` does not fit the input `frames` with the shape (1, 9, 32, 64): there would have to be 2 or 6 channels",
+        ),
         (
             "recurrent",
             "[state]\nhidden = \"hidden_nxt\"\n",
