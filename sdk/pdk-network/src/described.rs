@@ -268,7 +268,7 @@ mod tests {
             (json!({"color": "ycc"}), "`color` is \"ycc\"; there are `rgb`, `bgr`, `grey`, `yuv`, `hsv`"),
             (
                 json!({"inputs": {"v": "sped"}}),
-                "`inputs` has the value \"sped\"; did you mean `speed`?, for the input `v`",
+                "`inputs` for `v` has the value \"sped\"; did you mean `speed`?",
             ),
             (
                 json!({"inputs": {"v": {"value": "speed", "unit": "kmh"}}}),

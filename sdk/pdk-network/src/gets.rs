@@ -57,8 +57,7 @@ pub(crate) fn inputs(given: &Given) -> Result<Vec<(String, Gets)>> {
 
 /// What an input gets.
 fn gets(given: &Given, name: &str, value: &Value) -> Result<Gets> {
-    let wrong =
-        |what: String| given.wrong(&"inputs".to_owned(), format_args!("{what}, for the input `{name}`"));
+    let wrong = |what: String| given.wrong("inputs", format_args!("for `{name}` {what}"));
     let named = |text: &str| match text {
         "image" => Ok(Gets::Image),
         "speed" => Ok(Gets::Speed(Speed::PLAIN)),

@@ -147,7 +147,7 @@ fn a_description_that_does_not_fit_ends_a_run_with_file_field_and_remedy() {
         (
             "speed",
             "[inputs]\nv = { value = \"speed\", unit = \"kmh\" }\ncommand = 0\n",
-            "pilot.toml line 1: `inputs` has the unit \"kmh\"; did you mean `km/h`?",
+            "pilot.toml line 1: `inputs` for `v` has the unit \"kmh\"; did you mean `km/h`?",
         ),
         ("yuv", "colour = \"yuv\"\n", "pilot.toml line 1: there is no field `colour`; did you mean `color`?"),
         (
@@ -159,20 +159,10 @@ fn a_description_that_does_not_fit_ends_a_run_with_file_field_and_remedy() {
         let model = network(folder.path(), name, false);
         fs::write(folder.path().join("pilot.toml"), description).unwrap();
         let _ = fs::remove_dir_all(folder.path().join("record"));
-        match description.starts_with("crop") {
-            // It depends on the frames.
-            true => {
-                drive(folder.path(), &model).run();
-                let outcomes =
-                    fs::read_to_string(folder.path().join("record/results.jsonl")).unwrap_or_default();
-                let outcomes = outcomes
-                    + &fs::read_to_string(folder.path().join("record/outcomes.jsonl")).unwrap_or_default();
-                assert!(outcomes.contains(expected), "{outcomes}");
-            }
-            false => {
-                drive(folder.path(), &model).fail(1, &[expected]);
-                pdk(&["show", &model]).fail(1, &[expected]);
-            }
+        drive(folder.path(), &model).fail(1, &[expected]);
+        // What a crop leaves depends on the frames.
+        if !description.starts_with("crop") {
+            pdk(&["show", &model]).fail(1, &[expected]);
         }
     }
 }

@@ -26,9 +26,9 @@ pub fn findings(registry: &Registry) -> Vec<Finding> {
             let default = if parameter.default == option.as_str() { ", the default" } else { "" };
             match open(option) {
                 Ok(info) => {
-                    let of_engine = info
-                        .iter()
-                        .filter(|(name, _)| name.to_lowercase().contains(option.as_str()) || name == ENGINE);
+                    let of_engine = info.iter().filter(|(name, _)| {
+                        name.to_lowercase().replace(' ', "").contains(option.as_str()) || name == ENGINE
+                    });
                     let known =
                         of_engine.map(
                             |(name, value)| {
