@@ -58,6 +58,7 @@ pub fn parameters(description: Description) -> Description {
 /// What the parameters say about the image, in the fields of a description.
 fn given(config: &Config) -> Given {
     let mut given = Given::default();
+    given.set("resize", "linear".into(), "the kind of network");
     given.set("scale", config.value("scale").clone(), "the parameters");
     if config.text("layout") != "auto" {
         given.set("layout", config.value("layout").clone(), "the parameters");

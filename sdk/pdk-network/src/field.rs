@@ -71,7 +71,8 @@ pub const FIELDS: [Field; 21] = [
         "bilinear",
         "the filter: bilinear, area and bicubic are OpenCV's, which average only with area (bicubic within one grey level, because OpenCV's \
          depends on the processor); nearest, pil_bilinear and pil_bicubic are PIL's and torchvision's, of which the latter two average \
-         when they shrink. All have half-pixel centres, so nearest is not OpenCV's INTER_NEAREST but nearly INTER_NEAREST_EXACT",
+         when they shrink. All have half-pixel centres, so nearest is not OpenCV's INTER_NEAREST but nearly INTER_NEAREST_EXACT; linear is pdk's own, which differs from \
+         bilinear by a grey level in the outermost rows of pictures that grow",
     ),
     field(
         "color",

@@ -8,7 +8,8 @@ use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::{Frame, FrameBuf, FrameMut};
 
 /// The names that the field takes.
-pub const NAMES: [&str; 6] = ["bilinear", "nearest", "area", "bicubic", "pil_bilinear", "pil_bicubic"];
+pub const NAMES: [&str; 7] =
+    ["bilinear", "nearest", "area", "bicubic", "pil_bilinear", "pil_bicubic", "linear"];
 
 /// A filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,13 +26,23 @@ pub enum Filter {
     PilBilinear,
     /// PIL's BICUBIC, with the parameter -0.5, which averages when it shrinks.
     PilBicubic,
+    /// The linear interpolation with which pdk's own networks were trained. It is [`Self::Bilinear`], except for the first and the last rows of a
+    /// picture that grows in height, which OpenCV computes as a mix of a row with itself that is rounded twice.
+    Linear,
 }
 
 impl Filter {
     /// The one of this name.
     pub fn of(name: &str) -> Option<Self> {
-        let all =
-            [Self::Bilinear, Self::Nearest, Self::Area, Self::Bicubic, Self::PilBilinear, Self::PilBicubic];
+        let all = [
+            Self::Bilinear,
+            Self::Nearest,
+            Self::Area,
+            Self::Bicubic,
+            Self::PilBilinear,
+            Self::PilBicubic,
+            Self::Linear,
+        ];
         NAMES.iter().zip(all).find(|(known, _)| **known == name).map(|(_, filter)| filter)
     }
 
@@ -101,7 +112,11 @@ impl Resizer {
         let shrinks = (0..2).all(|i| from[i] >= to[i]);
         let blocks = (0..2).all(|i| from[i].is_multiple_of(to[i]));
         let way = match filter {
-            Filter::Bilinear => Way::Linear,
+            Filter::Bilinear if to[1] > from[1] => {
+                let (columns, rows) = (linear_taps(from[0], to[0], true), linear_taps(from[1], to[1], false));
+                Way::Whole { columns, rows, rounding: Rounding::Linear }
+            }
+            Filter::Linear | Filter::Bilinear => Way::Linear,
             Filter::Nearest => axes(nearest_taps, Rounding::Once),
             Filter::Bicubic => axes(cubic_taps, Rounding::Once),
             Filter::Area if shrinks && blocks => {
@@ -179,6 +194,23 @@ fn cubic_taps(from: usize, to: usize) -> Taps<i64> {
         let weights = [before, left, right, 1.0 - before - left - right];
         let places = (-1..3).map(|offset| (first as i64 + offset).clamp(0, last) as usize);
         places.zip(weights.map(fixed)).collect()
+    };
+    (0..to).map(tap).collect()
+}
+
+/// The two pixels between which the middle of each output pixel lies. Beyond the outermost, `keeps` takes the outermost alone; else it is mixed
+/// with itself.
+fn linear_taps(from: usize, to: usize, keeps: bool) -> Taps<i64> {
+    let scale = from as f64 / to as f64;
+    let last = from as i64 - 1;
+    let tap = |i: usize| {
+        let centre = (i as f64 + 0.5) * scale - 0.5;
+        let centre = if keeps { centre.clamp(0.0, last as f64) } else { centre };
+        let first = centre.floor();
+        let share = centre - first;
+        let weight = |share: f64| (share * f64::from(1 << CV_BITS)).round_ties_even() as i64;
+        let place = |offset: i64| (first as i64 + offset).clamp(0, last) as usize;
+        vec![(place(0), weight(1.0 - share)), (place(1), weight(share))]
     };
     (0..to).map(tap).collect()
 }
@@ -390,6 +422,21 @@ mod tests {
             }
             let src = picture(31, 17);
             assert_eq!(resized(filter, &src, 31, 17), src, "{name}");
+        }
+    }
+
+    #[test]
+    fn bilinear_is_linear_except_in_the_outermost_rows_of_a_picture_that_grows() {
+        for (width, height, outer) in [(40, 30, 1), (9, 44, 2), (31, 17, 0), (12, 9, 0)] {
+            let src = picture(31, 17);
+            let [bilinear, linear] =
+                [Filter::Bilinear, Filter::Linear].map(|f| resized(f, &src, width, height));
+            for y in outer..height - outer {
+                assert_eq!(bilinear.as_ref().row(y), linear.as_ref().row(y), "{width}x{height} row {y}");
+            }
+            for (a, b) in bilinear.data().iter().zip(linear.data()) {
+                assert!(a.abs_diff(*b) <= 1);
+            }
         }
     }
 

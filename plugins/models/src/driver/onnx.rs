@@ -33,6 +33,8 @@ impl Component for Onnx {
              beside pilot.onnx, describes them with the fields that are parameters here; a parameter overrides its field",
         );
         let description = Description::driver("onnx", "Drives with a neural network")
+            // Version 2 resizes as OpenCV does in the outermost rows too, and says what it assumes.
+            .version(2)
             .family("network")
             .drop_in("models", &["onnx"], "model")
             .parameter(model)

@@ -35,6 +35,7 @@ pub fn open(name: &str, content: &'static [u8], config: &Config) -> Result<Onnx>
 /// How the networks of this plugin were trained, for the fields that nothing else gives.
 pub fn own_description(given: &mut Given) {
     for (field, value) in [
+        ("resize", json!("linear")),
         ("color", json!("rgb")),
         ("scale", json!("0..255")),
         ("inputs", json!({"image": "image", "speed": "speed"})),
