@@ -66,17 +66,26 @@ impl ModelFile {
         vec![Vec::new(); self.plan.outputs.len()]
     }
 
-    /// Runs it on an image of zeros at a speed, and says what its outputs are: files need not declare how many numbers each has.
+    /// Runs it on an image of zeros at a speed, and gives the number of values of each output, which files need not declare.
     ///
     /// # Errors
-    /// If the engine cannot run it, what it remembers does not fit its input, or its outputs are not a control.
-    pub fn try_out(&self, session: &mut dyn Session, speed: f64) -> Result<Outputs> {
+    /// If the engine cannot run it, or what it remembers does not fit its input.
+    pub fn sizes(&self, session: &mut dyn Session, speed: f64) -> Result<Vec<usize>> {
         let mut outputs = self.room();
         let mut inputs = Inputs::new(&self.plan);
         inputs.move_at(speed)?;
         session.run(inputs.values(), &mut outputs)?;
         let sizes: Vec<usize> = outputs.iter().map(Vec::len).collect();
         inputs.check_states(&self.plan.outputs, &sizes)?;
+        Ok(sizes)
+    }
+
+    /// Runs it as [`sizes`](Self::sizes) does, and says how its outputs become a control.
+    ///
+    /// # Errors
+    /// As for [`sizes`](Self::sizes), and if its outputs are not a control.
+    pub fn try_out(&self, session: &mut dyn Session, speed: f64) -> Result<Outputs> {
+        let sizes = self.sizes(session, speed)?;
         let states: Vec<usize> = self.plan.states().collect();
         Outputs::new(&self.plan.described, &self.plan.outputs, &sizes, &states)
     }

@@ -154,25 +154,37 @@ pub const FIELDS: [Field; 21] = [
     ),
 ];
 
+/// The fields that say what outputs mean to a driver; the others say what goes in.
+const OF_OUTPUTS: [&str; 2] = ["steering", "throttle"];
+
 /// The parameters of a component that reads a description.
 pub fn parameters(description: Description) -> Description {
-    FIELDS.iter().fold(description, |description, field| {
-        let doc = match field.kind {
-            Kind::Choice(_) => {
-                format!("{}; auto: as the file beside the model says, or {}", field.doc, field.default)
-            }
-            Kind::Free(form) => {
-                format!(
-                    "{} ({form}); left out: as the file beside the model says, or {}",
-                    field.doc, field.default
-                )
-            }
-        };
-        description.parameter(match field.kind {
-            Kind::Choice(options) => Parameter::choice(field.name, &[&[AUTO], options].concat(), &doc),
-            Kind::Free(_) => Parameter::json(field.name, Value::Null, &doc),
-        })
-    })
+    FIELDS.iter().map(parameter).fold(description, Description::parameter)
+}
+
+/// The same for a component that does not drive: without the fields of outputs.
+pub fn input_parameters(description: Description) -> Description {
+    let of_inputs = FIELDS.iter().filter(|field| !OF_OUTPUTS.contains(&field.name));
+    of_inputs.map(parameter).fold(description, Description::parameter)
+}
+
+/// A field as a parameter.
+fn parameter(field: &Field) -> Parameter {
+    let doc = match field.kind {
+        Kind::Choice(_) => {
+            format!("{}; auto: as the file beside the model says, or {}", field.doc, field.default)
+        }
+        Kind::Free(form) => {
+            format!(
+                "{} ({form}); left out: as the file beside the model says, or {}",
+                field.doc, field.default
+            )
+        }
+    };
+    match field.kind {
+        Kind::Choice(options) => Parameter::choice(field.name, &[&[AUTO], options].concat(), &doc),
+        Kind::Free(_) => Parameter::json(field.name, Value::Null, &doc),
+    }
 }
 
 /// The fields as a table in Markdown, for the documents.
