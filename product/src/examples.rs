@@ -57,7 +57,11 @@ pub const EXAMPLES: &[Examples] = &[
         "show",
         &[
             ("pdk show fog_filter", "a perturbation with its parameters"),
-            ("pdk show pilot.onnx", "the inputs, outputs and layers of a network"),
+            (
+                "pdk show pilot.onnx",
+                "the inputs, outputs and layers of a network, and what is known about its preprocessing",
+            ),
+            ("pdk show pilot.onnx --image frame.png -o seen.png", "what the network sees of a frame"),
         ],
     ),
     (
@@ -66,6 +70,10 @@ pub const EXAMPLES: &[Examples] = &[
             ("pdk new perturbation salt_spray", "a perturbation in Lua that works"),
             ("pdk new perturbation salt_spray --rust", "the same as a plugin in Rust"),
             ("pdk new driver my_pilot", "a driver that drives, as a plugin"),
+            (
+                "pdk new network pilot.onnx",
+                "a description of a network's preprocessing to complete, beside its file",
+            ),
         ],
     ),
     ("check", &[("pdk check target/release/libsalt_spray.so", "a plugin, before it is shipped")]),

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
+use pdk_network::Element;
 use pdk_onnx::proto::ModelProto;
 use pdk_onnx::testing::{self, CASES, OPSETS, numbers, relative_error};
 use pdk_onnx::{Graph, Target, Tensor, gradients, layers, model};
@@ -11,7 +12,7 @@ use pdk_sdk::prelude::*;
 use crate::engine;
 use crate::fixture;
 use crate::session::Graph as Content;
-use crate::session::{Network, Session};
+use crate::session::{Network, Session, Taken};
 
 /// The engines to test; ONNX Runtime where it is found.
 pub fn engines() -> Vec<&'static str> {
@@ -26,7 +27,8 @@ pub fn engines() -> Vec<&'static str> {
 
 fn open(model: &ModelProto, engine: &str) -> Result<Box<dyn Session>> {
     let graph = Graph::new(model.clone())?;
-    let inputs = graph.inputs().map(|name| graph.fact(name).unwrap().shape.clone()).collect();
+    let taken = |name| Taken { shape: graph.fact(name).unwrap().shape.clone(), element: Element::Float32 };
+    let inputs = graph.inputs().map(taken).collect();
     engine::open(&Network { graph: Content::Memory(&model::encode(model)), inputs }, engine)
 }
 

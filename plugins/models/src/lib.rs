@@ -1,9 +1,9 @@
 //! Components that run a neural network.
 //!
-//! A model is an ONNX file. [`model_file`] reads what the file declares and refuses what is not a driving model, the same
-//! way whichever engine runs it later. [`engine`] chooses who runs it: [`tract`], which is part of this plugin, or
-//! [`onnxruntime`], a shared library that [`locate`] finds on the machine. [`pixels`] turns frames into the numbers that
-//! the model expects, [`selection`] says which of its outputs steer, and each [`driver`] puts it all together.
+//! A model is an ONNX file. [`model_file`] reads what the file declares, joins it with its description, and refuses what is not a
+//! driving model, the same way whichever engine runs it later. The crate `pdk-network` knows descriptions: it turns frames into the
+//! numbers that the model expects, and outputs into a control. [`engine`] chooses who runs the model: [`tract`], which is part of this plugin, or
+//! [`onnxruntime`], a shared library that [`locate`] finds on the machine. Each [`driver`] puts it all together.
 //! [`saliency`] shows what a network looks at. Each [`perturbation`] and [`mask`] runs a network that makes of an image another
 //! [`picture`].
 
@@ -16,11 +16,9 @@ mod model_file;
 mod onnxruntime;
 mod perturbation;
 mod picture;
-mod pixels;
 mod predictor;
 mod processor;
 mod saliency;
-mod selection;
 mod session;
 mod tract;
 
@@ -35,7 +33,10 @@ mod gradient_tests;
 /// If it cannot be read, prepared or run.
 #[doc(hidden)]
 pub fn try_model(path: &std::path::Path) -> pdk_sdk::error::Result<()> {
-    let model = model_file::ModelFile::read(model_file::Source::File(path.to_owned()), "auto")?;
+    let model = model_file::ModelFile::read(
+        model_file::Source::File(path.to_owned()),
+        pdk_network::Given::default(),
+    )?;
     model.try_out(&mut tract::Tract::new(&model.network())?, 1.0).map(|_| ())
 }
 

@@ -4,16 +4,18 @@ use std::ffi::CStr;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use half::f16;
 use libloading::{Library, Symbol};
 use ort::environment::Environment;
 use ort::session::{Session as OrtSession, SessionInputValue};
 use ort::sys::OrtApiBase;
-use ort::value::TensorRef;
+use ort::value::{DynValue, Tensor, TensorRef};
+use pdk_network::Element;
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 
 use crate::processor;
-use crate::session::{Graph, Network, Session};
+use crate::session::{Graph, Network, Session, Taken};
 
 /// The library in use. It stays loaded until the process ends.
 pub struct Runtime {
@@ -112,8 +114,7 @@ fn start(path: &Path) -> Result<Runtime> {
 /// A network that ONNX Runtime runs.
 pub struct OnnxRuntime {
     session: OrtSession,
-    /// The shape of each input.
-    inputs: Vec<Vec<usize>>,
+    inputs: Vec<Taken>,
     runtime: Arc<Runtime>,
     /// The last field, so that the session is gone when its memory is given back.
     _memory: GivenBack,
@@ -157,19 +158,59 @@ impl OnnxRuntime {
     }
 }
 
+/// The tensor of an input.
+fn input<'a>(taken: &'a Taken, values: &'a [f32]) -> ort::Result<SessionInputValue<'a>> {
+    let shape = taken.shape.as_slice();
+    let whole = || values.iter().map(|value| taken.whole(*value));
+    Ok(match taken.element {
+        Element::Float16 => {
+            let halves: Vec<f16> = values.iter().map(|value| f16::from_f32(*value)).collect();
+            Tensor::from_array((shape, halves))?.into()
+        }
+        Element::Uint8 => {
+            Tensor::from_array((shape, whole().map(|value| value as u8).collect::<Vec<_>>()))?.into()
+        }
+        Element::Int8 => {
+            Tensor::from_array((shape, whole().map(|value| value as i8).collect::<Vec<_>>()))?.into()
+        }
+        Element::Float32 | Element::Other(_) => TensorRef::from_array_view((shape, values))?.into(),
+    })
+}
+
+/// Reads the numbers of an output, whatever their type is.
+fn read(result: &DynValue, values: &mut Vec<f32>) -> ort::Result<()> {
+    let floats = result.try_extract_tensor::<f32>();
+    if let Ok((_, floats)) = &floats {
+        values.extend_from_slice(floats);
+    } else if let Ok((_, list)) = result.try_extract_tensor::<f16>() {
+        values.extend(list.iter().map(|value| value.to_f32()));
+    } else if let Ok((_, list)) = result.try_extract_tensor::<f64>() {
+        values.extend(list.iter().map(|value| *value as f32));
+    } else if let Ok((_, list)) = result.try_extract_tensor::<i64>() {
+        values.extend(list.iter().map(|value| *value as f32));
+    } else if let Ok((_, list)) = result.try_extract_tensor::<i32>() {
+        values.extend(list.iter().map(|value| *value as f32));
+    } else if let Ok((_, list)) = result.try_extract_tensor::<u8>() {
+        values.extend(list.iter().map(|value| f32::from(*value)));
+    } else if let Ok((_, list)) = result.try_extract_tensor::<i8>() {
+        values.extend(list.iter().map(|value| f32::from(*value)));
+    } else {
+        floats?;
+    }
+    Ok(())
+}
+
 impl Session for OnnxRuntime {
     fn run(&mut self, inputs: &[Vec<f32>], outputs: &mut [Vec<f32>]) -> Result<()> {
         let runtime = &self.runtime;
         let failed = |error: ort::Error| Error::new(error.to_string()).at(runtime.name());
-        let tensors = self.inputs.iter().zip(inputs).map(|(shape, values)| {
-            let tensor = TensorRef::from_array_view((shape.as_slice(), values.as_slice())).map_err(failed)?;
-            Ok(SessionInputValue::from(tensor))
-        });
+        let tensors =
+            self.inputs.iter().zip(inputs).map(|(taken, values)| input(taken, values).map_err(failed));
         let tensors = tensors.collect::<Result<Vec<_>>>()?;
         let results = self.session.run(tensors.as_slice()).map_err(failed)?;
         for (values, result) in outputs.iter_mut().zip(results.values()) {
             values.clear();
-            values.extend_from_slice(result.try_extract_tensor::<f32>().map_err(failed)?.1);
+            read(&result, values).map_err(failed)?;
         }
         Ok(())
     }
@@ -223,7 +264,10 @@ mod tests {
         const NIGHT: &[u8] = include_bytes!("../../../scripts/painters/night.onnx");
         let image = [vec![0.0; 3 * 160 * 320]];
         let run = || {
-            let network = Network { graph: Graph::Memory(NIGHT), inputs: vec![vec![1, 3, 160, 320]] };
+            let network = Network {
+                graph: Graph::Memory(NIGHT),
+                inputs: vec![Taken { shape: vec![1, 3, 160, 320], element: Element::Float32 }],
+            };
             let mut session = OnnxRuntime::new(&network, load(&found.path).unwrap()).unwrap();
             session.run(&image, &mut [Vec::new()]).unwrap();
         };

@@ -1,11 +1,10 @@
 //! Networks that make of an image another image, or a map of it: what their files take, and how they are run.
 
-use pdk_sdk::ops::resize::resize_linear;
+use pdk_network::{Eye, Given, Inputs};
 use pdk_sdk::prelude::*;
 
 use crate::engine;
-use crate::model_file::{Inputs, Layout, ModelFile, Size, Source};
-use crate::pixels::Pixels;
+use crate::model_file::{ModelFile, Source};
 use crate::session::Session;
 
 /// A network that takes one image.
@@ -14,12 +13,11 @@ pub struct PictureNetwork {
     pub place: String,
     /// Width and height of its image.
     pub size: [usize; 2],
-    layout: Layout,
+    layout: &'static str,
     session: Box<dyn Session>,
-    pixels: Pixels,
+    eye: Eye,
     inputs: Inputs,
     outputs: Vec<Vec<f32>>,
-    resized: FrameBuf,
 }
 
 /// The inputs of every such network.
@@ -37,7 +35,7 @@ pub fn parameters(description: Description) -> Description {
         ))
         .parameter(Parameter::choice(
             "scale",
-            &Pixels::SCALES,
+            &["0..255", "0..1", "-1..1"],
             "the range of pixel values that the network was trained on",
         ))
         .parameter(Parameter::choice(
@@ -57,6 +55,21 @@ pub fn parameters(description: Description) -> Description {
         )
 }
 
+/// What the parameters say about the image, in the fields of a description.
+fn given(config: &Config) -> Given {
+    let mut given = Given::default();
+    given.set("resize", "linear".into(), "the kind of network");
+    given.set("scale", config.value("scale").clone(), "the parameters");
+    if config.text("layout") != "auto" {
+        given.set("layout", config.value("layout").clone(), "the parameters");
+    }
+    // A network of one channel takes grey, whatever the order of colours is.
+    if config.text("color") == "bgr" {
+        given.set("color", config.value("color").clone(), "the parameters");
+    }
+    given
+}
+
 impl PictureNetwork {
     /// Opens the network that `model` names and runs it once.
     ///
@@ -73,27 +86,25 @@ impl PictureNetwork {
     pub fn of(source: Source, config: &Config) -> Result<Self> {
         let name = config.text("model");
         let open = || {
-            let size =
-                Size { width: config.integer("width") as usize, height: config.integer("height") as usize };
-            let model = ModelFile::read_at(source, config.text("layout"), Some(size))?;
-            if !model.memories.is_empty() {
+            let size = [config.integer("width") as usize, config.integer("height") as usize];
+            let model = ModelFile::read_at(source, given(config), Some(size))?;
+            if model.plan.states().next().is_some() {
                 return Err(Error::new(
                     "it remembers frames, which only a driver can; export it without the inputs `NAME_in`",
                 ));
             }
             let mut session = engine::open(&model.network(), config.text(engine::PARAMETER))?;
-            let mut outputs = vec![Vec::new(); model.outputs.len()];
-            let inputs = model.inputs();
+            let mut outputs = model.room();
+            let inputs = Inputs::new(&model.plan);
             session.run(inputs.values(), &mut outputs)?;
             Ok(Self {
                 place: format!("model `{name}` on {}", session.engine()),
-                size: [model.input.width, model.input.height],
-                layout: model.input.layout,
+                size: [model.plan.image.width, model.plan.image.height],
+                layout: model.plan.image.layout,
                 session,
-                pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
+                eye: Eye::new(&model.plan),
                 inputs,
                 outputs,
-                resized: FrameBuf::new(model.input.width, model.input.height),
             })
         };
         open().map_err(|error: Error| error.at(format_args!("model `{name}`")))
@@ -104,12 +115,8 @@ impl PictureNetwork {
     /// # Errors
     /// If the engine fails, or a value is not a number.
     pub fn run(&mut self, frame: Frame<'_>) -> Result<&[f32]> {
-        let same_size = [frame.width(), frame.height()] == self.size;
-        if !same_size {
-            resize_linear(frame, self.resized.as_mut());
-        }
-        let frame = if same_size { frame } else { self.resized.as_ref() };
-        self.pixels.write(frame, self.inputs.image());
+        let fitted = self.eye.fit(frame).map_err(|error| error.at(&self.place))?;
+        self.eye.see_first(fitted.as_ref(), self.inputs.image());
         let ran = self.session.run(self.inputs.values(), &mut self.outputs);
         ran.map_err(|error| error.at(&self.place))?;
         match self.outputs[0].iter().all(|value| value.is_finite()) {
@@ -139,8 +146,8 @@ impl PictureNetwork {
     /// Where the number of a channel and a pixel is in its result of this many channels.
     pub fn at(&self, channel: usize, pixel: usize, channels: usize) -> usize {
         match self.layout {
-            Layout::Nchw => channel * self.size[0] * self.size[1] + pixel,
-            Layout::Nhwc => pixel * channels + channel,
+            "nhwc" => pixel * channels + channel,
+            _ => channel * self.size[0] * self.size[1] + pixel,
         }
     }
 }

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use pdk_network::Element;
+use pdk_network::plan::Input;
 use pdk_sdk::error::Result;
 use tract_onnx::pb::ModelProto;
 
@@ -9,8 +11,31 @@ use tract_onnx::pb::ModelProto;
 pub struct Network<'a> {
     /// The graph.
     pub graph: Graph<'a>,
-    /// The shape of each input of 32-bit floats.
-    pub inputs: Vec<Vec<usize>>,
+    /// Shape and type of each input.
+    pub inputs: Vec<Taken>,
+}
+
+/// What an engine takes as an input. Numbers are 32-bit floats on this side, and become these there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Taken {
+    /// The shape.
+    pub shape: Vec<usize>,
+    /// The type of the numbers.
+    pub element: Element,
+}
+
+impl From<&Input> for Taken {
+    fn from(input: &Input) -> Self {
+        Self { shape: input.shape.clone(), element: input.element }
+    }
+}
+
+impl Taken {
+    /// A number as a byte holds it: rounded to the nearest, halves to even, within the range of the type.
+    pub fn whole(&self, value: f32) -> f32 {
+        let (least, greatest) = if self.element == Element::Int8 { (-128.0, 127.0) } else { (0.0, 255.0) };
+        value.round_ties_even().clamp(least, greatest)
+    }
 }
 
 /// Where a network's graph is.

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock};
 
+use pdk_network::Element;
 use pdk_sdk::error::Place;
 use pdk_sdk::prelude::*;
 use tract_onnx::pb;
@@ -14,13 +15,13 @@ use tract_onnx::tract_hir::infer::InferenceFact;
 
 use crate::locate;
 use crate::processor;
-use crate::session::{Graph, Network, Session};
+use crate::session::{Graph, Network, Session, Taken};
 
 /// A network that tract runs.
 pub struct Tract {
     state: TypedSimpleState,
-    /// A tensor for each input.
-    inputs: Vec<Arc<Tensor>>,
+    /// Each input with a tensor for it.
+    inputs: Vec<(Taken, Arc<Tensor>)>,
 }
 
 /// Bytes of a tensor between the operators of a model: far above those of any driver.
@@ -143,8 +144,9 @@ impl Tract {
             .map_err(|error| {
                 Error::new(format!("it cannot prepare the model ({error:#}); {}", locate::instead_of_tract()))
             })?;
-        let zero = |shape: &Vec<usize>| {
-            Tensor::zero::<f32>(shape).map(Arc::new).map_err(|e| Error::new(e.to_string()))
+        let zero = |taken: &Taken| {
+            let tensor = Tensor::zero_dt(datum_type(taken.element), &taken.shape).place(name())?;
+            Ok((taken.clone(), Arc::new(tensor)))
         };
         Ok(Self { state, inputs: network.inputs.iter().map(zero).collect::<Result<_>>()? })
     }
@@ -163,8 +165,8 @@ fn prepare(network: &Network<'_>, proto: &pb::ModelProto) -> TractResult<TypedSi
         return Err(TractError::msg(format!("nothing computes {}", parsed.unresolved_inputs.join(", "))));
     }
     let mut graph = parsed.model;
-    for (place, shape) in network.inputs.iter().enumerate() {
-        graph.set_input_fact(place, InferenceFact::dt_shape(f32::datum_type(), shape))?;
+    for (place, Taken { shape, element }) in network.inputs.iter().enumerate() {
+        graph.set_input_fact(place, InferenceFact::dt_shape(datum_type(*element), shape))?;
     }
     let graph = graph.into_optimized()?;
     check_tensors(&graph)?;
@@ -190,7 +192,25 @@ fn check_tensors(graph: &TypedModel) -> TractResult<()> {
     Ok(())
 }
 
-fn write(tensor: &mut Arc<Tensor>, values: &[f32]) -> Result<()> {
+/// The type under tract's name.
+fn datum_type(element: Element) -> DatumType {
+    match element {
+        Element::Float16 => DatumType::F16,
+        Element::Uint8 => DatumType::U8,
+        Element::Int8 => DatumType::I8,
+        Element::Float32 | Element::Other(_) => DatumType::F32,
+    }
+}
+
+fn write(taken: &Taken, tensor: &mut Arc<Tensor>, values: &[f32]) -> Result<()> {
+    if tensor.datum_type() != DatumType::F32 {
+        let is_whole = tensor.datum_type() != DatumType::F16;
+        let rounded: Vec<f32> =
+            values.iter().map(|value| if is_whole { taken.whole(*value) } else { *value }).collect();
+        let floats = Tensor::from_shape(&taken.shape, &rounded).place(name())?;
+        *tensor = Arc::new(floats.cast_to_dt(tensor.datum_type()).place(name())?.into_owned());
+        return Ok(());
+    }
     // After a run no one else holds the tensor, so that it is written where it lies.
     let mut view = Arc::make_mut(tensor).try_as_plain_ram_mut().place(name())?;
     view.as_slice_mut::<f32>().place(name())?.copy_from_slice(values);
@@ -199,10 +219,10 @@ fn write(tensor: &mut Arc<Tensor>, values: &[f32]) -> Result<()> {
 
 impl Session for Tract {
     fn run(&mut self, inputs: &[Vec<f32>], outputs: &mut [Vec<f32>]) -> Result<()> {
-        for (tensor, values) in self.inputs.iter_mut().zip(inputs) {
-            write(tensor, values)?;
+        for ((taken, tensor), values) in self.inputs.iter_mut().zip(inputs) {
+            write(taken, tensor, values)?;
         }
-        let inputs = self.inputs.iter().map(|tensor| tensor.clone().into_tvalue()).collect();
+        let inputs = self.inputs.iter().map(|(_, tensor)| tensor.clone().into_tvalue()).collect();
         // tract panics where it computes some models, such as those whose pads are negative.
         let results = catch_unwind(AssertUnwindSafe(|| self.state.run(inputs)))
             .map_err(|_| {
@@ -210,9 +230,10 @@ impl Session for Tract {
             })?
             .place(name())?;
         for (values, result) in outputs.iter_mut().zip(results) {
+            let floats = result.cast_to::<f32>().place(name())?;
             values.clear();
             values.extend_from_slice(
-                result.try_as_plain_ram().and_then(|view| view.as_slice::<f32>()).place(name())?,
+                floats.try_as_plain_ram().and_then(|view| view.as_slice::<f32>()).place(name())?,
             );
         }
         Ok(())

@@ -5,6 +5,10 @@ use pdk_ops::Frame;
 
 use crate::error::Result;
 
+/// The name under which [`Driver::info`] gives the conventions that a driver assumes because nothing says otherwise, such as the range
+/// of pixel values. A run reports them once at its start.
+pub const ASSUMED: &str = "assumed";
+
 /// Looks at a frame and steers.
 pub trait Driver: Send {
     /// Forgets everything about earlier frames. Called before each scenario.

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod masks;
+mod networks;
 mod offline;
 mod saliency;
 mod sequences;

@@ -234,8 +234,8 @@ fn mistakes_are_sentences() {
     saliency("dave2", &["--with", "hirecam"]).fail(1, &["hirecam", "hirescam"]);
     saliency("dave2", &["--with", "hirescam,layer=conv9"])
         .fail(1, &["it has no layer `conv9`", "/convolutions/convolutions.8/Conv"]);
-    saliency("dave2", &["--with", "hirescam,steering_output=angle"])
-        .fail(1, &["`control` (2)", "none is called `angle`, as `steering_output` says"]);
+    saliency("dave2", &["--with", "hirescam,steering=angle"])
+        .fail(1, &["the parameters: `steering` names the output `angle`, which the network does not have; there is only `control`"]);
     let explained = saliency("dave2", &["--explain", "brake"]).run();
     assert!(
         explained.code == Some(2) && explained.stderr.contains("steering, throttle"),

@@ -11,5 +11,5 @@ pub use dave2::Dave2;
 pub use dave2_augmented::Dave2Augmented;
 pub use dave2_temporal::Dave2Temporal;
 pub use dave2_tub::Dave2Tub;
-pub use onnx::{Onnx, with_pixels};
-pub use trained::content;
+pub use onnx::Onnx;
+pub use trained::{content, own_description};

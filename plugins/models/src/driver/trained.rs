@@ -1,7 +1,9 @@
 //! What the drivers share whose network is part of this plugin. They learned to drive from images of the embedded simulator; the recipe is in
 //! `scripts/training`.
 
+use pdk_network::Given;
 use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::json;
 
 use super::{Dave2, Dave2Augmented, Dave2Temporal, Dave2Tub, Onnx};
 use crate::engine;
@@ -25,10 +27,25 @@ pub fn content(name: &str) -> Option<&'static [u8]> {
 /// # Errors
 /// If the engine cannot run it.
 pub fn open(name: &str, content: &'static [u8], config: &Config) -> Result<Onnx> {
-    let mut values = config.values().clone();
-    values.insert("model".to_owned(), name.into());
-    let config = Config::check(&Onnx::description(), &values)?;
-    Onnx::open(Source::BuiltIn(content.into()), name, &config)
+    let mut given = Given::default();
+    own_description(&mut given);
+    Onnx::open(Source::BuiltIn(content.into()), name, given, config.text(engine::PARAMETER))
+}
+
+/// How the networks of this plugin were trained, for the fields that nothing else gives.
+pub fn own_description(given: &mut Given) {
+    for (field, value) in [
+        ("resize", json!("linear")),
+        ("color", json!("rgb")),
+        ("scale", json!("0..255")),
+        ("inputs", json!({"image": "image", "speed": "speed"})),
+        ("steering", json!({"output": "control", "index": 0})),
+        ("throttle", json!({"output": "control", "index": 1})),
+    ] {
+        if given.get(field).is_none() {
+            given.set(field, value, "the recipe of the network");
+        }
+    }
 }
 
 /// Describes the driver of a network of this plugin, with the BLAKE3 of its file.

@@ -1,14 +1,14 @@
 //! The predictor `network`: what a network in an ONNX file makes of a frame, by the names of its outputs.
 
-use pdk_sdk::ops::resize::resize_linear;
+use pdk_network::plan::Fill;
+use pdk_network::reason::{ASSUMED, assumptions};
+use pdk_network::{Eye, Given, Inputs, field};
 use pdk_sdk::prelude::*;
 use tract_onnx::pb::tensor_shape_proto::dimension;
 use tract_onnx::pb::type_proto;
 
-use crate::driver::with_pixels;
 use crate::engine;
-use crate::model_file::{self, Inputs, ModelFile, Source};
-use crate::pixels::Pixels;
+use crate::model_file::{self, ModelFile, Source};
 use crate::session::Session;
 
 /// Gives the outputs of a network.
@@ -19,26 +19,25 @@ pub struct Network {
     place: String,
     session: Box<dyn Session>,
     model: ModelFile,
-    pixels: Pixels,
+    eye: Eye,
     inputs: Inputs,
     outputs: Vec<Vec<f32>>,
     /// The places of the outputs that are not a memory, with their shapes.
     given: Vec<(usize, Vec<usize>)>,
-    resized: FrameBuf,
 }
 
 impl Component for Network {
     fn description() -> Description {
         let model = Parameter::path(
             "model",
-            "the ONNX file: an image in, to whose size frames are resized; what comes out is for a metric; an input called `NAME_in` \
-             gets what the output `NAME_out` was at the frame before, and zeros at the first",
+            "the ONNX file: images and maybe further inputs in; what comes out is for a metric. A file beside it, such as pilot.toml beside \
+             pilot.onnx, describes what goes in with the fields that are parameters here; a parameter overrides its field",
         );
         let description = Description::predictor("network", "Gives the outputs of a neural network by name")
             .family("network")
             .parameter(model)
             .parameter(engine::parameter());
-        with_pixels(description)
+        field::input_parameters(description)
     }
 
     fn new(config: &Config) -> Result<Self> {
@@ -48,57 +47,55 @@ impl Component for Network {
     }
 
     fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
-        Ok(model_file::weights(config.text("model")))
+        Ok(model_file::files_beside(config.text("model")))
     }
 }
 
 impl Network {
     fn open(path: &str, place: &str, config: &Config) -> Result<Self> {
-        let model = ModelFile::read(Source::File(path.into()), config.text("layout"))?;
-        if model.speed.is_some() {
+        let model = ModelFile::read(Source::File(path.into()), Given::of(config, Some(path.as_ref()))?)?;
+        if model.plan.inputs.iter().any(|input| input.fill == Fill::Controls) {
             return Err(Error::new(
-                "it takes the vehicle's speed, which is not known here; give a network that takes a picture alone",
+                "it takes the controls before, and a predictor gives none; describe that input as constants, or use the driver `onnx`",
             ));
         }
         let mut session = engine::open(&model.network(), config.text(engine::PARAMETER))?;
-        let sizes = model.try_out(&mut *session, 0.0)?;
-        let remembered = |output: &usize| model.memories.iter().any(|memory| memory.output == *output);
-        let given = (0..model.outputs.len())
-            .filter(|output| !remembered(output))
+        // The speed is not known here, and an input that takes it needs an assumption.
+        let sizes = model.sizes(&mut *session, f64::NAN)?;
+        let states: Vec<usize> = model.plan.states().collect();
+        let given = (0..sizes.len())
+            .filter(|output| !states.contains(output))
             .map(|output| (output, shape(&model, output, sizes[output])))
             .collect();
         Ok(Self {
             place: format!("{place} on {}", session.engine()),
             session,
-            pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
-            inputs: model.inputs(),
-            outputs: vec![Vec::new(); model.outputs.len()],
+            eye: Eye::new(&model.plan),
+            inputs: Inputs::new(&model.plan),
+            outputs: model.room(),
             given,
-            resized: FrameBuf::new(model.input.width, model.input.height),
             model,
         })
     }
 
     fn infer(&mut self, frame: Frame<'_>) -> Result<Vec<Output>> {
-        let same_size = (frame.width(), frame.height()) == (self.model.input.width, self.model.input.height);
-        if !same_size {
-            resize_linear(frame, self.resized.as_mut());
-        }
-        let frame = if same_size { frame } else { self.resized.as_ref() };
-        self.pixels.write(frame, self.inputs.image());
+        let fitted = self.eye.fit(frame)?;
+        self.eye.see(fitted.as_ref(), self.inputs.image());
+        self.inputs.move_at(f64::NAN)?;
         self.session.run(self.inputs.values(), &mut self.outputs)?;
         let output = |(place, shape): &(usize, Vec<usize>)| {
             let values = self.outputs[*place].clone();
             // A network may give another number of values for each frame, such as boxes.
             let fits = shape.iter().product::<usize>() == values.len();
             Output {
-                name: self.model.outputs[*place].clone(),
+                name: self.model.plan.outputs[*place].clone(),
                 shape: if fits { shape.clone() } else { with_open_first(shape, values.len()) },
                 values,
             }
         };
         let outputs = self.given.iter().map(output).collect();
-        self.inputs.remember(&mut self.outputs);
+        // It gives no control.
+        self.inputs.remember(&self.outputs, [0.0; 2]);
         Ok(outputs)
     }
 }
@@ -130,6 +127,7 @@ fn with_open_first(shape: &[usize], count: usize) -> Vec<usize> {
 impl Predictor for Network {
     fn reset(&mut self) -> Result<()> {
         self.inputs.forget();
+        self.eye.forget();
         Ok(())
     }
 
@@ -138,7 +136,9 @@ impl Predictor for Network {
     }
 
     fn info(&self) -> Vec<(String, String)> {
-        self.session.info()
+        let mut info = self.session.info();
+        info.extend(assumptions(&self.model.plan.reasons).map(|assumed| (ASSUMED.to_owned(), assumed)));
+        info
     }
 }
 

@@ -40,7 +40,7 @@ impl<R: Rule> Method for Cam<R> {
     fn new(viewer: &Viewer, config: &Config) -> Result<Self> {
         let graph = graph(viewer)?;
         let layer = named_layer(&graph, viewer, config)?;
-        let targets = if R::ONE { vec![viewer.target()] } else { viewer.driving() };
+        let targets = if R::ONE { vec![viewer.target()?] } else { viewer.driving()? };
         Ok(Self { derived: Derived::gradient(&graph, viewer, layer, &targets)?, rule: PhantomData })
     }
 

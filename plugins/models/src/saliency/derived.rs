@@ -1,12 +1,13 @@
 //! Graphs that are built from the model's, ready to run.
 
+use pdk_network::Inputs;
 use pdk_onnx::layers::{self, Image, Layer};
 use pdk_onnx::{Graph, Target, gradients_of_sum, model};
 use pdk_sdk::prelude::*;
 
 use super::viewer::Viewer;
 use crate::engine;
-use crate::model_file::{Inputs, Source};
+use crate::model_file::Source;
 use crate::session::{self, Network, Session};
 
 /// What can be done where a gradient is missing.
@@ -34,6 +35,8 @@ pub struct Derived {
     inputs: Inputs,
     outputs: Vec<Vec<f32>>,
     pub layer: Layer,
+    /// Whether the last output is a gradient that points the other way.
+    reversed: bool,
 }
 
 /// The model's graph.
@@ -59,7 +62,7 @@ fn image<'a>(graph: &'a Graph, viewer: &Viewer) -> Result<Image<'a>> {
 /// # Errors
 /// If there is none of this name.
 pub fn named_layer(graph: &Graph, viewer: &Viewer, config: &Config) -> Result<Layer> {
-    let layers = layers::layers(graph, image(graph, viewer)?, viewer.target().value);
+    let layers = layers::layers(graph, image(graph, viewer)?, viewer.explained_output());
     let mut layer = layers::find(&layers, config.text("layer"))?.clone();
     if config.boolean("activation") {
         layer.value.clone_from(&layer.activated);
@@ -85,7 +88,9 @@ impl Derived {
         let keep: &[&str] = if is_input { &[] } else { &[&layer.value] };
         let built = gradients_of_sum(graph, targets, &[&layer.value], keep)
             .map_err(|error| Error::new(format!("{error}; {WITHOUT}")))?;
-        Self::open(viewer, layer, &built.model, built.outputs.len())
+        let mut derived = Self::open(viewer, layer, &built.model, built.outputs.len())?;
+        derived.reversed = targets.len() == 1 && viewer.is_reversed();
+        Ok(derived)
     }
 
     /// A graph that computes the layer alone.
@@ -104,9 +109,18 @@ impl Derived {
         outputs: usize,
     ) -> Result<Self> {
         let bytes = model::encode(model);
-        let network = Network { graph: session::Graph::Memory(&bytes), inputs: viewer.model.shapes.clone() };
+        let network = Network {
+            graph: session::Graph::Memory(&bytes),
+            inputs: viewer.model.plan.inputs.iter().map(Into::into).collect(),
+        };
         let session = engine::open(&network, &viewer.engine)?;
-        Ok(Self { session, inputs: viewer.model.inputs(), outputs: vec![Vec::new(); outputs], layer })
+        Ok(Self {
+            session,
+            inputs: Inputs::new(&viewer.model.plan),
+            outputs: vec![Vec::new(); outputs],
+            layer,
+            reversed: false,
+        })
     }
 
     /// Runs the graph on a frame in the size of the model's image, and gives each output channel by channel.
@@ -128,8 +142,11 @@ impl Derived {
     }
 
     fn compute(&mut self, viewer: &Viewer) -> Result<Vec<Planes>> {
-        self.inputs.move_at(viewer.speed());
+        self.inputs.move_at(viewer.speed())?;
         self.session.run(self.inputs.values(), &mut self.outputs)?;
+        if let Some(gradient) = self.outputs.last_mut().filter(|_| self.reversed) {
+            gradient.iter_mut().for_each(|value| *value = -*value);
+        }
         Ok(self.outputs.iter().map(|values| Planes::new(&self.layer, values)).collect())
     }
 }

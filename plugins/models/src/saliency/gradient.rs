@@ -17,7 +17,7 @@ pub type Gradient = Map<Plain>;
 pub fn open(viewer: &Viewer) -> Result<Derived> {
     let graph = graph(viewer)?;
     let layer = image_layer(&graph, viewer)?;
-    Derived::gradient(&graph, viewer, layer, &[viewer.target()])
+    Derived::gradient(&graph, viewer, layer, &[viewer.target()?])
 }
 
 /// Joins the colours of each pixel: the largest by size where the sign does not matter, else their sum.

@@ -18,7 +18,7 @@ use super::viewer::Viewer;
 const ROOM: u64 = 1 << 30;
 
 /// Changes with the format of the files.
-const FORMAT: &[u8] = b"pdk map 1";
+const FORMAT: &[u8] = b"pdk map 2";
 
 /// Where the maps of a method and a network are kept.
 pub struct Kept {
@@ -47,6 +47,8 @@ impl Kept {
         for name in ["size", "model", "engine", "speed"] {
             parameters.shift_remove(name);
         }
+        // The fields of the description, wherever they were given.
+        parameters.extend(viewer.model.plan.described.given.values());
         let Description { name, version, .. } = description;
         let text = serde_json::to_string(&(name, version, parameters, viewer.runs_on())).ok()?;
         let mut hasher = blake3::Hasher::new();
@@ -61,7 +63,7 @@ impl Kept {
     pub fn find_or_make(
         &self,
         frame: Frame<'_>,
-        speed: f32,
+        speed: f64,
         cx: &MapContext<'_>,
         make: impl FnOnce() -> Result<Grid>,
     ) -> Result<Grid> {
@@ -212,7 +214,7 @@ mod tests {
         let mut bright = dark.clone();
         bright.as_mut().rows_mut().for_each(|row| row.fill(200));
         let steering = open("steering");
-        let ask = |kept: &Kept, frame: &FrameBuf, speed: f32, index: u64, value: f64| {
+        let ask = |kept: &Kept, frame: &FrameBuf, speed: f64, index: u64, value: f64| {
             let cx = MapContext { recorded: true, ..MapContext::new(index, 0.0, &key) };
             kept.find_or_make(frame.as_ref(), speed, &cx, || Ok(grid(value))).unwrap().values[2]
         };

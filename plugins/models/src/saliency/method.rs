@@ -1,11 +1,13 @@
 //! What all methods share: a model is viewed, a grid is made, and laid over the frame.
 
+use pdk_network::region::Part;
 use pdk_onnx::layers::Layer;
 use pdk_sdk::prelude::*;
 
 use super::grid::{Grid, Sign};
 use super::kept::Kept;
 use super::viewer::Viewer;
+use crate::driver;
 use crate::model_file;
 
 /// How a frame becomes a grid.
@@ -59,13 +61,15 @@ impl<M: Method> Component for Map<M> {
     }
 
     fn input_files(config: &Config) -> Result<Vec<InputFiles>> {
-        Ok(model_file::weights(config.text("model")))
+        let model = config.text("model");
+        Ok(if driver::content(model).is_some() { Vec::new() } else { model_file::files_beside(model) })
     }
 }
 
 impl<M: Method> Saliency for Map<M> {
     fn map_size(&mut self, width: usize, height: usize) -> Result<[usize; 2]> {
-        if !self.by_cell {
+        // The cells of a model that sees a part of the frame have no size that divides it.
+        if !self.by_cell || self.viewer.part(width, height)?.is_some() {
             return Ok([width, height]);
         }
         let [rows, columns] = self.method.cells(&self.viewer);
@@ -75,7 +79,9 @@ impl<M: Method> Saliency for Map<M> {
 
     fn map(&mut self, frame: Frame<'_>, cx: &MapContext<'_>, out: HeatmapMut<'_>) -> Result<()> {
         let Self { viewer, method, kept, .. } = self;
-        let frame = viewer.fit(frame);
+        let fitted = viewer.fit(frame).map_err(|error| error.at(&viewer.place))?;
+        let part = viewer.part(frame.width(), frame.height())?;
+        let frame = fitted;
         viewer.move_at(cx.speed);
         let speed = viewer.speed();
         let mut make = || method.grid(viewer, frame.as_ref(), cx);
@@ -87,10 +93,37 @@ impl<M: Method> Saliency for Map<M> {
             grid.and_then(|grid| grid.normalize(self.sign)).map_err(|error| error.at(&self.viewer.place))?;
         match self.by_cell && (out.width(), out.height()) == (grid.columns, grid.rows) {
             true => grid.copy_to(out),
-            false => grid.lay_over(self.viewer.size(), out),
+            false => {
+                let nothing = if self.sign == Sign::Signed { 0.5 } else { 0.0 };
+                lay_over(&grid, self.viewer.size(), part, nothing, out)?;
+            }
         }
         Ok(())
     }
+}
+
+/// Lays a grid over the part of the frame that the model sees. What it does not see does not matter.
+fn lay_over(
+    grid: &Grid,
+    model: (usize, usize),
+    part: Option<Part>,
+    nothing: f32,
+    mut out: HeatmapMut<'_>,
+) -> Result<()> {
+    let Some(part) = part else {
+        grid.lay_over(model, out);
+        return Ok(());
+    };
+    let mut values = vec![0.0; part.width * part.height];
+    grid.lay_over(model, HeatmapMut::new(&mut values, part.width, part.height)?);
+    for y in 0..out.height() {
+        let row = out.row_mut(y);
+        row.fill(nothing);
+        if let Some(from) = y.checked_sub(part.top).and_then(|y| values.chunks_exact(part.width).nth(y)) {
+            row[part.left..][..part.width].copy_from_slice(from);
+        }
+    }
+    Ok(())
 }
 
 /// A grid of zeros over a layer.

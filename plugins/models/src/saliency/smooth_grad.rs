@@ -59,7 +59,7 @@ impl Method for Smooth {
     }
 
     fn grid(&mut self, viewer: &mut Viewer, frame: Frame<'_>, cx: &MapContext<'_>) -> Result<Grid> {
-        let mut plain = vec![0.0; viewer.model.input.len()];
+        let mut plain = vec![0.0; viewer.image_len()];
         viewer.numbers(frame, &mut plain);
         let (low, high) = viewer.range();
         let deviation = self.noise * f64::from(high - low);

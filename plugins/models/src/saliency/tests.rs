@@ -102,6 +102,47 @@ fn every_method_but_eigen_cam_finds_what_the_network_looks_at() {
 }
 
 #[test]
+fn the_map_of_a_network_that_sees_a_part_of_the_frame_lies_over_that_part() {
+    let file = right_half(1.0);
+    let region = json!({"patch": 0.25, "fill": "black", "region": [0.0, 0.5, 1.0, 1.0], "size": "layer"});
+    for (values, method) in [
+        (map(&mut open::<Occlusion>(&file, region).unwrap(), &bright(64, 48)), "occlusion"),
+        (
+            map(&mut open::<HiResCam>(&file, json!({"crop": {"top": 24}})).unwrap(), &bright(64, 48)),
+            "hirescam",
+        ),
+    ] {
+        assert_eq!(values.len(), 64 * 48, "{method}: a map of cells would lie over the whole frame");
+        let (above, below) = values.split_at(24 * 64);
+        assert!(above.iter().all(|value| *value == 0.0), "{method}");
+        let (left, right) = sides(below, 64);
+        assert!(right > 0.5 && right > 2.0 * left, "{method}: left {left}, right {right}");
+    }
+}
+
+#[test]
+fn bins_have_no_gradient_and_are_explained_without_one() {
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/networks/categorical.onnx");
+    let with = |more: Value| {
+        let mut given = json!({"model": model});
+        given.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        given
+    };
+    let config = Config::check(&Gradient::description(), with(json!({})).as_object().unwrap()).unwrap();
+    let error = Gradient::new(&config).err().unwrap().to_string();
+    assert!(
+        error.contains("its output `angle_out` holds bins, and the choice of one has no gradient"),
+        "{error}"
+    );
+    let given = with(
+        json!({"patch": 0.3, "steering": {"output": "angle_out", "bins": {"from": -1, "to": 1, "count": 15}, "decode": "mean"}}),
+    );
+    let config = Config::check(&Occlusion::description(), given.as_object().unwrap()).unwrap();
+    let values = map(&mut Occlusion::new(&config).unwrap(), &bright(80, 60));
+    assert!(values.contains(&1.0));
+}
+
+#[test]
 fn methods_that_weigh_whole_channels_show_where_those_are_active() {
     // One channel that is active everywhere: there is nothing to tell its halves apart.
     let file = right_half(1.0);
@@ -241,11 +282,11 @@ fn what_cannot_be_explained_is_a_sentence() {
             "{place}it has no layer `conv_7` whose cells have a place on the image; its convolutions are `conv_0`"
         )
     );
-    let output = error(open::<GradCam>(&file, json!({"steering_output": "speed"})).map(drop));
+    let output = error(open::<GradCam>(&file, json!({"steering": "speed"})).map(drop));
     assert_eq!(
         output,
         format!(
-            "{place}its outputs, with the number of values of each, are `steering` (1); none is called `speed`, as `steering_output` says"
+            "{place}the parameters: `steering` names the output `speed`, which the network does not have; there is only `steering`"
         )
     );
     let throttle = error(open::<GradCam>(&file, json!({"explain": "throttle"})).map(drop));

@@ -1,15 +1,15 @@
 //! A model as saliency methods see it: frames in, steering or throttle out.
 
+use pdk_network::outputs::Source as Number;
+use pdk_network::region::Part;
+use pdk_network::{Eye, Given, Inputs, Outputs, field};
 use pdk_onnx::Target;
-use pdk_sdk::ops::resize::resize_linear;
 use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::json;
 
-use crate::driver::{self, with_pixels};
+use crate::driver;
 use crate::engine;
-use crate::model_file::{Inputs, Layout, ModelFile, Source};
-use crate::pixels::Pixels;
-use crate::selection::{Selection, Slot};
+use crate::model_file::{ModelFile, Source};
 use crate::session::Session;
 
 /// A model whose output is explained. One that remembers is asked as at the first frame, when it remembers nothing.
@@ -19,17 +19,15 @@ pub struct Viewer {
     pub model: ModelFile,
     pub engine: String,
     session: Box<dyn Session>,
-    pixels: Pixels,
-    /// The number that is explained.
-    explained: Slot,
-    /// All numbers that drive.
-    driving: Vec<Slot>,
+    eye: Eye,
+    drives: Outputs,
+    /// Whether the throttle is explained, and not the steering.
+    throttle: bool,
     /// The speed that goes into the network, and the one that stands in for it if it is not known.
-    speed: f32,
-    assumed_speed: f32,
+    speed: f64,
+    assumed_speed: f64,
     inputs: Inputs,
     outputs: Vec<Vec<f32>>,
-    resized: FrameBuf,
 }
 
 /// What a method takes that explains one number.
@@ -46,9 +44,7 @@ pub fn common_parameters(description: Description) -> Description {
         .example(json!({"model": "dave2"}))
         .parameter(Parameter::path("model", "the ONNX file whose view is shown, which the driver `onnx` takes; or the name of a network that is part of pdk").role(Role::Network))
         .parameter(engine::parameter());
-    with_pixels(description)
-        .parameter(Parameter::text("steering_output", "the output that steers, as for the driver `onnx`"))
-        .parameter(Parameter::text("throttle_output", "the output that gives the throttle, as for the driver `onnx`"))
+    field::parameters(description)
         .parameter(
             Parameter::number("speed", 8.0, "the speed that is given to a network with a speed input if the real one is not known, as for recorded frames").unit("m/s").range(0.0, 100.0).role(Role::Speed),
         )
@@ -74,31 +70,37 @@ impl Viewer {
     /// # Errors
     /// If the file is not a driving model, or has no such output.
     pub fn open(config: &Config) -> Result<Self> {
-        let model = ModelFile::read(source(config.text("model")), config.text("layout"))?;
+        let source = source(config.text("model"));
+        let given = match &source {
+            Source::File(path) => Given::of(config, Some(path))?,
+            Source::BuiltIn(_) => {
+                let mut given = Given::of(config, None)?;
+                driver::own_description(&mut given);
+                given
+            }
+        };
+        let model = ModelFile::read(source, given)?;
         let engine = config.text(engine::PARAMETER).to_owned();
         let mut session = engine::open(&model.network(), &engine)?;
-        let speed = config.number("speed") as f32;
-        let sizes = model.try_out(&mut *session, speed)?;
-        let Selection { steering, throttle } =
-            model.selection(&sizes, config.text("steering_output"), config.text("throttle_output"))?;
-        let explained = match config.text("explain") {
-            "throttle" => throttle.ok_or_else(|| {
-                Error::new("it gives no throttle, so only its steering can be explained; leave `explain` out")
-            })?,
-            _ => steering,
-        };
+        let speed = config.number("speed");
+        let drives = model.try_out(&mut *session, speed)?;
+        let throttle = config.text("explain") == "throttle";
+        if throttle && drives.throttle.is_none() {
+            return Err(Error::new(
+                "it gives no throttle, so only its steering can be explained; leave `explain` out",
+            ));
+        }
         Ok(Self {
             place: format!("model `{}` on {}", config.text("model"), session.engine()),
-            pixels: Pixels::new(&model.input, config.text("scale"), config.text("color")),
-            resized: FrameBuf::new(model.input.width, model.input.height),
-            explained,
-            driving: [steering].into_iter().chain(throttle).collect(),
+            eye: Eye::new(&model.plan),
+            drives,
+            throttle,
             engine,
             session,
             speed,
             assumed_speed: speed,
-            inputs: model.inputs(),
-            outputs: vec![Vec::new(); model.outputs.len()],
+            inputs: Inputs::new(&model.plan),
+            outputs: model.room(),
             model,
         })
     }
@@ -110,58 +112,102 @@ impl Viewer {
 
     /// Tells the network this speed from now on, or the assumed one where it is not known.
     pub fn move_at(&mut self, speed: Option<f64>) {
-        self.speed = speed.map_or(self.assumed_speed, |speed| speed as f32);
+        self.speed = speed.unwrap_or(self.assumed_speed);
     }
 
-    /// The number that is explained.
-    pub fn target(&self) -> Target<'_> {
-        self.target_at(self.explained)
+    /// Where the number that is explained comes from.
+    fn explained(&self) -> &Number {
+        match &self.drives.throttle {
+            Some(throttle) if self.throttle => throttle,
+            _ => &self.drives.steering,
+        }
+    }
+
+    /// The name of the output that the explained number comes from.
+    pub fn explained_output(&self) -> &str {
+        &self.model.plan.outputs[self.explained().output]
+    }
+
+    /// The number that is explained, for its gradient.
+    ///
+    /// # Errors
+    /// If it is read from bins, which have none.
+    pub fn target(&self) -> Result<Target<'_>> {
+        self.target_of(self.explained())
+    }
+
+    /// Whether what is explained falls when its number grows.
+    pub fn is_reversed(&self) -> bool {
+        self.explained().is_reversed()
     }
 
     /// All numbers that drive: steering, and throttle if the network gives one.
-    pub fn driving(&self) -> Vec<Target<'_>> {
-        self.driving.iter().map(|slot| self.target_at(*slot)).collect()
+    ///
+    /// # Errors
+    /// As for [`Self::target`].
+    pub fn driving(&self) -> Result<Vec<Target<'_>>> {
+        [&self.drives.steering]
+            .into_iter()
+            .chain(&self.drives.throttle)
+            .map(|number| self.target_of(number))
+            .collect()
     }
 
-    fn target_at(&self, Slot { output, index }: Slot) -> Target<'_> {
-        Target { value: &self.model.outputs[output], index }
+    fn target_of(&self, number: &Number) -> Result<Target<'_>> {
+        let value = &self.model.plan.outputs[number.output];
+        match number.index {
+            Some(index) => Ok(Target { value, index }),
+            None => Err(Error::new(format!(
+                "its output `{value}` holds bins, and the choice of one has no gradient; eigen-cam, rise and occlusion work without one"
+            ))),
+        }
     }
 
     /// The place and axes of the image among the network's inputs.
     pub fn image(&self) -> (usize, usize, usize) {
-        match self.model.input.layout {
-            Layout::Nchw => (self.model.image, 2, 3),
-            Layout::Nhwc => (self.model.image, 1, 2),
-        }
+        let image = &self.model.plan.image;
+        let axis = |letter| image.axis(letter).unwrap_or_default();
+        (image.place, axis('h'), axis('w'))
+    }
+
+    /// How many numbers the image has.
+    pub fn image_len(&self) -> usize {
+        self.model.plan.image.shape.iter().product()
+    }
+
+    /// The part of a frame that the model sees; none if it sees all.
+    ///
+    /// # Errors
+    /// If nothing is left of the frame.
+    pub fn part(&self, width: usize, height: usize) -> Result<Option<Part>> {
+        if self.eye.sees_all() { Ok(None) } else { self.eye.part(width, height).map(Some) }
     }
 
     /// Width and height of the model's image.
     pub fn size(&self) -> (usize, usize) {
-        (self.model.input.width, self.model.input.height)
+        self.eye.size()
     }
 
-    /// The frame in the size of the model's image.
-    pub fn fit(&mut self, frame: Frame<'_>) -> FrameBuf {
-        if (frame.width(), frame.height()) == self.size() {
-            self.resized.as_mut().copy_from(frame);
-        } else {
-            resize_linear(frame, self.resized.as_mut());
-        }
-        self.resized.clone()
+    /// What the model sees of the frame, in the size of its image.
+    ///
+    /// # Errors
+    /// If nothing is left of the frame.
+    pub fn fit(&mut self, frame: Frame<'_>) -> Result<FrameBuf> {
+        self.eye.fit(frame)
     }
 
     /// Writes the numbers that the model gets for a frame in the size of its image.
     pub fn numbers(&self, frame: Frame<'_>, values: &mut [f32]) {
-        self.pixels.write(frame, values);
+        self.eye.see_first(frame, values);
     }
 
     /// The least and the greatest number that a pixel can become.
     pub fn range(&self) -> (f32, f32) {
-        self.pixels.range()
+        self.eye.range()
     }
 
     /// The speed for a network with a speed input.
-    pub fn speed(&self) -> f32 {
+    pub fn speed(&self) -> f64 {
         self.speed
     }
 
@@ -170,15 +216,10 @@ impl Viewer {
     /// # Errors
     /// If the engine fails, or the number is not finite.
     pub fn answer(&mut self, frame: Frame<'_>) -> Result<f64> {
-        self.pixels.write(frame, self.inputs.image());
-        self.inputs.move_at(self.speed);
+        self.eye.see_first(frame, self.inputs.image());
+        self.inputs.move_at(self.speed)?;
         self.session.run(self.inputs.values(), &mut self.outputs)?;
-        match self.outputs[self.explained.output].get(self.explained.index) {
-            Some(value) if value.is_finite() => Ok(f64::from(*value)),
-            _ => Err(Error::new(format!(
-                "its output `{}` is not a finite number for this frame",
-                self.model.outputs[self.explained.output]
-            ))),
-        }
+        let [steering, throttle] = self.drives.control(&self.outputs)?;
+        Ok(if self.throttle { throttle } else { steering })
     }
 }

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
+use pdk_network::reason::ASSUMED;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_session::interrupt::{self, Wish};
@@ -44,6 +45,12 @@ impl Components {
             return Ok(made.clone());
         }
         let made = session.make(kind, component)?;
+        for (_, assumed) in made.info.iter().filter(|(name, _)| name == ASSUMED) {
+            pdk_notice::eprintln!(
+                "pdk: notice: {kind} `{component}` assumes {assumed}: nothing says otherwise; if that is wrong, so is what it does; describe the network \
+                 in a file beside it, which `pdk new network MODEL.onnx` begins"
+            );
+        }
         self.made.insert(key, made.clone());
         Ok(made)
     }

@@ -1,5 +1,6 @@
 //! `pdk doctor`: what is installed, what is missing, what to do.
 
+mod engines;
 mod simulator;
 
 use std::path::Path;
@@ -73,6 +74,7 @@ pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     match Registry::discover(&search, Box::new(LuaScripts::new(&search))) {
         Ok(registry) => {
             findings.push(components(&registry));
+            findings.extend(engines::findings(&registry));
             findings.extend(registry.refused().iter().map(|error| Finding {
                 subject: "left out",
                 state: State::Bad,

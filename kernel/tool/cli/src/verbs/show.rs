@@ -1,5 +1,7 @@
 //! `pdk show`: a component with its parameters, or the network in a file.
 
+use std::path::PathBuf;
+
 use pdk_components::catalog::Entry;
 use pdk_components::modifiers;
 use pdk_components::suggest;
@@ -17,12 +19,25 @@ use super::{Global, network, print_json};
 pub struct Arguments {
     /// The component's name, or an ONNX file
     name: String,
+    /// Write what the network in the ONNX file sees of this picture, instead of the text
+    #[arg(long, value_name = "IMAGE", requires = "out")]
+    image: Option<PathBuf>,
+    /// Where to write that
+    #[arg(short, long, alias = "output", value_name = "FILE", requires = "image")]
+    out: Option<PathBuf>,
 }
 
 /// Shows every component of that name, whatever its kind.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
     if network::is_file(&arguments.name) {
-        return network::show(global, &arguments.name);
+        let seen = arguments.image.as_deref().zip(arguments.out.as_deref());
+        return network::show(global, &arguments.name, seen);
+    }
+    if arguments.image.is_some() {
+        return Err(Error::new(format!(
+            "--image is for networks, and `{}` is not an ONNX file; leave it out, or name a file that ends in .onnx",
+            arguments.name
+        )));
     }
     let registry = global.registry()?;
     let catalog = registry.catalog();

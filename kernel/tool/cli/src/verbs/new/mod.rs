@@ -15,6 +15,7 @@ use pdk_sdk::error::{Error, Place, Result};
 use self::template::{Crate, What};
 use super::Global;
 
+mod network;
 mod template;
 
 /// What a template may need besides the SDK: how its source names it, and the line for the manifest.
@@ -28,9 +29,9 @@ const FROM_ELSEWHERE: [(&str, &str); 2] = [
 pub struct Arguments {
     /// What to write
     what: What,
-    /// Its name: lower-case letters, digits and underscores
+    /// Its name: lower-case letters, digits and underscores; for a network, its ONNX file
     name: String,
-    /// The folder to write to [default: the working directory]
+    /// The folder to write to [default: the working directory; for a network, that of its file]
     #[arg(short, long, alias = "output", value_name = "DIR")]
     out: Option<PathBuf>,
     /// The folder of the pdk-sdk crate that a plugin builds against [default: the one that comes with pdk]
@@ -46,6 +47,9 @@ pub struct Arguments {
 
 /// Writes the files and says what to do with them.
 pub fn run(global: &Global, arguments: &Arguments) -> Result<()> {
+    if arguments.what == What::Network {
+        return network::write(arguments);
+    }
     let name = &arguments.name;
     let fits = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     if !name.starts_with(|c: char| c.is_ascii_lowercase()) || !name.chars().all(fits) {

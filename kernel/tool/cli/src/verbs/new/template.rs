@@ -24,6 +24,8 @@ pub enum What {
     Dataset,
     /// A pipeline: one file in Lua
     Pipeline,
+    /// A description of a network, beside its ONNX file: how frames become its tensors, and its outputs a control
+    Network,
 }
 
 /// The crate of a plugin.
@@ -42,7 +44,7 @@ pub struct Crate {
 const README: &str = include_str!("../../../templates/README.md");
 
 impl What {
-    /// The kind of the component that is written; none for a pipeline.
+    /// The kind of the component that is written; none for a pipeline and a description.
     pub fn kind(self) -> Option<Kind> {
         Some(match self {
             What::Perturbation => Kind::Perturbation,
@@ -52,7 +54,7 @@ impl What {
             What::Saliency => Kind::Saliency,
             What::Search => Kind::Search,
             What::Dataset => Kind::Dataset,
-            What::Pipeline => return None,
+            What::Pipeline | What::Network => return None,
         })
     }
 
@@ -118,7 +120,7 @@ impl What {
                 kind: "adapter",
                 attempt: "",
             }),
-            What::Pipeline => None,
+            What::Pipeline | What::Network => None,
         }
     }
 }

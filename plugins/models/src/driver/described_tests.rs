@@ -1,0 +1,123 @@
+//! Networks with descriptions of every kind, against what a plain Python program computes with them.
+//!
+//! `tests/networks/make.py` made the networks, and `plain.py` there computed what is expected, with ONNX Runtime, NumPy, OpenCV and PIL.
+
+use std::path::PathBuf;
+
+use pdk_sdk::prelude::*;
+use pdk_sdk::serde_json::{self, Map, Value};
+
+use super::Onnx;
+use crate::gradient_tests::engines;
+
+/// Networks by name, each with steering and throttle for each frame.
+type Expected = Map<String, Value>;
+
+/// The folder of the networks.
+fn folder() -> PathBuf {
+    [env!("CARGO_MANIFEST_DIR"), "../../tests/networks"].iter().collect()
+}
+
+fn road() -> image::RgbImage {
+    image::open(folder().join("../../docs/road.png")).unwrap().into_rgb8()
+}
+
+/// The frames of `plain.py`: the road, moved to the side and darker with each.
+fn road_frames(count: usize) -> Vec<FrameBuf> {
+    let road = road();
+    let (width, height) = (road.width() as usize, road.height() as usize);
+    let frame = |i: usize| {
+        let mut bytes = Vec::new();
+        for y in 0..height {
+            for x in 0..width {
+                let from = (x + width - 23 * i % width) % width;
+                let pixel = road.get_pixel(from as u32, y as u32).0;
+                bytes.extend(pixel.map(|value| (usize::from(value) * (16 - i) / 16) as u8));
+            }
+        }
+        FrameBuf::from_vec(bytes, width, height).unwrap()
+    };
+    (0..count).map(frame).collect()
+}
+
+/// The largest difference between what each network gives and what is expected, on an engine.
+fn differences(engine: &str, frames: &[FrameBuf], expected: &Expected) -> Vec<(String, f64)> {
+    let of = |(name, expected): (&String, &Value)| {
+        let model = folder().join(format!("{name}.onnx"));
+        let given = serde_json::json!({"model": model, "engine": engine});
+        let config = Config::check(&Onnx::description(), given.as_object().unwrap()).unwrap();
+        let mut driver = Onnx::new(&config).unwrap_or_else(|error| panic!("{error}"));
+        let mut largest: f64 = 0.0;
+        // Twice, so that what is remembered has to be forgotten.
+        for _ in 0..2 {
+            driver.reset().unwrap();
+            for (frame, expected) in frames.iter().zip(expected.as_array().unwrap()) {
+                let Control { steering, throttle } =
+                    driver.drive(frame.as_ref(), &DriveContext::default()).unwrap();
+                for (found, expected) in [(steering, &expected[0]), (throttle, &expected[1])] {
+                    largest = largest.max((found - expected.as_f64().unwrap()).abs());
+                }
+            }
+        }
+        (name.clone(), largest)
+    };
+    expected.iter().map(of).collect()
+}
+
+fn read(text: &str) -> Expected {
+    serde_json::from_str(text).unwrap()
+}
+
+#[test]
+fn described_networks_drive_as_in_a_plain_program() {
+    let expected = read(&std::fs::read_to_string(folder().join("expected.json")).unwrap());
+    let frames = road_frames(expected["yuv"].as_array().unwrap().len());
+    let files = std::fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().path());
+    assert_eq!(
+        files.filter(|file| file.extension().is_some_and(|ending| ending == "onnx")).count(),
+        expected.len()
+    );
+    for (name, values) in &expected {
+        let first = &values[0];
+        assert!(values.as_array().unwrap().iter().any(|value| value != first), "{name} tells nothing");
+    }
+    for engine in engines() {
+        for (name, difference) in differences(engine, &frames, &expected) {
+            println!("{engine} {name}: {difference:.1e}");
+            // Numbers of 16 bits have three digits.
+            let most = if name == "half" { 1e-3 } else { 1e-4 };
+            assert!(difference < most, "{name} on {engine}: {difference}");
+        }
+    }
+}
+
+/// With `PDK_PLAIN` as the file that `plain.py --frames` wrote, and `PDK_PLAIN_FRAMES` as its folder.
+#[test]
+fn described_networks_drive_on_frames_of_a_recording_as_in_a_plain_program() {
+    let (Some(plain), Some(frames)) = (std::env::var_os("PDK_PLAIN"), std::env::var_os("PDK_PLAIN_FRAMES"))
+    else {
+        println!("skipped: PDK_PLAIN and PDK_PLAIN_FRAMES do not name what plain.py wrote and read");
+        return;
+    };
+    let expected = read(&std::fs::read_to_string(plain).unwrap());
+    let mut files: Vec<PathBuf> =
+        std::fs::read_dir(frames).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let number = |file: &PathBuf| -> u32 {
+        let name = file.file_name().unwrap().to_str().unwrap();
+        name.chars().take_while(char::is_ascii_digit).collect::<String>().parse().unwrap()
+    };
+    files.sort_by_key(number);
+    let frames = files.iter().map(|file| {
+        let image = image::open(file).unwrap().into_rgb8();
+        let (width, height) = (image.width() as usize, image.height() as usize);
+        FrameBuf::from_vec(image.into_raw(), width, height).unwrap()
+    });
+    let frames: Vec<FrameBuf> = frames.collect();
+    for engine in engines() {
+        for (name, difference) in differences(engine, &frames, &expected) {
+            println!("{engine} {name}: {difference:.1e} on {} frames", frames.len());
+            let most = if name == "half" { 1e-3 } else { 1e-4 };
+            assert!(difference < most, "{name} on {engine}: {difference}");
+        }
+    }
+}

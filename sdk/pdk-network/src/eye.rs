@@ -1,0 +1,221 @@
+//! From frames to the numbers of the image, with the memory of a stack.
+//!
+//! A frame is resized to the size that crops are meant for, cut, resized to the network's image, converted in colour, and turned into
+//! numbers; the stack keeps bytes of earlier frames. The order is that of the programs that train networks, and each step rounds to bytes as
+//! theirs do.
+
+use std::collections::VecDeque;
+
+use pdk_sdk::error::Result;
+use pdk_sdk::prelude::{Frame, FrameBuf};
+
+use crate::color::Color;
+use crate::described::Differences;
+use crate::image::Image;
+use crate::numbers::Numbers;
+use crate::plan::Plan;
+use crate::region::{Part, Region};
+use crate::resize::{Filter, Resizer};
+
+/// What a place in the image holds, by the ages of frames: 0 is the newest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Slot {
+    Frame(usize),
+    /// The newer less the older.
+    Difference(usize, usize),
+}
+
+/// Makes the image of frames.
+pub struct Eye {
+    image: Image,
+    frame: Option<[usize; 2]>,
+    region: Region,
+    filter: Filter,
+    color: Color,
+    numbers: Numbers,
+    spacing: usize,
+    starts_with_zeros: bool,
+    slots: Vec<Slot>,
+    /// The bytes of frames, the newest first, pixel by pixel.
+    seen: VecDeque<Vec<u8>>,
+    /// To the size that crops are meant for, and to the network's.
+    resizers: [Option<Resizer>; 2],
+    whole: FrameBuf,
+}
+
+impl Eye {
+    /// Prepares for the image of a plan.
+    pub fn new(plan: &Plan) -> Self {
+        let described = &plan.described;
+        let frames = plan.image.frames;
+        let differences = (1..frames).rev().map(|age| Slot::Difference(age - 1, age));
+        let mut slots: Vec<Slot> = match described.differences {
+            Differences::None => (0..frames).rev().map(Slot::Frame).collect(),
+            Differences::Only | Differences::Both => differences.collect(),
+        };
+        if described.newest_first {
+            slots.reverse();
+        }
+        if described.differences == Differences::Both {
+            slots.insert(0, Slot::Frame(0));
+        }
+        Self {
+            frame: described.frame,
+            region: described.region,
+            filter: described.resize,
+            color: plan.color,
+            numbers: Numbers::new(plan.scale, &described.mean, &described.std, plan.image.channels),
+            spacing: described.spacing,
+            starts_with_zeros: described.starts_with_zeros,
+            slots,
+            seen: VecDeque::new(),
+            resizers: [None, None],
+            whole: FrameBuf::new(1, 1),
+            image: plan.image.clone(),
+        }
+    }
+
+    /// Width and height of the network's image.
+    pub fn size(&self) -> (usize, usize) {
+        (self.image.width, self.image.height)
+    }
+
+    /// The least and the greatest number that a byte becomes.
+    pub fn range(&self) -> (f32, f32) {
+        self.numbers.range()
+    }
+
+    /// The part of a frame of this size that becomes the image, to the nearest pixel.
+    ///
+    /// # Errors
+    /// If nothing is left of the frame.
+    pub fn part(&self, width: usize, height: usize) -> Result<Part> {
+        let [meant_width, meant_height] = self.frame.unwrap_or([width, height]);
+        let part = self.region.part(meant_width, meant_height)?;
+        let scaled = |at: usize, from: usize, to: usize| (2 * at * to + from) / (2 * from);
+        let (left, top) = (scaled(part.left, meant_width, width), scaled(part.top, meant_height, height));
+        let right = scaled(part.left + part.width, meant_width, width).max(left + 1).min(width);
+        let bottom = scaled(part.top + part.height, meant_height, height).max(top + 1).min(height);
+        Ok(Part {
+            left: left.min(right - 1),
+            top: top.min(bottom - 1),
+            width: right - left.min(right - 1),
+            height: bottom - top.min(bottom - 1),
+        })
+    }
+
+    /// Whether all of a frame becomes the image.
+    pub fn sees_all(&self) -> bool {
+        self.region == Region::Whole
+    }
+
+    /// What the network sees of a frame, in the size of its image and still in red, green and blue.
+    ///
+    /// # Errors
+    /// If nothing is left of the frame.
+    pub fn fit(&mut self, frame: Frame<'_>) -> Result<FrameBuf> {
+        let (width, height) = self.size();
+        let mut fitted = FrameBuf::new(width, height);
+        let [first, second] = &mut self.resizers;
+        let whole = match self.frame {
+            Some(meant) if meant != [frame.width(), frame.height()] => {
+                self.whole.resize(meant[0], meant[1]);
+                prepared(first, self.filter, frame, meant).resize(frame, self.whole.as_mut());
+                self.whole.as_ref()
+            }
+            _ => frame,
+        };
+        let part = self.region.part(whole.width(), whole.height())?.of(whole)?;
+        prepared(second, self.filter, part, [width, height]).resize(part, fitted.as_mut());
+        Ok(fitted)
+    }
+
+    /// Writes the image of a frame, which has its size, and of those before it, and remembers it.
+    pub fn see(&mut self, fitted: Frame<'_>, values: &mut [f32]) {
+        let most = (self.image.frames - 1) * self.spacing + 1;
+        let mut bytes = match self.seen.len() >= most {
+            true => self.seen.pop_back().unwrap_or_default(),
+            false => Vec::new(),
+        };
+        self.convert(fitted, &mut bytes);
+        self.seen.push_front(bytes);
+        let at = |age: usize| {
+            let found = self.seen.get(age * self.spacing);
+            found.or(if self.starts_with_zeros { None } else { self.seen.back() })
+        };
+        self.write(at, values);
+    }
+
+    /// Writes the image of a frame, which has its size, as if it were the first.
+    pub fn see_first(&self, fitted: Frame<'_>, values: &mut [f32]) {
+        let mut bytes = Vec::new();
+        self.convert(fitted, &mut bytes);
+        let at = |age: usize| (age == 0 || !self.starts_with_zeros).then_some(&bytes);
+        self.write(at, values);
+    }
+
+    /// Forgets all frames.
+    pub fn forget(&mut self) {
+        self.seen.clear();
+    }
+
+    /// The bytes of a frame in the network's colours.
+    fn convert(&self, fitted: Frame<'_>, bytes: &mut Vec<u8>) {
+        bytes.clear();
+        let channels = self.image.channels;
+        for pixel in fitted.rows().flat_map(|row| row.chunks_exact(3)) {
+            bytes.extend_from_slice(&self.color.pixel([pixel[0], pixel[1], pixel[2]])[..channels]);
+        }
+    }
+
+    /// Writes all places; `at` has the bytes of the frame of an age.
+    fn write<'a>(&self, at: impl Fn(usize) -> Option<&'a Vec<u8>>, values: &mut [f32]) {
+        let stride = |letter: char| {
+            let axis = self.image.axis(letter);
+            axis.map(|axis| self.image.shape[axis + 1..].iter().product::<usize>())
+        };
+        let channels = self.image.channels;
+        let [across, down, deep] = ['w', 'h', 'c'].map(|letter| stride(letter).unwrap_or_default());
+        // Without an axis for time, frames are joined along the channels.
+        let next = stride('t').unwrap_or(deep * channels);
+        for (place, slot) in self.slots.iter().enumerate() {
+            let (newer, older) = match *slot {
+                Slot::Frame(age) => (at(age), None),
+                Slot::Difference(newer, older) => (at(newer), Some(at(older))),
+            };
+            for y in 0..self.image.height {
+                for x in 0..self.image.width {
+                    let pixel = (y * self.image.width + x) * channels;
+                    let into = place * next + y * down + x * across;
+                    for channel in 0..channels {
+                        let number = |bytes: Option<&Vec<u8>>| {
+                            bytes.map_or(0.0, |bytes| self.numbers.number(channel, bytes[pixel + channel]))
+                        };
+                        values[into + channel * deep] = match older {
+                            None => number(newer),
+                            Some(older) => number(newer) - number(older),
+                        };
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The resizer for frames like this one, made again if their size has changed.
+fn prepared<'a>(
+    kept: &'a mut Option<Resizer>,
+    filter: Filter,
+    frame: Frame<'_>,
+    to: [usize; 2],
+) -> &'a Resizer {
+    let from = [frame.width(), frame.height()];
+    if kept.as_ref().is_none_or(|resizer| resizer.from != from) {
+        *kept = None;
+    }
+    kept.get_or_insert_with(|| Resizer::new(filter, from, to))
+}
+
+#[cfg(test)]
+#[path = "eye_tests.rs"]
+mod tests;

@@ -1,0 +1,315 @@
+//! How outputs become a control.
+
+use pdk_sdk::error::{Error, Result};
+
+use crate::described::Described;
+use crate::reading::refuse_unknown;
+use crate::reason::Reason;
+use crate::rule::{Decode, Rule, Throttle};
+
+/// The throttle of a network that only steers, if nothing else is set.
+const THROTTLE: f64 = 0.3;
+
+/// What outputs that steer are called, or a part of it; and those that give the throttle.
+const NAMES: [&[&str]; 2] = [&["steer", "angle"], &["throttle", "accel", "gas"]];
+
+/// A number of a control, and the output that it comes from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Source {
+    /// The output, by its place.
+    pub output: usize,
+    /// Which of its numbers; none if all of them are bins.
+    pub index: Option<usize>,
+    rule: Rule,
+}
+
+impl Source {
+    /// Whether the control falls when the output's number grows.
+    pub fn is_reversed(&self) -> bool {
+        self.rule.scale < 0.0
+    }
+
+    /// The value of the outputs; none if a number is missing.
+    fn value(&self, outputs: &[Vec<f32>]) -> Option<f64> {
+        let numbers = &outputs[self.output];
+        let raw = match (&self.rule.bins, self.index) {
+            (None, index) => f64::from(*numbers.get(index.unwrap_or(0))?),
+            (Some(bins), _) if bins.len() != numbers.len() => return None,
+            (Some(_), _) if numbers.iter().any(|number| !number.is_finite()) => f64::NAN,
+            (Some(bins), _) => match self.rule.decode {
+                Decode::Argmax => {
+                    let first_greatest =
+                        (0..bins.len()).rev().max_by(|a, b| numbers[*a].total_cmp(&numbers[*b]));
+                    bins[first_greatest?]
+                }
+                Decode::Mean => mean(bins, numbers.iter().map(|number| f64::from(*number))),
+                Decode::SoftmaxMean => {
+                    let greatest = numbers.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+                    mean(
+                        bins,
+                        numbers.iter().map(|number| libm::exp(f64::from(*number) - f64::from(greatest))),
+                    )
+                }
+            },
+        };
+        let value = raw * self.rule.scale + self.rule.offset;
+        Some(match self.rule.clip {
+            Some([low, high]) if !value.is_nan() => value.clamp(low, high),
+            _ => value,
+        })
+    }
+}
+
+/// The mean of values by weights.
+fn mean(values: &[f64], weights: impl Iterator<Item = f64> + Clone) -> f64 {
+    let sum: f64 = weights.clone().sum();
+    values.iter().zip(weights).map(|(value, weight)| value * weight).sum::<f64>() / sum
+}
+
+/// How the outputs of a network become a control.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outputs {
+    /// Where the steering comes from.
+    pub steering: Source,
+    /// Where the throttle comes from; none if it is constant.
+    pub throttle: Option<Source>,
+    /// The throttle if it is constant.
+    pub constant: f64,
+    /// What is known, and why.
+    pub reasons: Vec<Reason>,
+}
+
+impl Outputs {
+    /// Joins what was described with the outputs: their names, how many numbers each has, and which of them are state, which are not
+    /// guessed to drive.
+    ///
+    /// # Errors
+    /// If an output that is named is not there or does not fit, or nothing says which one steers.
+    pub fn new(described: &Described, names: &[String], sizes: &[usize], states: &[usize]) -> Result<Self> {
+        let outputs = Known { described, names, sizes };
+        let open: Vec<usize> = (0..names.len()).filter(|output| !states.contains(output)).collect();
+        let mut reasons = Vec::new();
+        let mut steering = described.steering.clone();
+        let (mut throttle, mut constant) = match &described.throttle {
+            None => (None, None),
+            Some(Throttle::Output(rule)) => (Some(rule.clone()), None),
+            Some(Throttle::Constant(number)) => (None, Some(*number)),
+        };
+        let named = |rule: &Option<Rule>| rule.as_ref().is_some_and(|rule| !rule.output.is_empty());
+        let why = |field: &str| {
+            described.given.get(field).map_or(String::new(), |(_, place)| format!("{place} says so"))
+        };
+        let (given_steering, given_throttle) = (named(&steering), named(&throttle));
+        if !given_steering {
+            let guess =
+                outputs.guess(&open, throttle.as_ref().filter(|_| given_throttle), constant.is_some())?;
+            reasons.extend(guess.reasons);
+            let rule = steering.get_or_insert_with(|| Rule::plain(""));
+            rule.output.clone_from(&names[guess.steering.0]);
+            rule.index = rule.index.or(guess.steering.1).filter(|_| rule.bins.is_none());
+            if let Some((output, index)) = guess.throttle.filter(|_| !given_throttle && constant.is_none()) {
+                let rule = throttle.get_or_insert_with(|| Rule::plain(""));
+                rule.output.clone_from(&names[output]);
+                rule.index = rule.index.or(index).filter(|_| rule.bins.is_none());
+            }
+        } else if let Some(rule) = &mut steering {
+            reasons.push(reason("steering", outputs.called(rule), why("steering"), false));
+            // Two numbers of which the first steers.
+            let pair = names.iter().position(|name| *name == rule.output).filter(|place| sizes[*place] == 2);
+            if let Some(place) = pair.filter(|_| rule.bins.is_none() && rule.index.is_none()) {
+                rule.index = Some(0);
+                if throttle.is_none() && constant.is_none() {
+                    throttle = Some(Rule { index: Some(1), ..Rule::plain(&names[place]) });
+                    reasons.push(reason(
+                        "throttle",
+                        format!("{}[1]", names[place]),
+                        "it is beside the steering".to_owned(),
+                        true,
+                    ));
+                }
+            }
+        }
+        if let Some(rule) = throttle.as_ref().filter(|_| given_throttle) {
+            reasons.push(reason("throttle", outputs.called(rule), why("throttle"), false));
+        }
+        if throttle.as_ref().is_some_and(|rule| rule.output.is_empty()) {
+            return Err(described.given.wrong(
+                "throttle",
+                "names no output, and the network gives none besides the steering; set `output`",
+            ));
+        }
+        if throttle.is_none() {
+            let given = constant.is_some();
+            let number = *constant.get_or_insert(THROTTLE);
+            let why = if given { why("throttle") } else { "the network only steers".to_owned() };
+            reasons.push(reason("throttle", number.to_string(), why, false));
+        }
+        let steering = steering.ok_or_else(|| Error::new("it has no outputs"))?;
+        Ok(Self {
+            steering: outputs.source("steering", steering)?,
+            throttle: throttle.map(|rule| outputs.source("throttle", rule)).transpose()?,
+            constant: constant.unwrap_or(THROTTLE),
+            reasons,
+        })
+    }
+
+    /// Steering and throttle of outputs, not yet held to the range of a control.
+    ///
+    /// # Errors
+    /// If a number is missing or not finite.
+    pub fn control(&self, outputs: &[Vec<f32>]) -> Result<[f64; 2]> {
+        let steering = finite(self.steering.value(outputs), "steering")?;
+        let throttle = match &self.throttle {
+            Some(source) => finite(source.value(outputs), "throttle")?,
+            None => self.constant,
+        };
+        Ok([steering, throttle])
+    }
+}
+
+fn finite(value: Option<f64>, what: &str) -> Result<f64> {
+    match value {
+        Some(value) if value.is_finite() => Ok(value),
+        Some(value) => Err(Error::new(format!("its {what} is {value}"))),
+        None => Err(Error::new(format!("it gave no {what}"))),
+    }
+}
+
+fn reason(subject: &str, value: String, why: String, assumed: bool) -> Reason {
+    Reason { subject: subject.to_owned(), value, why, assumed }
+}
+
+/// An output and which of its numbers.
+type Slot = (usize, Option<usize>);
+
+/// What is guessed.
+struct Guess {
+    steering: Slot,
+    throttle: Option<Slot>,
+    reasons: Vec<Reason>,
+}
+
+/// The outputs that there are.
+struct Known<'a> {
+    described: &'a Described,
+    names: &'a [String],
+    sizes: &'a [usize],
+}
+
+impl Known<'_> {
+    /// The error about outputs of which it is not clear what they are.
+    fn wrong(&self, open: &[usize], what: &str) -> Error {
+        let outputs: Vec<_> =
+            open.iter().map(|&output| format!("`{}` ({})", self.names[output], self.sizes[output])).collect();
+        Error::new(format!(
+            "its outputs, with the number of values of each, are {}; {what}",
+            outputs.join(", ")
+        ))
+    }
+
+    /// Guesses which of the open outputs drive.
+    fn guess(&self, open: &[usize], throttle: Option<&Rule>, constant: bool) -> Result<Guess> {
+        if let Some(rule) = throttle {
+            let others: Vec<usize> =
+                open.iter().copied().filter(|&output| self.names[output] != rule.output).collect();
+            let [steering] = others[..] else {
+                return Err(self.wrong(open, "name the one that steers with `steering`"));
+            };
+            let why = "it is the only one besides the throttle".to_owned();
+            return Ok(Guess {
+                steering: (steering, None),
+                throttle: None,
+                reasons: vec![reason("steering", self.names[steering].clone(), why, false)],
+            });
+        }
+        let sizes: Vec<usize> = open.iter().map(|&output| self.sizes[output]).collect();
+        let binned = |rule: Option<&Rule>| rule.is_some_and(|rule| rule.bins.is_some());
+        let has_bins = binned(self.described.steering.as_ref());
+        match (open, sizes.as_slice()) {
+            (&[one], _) if has_bins => Ok(self.only(one)),
+            (&[one], [1]) => Ok(self.only(one)),
+            (&[one], [2]) => {
+                let name = &self.names[one];
+                let why = "of two numbers the first steers, by convention".to_owned();
+                let mut reasons = vec![reason("steering", format!("{name}[0]"), why.clone(), true)];
+                if !constant {
+                    reasons.push(reason("throttle", format!("{name}[1]"), why, true));
+                }
+                Ok(Guess { steering: (one, Some(0)), throttle: Some((one, Some(1))), reasons })
+            }
+            (&[first, second], [1, 1]) => {
+                let is = |output: usize, what: usize| {
+                    let name = self.names[output].to_lowercase();
+                    NAMES[what].iter().any(|part| name.contains(part))
+                };
+                let (swapped, known) = match () {
+                    () if is(first, 0) || is(second, 1) => (false, true),
+                    () if is(second, 0) || is(first, 1) => (true, true),
+                    () => (false, false),
+                };
+                let (steering, throttle) = if swapped { (second, first) } else { (first, second) };
+                let why = if known { "their names say so" } else { "of two outputs the first steers, by convention" };
+                let mut reasons = vec![reason("steering", self.names[steering].clone(), why.to_owned(), !known)];
+                if !constant {
+                    reasons.push(reason("throttle", self.names[throttle].clone(), why.to_owned(), !known));
+                }
+                Ok(Guess { steering: (steering, None), throttle: Some((throttle, None)), reasons })
+            }
+            _ => Err(self.wrong(
+                open,
+                "a driving model has one output of steering and throttle, one of steering alone, or one of each; name them with `steering` and \
+                 `throttle`, with an `index`, or with `bins` if they are categories",
+            )),
+        }
+    }
+
+    /// The only output steers.
+    fn only(&self, output: usize) -> Guess {
+        let reasons =
+            vec![reason("steering", self.names[output].clone(), "it is the only output".to_owned(), false)];
+        Guess { steering: (output, None), throttle: None, reasons }
+    }
+
+    /// An output as people write it.
+    fn called(&self, rule: &Rule) -> String {
+        match (rule.index, &rule.bins) {
+            (Some(index), _) => format!("{}[{index}]", rule.output),
+            (None, Some(bins)) => format!("{}, {} bins", rule.output, bins.len()),
+            (None, None) => rule.output.clone(),
+        }
+    }
+
+    /// Checks a rule against the output that it names.
+    fn source(&self, field: &str, rule: Rule) -> Result<Source> {
+        let given = &self.described.given;
+        refuse_unknown(
+            given,
+            field,
+            &rule.output,
+            "output",
+            self.names.iter().map(String::as_str).collect::<Vec<_>>(),
+        )?;
+        let output = self.names.iter().position(|name| *name == rule.output).unwrap_or_default();
+        let (name, size) = (&rule.output, self.sizes[output]);
+        match (&rule.bins, rule.index) {
+            (Some(bins), _) if bins.len() != size => Err(given.wrong(
+                field,
+                format_args!("has {} bins, but the output `{name}` has {size} numbers; write as many bins", bins.len()),
+            )),
+            (Some(_), _) => Ok(Source { output, index: None, rule }),
+            (None, Some(index)) if index >= size => Err(given.wrong(
+                field,
+                format_args!("takes number {index} of the output `{name}`, which has {size} (from 0); correct `index`"),
+            )),
+            (None, None) if size != 1 => Err(given.wrong(
+                field,
+                format_args!("is the output `{name}`, which has {size} numbers; choose one with `index`, or give their `bins` if they are categories"),
+            )),
+            (None, index) => Ok(Source { output, index: Some(index.unwrap_or(0)), rule }),
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "outputs_tests.rs"]
+mod tests;
