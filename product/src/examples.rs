@@ -26,6 +26,19 @@ pub const EXAMPLES: &[Examples] = &[
         ],
     ),
     (
+        "corrupt",
+        &[
+            (
+                "pdk corrupt photos --with fog_filter@1..3,rotate_image@0 -o worse",
+                "a folder of pictures and labels under four conditions",
+            ),
+            (
+                "pdk corrupt drive --suite imagenet_c -o drives",
+                "a recording under all perturbations of a family, at all levels",
+            ),
+        ],
+    ),
+    (
         "preview",
         &[
             ("pdk preview road.png", "a sheet of the default set, and strips and clips of what moves"),

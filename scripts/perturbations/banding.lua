@@ -8,6 +8,7 @@
 return {
     doc = "Dark bands of flickering lamps under a rolling shutter, which roll with the beat of mains and frame rate",
     family = "camera",
+    geometry = "kept",
     temporal = "dynamic",
     version = 2,
     mathematics = "v (1 - depth (1 - s cos(2 pi (f (t + readout y / H) + start))) / 2), s = sin(pi f e) / (pi f e)",

@@ -6,6 +6,7 @@ local MASK_HEIGHT = 180 -- As blurred as the mask is, more rows than this show n
 return {
     doc = "Blurred smudges of dirt on the lens",
     family = "lens",
+    geometry = "kept",
     version = 2,
     mathematics = "v + m (mud - v) / 255, m = G * (255 opacity d), d the thickness of the uppermost drop",
     source = "Out-of-focus dirt as an opacity blurred by a Gaussian of about 1/40 of the frame's height",

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use pdk_model::level::Level;
 use pdk_model::perturbation::{AppliedPerturbation, Draws};
 use pdk_sdk::config::{self, Config};
-use pdk_sdk::describe::{Description, Kind};
+use pdk_sdk::describe::{Description, Geometry, Kind};
 use pdk_sdk::error::{Error, Result};
-use pdk_sdk::prelude::{Annotations, Context, Frame, FrameBuf, FrameMut, Key, Perturbation};
+use pdk_sdk::prelude::{Annotations, Context, Frame, FrameBuf, FrameMut, Key, Perturbation, Way};
 use pdk_sdk::seed;
 
 use crate::maps::Attended;
@@ -160,6 +160,40 @@ impl Chain {
         let input = if earlier.is_empty() { src } else { from.as_ref() };
         last.apply(src, input, dst, moment)
     }
+
+    /// Whether it moves things.
+    ///
+    /// # Errors
+    /// If one of the perturbations does not say what it does to the places of things, with its name.
+    pub fn moves(&self) -> Result<bool> {
+        let mut moves = false;
+        for link in &self.links {
+            moves |= link.geometry()? == Geometry::Moved;
+        }
+        Ok(moves)
+    }
+
+    /// Moves points as [`Chain::apply`] moves the pixels of a frame of `size`, width and height, at the same moment: see
+    /// [`Perturbation::move_points`].
+    ///
+    /// # Errors
+    /// If a perturbation cannot say where they go, with its name.
+    pub fn move_points(
+        &mut self,
+        points: &mut [[f64; 2]],
+        way: Way,
+        size: [usize; 2],
+        moment: &Moment<'_>,
+    ) -> Result<()> {
+        match way {
+            Way::ToPerturbed => {
+                self.links.iter_mut().try_for_each(|link| link.move_points(points, way, size, moment))
+            }
+            Way::ToSource => {
+                self.links.iter_mut().rev().try_for_each(|link| link.move_points(points, way, size, moment))
+            }
+        }
+    }
 }
 
 /// A perturbation as it is named in errors.
@@ -181,7 +215,8 @@ impl Link {
         mut dst: FrameMut<'_>,
         moment: &Moment<'_>,
     ) -> Result<()> {
-        let Moment { frame_index, time, .. } = *moment;
+        let Moment { frame_index, .. } = *moment;
+        let (level, key) = (self.level_of(moment), self.key_of(frame_index));
         // Also for frames that are spared, so that a map comes from the frame whose turn it is.
         let chosen = match &mut self.selector {
             Some(selector) => Some(selector.weights(raw, moment).map_err(|error| error.at(&self.label))?),
@@ -191,26 +226,12 @@ impl Link {
             Some(attended) => Some(attended.look(raw, moment).map_err(|error| error.at(&self.label))?),
             None => None,
         };
-        let spared =
-            self.probability.is_some_and(|chance| self.chance_key.frame(frame_index).unit() >= chance);
-        let level = match self.level.at(time) {
-            Some(level) if !spared => level,
-            _ => {
-                dst.copy_from(src);
-                return Ok(());
-            }
+        let Some(level) = level else {
+            dst.copy_from(src);
+            return Ok(());
         };
         config::frame_values(&self.description, &self.config, level, &mut self.values);
-        let key = match self.draws {
-            Some(Draws::PerFrame) => seed::of_frame(&self.key, frame_index),
-            _ => self.key,
-        };
-        let mut cx = Context::new(level, frame_index, time, &key).with_values(&self.names, &self.values);
-        cx.travelled = moment.travelled;
-        let cx = match self.draws {
-            Some(Draws::PerSequence) => cx.with_stream(0),
-            _ => cx,
-        };
+        let cx = context((level, moment), &key, self.draws, (&self.names, &self.values));
         let cx = match attended {
             Some((now, earlier)) => cx.with_saliency(now, earlier),
             None => cx,
@@ -237,6 +258,78 @@ impl Link {
             (None, None) => {}
         }
         Ok(())
+    }
+}
+
+impl Link {
+    /// The intensity in a frame; none if it is spared.
+    fn level_of(&self, moment: &Moment<'_>) -> Option<f64> {
+        let Moment { frame_index, time, .. } = *moment;
+        let spared =
+            self.probability.is_some_and(|chance| self.chance_key.frame(frame_index).unit() >= chance);
+        self.level.at(time).filter(|_| !spared)
+    }
+
+    /// What it draws from in a frame.
+    fn key_of(&self, frame_index: u64) -> Key {
+        match self.draws {
+            Some(Draws::PerFrame) => seed::of_frame(&self.key, frame_index),
+            _ => self.key,
+        }
+    }
+
+    /// What it does to the places of things, with what limits it.
+    ///
+    /// # Errors
+    /// If that is not known, with its name.
+    fn geometry(&self) -> Result<Geometry> {
+        let limited = self.mask.is_some() || self.selector.is_some() || self.attended.is_some();
+        let sentence = match self.description.geometry {
+            Geometry::Kept => return Ok(Geometry::Kept),
+            Geometry::Moved if !limited => return Ok(Geometry::Moved),
+            Geometry::Moved => {
+                "it moves things in a part of the frame only, so that it is not known where they are"
+            }
+            Geometry::Altered => "it changes where things are in a way that it cannot say",
+            Geometry::Undeclared => "it does not say whether it changes where things are",
+        };
+        Err(Error::new(sentence).at(&self.label))
+    }
+
+    /// Moves points as it moves the pixels of a frame.
+    fn move_points(
+        &mut self,
+        points: &mut [[f64; 2]],
+        way: Way,
+        size: [usize; 2],
+        moment: &Moment<'_>,
+    ) -> Result<()> {
+        let (Geometry::Moved, Some(level)) = (self.geometry()?, self.level_of(moment)) else {
+            return Ok(());
+        };
+        config::frame_values(&self.description, &self.config, level, &mut self.values);
+        let key = self.key_of(moment.frame_index);
+        let cx = context((level, moment), &key, self.draws, (&self.names, &self.values));
+        let Some(instance) = &mut self.instance else { return Ok(()) };
+        calls::call_at(&self.label, Function::MovePoints, moment.frame_index, || {
+            instance.move_points(points, way, size, &cx)
+        })
+        .map_err(|error| error.at(&self.label))
+    }
+}
+
+/// What a perturbation knows of a frame, without saliency maps.
+fn context<'a>(
+    (level, moment): (f64, &Moment<'_>),
+    key: &'a Key,
+    draws: Option<Draws>,
+    (names, values): (&'a [String], &'a [f64]),
+) -> Context<'a> {
+    let mut cx = Context::new(level, moment.frame_index, moment.time, key).with_values(names, values);
+    cx.travelled = moment.travelled;
+    match draws {
+        Some(Draws::PerSequence) => cx.with_stream(0),
+        _ => cx,
     }
 }
 

@@ -178,9 +178,8 @@ impl Evaluator {
     ) -> Result<(Control, Seen), Failed> {
         let at = Some(index as u64);
         let Self { dataset, looking, pictures, perturbed } = self;
-        let entry = pictures.entry(index, || {
-            dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?))
-        })?;
+        let entry = pictures
+            .entry(index, || dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?)))?;
         let mut frame = entry.frame.as_ref();
         if let Some(chain) = chain {
             let started = Instant::now();

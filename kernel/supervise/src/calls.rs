@@ -83,10 +83,12 @@ pub enum Function {
     Tell,
     /// The end of an instance.
     Drop,
+    /// Where a perturbation moves points.
+    MovePoints,
 }
 
 impl Function {
-    const ALL: [Self; 26] = [
+    const ALL: [Self; 27] = [
         Self::Load,
         Self::New,
         Self::Camera,
@@ -113,6 +115,7 @@ impl Function {
         Self::Ask,
         Self::Tell,
         Self::Drop,
+        Self::MovePoints,
     ];
 
     /// As the traits call it.
@@ -144,6 +147,7 @@ impl Function {
             Self::Ask => "ask",
             Self::Tell => "tell",
             Self::Drop => "drop",
+            Self::MovePoints => "move_points",
         }
     }
 }

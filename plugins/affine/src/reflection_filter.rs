@@ -13,6 +13,7 @@ impl Component for ReflectionFilter {
             "Stacks the bottom of the frame, upside down, under the frame and squeezes both to its height",
         )
         .family("affine")
+        .moves_geometry()
         .mathematics("image over its bottom share, flipped, squeezed to the height")
         .source("Linear interpolation without averaging")
         .not_default()
@@ -34,11 +35,38 @@ impl Component for ReflectionFilter {
 impl Perturbation for ReflectionFilter {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let height = src.height();
-        let reflected = ((height as f64 * cx.number("share")) as usize).min(height);
+        let reflected = reflected(height, cx);
         let row = |y: usize| src.row(if y < height { y } else { 2 * height - 1 - y });
         resize_linear_from(Source { width: src.width(), height: height + reflected, row: &row }, dst);
         Ok(())
     }
+
+    /// Things are squeezed upwards. What is seen below them is their mirror image, which only the way back knows.
+    fn move_points(
+        &mut self,
+        points: &mut [[f64; 2]],
+        way: Way,
+        [_, height]: [usize; 2],
+        cx: &Context<'_>,
+    ) -> Result<()> {
+        let stacked = (height + reflected(height, cx)) as f64;
+        let height = height as f64;
+        for [_, y] in points {
+            *y = match way {
+                Way::ToPerturbed => (*y + 0.5) * height / stacked - 0.5,
+                Way::ToSource => {
+                    let below = (*y + 0.5) * stacked / height;
+                    (if below > height { 2.0 * height - below } else { below }) - 0.5
+                }
+            };
+        }
+        Ok(())
+    }
+}
+
+/// The rows that are reflected.
+fn reflected(height: usize, cx: &Context<'_>) -> usize {
+    ((height as f64 * cx.number("share")) as usize).min(height)
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ impl Component for RotateImage {
             "Rotates the frame counter-clockwise over black; half a turn (level 4) can be closer to the original than a quarter",
         )
         .family("affine")
+        .moves_geometry()
         .grows_with(pdk_sdk::serde_json::json!({"degrees": [2, 5, 10, 20, 45]})).mathematics("rotation by angle about (W/2, H/2)")
         .source("Rotation about half the width and height with linear interpolation at 1/32 px")
         .not_default()
@@ -39,11 +40,25 @@ impl Component for RotateImage {
 
 impl Perturbation for RotateImage {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let (x, y) = (src.width() as f64 / 2.0, src.height() as f64 / 2.0);
-        let map = Affine::rotation(cx.number("degrees"), x, y);
-        warp_affine(src, dst, &map, &mut self.workspace);
+        warp_affine(src, dst, &rotation([src.width(), src.height()], cx), &mut self.workspace);
         Ok(())
     }
+
+    fn move_points(
+        &mut self,
+        points: &mut [[f64; 2]],
+        way: Way,
+        size: [usize; 2],
+        cx: &Context<'_>,
+    ) -> Result<()> {
+        way.along(&rotation(size, cx), points);
+        Ok(())
+    }
+}
+
+/// The rotation of a frame of this size.
+fn rotation([width, height]: [usize; 2], cx: &Context<'_>) -> Affine {
+    Affine::rotation(cx.number("degrees"), width as f64 / 2.0, height as f64 / 2.0)
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ impl Component for ShearImage {
     fn description() -> Description {
         Description::perturbation("shear_image", "Moves rows to the right, the lower the further, over black")
             .family("affine")
+            .moves_geometry()
             .mathematics("x' = x + factor y")
             .source("Affine map x' = x + factor * y with linear interpolation at 1/32 px")
             .not_default()
@@ -34,6 +35,17 @@ impl Component for ShearImage {
 impl Perturbation for ShearImage {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         warp_affine(src, dst, &Affine::shear(cx.number("factor")), &mut self.workspace);
+        Ok(())
+    }
+
+    fn move_points(
+        &mut self,
+        points: &mut [[f64; 2]],
+        way: Way,
+        _size: [usize; 2],
+        cx: &Context<'_>,
+    ) -> Result<()> {
+        way.along(&Affine::shear(cx.number("factor")), points);
         Ok(())
     }
 }

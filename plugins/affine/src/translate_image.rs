@@ -15,7 +15,8 @@ pub struct TranslateImage {
 impl Component for TranslateImage {
     fn description() -> Description {
         Description::perturbation("translate_image", "Shifts the frame to the right and up, over black")
-            .family("affine").mathematics("x' = x + dx, y' = y + dy").divergence("Only with `variant=corrected`: it moves by shares of the frame's size, and at level 0 to the right and up as well.")
+            .family("affine")
+            .moves_geometry().mathematics("x' = x + dx, y' = y + dy").divergence("Only with `variant=corrected`: it moves by shares of the frame's size, and at level 0 to the right and up as well.")
             .source("Shift with linear interpolation at 1/32 px")
             .parameter(
                 Parameter::by_level(
@@ -50,15 +51,31 @@ impl Component for TranslateImage {
 
 impl Perturbation for TranslateImage {
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let (right, up) = if cx.integer("variant") == 0 {
-            (cx.number("shift"), cx.number("shift"))
-        } else {
-            let share = cx.number("share");
-            (share * src.width() as f64, share * src.height() as f64)
-        };
-        warp_affine(src, dst, &Affine::translation(right, -up), &mut self.workspace);
+        warp_affine(src, dst, &shift([src.width(), src.height()], cx), &mut self.workspace);
         Ok(())
     }
+
+    fn move_points(
+        &mut self,
+        points: &mut [[f64; 2]],
+        way: Way,
+        size: [usize; 2],
+        cx: &Context<'_>,
+    ) -> Result<()> {
+        way.along(&shift(size, cx), points);
+        Ok(())
+    }
+}
+
+/// The shift of a frame of this size.
+fn shift([width, height]: [usize; 2], cx: &Context<'_>) -> Affine {
+    let (right, up) = if cx.integer("variant") == 0 {
+        (cx.number("shift"), cx.number("shift"))
+    } else {
+        let share = cx.number("share");
+        (share * width as f64, share * height as f64)
+    };
+    Affine::translation(right, -up)
 }
 
 #[cfg(test)]

@@ -11,7 +11,8 @@ pub struct DefocusBlur {
 impl Component for DefocusBlur {
     fn description() -> Description {
         Description::perturbation("defocus_blur", "Replaces every pixel by the mean of the disc around it")
-            .family("blur").mathematics("mean of v over the disc x² + y² <= radius²")
+            .family("blur")
+            .keeps_geometry().mathematics("mean of v over the disc x² + y² <= radius²")
             .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019)")
             .parameter(
                 Parameter::by_level("radius", [2.0, 5.0, 6.0, 9.0, 12.0], "radius of the disc; the disc grows pixel by pixel between whole numbers too")

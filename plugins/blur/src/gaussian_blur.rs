@@ -12,6 +12,7 @@ impl Component for GaussianBlur {
     fn description() -> Description {
         Description::perturbation("gaussian_blur", "Smooths with a Gaussian kernel")
             .family("blur")
+            .keeps_geometry()
             .mathematics("v * G, sigma = 0.3 ((size - 1)/2 - 1) + 0.8")
             .source(
                 "Gaussian filter with 8-bit weights and standard deviation 0.3 * ((size - 1) / 2 - 1) + 0.8",

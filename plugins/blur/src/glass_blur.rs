@@ -16,7 +16,8 @@ impl Component for GlassBlur {
             "glass_blur",
             "Gives every pixel the colour of a random pixel nearby, the same one in all frames of a sequence",
         )
-        .family("blur").mathematics("v(x + dx, y + dy), dx and dy uniform whole numbers in [-distance, distance]").drawn_per_sequence("the offsets of all pixels")
+        .family("blur")
+        .keeps_geometry().mathematics("v(x + dx, y + dy), dx and dy uniform whole numbers in [-distance, distance]").drawn_per_sequence("the offsets of all pixels")
         .divergence("Drawn once per sequence; the published tool draws anew on every call, as `draws=per_frame` does.")
         .not_default()
         .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019), without its smoothing")

@@ -20,6 +20,7 @@ impl Component for LowPassFilter {
             "Smooths brightness with a Gaussian kernel, keeping hue and saturation",
         )
         .family("blur")
+        .keeps_geometry()
         .mathematics("V * G in HSV, hue and saturation kept")
         .divergence("The way back from HSV rounds everywhere; the published one truncates in blocks of 32 pixels, which darkens by up to a level.")
         .source("Gaussian filter on the value of hue, saturation and value, in 8 bits")

@@ -14,7 +14,8 @@ pub struct MotionBlur {
 impl Component for MotionBlur {
     fn description() -> Description {
         Description::perturbation("motion_blur", "Averages every pixel along a slanted line")
-            .family("blur").mathematics("mean of v along one cell a row of a size x size kernel, x = trunc(tan(angle) (y - c) + c)")
+            .family("blur")
+            .keeps_geometry().mathematics("mean of v along one cell a row of a size x size kernel, x = trunc(tan(angle) (y - c) + c)")
             .source("Average over one pixel in each row of a square kernel, along a line through its middle")
             .parameter(
                 Parameter::by_level(

@@ -17,6 +17,7 @@ impl Component for ZoomBlur {
     fn description() -> Description {
         Description::perturbation("zoom_blur", "Averages the frame with its enlargements about the middle")
             .family("blur")
+            .keeps_geometry()
         .grows_with(pdk_sdk::serde_json::json!({"variant": "corrected", "count": [2, 4, 6, 8, 11], "step": 0.02})).mathematics("(v + sum of zoom(v, z) over the n factors z) / (n + 1)").divergence("Only with `variant=corrected`: it enlarges exactly about the middle instead of in crops of whole pixels, so that strength does not rise and fall between levels.")
             .not_default()
             .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019)")

@@ -16,6 +16,7 @@ impl Component for FalseColorFilter {
             "Exchanges, inverts or adds channels; the levels are different effects, of which level 3 is the strongest",
         )
         .family("color")
+        .keeps_geometry()
         .grows_with(pdk_sdk::serde_json::json!({"effect": [1, 1.5, 2, 2.5, 3]}))
         .mathematics("(G,B,R), (G,R,B), (B,G,R), (255-R,255-G,255-B), ((R+G)/2,(G+B)/2,(B+R)/2)")
         .source("Leonhard, Lambertenghi and Stocco, PerturbationDrive: channels exchanged, inverted and added")

@@ -10,6 +10,7 @@ impl Component for GrayscaleFilter {
     fn description() -> Description {
         Description::perturbation("grayscale_filter", "Blends the frame with its own grey")
             .family("color")
+            .keeps_geometry()
             .mathematics("(1 - s) v + s grey")
             .source("Luma of ITU-R BT.601")
             .parameter(

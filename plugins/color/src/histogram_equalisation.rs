@@ -19,6 +19,7 @@ impl Component for HistogramEqualisation {
             "Equalises the histogram of the brightness in 8x8 tiles, under a limit of contrast",
         )
         .family("color")
+        .keeps_geometry()
         .grows_with(pdk_sdk::serde_json::json!({"clip_limit": [3, 5, 7, 10, 15]}))
         .source("Zuiderveld, Contrast limited adaptive histogram equalization (1994)")
         .mathematics("V' = 255 * the share of values up to V in the clipped histogram of its tile, bilinear between tiles")

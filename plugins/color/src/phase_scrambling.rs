@@ -16,6 +16,7 @@ impl Component for PhaseScrambling {
             "Adds random angles to the phases of each channel's Fourier transform, anew in every frame",
         )
         .family("color")
+        .keeps_geometry()
         .source("Geirhos and others, Generalisation in humans and deep neural networks (2018): phase noise")
         .mathematics("Re F^-1(F(v) * exp(i * strength * pi * U(0, 1)))")
         .drawn_per_frame("the angles")

@@ -24,6 +24,7 @@ impl Component for PosterizeFilter {
     fn description() -> Description {
         Description::perturbation("posterize_filter", "Reduces the number of tones of each channel")
             .family("color")
+            .keeps_geometry()
             .mathematics("min(255, step * floor(v * tones / 255)), step = floor(255 / (tones - 1))")
             .divergence("Between the published numbers of tones the step is interpolated, because the published formula darkens there by up to a third.")
             .source("Leonhard, Lambertenghi and Stocco, PerturbationDrive: uniform quantisation of each channel")

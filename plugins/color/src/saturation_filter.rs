@@ -13,6 +13,7 @@ impl Component for SaturationFilter {
             "Makes colours more vivid, keeping their hue and brightness",
         )
         .family("color")
+        .keeps_geometry()
         .source("Smith, Color gamut transform pairs (1978), in 8 bits")
         .mathematics("S' = floor(min(255, factor * S)) in HSV")
         .divergence(

@@ -13,6 +13,7 @@ impl Component for WhiteBalanceFilter {
             "Blends the frame with a version whose channels have equal means",
         )
         .family("color")
+        .keeps_geometry()
         .source("Buchsbaum, A spatial processor model for object colour perception (1980): the grey-world assumption")
         .mathematics("(1 - weight) * v + weight * min(255, v * mean of the channel means / mean of the channel)")
         .divergence("A channel without any light stays black; the published tool divides by zero.")

@@ -15,6 +15,7 @@ impl Component for HighPassFilter {
             "Subtracts a Gaussian blur from twice the frame: an unsharp mask, which emphasises edges",
         )
         .family("distortion")
+        .keeps_geometry()
         .mathematics("trunc(clip(2 v - v * G))")
         .source("Unsharp mask; the blur's standard deviation is 0.3 * ((size - 1) / 2 - 1) + 0.8")
         .not_default()

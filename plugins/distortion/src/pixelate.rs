@@ -17,7 +17,8 @@ pub struct Pixelate {
 impl Component for Pixelate {
     fn description() -> Description {
         Description::perturbation("pixelate", "Shrinks the frame and enlarges it again")
-            .family("distortion").mathematics("enlarge(shrink(image, factor))").divergence("Only with `variant=corrected`: it averages areas and repeats pixels; the published tool interpolates both ways, so that no blocks appear.")
+            .family("distortion")
+            .keeps_geometry().mathematics("enlarge(shrink(image, factor))").divergence("Only with `variant=corrected`: it averages areas and repeats pixels; the published tool interpolates both ways, so that no blocks appear.")
             .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019)")
             .parameter(
                 Parameter::by_level(

@@ -16,7 +16,8 @@ impl Component for SamplePairingFilter {
             "sample_pairing_filter",
             "Blends the frame with an enlarged window of half its size; the window's place is drawn once per sequence",
         )
-        .family("distortion").mathematics("alpha v + (1 - alpha) window, a half-size part of the frame enlarged").drawn_per_sequence("the place of the window")
+        .family("distortion")
+        .alters_geometry().mathematics("alpha v + (1 - alpha) window, a half-size part of the frame enlarged").drawn_per_sequence("the place of the window")
         .divergence("Drawn once per sequence; the published tool draws anew on every call, as `draws=per_frame` does.")
         .source("Inoue, Data augmentation by pairing samples for images classification (2018), with a part of the same frame")
         .parameter(

@@ -11,7 +11,8 @@ pub struct SharpenFilter {
 impl Component for SharpenFilter {
     fn description() -> Description {
         Description::perturbation("sharpen_filter", "Blends the frame with a sharpened and brightened copy")
-            .family("distortion").mathematics("w v + (1 - w) (v * K), K of -1 with 8 + strength in the middle")
+            .family("distortion")
+            .keeps_geometry().mathematics("w v + (1 - w) (v * K), K of -1 with 8 + strength in the middle")
             .source("Laplacian with eight neighbours; its centre is larger by the gain, so it brightens too")
             .parameter(
                 Parameter::by_level(

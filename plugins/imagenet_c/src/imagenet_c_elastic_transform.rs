@@ -1,5 +1,6 @@
 //! Random, smooth displacements.
 
+use pdk_sdk::ops::displacement::Displacement;
 use pdk_sdk::ops::float::{Edge, Image, Workspace, gaussian, separable};
 use pdk_sdk::prelude::*;
 
@@ -26,6 +27,7 @@ impl Component for ElasticTransform {
         corruption("elastic_transform", "Displaces every pixel at random, smoothly, in the same way in all frames of a sequence")
             .mathematics("v(x + alpha G dx, y + alpha G dy), dx and dy uniform within 0.005 of the height, G with 0.01 of each side")
             .drawn_per_sequence("the displacements")
+            .moves_geometry()
             .parameter(
                 Parameter::by_level("alpha", [12.5, 16.25, 21.25, 25.0, 30.0], "what displacements are multiplied by")
                     .range(0.0, 1000.0),
@@ -40,9 +42,7 @@ impl Component for ElasticTransform {
 impl Perturbation for ElasticTransform {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let (width, height) = (src.width(), src.height());
-        if self.made_for.is_new(&src, Some(*cx.key()), &[]) {
-            self.draw(width, height, &mut cx.sequence_random());
-        }
+        self.prepare([width, height], cx);
         self.image.read(src);
         let alpha = cx.number("alpha") as f32;
         for (y, to) in dst.rows_mut().enumerate() {
@@ -64,6 +64,31 @@ impl Perturbation for ElasticTransform {
         }
         Ok(())
     }
+
+    fn move_points(
+        &mut self,
+        points: &mut [[f64; 2]],
+        way: Way,
+        [width, height]: [usize; 2],
+        cx: &Context<'_>,
+    ) -> Result<()> {
+        self.prepare([width, height], cx);
+        let alpha = cx.number("alpha") as f32;
+        let mut sources = Vec::with_capacity(width * height);
+        for y in 0..height {
+            let moved = self.right.row(y).iter().zip(self.down.row(y)).enumerate();
+            sources
+                .extend(moved.map(|(x, (right, down))| [x as f32 + alpha * right, y as f32 + alpha * down]));
+        }
+        let displaced = Displacement::new(width, height, sources);
+        points.iter_mut().for_each(|point| {
+            *point = match way {
+                Way::ToPerturbed => displaced.to_perturbed(*point),
+                Way::ToSource => displaced.to_source(*point),
+            };
+        });
+        Ok(())
+    }
 }
 
 /// The whole part of a number, which goes down also below 0, and the rest.
@@ -82,6 +107,13 @@ fn mirrored(index: isize, length: usize) -> usize {
 }
 
 impl ElasticTransform {
+    /// Draws, unless it was drawn for such frames already.
+    fn prepare(&mut self, [width, height]: [usize; 2], cx: &Context<'_>) {
+        if self.made_for.is_new([width, height], Some(*cx.key()), &[]) {
+            self.draw(width, height, &mut cx.sequence_random());
+        }
+    }
+
     /// The displacements, which `alpha` multiplies.
     fn draw(&mut self, width: usize, height: usize, random: &mut Random) {
         let kernel = |length: usize| {

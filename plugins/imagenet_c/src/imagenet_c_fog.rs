@@ -33,7 +33,7 @@ impl Perturbation for Fog {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let (width, height) = (src.width(), src.height());
         let decay = cx.number("decay");
-        if self.made_for.is_new(&src, Some(*cx.key()), &[decay]) {
+        if self.made_for.is_new([src.width(), src.height()], Some(*cx.key()), &[decay]) {
             let side = width.max(height).max(3).next_power_of_two();
             let plane = plane(side, decay, &mut cx.sequence_random());
             self.field.clear();

@@ -70,7 +70,7 @@ impl Component for Frost {
 
 impl Perturbation for Frost {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        if self.made_for.is_new(&src, Some(*cx.key()), &[]) {
+        if self.made_for.is_new([src.width(), src.height()], Some(*cx.key()), &[]) {
             self.draw(src.width(), src.height(), &mut cx.sequence_random());
         }
         let (frame, ice) = (cx.number("weight") as f32, cx.number("ice") as f32);

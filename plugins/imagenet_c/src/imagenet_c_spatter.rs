@@ -51,7 +51,11 @@ impl Perturbation for Spatter {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
         let mud = cx.number("mud") >= 0.5;
         let names = ["mean", "deviation", "size", "threshold", "strength", "mud"];
-        if self.made_for.is_new(&src, Some(*cx.key()), &names.map(|name| cx.number(name))) {
+        if self.made_for.is_new(
+            [src.width(), src.height()],
+            Some(*cx.key()),
+            &names.map(|name| cx.number(name)),
+        ) {
             self.draw(src.width(), src.height(), cx);
             if mud { self.cover_with_mud(cx) } else { self.cover_with_water(cx) }
         }

@@ -7,6 +7,7 @@ use pdk_sdk::prelude::*;
 pub fn corruption(name: &str, doc: &str) -> Description {
     Description::perturbation(&format!("imagenet_c_{name}"), doc)
         .family("imagenet_c")
+        .keeps_geometry()
         .not_default()
         .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019)")
 }
@@ -21,8 +22,8 @@ pub struct MadeFor {
 
 impl MadeFor {
     /// Notes what is wanted now; false where that is what was noted before.
-    pub fn is_new(&mut self, src: &Frame<'_>, key: Option<Key>, numbers: &[f64]) -> bool {
-        let wanted = Self { size: [src.width(), src.height()], key, numbers: numbers.to_vec() };
+    pub fn is_new(&mut self, size: [usize; 2], key: Option<Key>, numbers: &[f64]) -> bool {
+        let wanted = Self { size, key, numbers: numbers.to_vec() };
         let is_new = *self != wanted;
         *self = wanted;
         is_new

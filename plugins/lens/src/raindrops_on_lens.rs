@@ -36,6 +36,7 @@ impl Component for RaindropsOnLens {
             "Drops of water sit on the lens out of focus, refract the scene, veil it, join and run down",
         )
         .family("lens")
+        .keeps_geometry()
         .version(3)
         .dynamic()
         .source("Particles with bounded lives; caps joined by a smooth maximum, refracted by their slope")

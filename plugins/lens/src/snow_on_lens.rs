@@ -31,6 +31,7 @@ impl Component for SnowOnLens {
             "Flakes of snow land on the lens out of focus, veil the scene, creep down, pile up at the lower edge and melt",
         )
         .family("lens")
+        .keeps_geometry()
         .version(3)
         .dynamic()
         .source("Particles with bounded lives; stamps of clumps over water refracted by its slope")

@@ -9,7 +9,8 @@ pub struct GaussianNoise;
 impl Component for GaussianNoise {
     fn description() -> Description {
         Description::perturbation("gaussian_noise", "Adds normally distributed noise to every value, anew in every frame")
-            .family("noise").mathematics("255 clip(v/255 + n), n ~ N(0, sigma) for each value").drawn_per_frame("the noise")
+            .family("noise")
+            .keeps_geometry().mathematics("255 clip(v/255 + n), n ~ N(0, sigma) for each value").drawn_per_frame("the noise")
             .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019)")
             .parameter(
                 Parameter::by_level("sigma", [0.03, 0.06, 0.12, 0.18, 0.22], "standard deviation of the noise")

@@ -13,7 +13,8 @@ pub struct ImpulseNoise;
 impl Component for ImpulseNoise {
     fn description() -> Description {
         Description::perturbation("impulse_noise", "Sets random values to 255 and as many to 0, anew in every frame")
-            .family("noise").mathematics("v = 255 or v = 0 at ceil(3/2 fraction W H) random places each").drawn_per_frame("the places").divergence("Only with `variant=corrected`: it sets whole pixels, all of them reachable; the published draw never reaches the last row, the last column or the blue channel.")
+            .family("noise")
+            .keeps_geometry().mathematics("v = 255 or v = 0 at ceil(3/2 fraction W H) random places each").drawn_per_frame("the places").divergence("Only with `variant=corrected`: it sets whole pixels, all of them reachable; the published draw never reaches the last row, the last column or the blue channel.")
             .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019)")
             .parameter(
                 Parameter::by_level("fraction", [0.01, 0.02, 0.04, 0.065, 0.1], "share of the frame that is drawn, half of it for 255 and half for 0")

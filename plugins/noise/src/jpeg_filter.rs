@@ -15,7 +15,8 @@ pub struct JpegFilter {
 impl Component for JpegFilter {
     fn description() -> Description {
         Description::perturbation("jpeg_filter", "Compresses every frame as JPEG and decompresses it again")
-            .family("noise").mathematics("decode(encode(image, quality))").divergence("Only with `variant=corrected`: red and blue have the standard's weights in the luma; the published tool takes RGB for BGR, which exchanges them.")
+            .family("noise")
+            .keeps_geometry().mathematics("decode(encode(image, quality))").divergence("Only with `variant=corrected`: red and blue have the standard's weights in the luma; the published tool takes RGB for BGR, which exchanges them.")
             .source("ITU-T T.81 (1992), baseline with the tables of Annex K, chroma at half the resolution")
             .parameter(
                 Parameter::by_level("quality", [30.0, 18.0, 15.0, 10.0, 5.0], "quality, 1 for the coarsest")

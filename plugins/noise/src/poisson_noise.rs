@@ -14,7 +14,8 @@ impl Component for PoissonNoise {
             "poisson_noise",
             "Replaces every value by a random photon count around it, anew in every frame",
         )
-        .family("noise").mathematics("255 clip(Poisson(k v/255) / k) for each value").drawn_per_frame("the photon counts")
+        .family("noise")
+        .keeps_geometry().mathematics("255 clip(Poisson(k v/255) / k) for each value").drawn_per_frame("the photon counts")
         .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019)")
         .parameter(
             Parameter::by_level("k", [120.0, 105.0, 87.0, 55.0, 30.0], "photons that a white pixel counts on average")

@@ -12,7 +12,8 @@ impl Component for SpeckleNoise {
             "speckle_noise_filter",
             "Multiplies every value by a normally distributed number around 1, anew in every frame",
         )
-        .family("noise").mathematics("trunc(clip(v n)), n ~ N(1, sigma) for each value").drawn_per_frame("the noise")
+        .family("noise")
+        .keeps_geometry().mathematics("trunc(clip(v n)), n ~ N(1, sigma) for each value").drawn_per_frame("the noise")
         .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019)")
         .parameter(
             Parameter::by_level("sigma", [0.02, 0.05, 0.09, 0.14, 0.2], "standard deviation of the multiplier")

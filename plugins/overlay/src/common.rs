@@ -12,6 +12,7 @@ pub const OPACITIES: [f64; 5] = [0.2, 0.4, 0.6, 0.8, 1.0];
 pub fn with_common(description: Description) -> Description {
     description
         .family("overlay")
+        .keeps_geometry()
         .follows_attention("where the clip's middle lies: in the middle of what the map marks, which is the mean of all places by their squared values")
         .mathematics("(1 - opacity a) v + opacity c, a the clip's alpha once the screen is out, c its colour times a")
         .divergence("Opacity goes from 0.2 to 1, as the paper has it; the published code has 0.15 to 0.85.")

@@ -23,6 +23,7 @@ impl Component for CannyEdgesMapping {
             "Darkens the frame and marks its edges in red; higher levels mark fewer, as published",
         )
         .family("pattern")
+        .keeps_geometry()
         .grows_with(pdk_sdk::serde_json::json!({"weight": [0.1, 0.2, 0.3, 0.4, 0.5]}))
         .source("Canny, A computational approach to edge detection (1986)")
         .mathematics("(1 - weight) * v + weight * red where there is an edge, (1 - weight) * v elsewhere")

@@ -15,6 +15,7 @@ impl Component for CutoutFilter {
             "Blackens rectangles, at places that stay for a sequence",
         )
         .family("pattern")
+        .keeps_geometry()
         .source("DeVries and Taylor, Improved regularization of convolutional neural networks with cutout (2017)")
         .mathematics("black in rectangles whose sides are uniform in 5 %..20 % of the frame's")
         .divergence("Drawn once per sequence; the published tool draws anew on every call, as `draws=per_frame` does.")

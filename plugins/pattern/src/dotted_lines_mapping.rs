@@ -19,6 +19,7 @@ impl Component for DottedLinesMapping {
             "Draws dotted black lines, at places that stay for a sequence",
         )
         .family("pattern")
+        .keeps_geometry()
         .mathematics("black where |(x, y) - trunc(start + k * spacing * direction)| <= radius for any line, k = 0, 1, ...")
         .source("Leonhard, Lambertenghi and Stocco, PerturbationDrive: dots along random lines")
         .divergence("Drawn once per sequence; the published tool draws anew on every call, as `draws=per_frame` does.")

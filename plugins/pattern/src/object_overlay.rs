@@ -21,6 +21,7 @@ impl Component for ObjectOverlay {
     fn description() -> Description {
         Description::perturbation("object_overlay", "Lays the project's logo over the middle of the frame")
             .family("pattern")
+            .keeps_geometry()
             .mathematics("published: width = H / c, height = W * width / 1330; corrected: height = H / c, width = height * 2560 / 1330")
             .divergence("The logo is the project's own, with smooth letters, and at least one pixel large; the published tool fails on small frames.")
             .divergence("Only with `variant=corrected`: the logo keeps its aspect; the published size exchanges the roles of width and height.")

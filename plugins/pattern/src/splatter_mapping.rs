@@ -16,6 +16,7 @@ impl Component for SplatterMapping {
             "Lays black discs over the frame, at places that stay for a sequence",
         )
         .family("pattern")
+        .keeps_geometry()
         .mathematics(
             "black where (x - cx)^2 + (y - cy)^2 <= r^2 for any disc, r uniform in 5..=largest_radius",
         )

@@ -17,6 +17,7 @@ impl Component for ZigzagMapping {
             "Draws lines of black pixels that swing up and down, at places that stay for a sequence; level 4 changes fewer pixels than level 3, as published",
         )
         .family("pattern")
+        .keeps_geometry()
         .grows_with(pdk_sdk::serde_json::json!({"amplitude": 2, "frequency": 1}))
         .mathematics("black at trunc(p_k), p_(k+1) = p_k + direction + (0, amplitude * sin(frequency * k)), until p_k leaves the frame")
         .source("Leonhard, Lambertenghi and Stocco, PerturbationDrive: random lines with a sine added at every step")

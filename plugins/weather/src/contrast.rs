@@ -10,6 +10,7 @@ impl Component for Contrast {
     fn description() -> Description {
         Description::perturbation("contrast", "Spreads all values away from the middle grey")
             .family("weather")
+            .keeps_geometry()
             .mathematics("clip(127.5 + factor (v - 127.5))")
             .source("Linear map about 127.5, clipped")
             .parameter(

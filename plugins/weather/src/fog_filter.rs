@@ -19,6 +19,7 @@ impl Component for FogFilter {
             "Blends the frame with white and some noise, drawn anew for every frame; it brightens more than it hides",
         )
         .family("weather")
+        .keeps_geometry()
         .mathematics("(1 - s) v + s ((1 - n) 255 + n noise), noise ~ N(0, 255 n)")
         .drawn_per_frame("the noise")
         .divergence(

@@ -17,7 +17,8 @@ impl Component for FogMapping {
             "fog_mapping",
             "Blends the frame with a grey fractal field, the same one in all frames of a sequence",
         )
-        .family("weather").mathematics("(1 - s) v + s fog, fog by midpoint displacement with a roughness that never decays").drawn_per_sequence("the field of fog")
+        .family("weather")
+        .keeps_geometry().mathematics("(1 - s) v + s fog, fog by midpoint displacement with a roughness that never decays").drawn_per_sequence("the field of fog")
         .divergence("Drawn once per sequence; the published tool draws anew on every call, as `draws=per_frame` does.")
         .not_default()
         .source("Fournier, Fussell and Carpenter, Computer rendering of stochastic models (1982); randomness does not decay with scale")

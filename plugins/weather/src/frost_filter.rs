@@ -22,6 +22,7 @@ impl Component for FrostFilter {
             "frost_filter",
             "Lays a texture of ice crystals over the frame, the same one always, and lowers saturation",
         )
+        .keeps_geometry()
         .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019), with a drawn texture");
         describe(description, [0.15, 0.19, 0.25, 0.32, 0.4])
     }

@@ -15,7 +15,8 @@ impl Component for IncreaseBrightness {
             "increase_brightness",
             "Multiplies the brightness of every pixel, keeping its hue and saturation",
         )
-        .family("weather").mathematics("V' = min(255, trunc(factor V)) in HSV").divergence("The way back from HSV rounds everywhere; the published one truncates in blocks of 32 pixels, which darkens by up to a level.")
+        .family("weather")
+        .keeps_geometry().mathematics("V' = min(255, trunc(factor V)) in HSV").divergence("The way back from HSV rounds everywhere; the published one truncates in blocks of 32 pixels, which darkens by up to a level.")
         .source("Smith, Color gamut transform pairs (1978), in 8 bits")
         .parameter(
             Parameter::by_level(

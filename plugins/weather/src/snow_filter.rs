@@ -45,6 +45,7 @@ impl Component for SnowFilter {
             "snow_filter",
             "Lays a texture of falling snow over the frame, the same one always, and lowers saturation",
         )
+        .keeps_geometry()
         .source("Hendrycks and Dietterich, Benchmarking neural network robustness to common corruptions and perturbations (2019), with a drawn texture");
         describe(description, [0.15, 0.22, 0.3, 0.45, 0.6])
     }

@@ -61,6 +61,16 @@ pub mod status {
     }
 }
 
+/// Which way a perturbation moves points.
+pub mod way {
+    crate::declare::numbers! {
+        /// From the source frame to the perturbed one.
+        pub const TO_PERTURBED = 0;
+        /// From the perturbed frame to the source.
+        pub const TO_SOURCE = 1;
+    }
+}
+
 /// What a simulator can be asked for besides frames; a simulator leaves out what it does not know.
 pub mod annotation {
     crate::declare::numbers! {

@@ -132,6 +132,18 @@ pub struct PerturbationFunctions {
         context: *const PerturbationContext,
         error: *const Sink,
     ) -> Status,
+    /// Moves points as the pixels of a frame of this size are moved: `points` are pairs of x and y, `length` of them, in pixels from
+    /// the centre of the first; `way` is one of the numbers of [`way`](crate::way). One that has nowhere to go becomes not a number.
+    pub move_points: unsafe extern "C" fn(
+        object: *mut c_void,
+        points: *mut f64,
+        length: usize,
+        way: u64,
+        width: usize,
+        height: usize,
+        context: *const PerturbationContext,
+        error: *const Sink,
+    ) -> Status,
 }
 
 /// The functions of a simulator.

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use abi_stable::StableAbi;
 use abi_stable::type_layout::{TLData, TLFunction, TypeLayout};
 
-use crate::{PluginRef, VERSION, annotation, fixed, map_flag, sized, state_flag};
+use crate::{PluginRef, VERSION, annotation, fixed, map_flag, sized, state_flag, way};
 
 /// The variable that has the layout recorded.
 const RECORD: &str = "PDK_BLESS";
@@ -61,6 +61,7 @@ fn present() -> Layout {
         ("state_flag", state_flag::ALL),
         ("map_flag", map_flag::ALL),
         ("annotation", annotation::ALL),
+        ("way", way::ALL),
     ] {
         let lines = numbers.iter().map(|(name, number)| format!("{number} {name}"));
         layout.insert(format!("numbers {name}"), lines.collect());

@@ -27,7 +27,7 @@ mod prefix;
 mod sized;
 
 pub use abi_stable;
-pub use fixed::{Status, Text, annotation, status};
+pub use fixed::{Status, Text, annotation, status, way};
 pub use functions::{
     DatasetFunctions, DatasetFunctionsRef, DriverFunctions, DriverFunctionsRef, Instance, MaskFunctions,
     MaskFunctionsRef, PerturbationFunctions, PerturbationFunctionsRef, Plugin, PluginRef, PredictorFunctions,

@@ -154,24 +154,34 @@ fn is_still(format: &ImageFormat) -> bool {
 /// If the ending is another one, or the file cannot be written.
 pub fn write(path: &Path, frame: Frame<'_>) -> Result<()> {
     let place = format!("cannot write the image {}", path.display());
-    let format = ImageFormat::from_path(path)
-        .ok()
-        .filter(is_still)
-        .ok_or_else(|| Error::new(format!("{place}: its name has to end in .png, .jpg, .bmp or .webp")))?;
-    let (width, height) = (frame.width() as u32, frame.height() as u32);
-    let image = RgbImage::from_raw(width, height, frame.to_buf().into_vec())
-        .ok_or_else(|| Error::new(format!("{place}: it is too large")))?;
-    let mut encoded = Cursor::new(Vec::new());
-    match format {
-        ImageFormat::Jpeg => {
-            JpegEncoder::new_with_quality(&mut encoded, JPEG_QUALITY).encode_image(&image).place(&place)?;
-        }
-        _ => image.write_to(&mut encoded, format).place(&place)?,
-    }
+    let encoded = encode(path, frame, JPEG_QUALITY).place(&place)?;
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).place(&place)?;
     }
-    file::write(path, &encoded.into_inner()).place(&place)
+    file::write(path, &encoded).place(&place)
+}
+
+/// The bytes of a frame as a file of this name: PNG, JPEG of this quality from 1 to 100, BMP or WebP, by its ending.
+///
+/// # Errors
+/// If the ending is another one, or the frame is too large for the format.
+pub fn encode(name: &Path, frame: Frame<'_>, quality: u8) -> Result<Vec<u8>> {
+    const FAILED: &str = "it cannot be encoded";
+    let format = ImageFormat::from_path(name)
+        .ok()
+        .filter(is_still)
+        .ok_or_else(|| Error::new("its name has to end in .png, .jpg, .bmp or .webp"))?;
+    let (width, height) = (frame.width() as u32, frame.height() as u32);
+    let image = RgbImage::from_raw(width, height, frame.to_buf().into_vec())
+        .ok_or_else(|| Error::new("it is too large"))?;
+    let mut encoded = Cursor::new(Vec::new());
+    match format {
+        ImageFormat::Jpeg => {
+            JpegEncoder::new_with_quality(&mut encoded, quality).encode_image(&image).place(FAILED)?;
+        }
+        _ => image.write_to(&mut encoded, format).place(FAILED)?,
+    }
+    Ok(encoded.into_inner())
 }
 
 // The example in the README compiles.

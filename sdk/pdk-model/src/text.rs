@@ -107,7 +107,7 @@ fn number(text: &str) -> Option<Value> {
 }
 
 /// Splits at commas, except within brackets, braces and quotes, so that values may be JSON.
-pub(crate) fn split_outside_brackets(text: &str) -> Vec<&str> {
+pub fn split_outside_brackets(text: &str) -> Vec<&str> {
     let (mut parts, mut start, mut depth, mut quoted) = (Vec::new(), 0, 0u32, false);
     for (position, c) in text.char_indices() {
         match c {

@@ -1,5 +1,6 @@
 //! Elastic distortion: every pixel comes from a random place nearby.
 
+use crate::displacement::Displacement;
 use crate::frame::{Frame, FrameMut};
 use crate::sample::{Border, Padded, SUBPIXELS};
 use crate::simd::vectorised;
@@ -43,13 +44,46 @@ pub fn elastic(
     workspace: &mut Workspace,
 ) {
     assert!(src.same_size(&dst.as_ref()), "elastic between frames of different size");
+    let width = src.width();
+    places((width, src.height()), alpha, sigma, random, workspace);
+    let Workspace { padded, xs, ys, .. } = workspace;
+    padded.fill(src, alpha.ceil() as usize + 1, Border::Mirror);
+    for ((xs, ys), row) in xs.chunks_exact(width).zip(ys.chunks_exact(width)).zip(dst.rows_mut()) {
+        padded.sample(xs, ys, row);
+    }
+}
+
+/// Where [`elastic`] takes the pixels of a frame of this size from, with the same numbers and the same random numbers.
+///
+/// # Panics
+/// If `alpha` is not within 0..=1000 or `sigma` not within 0.1..=20.
+pub fn displacement(
+    (width, height): (usize, usize),
+    alpha: f64,
+    sigma: f64,
+    random: &mut Random,
+    workspace: &mut Workspace,
+) -> Displacement {
+    places((width, height), alpha, sigma, random, workspace);
+    let Workspace { xs, ys, .. } = workspace;
+    let place = |at: usize| [xs[at], ys[at]].map(|place| place as f32 / SUBPIXELS as f32);
+    Displacement::new(width, height, (0..width * height).map(place).collect())
+}
+
+/// Draws the places that pixels come from.
+fn places(
+    (width, height): (usize, usize),
+    alpha: f64,
+    sigma: f64,
+    random: &mut Random,
+    workspace: &mut Workspace,
+) {
     assert!(
         (0.0..=MAX_DISPLACEMENT).contains(&alpha),
         "elastic takes displacements of 0 to 1000 pixels, not {alpha}"
     );
     assert!((0.1..=20.0).contains(&sigma), "elastic takes a sigma of 0.1 to 20 pixels, not {sigma}");
-    let (width, height) = (src.width(), src.height());
-    let Workspace { kernel, smooth: buffers, padded, bytes, draws, xs, ys } = workspace;
+    let Workspace { kernel, smooth: buffers, bytes, draws, xs, ys, .. } = workspace;
     kernel.set_gaussian((8.0 * sigma + 1.0).round_ties_even() as usize | 1, sigma);
     // From sums to 1/32 px.
     let scale = (alpha * f64::from(SUBPIXELS) / f64::from(1u32 << (WEIGHT_BITS + DRAW_BITS))) as f32;
@@ -70,10 +104,6 @@ pub fn elastic(
             },
             buffers,
         );
-    }
-    padded.fill(src, alpha.ceil() as usize + 1, Border::Mirror);
-    for ((xs, ys), row) in xs.chunks_exact(width).zip(ys.chunks_exact(width)).zip(dst.rows_mut()) {
-        padded.sample(xs, ys, row);
     }
 }
 

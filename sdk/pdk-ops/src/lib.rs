@@ -15,6 +15,7 @@ pub mod canvas;
 pub mod color;
 pub mod compare;
 mod dct;
+pub mod displacement;
 pub mod draw;
 pub mod elastic;
 pub mod equalise;

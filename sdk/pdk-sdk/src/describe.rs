@@ -68,6 +68,29 @@ pub enum Temporal {
     Dynamic,
 }
 
+/// What a perturbation does to the places of things in the frame, and so to labels that say where something is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Geometry {
+    /// Everything stays in its place, though it may be hidden, or smeared from there.
+    Kept,
+    /// Things move, and [`Perturbation::move_points`](crate::perturbation::Perturbation::move_points) says where to.
+    Moved,
+    /// Things move, or appear in further places, in a way that it cannot say.
+    Altered,
+    /// It does not say, as plugins of before this field. Labels are not kept on trust: a user has to decide.
+    #[default]
+    #[serde(other)]
+    Undeclared,
+}
+
+impl Geometry {
+    /// Whether it says nothing, which descriptions leave out.
+    pub fn is_undeclared(&self) -> bool {
+        *self == Self::Undeclared
+    }
+}
+
 /// Whose clock a simulator goes by.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -143,6 +166,9 @@ pub struct Description {
     /// What follows the saliency maps that it is given, such as where drops are born; empty if it does not look at any.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub follows_attention: String,
+    /// What a perturbation does to the places of things in the frame.
+    #[serde(default, skip_serializing_if = "Geometry::is_undeclared")]
+    pub geometry: Geometry,
     /// The parameters, in the order in which they are listed.
     pub parameters: Vec<Parameter>,
     /// Parameter values with which its strength grows with the intensity, for those whose published levels are out of
@@ -202,6 +228,7 @@ impl Description {
             drawn_per_sequence: String::new(),
             drawn_per_frame: String::new(),
             follows_attention: String::new(),
+            geometry: Geometry::Undeclared,
             parameters: Vec::new(),
             grows_with: Map::new(),
             preferred: false,
@@ -357,6 +384,24 @@ impl Description {
     /// Without it, it cannot be given any.
     pub fn follows_attention(mut self, what: &str) -> Self {
         self.follows_attention = what.to_owned();
+        self
+    }
+
+    /// Says that everything stays in its place, so that labels of the frame stay true: see [`Geometry::Kept`].
+    pub fn keeps_geometry(mut self) -> Self {
+        self.geometry = Geometry::Kept;
+        self
+    }
+
+    /// Says that things move, and that [`Perturbation::move_points`](crate::perturbation::Perturbation::move_points) says where to.
+    pub fn moves_geometry(mut self) -> Self {
+        self.geometry = Geometry::Moved;
+        self
+    }
+
+    /// Says that things move, or appear in further places, in a way that it cannot say: see [`Geometry::Altered`].
+    pub fn alters_geometry(mut self) -> Self {
+        self.geometry = Geometry::Altered;
         self
     }
 
@@ -640,10 +685,31 @@ mod tests {
             )
             .parameter(Parameter::choice("mode", &["soft", "hard"], "edge"))
             .parameter(Parameter::number("width", 1.0, "width of the edge").only_for("mode", "soft"))
-            .parameter(Parameter::path("clip", "the clip"));
+            .parameter(Parameter::path("clip", "the clip"))
+            .moves_geometry();
         assert_eq!(before.parameters[2].doc, "width of the edge; only with `mode=soft`");
         let text = serde_json::to_string(&before).unwrap();
         let after: Description = serde_json::from_str(&text).unwrap();
         assert_eq!(before, after);
+    }
+
+    #[test]
+    fn what_is_not_said_of_the_geometry_is_undeclared() {
+        let silent = serde_json::to_value(Description::perturbation("fog", "Fog")).unwrap();
+        assert!(silent.get("geometry").is_none());
+        let read = |geometry: &str| {
+            let mut said = silent.clone();
+            said["geometry"] = geometry.into();
+            serde_json::from_value::<Description>(said).unwrap().geometry
+        };
+        // A plugin of a later SDK may say what is not known here.
+        assert_eq!(
+            ["kept", "moved", "altered", "folded"].map(read),
+            [Geometry::Kept, Geometry::Moved, Geometry::Altered, Geometry::Undeclared]
+        );
+        assert_eq!(
+            serde_json::from_value::<Description>(silent.clone()).unwrap().geometry,
+            Geometry::Undeclared
+        );
     }
 }

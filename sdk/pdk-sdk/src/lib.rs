@@ -38,12 +38,12 @@ pub mod prelude {
     pub use crate::component::Component;
     pub use crate::config::Config;
     pub use crate::dataset::{Dataset, Entry, Position};
-    pub use crate::describe::{Description, Kind, Parameter, Role, Temporal};
+    pub use crate::describe::{Description, Geometry, Kind, Parameter, Role, Temporal};
     pub use crate::driver::{Control, DriveContext, Driver};
     pub use crate::error::{Error, ErrorKind, Result};
     pub use crate::input_files::InputFiles;
     pub use crate::mask::Mask;
-    pub use crate::perturbation::{Context, EarlierMaps, Perturbation};
+    pub use crate::perturbation::{Context, EarlierMaps, Perturbation, Way};
     pub use crate::predictor::{Output, Predictor};
     pub use crate::saliency::{HeatmapMut, MapContext, Saliency};
     pub use crate::search::{Candidate, Evaluated, Problem, Range, Search, Space, Variable};

@@ -1,5 +1,6 @@
 //! Perturbations: components that change a frame.
 
+use pdk_ops::warp::Affine;
 use pdk_ops::{Frame, FrameMut};
 use pdk_seed::{Key, Random};
 
@@ -17,6 +18,47 @@ pub trait Perturbation: Send {
     /// # Errors
     /// If the frame cannot be perturbed; the run records it and goes on with the next scenario.
     fn apply(&mut self, src: Frame<'_>, dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()>;
+
+    /// Moves points as it moves the pixels of a frame of `size`, width and height, in the same context. A point is `[x, y]` in pixels, to
+    /// the right and down from the centre of the first pixel, and may lie outside the frame; one that has nowhere to go becomes not a
+    /// number.
+    ///
+    /// A perturbation that says it [moves geometry](crate::describe::Description::moves_geometry) has it; others do without.
+    ///
+    /// # Errors
+    /// If it cannot say where the points go.
+    fn move_points(
+        &mut self,
+        points: &mut [[f64; 2]],
+        way: Way,
+        size: [usize; 2],
+        cx: &Context<'_>,
+    ) -> Result<()> {
+        let _ = (points, way, size, cx);
+        Err(Error::new("it does not say where it moves things; implement `move_points`"))
+    }
+}
+
+/// Which way points are moved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// From the source frame to where the perturbed frame shows what is there: for corners, keypoints and lines.
+    ToPerturbed,
+    /// From the perturbed frame to the place in the source frame whose colour is seen there: for masks, pixel by pixel.
+    ToSource,
+}
+
+impl Way {
+    /// Moves points by the map by which the frame was warped, or back. A map that cannot be inverted leads nowhere.
+    pub fn along(self, map: &Affine, points: &mut [[f64; 2]]) {
+        match self {
+            Self::ToPerturbed => points.iter_mut().for_each(|point| *point = map.at(*point)),
+            Self::ToSource => {
+                let back = map.inverse().unwrap_or(Affine([f64::NAN; 6]));
+                points.iter_mut().for_each(|point| *point = back.at(*point));
+            }
+        }
+    }
 }
 
 /// What a perturbation knows about the frame at hand.

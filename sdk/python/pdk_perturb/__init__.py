@@ -19,7 +19,18 @@ import json as _json
 from pathlib import Path as _Path
 
 from pdk_perturb import _pdk
-from pdk_perturb._pdk import Error, Perturbation, __version__, identity, perturb, search, written
+from pdk_perturb._pdk import (
+    Error,
+    Perturbation,
+    __version__,
+    identity,
+    move_boxes,
+    move_points,
+    perturb,
+    search,
+    source_pixels,
+    written,
+)
 from pdk_perturb._settings import RunSettings, SessionSettings
 
 # Set where a run fails that has recorded something.
@@ -36,11 +47,14 @@ __all__ = [
     "driver",
     "executable",
     "identity",
+    "move_boxes",
+    "move_points",
     "names",
     "perturb",
     "run",
     "search",
     "simulator",
+    "source_pixels",
     "written",
 ]
 

@@ -67,6 +67,51 @@ class Perturbation:
     def fps(self) -> float:
         """Frames a second."""
 
+def move_points(
+    points: Any,
+    perturbation: Chain,
+    *,
+    size: tuple[int, int],
+    seed: int = 0,
+    frame: int = 0,
+    time: float = 0.0,
+    **parameters: Any,
+) -> NDArray[numpy.float64]:
+    """Moves points as `perturb` with the same arguments moves the pixels of an image.
+
+    `points` are rows of x and y in pixels from the upper left corner of the image: the centre of the first pixel is 0.5, 0.5. `size` is
+    height and width. A result may lie outside of the image. A perturbation that does not say what it does to the places of things is an
+    `Error`.
+    """
+
+def move_boxes(
+    boxes: Any,
+    perturbation: Chain,
+    *,
+    size: tuple[int, int],
+    seed: int = 0,
+    frame: int = 0,
+    time: float = 0.0,
+    **parameters: Any,
+) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64]]:
+    """Moves boxes, rows of left, top, right and bottom, as `move_points` moves points.
+
+    The results are the hulls of what were the boxes, cut off at the edges of the image, and the share of each hull that is in the image.
+    """
+
+def source_pixels(
+    perturbation: Chain,
+    *,
+    size: tuple[int, int],
+    seed: int = 0,
+    frame: int = 0,
+    time: float = 0.0,
+    **parameters: Any,
+) -> NDArray[numpy.int64]:
+    """For each pixel of the perturbed image the place, row by row, of the pixel of the image that is seen there; -1 for what comes from
+    outside. A mask is moved by `numpy.where(places < 0, 0, mask.ravel()[places])`.
+    """
+
 def perturb(
     image: Image,
     perturbation: Chain,

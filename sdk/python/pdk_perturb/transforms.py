@@ -11,7 +11,8 @@ number of workers.
             ...
 
 A transform is called as those of torchvision, `transform(image)`, with an array, a PIL image or a tensor, which it returns as such,
-or as those of albumentations, `transform(image=image, mask=mask)["image"]`. The sample is the index that `Indexed` hands out, else
+or as those of albumentations, `transform(image=image, mask=mask)["image"]`, where `mask`, `masks`, `bboxes` and `keypoints` move with the
+pixels. The sample is the index that `Indexed` hands out, else
 the one that is given (`transform(image, sample=17)`), else the image's own content.
 """
 
@@ -23,7 +24,7 @@ import multiprocessing.sharedctypes
 import threading
 from collections.abc import Sequence
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy
 
@@ -74,8 +75,13 @@ class Transform:
     those that one is drawn from for each sample. `p` is the share of samples that are perturbed. Two transforms draw independently,
     unless both seed and perturbations are the same.
 
-    Labels and boxes are handed through as they are: perturbations that move pixels (shear_image, translate_image, scale_image,
-    rotate_image, reflection_filter) do not move them.
+    Of the keyword arguments, `mask`, each of `masks`, `bboxes` and `keypoints` move as the pixels do; others are handed through. `bboxes`
+    are rows of four numbers as `boxes` says, and whatever stands behind them: "pascal_voc" (left, top, right, bottom), "coco" (left, top,
+    width, height), "yolo" (middle, width, height, as shares) or "albumentations" (left, top, right, bottom, as shares). A box of which less
+    than `min_visibility` is left in the image is left out, and what belongs to it in the lists that `label_fields` names. `keypoints` are
+    rows of x and y, where the centre of the first pixel is 0, 0, and whatever stands behind; all stay, also those outside of the image.
+    Masks have the value `outside` where they come from outside. A perturbation that cannot say where it moves things is an error, if there
+    is something to move.
     """
 
     def __init__(
@@ -85,13 +91,23 @@ class Transform:
         level: float | tuple[float, float] | None = None,
         p: float = 1.0,
         seed: int = 0,
+        boxes: Literal["pascal_voc", "coco", "yolo", "albumentations"] = "pascal_voc",
+        label_fields: Sequence[str] = (),
+        min_visibility: float = 0.1,
+        outside: int = 0,
     ) -> None:
+        if boxes not in _BOXES:
+            raise ValueError(f"`boxes` is {boxes!r}, but has to be one of {', '.join(_BOXES)}")
         if not 0.0 <= p <= 1.0:
             raise ValueError(f"`p` is {p}, but has to be a number from 0 to 1")
         self.perturbation = perturbation
         self.level = level
         self.p = p
         self.seed = seed
+        self.boxes = boxes
+        self.label_fields = tuple(label_fields)
+        self.min_visibility = min_visibility
+        self.outside = outside
         self._levels = None if level is None else _ends(level)
         self._oneof = perturbation if isinstance(perturbation, OneOf) else OneOf(perturbation)
         # They are checked here, whatever the end is.
@@ -112,12 +128,15 @@ class Transform:
         if arguments:
             if len(arguments) > 1 or targets:
                 raise TypeError("call it with one image, transform(image), or by keyword, transform(image=image, mask=mask)")
-            return self._perturbed(arguments[0], sample)
+            return self._perturbed(arguments[0], sample, {})[0]
         if "image" not in targets:
             raise TypeError("there is no image: call transform(image) or transform(image=image)")
-        return {**targets, "image": self._perturbed(targets["image"], sample)}
+        moved = {name: targets[name] for name in _MOVED if targets.get(name) is not None}
+        moved |= {name: targets[name] for name in self.label_fields if "bboxes" in moved}
+        image, moved = self._perturbed(targets["image"], sample, moved)
+        return {**targets, "image": image, **moved}
 
-    def _perturbed(self, image, sample):
+    def _perturbed(self, image, sample, labels):
         array, back = _as_array(image)
         epoch = self._epoch.get()
         if sample is None and (current := getattr(_current, "sample", None)) is not None:
@@ -127,11 +146,45 @@ class Transform:
         which, whether, level, seed = _draws(self._chains, self.seed, epoch, sample)
         chain = self._chains[self._oneof._place(which)]
         if chain is None or whether >= self.p:
-            return image
-        if self._levels is None:
-            return back(pdk.perturb(array, chain, seed=seed))
-        low, high = self._levels
-        return back(pdk.perturb(array, chain, seed=seed, level=low + (high - low) * level))
+            return image, labels
+        given = {"seed": seed}
+        if self._levels is not None:
+            low, high = self._levels
+            given["level"] = low + (high - low) * level
+        # Before the image, so that what cannot be moved costs nothing.
+        labels = self._moved(labels, chain, array.shape[:2], given)
+        return back(pdk.perturb(array, chain, **given)), labels
+
+    def _moved(self, labels, chain, size, given):
+        """The labels of an image of this size, moved as its pixels are."""
+        given = {**given, "size": tuple(size)}
+        moved = dict(labels)
+        if "keypoints" in labels:
+            rows = [list(row) for row in labels["keypoints"]]
+            points = numpy.array([row[:2] for row in rows], dtype=float).reshape(-1, 2)
+            points = pdk.move_points(points + 0.5, chain, **given) - 0.5
+            rows = [[*point, *row[2:]] for point, row in zip(points.tolist(), rows)]
+            moved["keypoints"] = _like(rows, labels["keypoints"])
+        if "bboxes" in labels:
+            rows = [list(row) for row in labels["bboxes"]]
+            numbers = numpy.array([row[:4] for row in rows], dtype=float).reshape(-1, 4)
+            to_edges, from_edges = _BOXES[self.boxes]
+            edges, visible = pdk.move_boxes(to_edges(numbers, *size), chain, **given)
+            whole = (edges[:, 2] > edges[:, 0]) & (edges[:, 3] > edges[:, 1])
+            kept = numpy.flatnonzero(whole & (visible >= self.min_visibility))
+            written = from_edges(edges, *size).tolist()
+            moved["bboxes"] = _like([[*written[place], *rows[place][4:]] for place in kept], labels["bboxes"])
+            for name in self.label_fields:
+                if len(labels[name]) != len(rows):
+                    raise ValueError(f"there are {len(labels[name])} `{name}` for {len(rows)} boxes; give one for each")
+                moved[name] = _like([labels[name][place] for place in kept], labels[name])
+        if "mask" in labels or "masks" in labels:
+            sources = pdk.source_pixels(chain, **given)
+            if "mask" in labels:
+                moved["mask"] = _moved_mask(labels["mask"], sources, self.outside)
+            if "masks" in labels:
+                moved["masks"] = _like([_moved_mask(mask, sources, self.outside) for mask in labels["masks"]], labels["masks"])
+        return moved
 
 
 class Indexed:
@@ -177,6 +230,77 @@ class _Epoch:
 
     def get(self):
         return self._value.value
+
+
+def _as_edges(edges, height, width):
+    return edges
+
+
+def _shares(scale):
+    """To and from numbers that are shares of width and height."""
+    return (
+        lambda boxes, height, width: scale[0](boxes * (width, height, width, height), height, width),
+        lambda edges, height, width: scale[1](edges, height, width) / (width, height, width, height),
+    )
+
+
+_CORNER = (
+    lambda boxes, height, width: numpy.hstack([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]]),
+    lambda edges, height, width: numpy.hstack([edges[:, :2], edges[:, 2:] - edges[:, :2]]),
+)
+_MIDDLE = (
+    lambda boxes, height, width: numpy.hstack([boxes[:, :2] - boxes[:, 2:] / 2, boxes[:, :2] + boxes[:, 2:] / 2]),
+    lambda edges, height, width: numpy.hstack([(edges[:, :2] + edges[:, 2:]) / 2, edges[:, 2:] - edges[:, :2]]),
+)
+_EDGES = (_as_edges, _as_edges)
+# How boxes are written: to left, top, right and bottom in pixels, and back.
+_BOXES = {"pascal_voc": _EDGES, "coco": _CORNER, "yolo": _shares(_MIDDLE), "albumentations": _shares(_EDGES)}
+# The arguments that move.
+_MOVED = ("mask", "masks", "bboxes", "keypoints")
+
+
+def _like(rows, given):
+    """Rows in what the user gave them in: an array, a tensor, a list."""
+    if isinstance(given, numpy.ndarray):
+        made = numpy.asarray(rows, dtype=given.dtype if given.dtype.kind in "fO" or given.ndim == 1 else float)
+        return made.reshape(-1, *given.shape[1:]) if given.ndim > 1 else made
+    if type(given).__module__.partition(".")[0] in ("torch", "torchvision"):
+        import torch
+
+        if given.dim() > 1 and isinstance(rows[0] if rows else None, torch.Tensor):
+            return torch.stack(rows)
+        dtype = given.dtype if given.is_floating_point() or given.dim() == 1 else torch.float32
+        return torch.as_tensor(rows, dtype=dtype, device=given.device).reshape(-1, *given.shape[1:])
+    if rows and isinstance(given, (list, tuple)) and isinstance(given[0], tuple):
+        rows = [tuple(row) for row in rows]
+    return type(given)(rows) if isinstance(given, (list, tuple)) else rows
+
+
+def _moved_mask(mask, sources, outside):
+    """A mask with the values of other pixels: height x width, with channels behind in an array and in front in a tensor."""
+    size = sources.shape
+    if isinstance(mask, numpy.ndarray):
+        if mask.shape[:2] != size:
+            raise ValueError(f"a mask of {mask.shape} does not fit an image of {size[0]} x {size[1]}")
+        moved = mask.reshape(size[0] * size[1], *mask.shape[2:])[sources]
+        moved[sources < 0] = outside
+        return moved
+    if type(mask).__module__.partition(".")[0] in ("torch", "torchvision"):
+        import torch
+
+        if tuple(mask.shape[-2:]) != size:
+            raise ValueError(f"a mask of {tuple(mask.shape)} does not fit an image of {size[0]} x {size[1]}")
+        places = torch.from_numpy(sources).to(mask.device)
+        moved = mask.reshape(*mask.shape[:-2], -1)[..., places.clamp(min=0)]
+        return torch.where(places < 0, torch.as_tensor(outside, dtype=mask.dtype, device=mask.device), moved)
+    if hasattr(mask, "convert"):
+        from PIL import Image
+
+        moved = Image.fromarray(_moved_mask(numpy.asarray(mask), sources, outside))
+        if mask.mode == "P":
+            moved.putpalette(mask.getpalette())
+        return moved
+    raise TypeError(f"a {type(mask).__name__} is not a mask: give an array, a PIL image or a tensor of torch")
 
 
 def _ends(level):

@@ -6,6 +6,7 @@
 //! | [`arrays`] | images as arrays of numpy, in place where their layout allows it |
 //! | [`components`] | the components of the process, and chains that are kept from one call to the next |
 //! | [`images`] | images that count for themselves, alone or in batches |
+//! | [`labels`] | where points, boxes and the pixels of masks go |
 //! | [`sequence`] | the frames of a sequence, one after the other |
 //! | [`records`] | records of runs: ledgers and traces |
 //! | [`failure`] | errors as exceptions |
@@ -20,6 +21,7 @@ mod arrays;
 mod components;
 mod failure;
 mod images;
+mod labels;
 mod records;
 mod sequence;
 mod values;
@@ -38,6 +40,9 @@ fn _pdk(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(components::catalog, module)?)?;
     module.add_function(wrap_pyfunction!(images::perturb, module)?)?;
     module.add_function(wrap_pyfunction!(images::identity, module)?)?;
+    module.add_function(wrap_pyfunction!(labels::move_points, module)?)?;
+    module.add_function(wrap_pyfunction!(labels::move_boxes, module)?)?;
+    module.add_function(wrap_pyfunction!(labels::source_pixels, module)?)?;
     module.add_function(wrap_pyfunction!(records::read_ledger, module)?)?;
     module.add_function(wrap_pyfunction!(records::verdict, module)?)?;
     module.add_function(wrap_pyfunction!(records::trace_steps, module)?)?;

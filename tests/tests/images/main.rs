@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod corrupt;
+mod geometry;
 mod masks;
 mod networks;
 mod offline;

@@ -7,7 +7,7 @@ use pdk_product::PRODUCT;
 use pdk_tests::{Pdk, repository};
 
 /// Names that are English words too. They may stand in a sentence, but not alone, in quotes or before a parameter.
-const WORDS: &[&str] = &["contrast", "folder", "gradient", "grid", "lane", "process", "random"];
+const WORDS: &[&str] = &["contrast", "folder", "gradient", "grid", "lane", "pictures", "process", "random"];
 
 /// Names that are something else in one place: the name, the beginning of the path, and what it is there.
 const OTHERWISE: &[(&str, &str, &str)] = &[
@@ -28,6 +28,10 @@ const OTHERWISE: &[(&str, &str, &str)] = &[
     ),
     ("random", "kernel/script/pipeline/src/records/", "a field of `where`, and an argument as above"),
     ("folder", "kernel/tool/cli/src/verbs/cache.rs", "a field of JSON"),
+    ("folder", "kernel/tool/corrupt/", "a field of JSON"),
+    ("pictures", "kernel/tool/corrupt/", "a field of JSON"),
+    ("pictures", "kernel/tool/cli/src/verbs/corrupt.rs", "a field of JSON"),
+    ("csv", "kernel/tool/corrupt/", "the ending of files"),
     ("folder", "kernel/tool/cli/templates/dataset/", "a variable, and a word of documentation"),
     ("process", "kernel/tool/cli/templates/dataset/", "a module of Rust's library"),
     ("grid", "kernel/tool/report/src/template/", "a class of tables in CSS"),

@@ -8,7 +8,7 @@ mod records;
 
 use mlua::{Function, Table, Value};
 use pdk_sdk::config::Config;
-use pdk_sdk::describe::{Description, Temporal};
+use pdk_sdk::describe::{Description, Geometry, Temporal};
 use pdk_sdk::error::{Error, Result};
 use pdk_sdk::serde_json;
 
@@ -16,12 +16,15 @@ use fields::{Fields, describe, finite, one_line, unreadable};
 use parameters::{MOST_ENTRIES, levels, parameters};
 use pdk_components::check_description;
 use pdk_components::suggest;
+
+use crate::points::Points;
 pub use records::{CONTEXT, PARAMETER, PERTURBATION};
 
 /// What a script returned, checked.
 pub(crate) struct Declaration {
     pub description: Description,
     pub apply: Function,
+    pub points: Option<Points>,
 }
 
 /// Whether a table that a script returned is meant as a perturbation or a mask: it has what it applies, or says what that does.
@@ -72,6 +75,8 @@ pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
             )));
         }
     };
+    let points = points(&fields)?;
+    description.geometry = geometry(&fields, points.is_some())?;
     description.default = fields.optional_boolean("default")?.unwrap_or(true);
     if let Some(list) = fields.optional_table("parameters")? {
         description.parameters = parameters(&list)?;
@@ -86,17 +91,57 @@ pub(crate) fn read(returned: &Value, stem: &str) -> Result<Declaration> {
                 "the script has both `apply` and `mask`, but is either a perturbation or a mask; leave one out",
             ));
         }
+        if points.is_some() || !description.geometry.is_undeclared() {
+            return Err(Error::new(
+                "a mask moves nothing; leave `geometry`, `move_point` and `source_point` out",
+            ));
+        }
         return match fields.get("mask")? {
-            Value::Function(apply) => Ok(Declaration { description, apply }),
+            Value::Function(apply) => Ok(Declaration { description, apply, points }),
             other => Err(fields.wrong("mask", "a function", &other)),
         };
     }
     match fields.get("apply")? {
-        Value::Function(apply) => Ok(Declaration { description, apply }),
+        Value::Function(apply) => Ok(Declaration { description, apply, points }),
         Value::Nil => {
             Err(Error::new("the perturbation has no `apply`; add apply = function(image, cx) ... end"))
         }
         other => Err(fields.wrong("apply", "a function", &other)),
+    }
+}
+
+/// How it moves points, if it says so.
+fn points(fields: &Fields<'_>) -> Result<Option<Points>> {
+    let function = |name: &str| match fields.get(name)? {
+        Value::Nil => Ok(None),
+        Value::Function(function) => Ok(Some(function)),
+        other => Err(fields.wrong(name, "a function", &other)),
+    };
+    match (function("move_point")?, function("source_point")?) {
+        (Some(move_point), source_point) => Ok(Some(Points { move_point, source_point })),
+        (None, None) => Ok(None),
+        (None, Some(_)) => Err(Error::new(
+            "the perturbation has `source_point` without `move_point`; add move_point = function(x, y, width, height, cx) ... end",
+        )),
+    }
+}
+
+/// What it does to the places of things.
+fn geometry(fields: &Fields<'_>, moves: bool) -> Result<Geometry> {
+    match (fields.optional_text("geometry")?.as_deref(), moves) {
+        (None | Some("moved"), true) => Ok(Geometry::Moved),
+        (None, false) => Ok(Geometry::Undeclared),
+        (Some("kept"), false) => Ok(Geometry::Kept),
+        (Some("altered"), false) => Ok(Geometry::Altered),
+        (Some("moved"), false) => Err(Error::new(
+            "`geometry` of the perturbation is \"moved\", but nothing says where to; add move_point = function(x, y, width, height, cx) ... end",
+        )),
+        (Some(other @ ("kept" | "altered")), true) => Err(Error::new(format!(
+            "`geometry` of the perturbation is \"{other}\", but it has `move_point`; leave one out"
+        ))),
+        (Some(other), _) => Err(Error::new(format!(
+            "`geometry` of the perturbation is \"{other}\", but has to be \"kept\", \"moved\" or \"altered\""
+        ))),
     }
 }
 

@@ -22,6 +22,7 @@
 //! | [`image`] | the image a script edits, and the operations on it |
 //! | [`random`] | the random numbers a script draws |
 //! | [`declaration`] | the table by which a script describes its perturbation |
+//! | `points` | how a perturbation in a script moves points |
 //! | `absent` | what pipelines have and perturbations do not |
 //! | [`perturbation`] | a script as a perturbation |
 //! | [`kept`] | what a script keeps from one frame to the next, found when it is checked |
@@ -42,6 +43,7 @@ pub mod limits;
 pub mod modules;
 pub mod perturbation;
 mod places;
+mod points;
 mod power;
 pub mod random;
 pub mod sandbox;

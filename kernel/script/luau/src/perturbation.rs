@@ -14,7 +14,7 @@ use pdk_sdk::mask::Mask;
 use pdk_sdk::model::level::DEFAULT_LEVEL;
 use pdk_sdk::ops::color::grey;
 use pdk_sdk::ops::{Frame, FrameMut};
-use pdk_sdk::perturbation::{Context, Perturbation};
+use pdk_sdk::perturbation::{Context, Perturbation, Way};
 use pdk_sdk::saliency::{HeatmapMut, MapContext};
 use pdk_sdk::seed::Key;
 
@@ -24,6 +24,7 @@ use crate::declaration::{self, CONTEXT, Declaration, PARAMETER, PERTURBATION};
 use crate::failure::type_of;
 use crate::image::{ImageClass, LuaImage};
 use crate::limits::Limits;
+use crate::points::Points;
 use crate::random::{LuaRandom, RANDOM};
 use crate::sandbox::Sandbox;
 use crate::types::Declare;
@@ -160,6 +161,8 @@ pub struct LuaPerturbation {
     description: Description,
     config: Config,
     pub(super) apply: Function,
+    /// How it moves points, if it says so.
+    points: Option<Points>,
     /// The image of the latest frame, used again for frames of the same size.
     image: Option<AnyUserData>,
     cx: ScriptContext,
@@ -178,7 +181,7 @@ impl LuaPerturbation {
     /// If it is not a valid script or returns something other than a perturbation.
     pub fn new(script: &str, source: &[u8], stem: &str, config: Config, limits: Limits) -> Result<Self> {
         let machine = Machine::new(limits)?;
-        let Declaration { description, apply } = machine.declare(script, source, stem)?;
+        let Declaration { description, apply, points } = machine.declare(script, source, stem)?;
         let sandbox = machine.sandbox;
         let cx = sandbox.make(script, |lua| ScriptContext::new(lua, &description, &config))?;
         Ok(Self {
@@ -186,6 +189,7 @@ impl LuaPerturbation {
             description,
             config,
             apply,
+            points,
             image: None,
             cx,
             values: Vec::new(),
@@ -255,6 +259,23 @@ impl Perturbation for LuaPerturbation {
         let pixels = image.borrow::<LuaImage>().place(&self.script)?;
         dst.copy_from(pixels.frame().place(&self.script)?);
         Ok(())
+    }
+
+    fn move_points(
+        &mut self,
+        points: &mut [[f64; 2]],
+        way: Way,
+        size: [usize; 2],
+        cx: &Context<'_>,
+    ) -> Result<()> {
+        let moves = self.points.as_ref().ok_or_else(|| {
+            Error::new("it does not say where it moves things; add move_point = function(x, y, width, height, cx) ... end")
+                .at(&self.script)
+        })?;
+        frame_values(&self.description, &self.config, cx.intensity, &mut self.values);
+        self.sandbox.set_limits(&self.script, self.limits.for_frame(size[0], size[1]))?;
+        self.sandbox.make(&self.script, |_| self.cx.set(cx, &self.values))?;
+        moves.apply((&self.sandbox, &self.script), points, way, size, &self.cx.table)
     }
 }
 

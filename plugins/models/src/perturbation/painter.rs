@@ -22,6 +22,7 @@ const STYLE: &str = "style";
 pub fn describe(description: Description, source: &str, blake3: &str, styles: &[&str]) -> Description {
     let mut description = description
         .family("generative")
+        .alters_geometry()
         // A frame takes ten times as long as with most others.
         .not_default()
         .source(source)

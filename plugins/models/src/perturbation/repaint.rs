@@ -73,6 +73,7 @@ impl Component for Repaint {
     fn description() -> Description {
         let description = Description::perturbation("repaint", "Repaints the frame with a network that makes of an image another one")
             .family("generative")
+            .alters_geometry()
             .not_default()
             .source("Any image-to-image network, such as those of Zhu et al., CycleGAN, 2017, and Johnson et al., Perceptual Losses, 2016")
             .mathematics("(1 - strength) v + strength G(v)");

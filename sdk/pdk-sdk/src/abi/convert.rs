@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::dataset::Position;
 use crate::driver::{Control, DriveContext};
 use crate::error::{Error, ErrorKind, Result};
+use crate::perturbation::Way;
 use crate::predictor::Output;
 use crate::saliency::MapContext;
 use crate::simulator::{Annotations, Camera, State};
@@ -62,6 +63,23 @@ pub(super) fn sink(bytes: &mut Vec<u8>) -> Sink {
 pub(super) unsafe fn slice<'a, V>(data: *const V, length: usize) -> &'a [V] {
     // SAFETY: the caller's promise.
     if data.is_null() { &[] } else { unsafe { std::slice::from_raw_parts(data, length) } }
+}
+
+/// Which way points are moved, for the other side.
+pub(super) fn way(way: Way) -> u64 {
+    match way {
+        Way::ToPerturbed => pdk_abi::way::TO_PERTURBED,
+        Way::ToSource => pdk_abi::way::TO_SOURCE,
+    }
+}
+
+/// Which way the other side wants points moved.
+pub(super) fn read_way(number: u64) -> Result<Way> {
+    match number {
+        pdk_abi::way::TO_PERTURBED => Ok(Way::ToPerturbed),
+        pdk_abi::way::TO_SOURCE => Ok(Way::ToSource),
+        other => Err(Error::of(ErrorKind::Nonsense, format!("{other} is not a way to move points"))),
+    }
 }
 
 /// A frame for the other side to read.

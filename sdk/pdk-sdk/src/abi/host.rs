@@ -21,7 +21,7 @@ use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, ErrorKind, Result};
 use crate::input_files::InputFiles;
 use crate::mask::Mask;
-use crate::perturbation::{Context, Perturbation};
+use crate::perturbation::{Context, Perturbation, Way};
 use crate::predictor::{Output, Predictor};
 use crate::saliency::{HeatmapMut, MapContext, Saliency};
 use crate::search::{Candidate, Evaluated, Problem, Search};
@@ -198,28 +198,48 @@ impl HostPerturbation {
 
 impl Perturbation for HostPerturbation {
     fn apply(&mut self, src: Frame<'_>, mut dst: FrameMut<'_>, cx: &Context<'_>) -> Result<()> {
-        let context = pdk_abi::PerturbationContext {
-            intensity: cx.intensity,
-            frame_index: cx.frame_index,
-            time: cx.time,
-            key: cx.key.0,
-            stream: cx.stream,
-            values: cx.values.as_ptr(),
-            values_length: cx.values.len(),
-            saliency: cx.saliency.map_or(std::ptr::null(), <[f32]>::as_ptr),
-            saliency_length: cx.saliency.map_or(0, <[f32]>::len),
-            earlier_times: cx.earlier.times.as_ptr(),
-            earlier_length: cx.earlier.times.len(),
-            earlier_values: cx.earlier.values.as_ptr(),
-            earlier_width: cx.earlier.width,
-            earlier_height: cx.earlier.height,
-            travelled: cx.travelled.unwrap_or(f64::NAN),
-            ..empty()
-        };
+        let context = perturbation_context(cx);
         let (source, target) = (convert::frame(src), convert::frame_mut(&mut dst));
         let Object { pointer, functions, .. } = self.0;
         // SAFETY: the frames and all slices live through the call.
         call(|error| unsafe { functions.apply()(pointer, &source, &target, &context, error) })
+    }
+
+    fn move_points(
+        &mut self,
+        points: &mut [[f64; 2]],
+        way: Way,
+        [width, height]: [usize; 2],
+        cx: &Context<'_>,
+    ) -> Result<()> {
+        let Object { pointer, functions, .. } = self.0;
+        let move_points = needed(functions.move_points(), "move_points")?;
+        let context = perturbation_context(cx);
+        let (data, length, way) = (points.as_mut_ptr().cast(), points.len(), convert::way(way));
+        // SAFETY: the points and all slices live through the call.
+        call(|error| unsafe { move_points(pointer, data, length, way, width, height, &context, error) })
+    }
+}
+
+/// What a perturbation knows about a frame; its slices live as long as the context.
+fn perturbation_context(cx: &Context<'_>) -> pdk_abi::PerturbationContext {
+    pdk_abi::PerturbationContext {
+        intensity: cx.intensity,
+        frame_index: cx.frame_index,
+        time: cx.time,
+        key: cx.key.0,
+        stream: cx.stream,
+        values: cx.values.as_ptr(),
+        values_length: cx.values.len(),
+        saliency: cx.saliency.map_or(std::ptr::null(), <[f32]>::as_ptr),
+        saliency_length: cx.saliency.map_or(0, <[f32]>::len),
+        earlier_times: cx.earlier.times.as_ptr(),
+        earlier_length: cx.earlier.times.len(),
+        earlier_values: cx.earlier.values.as_ptr(),
+        earlier_width: cx.earlier.width,
+        earlier_height: cx.earlier.height,
+        travelled: cx.travelled.unwrap_or(f64::NAN),
+        ..empty()
     }
 }
 

@@ -64,6 +64,23 @@ pub const PERTURBATION: ApiRecord = ApiRecord {
             "Whether the effect moves over time. The default is \"static\".",
         ),
         field("default", "boolean?", "Whether it belongs to the default set. The default is true."),
+        field(
+            "geometry",
+            "(\"kept\" | \"moved\" | \"altered\")?",
+            "What it does to the places of things in the frame, for labels: \"kept\" if everything stays in its place, \"moved\" if \
+                  `move_point` says where to, \"altered\" if it cannot say. If it is missing, labels are refused, unless there is `move_point`.",
+        ),
+        field(
+            "move_point",
+            "((x: number, y: number, width: number, height: number, cx: Context) -> (number?, number?))?",
+            "Where it moves a point of the frame, in pixels from the centre of the first. Returns nothing for a point that has \
+                  nowhere to go.",
+        ),
+        field(
+            "source_point",
+            "((x: number, y: number, width: number, height: number, cx: Context) -> (number?, number?))?",
+            "The way back: the point of the camera's frame whose colour is seen at a point of the perturbed one. Masks need it.",
+        ),
         field("parameters", "{ Parameter }?", "What a user can set."),
     ],
 };

@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use pdk_sdk::describe::{Parameter, Temporal};
+use pdk_sdk::describe::{Geometry, Parameter, Temporal};
 use pdk_sdk::ops::{FrameBuf, blend, color, draw, gaussian, noise, point};
 use pdk_sdk::seed;
 use pdk_sdk::serde_json::{Map, json};
@@ -727,4 +727,50 @@ fn the_cost_of_a_frame() {
             );
         }
     }
+}
+
+#[test]
+fn a_script_says_where_points_go() {
+    let source = "return { doc = 'Mirror', parameters = { { name = 'by', default = 3, doc = 'Shift' } },
+        apply = function() end,
+        move_point = function(x, y, width, height, cx) return width - 1 - x + cx.by, y end,
+        source_point = function(x, y, width, height, cx) if y > 5 then return nil end return width - 1 - x + cx.by, y end }";
+    let mut script = make(source, json!({"by": 0.5})).unwrap();
+    assert_eq!(script.description().geometry, Geometry::Moved);
+    let key = key();
+    let cx = Context::new(2.0, 0, 0.0, &key);
+    let mut points = [[0.0, 1.0], [4.25, 9.0]];
+    script.move_points(&mut points, Way::ToPerturbed, [20, 10], &cx).unwrap();
+    assert_eq!(points, [[19.5, 1.0], [15.25, 9.0]]);
+    script.move_points(&mut points, Way::ToSource, [20, 10], &cx).unwrap();
+    assert_eq!(points[0], [0.0, 1.0]);
+    assert!(points[1][0].is_nan() && points[1][1].is_nan());
+
+    let mut wrong = |script: &mut LuaPerturbation, way| {
+        script.move_points(&mut points, way, [20, 10], &cx).unwrap_err().to_string()
+    };
+    let one_way = "return { doc = 'x', apply = function() end, move_point = function(x, y) return x end }";
+    let mut one_way = make(one_way, json!({})).unwrap();
+    assert!(
+        wrong(&mut one_way, Way::ToPerturbed)
+            .contains("`move_point`: scripts/foo.lua: it returns number and nil")
+    );
+    assert!(wrong(&mut one_way, Way::ToSource).contains("add source_point = function"));
+}
+
+#[test]
+fn what_a_script_says_of_its_geometry_is_checked() {
+    let geometry = |fields: &str| {
+        let source = format!("return {{ doc = 'x', apply = function() end, {fields} }}");
+        make(&source, json!({})).map(|script| script.description().geometry)
+    };
+    assert_eq!(geometry("").unwrap(), Geometry::Undeclared);
+    assert_eq!(geometry("geometry = 'kept'").unwrap(), Geometry::Kept);
+    assert_eq!(geometry("geometry = 'altered'").unwrap(), Geometry::Altered);
+    let wrong = |fields| geometry(fields).unwrap_err().to_string();
+    assert!(wrong("geometry = 'moved'").contains("add move_point"));
+    assert!(wrong("geometry = 'kept', move_point = function() end").contains("leave one out"));
+    assert!(wrong("geometry = 'bent'").contains("\"kept\", \"moved\" or \"altered\""));
+    assert!(wrong("source_point = function() end").contains("without `move_point`"));
+    assert!(wrong("move_point = 3").contains("a function"));
 }

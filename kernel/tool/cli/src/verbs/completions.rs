@@ -47,10 +47,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// The command line with what a shell offers for the arguments of its verbs.
 pub fn offered(command: Command) -> Command {
-    let offers: [(&str, &str, ArgValueCompleter); 14] = [
+    let offers: [(&str, &str, ArgValueCompleter); 15] = [
         ("run", "pipeline", ArgValueCompleter::new(pipelines)),
         ("session", "pipeline", ArgValueCompleter::new(pipelines)),
         ("perturb", "perturbations", ArgValueCompleter::new(perturbations)),
+        ("corrupt", "perturbations", ArgValueCompleter::new(perturbations)),
         ("preview", "perturbations", ArgValueCompleter::new(perturbations)),
         ("preview", "method", ArgValueCompleter::new(methods)),
         ("saliency", "methods", ArgValueCompleter::new(methods)),

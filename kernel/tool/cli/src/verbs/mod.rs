@@ -24,6 +24,7 @@ use crate::{memory, supervised};
 mod cache;
 mod check;
 mod completions;
+mod corrupt;
 mod doctor;
 mod examples;
 mod export;
@@ -115,6 +116,8 @@ enum Verb {
     Run(run::Arguments),
     /// Perturb an image or a video
     Perturb(perturb::Arguments),
+    /// Perturb a dataset, with its labels
+    Corrupt(corrupt::Arguments),
     /// Show what perturbations do to an image: a sheet, strips and clips
     Preview(preview::Arguments),
     /// Show which parts of frames matter to a driver's network: numbers and pictures
@@ -171,7 +174,11 @@ impl Verb {
     /// Whether it calls components in its own process.
     fn calls_components(&self) -> bool {
         match self {
-            Verb::Perturb(_) | Verb::Preview(_) | Verb::Saliency(_) | Verb::Reference(_) => true,
+            Verb::Perturb(_)
+            | Verb::Corrupt(_)
+            | Verb::Preview(_)
+            | Verb::Saliency(_)
+            | Verb::Reference(_) => true,
             Verb::List(_) | Verb::Show(_) => true,
             Verb::New(_) | Verb::Doctor(_) | Verb::Plugin(_) => true,
             // Pipelines and replays leave that to workers, and `check` has processes of its own.
@@ -201,6 +208,7 @@ pub fn main() -> ExitCode {
         Verb::Run(arguments) => run::run(global, arguments),
         Verb::Perturb(arguments) => perturb::run(global, arguments),
         Verb::Preview(arguments) => preview::run(global, arguments),
+        Verb::Corrupt(arguments) => corrupt::run(global, arguments),
         Verb::Saliency(arguments) => saliency::run(global, arguments),
         Verb::Reference(arguments) => reference::run(global, arguments),
         Verb::List(arguments) => list::run(global, arguments),

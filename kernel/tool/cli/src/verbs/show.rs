@@ -7,7 +7,7 @@ use pdk_components::modifiers;
 use pdk_components::suggest;
 use pdk_notice::println;
 use pdk_preview::reference::{allowed, settings};
-use pdk_sdk::describe::{Description, Kind, Parameter, Temporal};
+use pdk_sdk::describe::{Description, Geometry, Kind, Parameter, Temporal};
 use pdk_sdk::error::{Error, Result};
 use pdk_terminal::text::wrapped;
 use serde_json::json;
@@ -75,6 +75,11 @@ fn print(component: &Entry) {
     fact("once", &description.drawn_per_sequence);
     fact("per frame", &description.drawn_per_frame);
     fact("attention", &description.follows_attention);
+    match description.geometry {
+        Geometry::Moved => fact("labels", "moved along, where there are any"),
+        Geometry::Altered => fact("labels", "cannot be moved along: it cannot say where it shows things"),
+        Geometry::Kept | Geometry::Undeclared => {}
+    }
     for divergence in &description.divergences {
         fact("differs", divergence);
     }

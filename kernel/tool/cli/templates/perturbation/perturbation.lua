@@ -5,6 +5,7 @@
 return {
 	doc = "Darkens the frame from the top down, as a sun visor does",
 	family = "custom",
+	geometry = "kept", -- Everything stays in its place, so labels of frames stay true.
 	mathematics = "v / 3 in the upper `share` of the rows",
 	source = "A pane of tinted glass that lets a third of the light through",
 	parameters = {

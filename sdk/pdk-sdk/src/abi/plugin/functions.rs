@@ -86,7 +86,7 @@ macro_rules! registrations {
 }
 
 registrations! {
-    perturbations: Perturbation, perturbation, PerturbationFunctions as PerturbationFunctionsRef { apply };
+    perturbations: Perturbation, perturbation, PerturbationFunctions as PerturbationFunctionsRef { apply, move_points };
     simulators: Simulator, simulator, SimulatorFunctions as SimulatorFunctionsRef {
         camera, reset, frame, act, waypoints, info, label_names, labels, annotate, depth
     };
@@ -153,6 +153,35 @@ functions! { perturbations: Perturbation;
         context: *const pdk_abi::PerturbationContext
     ) {
         let (source, target) = (convert::source(source)?, convert::target(target)?);
+        with_context(names, context, |cx| component.apply(source, target, cx))
+    }
+    fn move_points(
+        component,
+        names,
+        points: *mut f64,
+        length: usize,
+        way: u64,
+        width: usize,
+        height: usize,
+        context: *const pdk_abi::PerturbationContext
+    ) {
+        let points = convert::slice_mut(points.cast::<[f64; 2]>(), length);
+        let way = convert::read_way(way)?;
+        with_context(names, context, |cx| component.move_points(points, way, [width, height], cx))
+    }
+}
+
+/// Calls a perturbation with the context that the host hands over.
+///
+/// # Safety
+/// The context and all that it points to are those of a call in progress.
+unsafe fn with_context(
+    names: &[String],
+    context: *const pdk_abi::PerturbationContext,
+    work: impl FnOnce(&Context<'_>) -> Result<()>,
+) -> Result<()> {
+    // SAFETY: the caller's promise.
+    unsafe {
         // A host that does not tell how far the vehicle has driven does not know it.
         let unknown = pdk_abi::PerturbationContext { travelled: f64::NAN, ..empty() };
         let raw = load(context, unknown);
@@ -167,7 +196,7 @@ functions! { perturbations: Perturbation;
         let (width, height) = (raw.earlier_width, raw.earlier_height);
         let length = times.len().saturating_mul(width).saturating_mul(height);
         cx.earlier = EarlierMaps::new(times, convert::slice(raw.earlier_values, length), width, height)?;
-        component.apply(source, target, &cx)
+        work(&cx)
     }
 }
 

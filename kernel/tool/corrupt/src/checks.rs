@@ -1,0 +1,109 @@
+//! Whether the labels of a dataset can be moved along under all conditions.
+
+use pdk_chain::chain::Chain;
+use pdk_chain::labels::Labels;
+use pdk_chain::moment::Moment;
+use pdk_components::registry::Registry;
+use pdk_sdk::describe::{Kind, Temporal};
+use pdk_sdk::error::{Error, Result};
+
+use crate::conditions::Condition;
+use crate::contents::Role;
+use crate::options::{Format, LabelsOption, Options};
+use crate::source::Source;
+
+/// Whether each condition moves things.
+///
+/// # Errors
+/// If there are labels that one of them cannot move.
+pub fn checked(
+    registry: &Registry,
+    dataset: &str,
+    source: &Source,
+    conditions: &[Condition],
+    options: &Options,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<bool>> {
+    let present = |placed: fn(&Role) -> bool| source.contents.roles.values().find(|role| placed(role));
+    let labels = match present(|role| role.is_placed()) {
+        Some(role) => Some(role.name()),
+        None if source.reader.is_some() => Some("steering"),
+        None => present(|role| *role == Role::Records).map(|role| role.name()),
+    };
+    if options.format != Format::Same
+        && source.root.is_some()
+        && (source.reader.is_some() || present(|role| *role == Role::Records).is_some())
+    {
+        return Err(Error::new(format!(
+            "the records of `{dataset}` name their pictures, which keep their names; leave --format out, or add --plain"
+        )));
+    }
+    let mut moves = Vec::with_capacity(conditions.len());
+    let mut sequence = false;
+    for condition in conditions {
+        let mut chain = Chain::new(registry, std::slice::from_ref(&condition.applied), options.seed)?;
+        let name = &condition.applied.name;
+        let description = &registry.catalog().get(Kind::Perturbation, name)?.description;
+        sequence |= description.temporal == Temporal::Dynamic;
+        let moved = match (chain.moves(), labels) {
+            (moved, _) if options.labels != LabelsOption::Move => moved.unwrap_or(false),
+            (Ok(moved), _) => moved,
+            (Err(_), None) => false,
+            (Err(error), Some(labels)) => {
+                return Err(Error::new(format!(
+                    "{error}, so the labels of `{dataset}` ({labels}) cannot be moved along; leave them out with --labels drop, keep \
+                     them as they are with --labels keep, or leave the perturbation out"
+                )));
+            }
+        };
+        if moved && options.labels == LabelsOption::Move {
+            if let Some(fixed) = source.contents.of_role(Role::Fixed).next() {
+                return Err(Error::new(format!(
+                    "perturbation `{name}` moves things, and pdk does not move labels such as `{fixed}`; convert them to COCO, or use \
+                     --labels drop"
+                )));
+            }
+            mirrored_steering(dataset, source, &mut chain, name)?;
+        }
+        moves.push(moved);
+    }
+    if moves.contains(&true) && options.labels == LabelsOption::Move {
+        // What the reader of a recording reads, it knows.
+        let unknown = |name: &str| may_be_labels(name) && !source.listed.contains(name);
+        let others: Vec<&str> = source.contents.of_role(Role::Other).filter(|name| unknown(name)).collect();
+        if let Some(first) = others.first() {
+            let count = others.len();
+            warnings.push(format!(
+                "{count} files that pdk does not know as labels are copied as they are, such as `{first}`; where pictures are moved, \
+                 places in them are not"
+            ));
+        }
+    }
+    if sequence && source.reader.is_none() {
+        warnings.push(
+            "perturbations that move over time stand at their beginning in every picture, because the pictures are not a recording".to_owned(),
+        );
+    }
+    Ok(moves)
+}
+
+/// Whether a file could say where things are.
+fn may_be_labels(name: &str) -> bool {
+    let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase()).unwrap_or_default();
+    ["txt", "json", "jsonl", "csv", "xml", "npy", "npz", "mat", "parquet"].contains(&ending.as_str())
+}
+
+/// Refuses to mirror a recording whose steering stands where pdk does not write it.
+fn mirrored_steering(dataset: &str, source: &Source, chain: &mut Chain, name: &str) -> Result<()> {
+    let written = source.root.is_none() || source.contents.of_role(Role::Records).next().is_some();
+    if source.reader.is_none() || written {
+        return Ok(());
+    }
+    if Labels::new(chain, [160, 120], &Moment::new(0, 0.0).alone()).mirrors()? {
+        return Err(Error::new(format!(
+            "perturbation `{name}` mirrors the frames, so that steering changes its sign, which pdk does not write into the files of \
+             `{dataset}`; add --plain to write pictures with a record beside each"
+        )));
+    }
+    Ok(())
+}

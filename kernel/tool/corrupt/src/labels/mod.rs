@@ -1,0 +1,9 @@
+//! Labels in files, moved.
+
+pub mod coco;
+pub mod lines;
+pub mod mask;
+pub mod records;
+pub mod rle;
+mod text;
+pub mod yolo;

@@ -1,0 +1,117 @@
+//! What a dataset is: a folder of pictures, or a recording that a reader opens.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use pdk_components::registry::Registry;
+use pdk_model::component::ComponentSpec;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::prelude::Dataset;
+
+use crate::contents::{Contents, is_picture};
+use crate::options::Options;
+
+/// A dataset as it was found.
+pub struct Source {
+    /// How it is read, for people.
+    pub read_as: String,
+    /// Its folder; none for a recording whose frames are not files.
+    pub root: Option<PathBuf>,
+    /// The files of the folder.
+    pub contents: Contents,
+    /// The reader of a recording.
+    pub reader: Option<ComponentSpec>,
+    /// The number of the frame that a picture is, for recordings.
+    pub frames: BTreeMap<String, usize>,
+    /// The number of frames of a recording.
+    pub count: usize,
+    /// The files that the reader reads.
+    pub listed: BTreeSet<String>,
+}
+
+/// Finds out what a dataset is: a recording, if a reader is named or one opens it and finds records beside its pictures; else a folder of
+/// pictures.
+pub fn source(registry: &Registry, dataset: &str, options: &Options) -> Result<Source> {
+    let path = Path::new(dataset);
+    if !path.exists() {
+        let reader = ComponentSpec::parse("dataset", dataset)?;
+        if registry.catalog().get(Kind::Dataset, &reader.name).is_err() {
+            return Err(Error::new(format!(
+                "`{dataset}` is neither a folder nor a dataset reader; `pdk list dataset` names the readers"
+            )));
+        }
+        return recording(registry, reader, options);
+    }
+    for reader in registry.catalog().readers(dataset) {
+        // Most readers refuse what is for another one.
+        let Ok(files) = registry.input_files(Kind::Dataset, &reader.name, &reader.parameters) else {
+            continue;
+        };
+        let is_record = |name: &PathBuf| !is_picture(&name.to_string_lossy());
+        if (path.is_file() || files.iter().any(|files| files.names.iter().any(is_record)))
+            && registry
+                .dataset(&reader.name, &reader.parameters)
+                .is_ok_and(|(dataset, _)| path.is_file() || is_driven(dataset))
+        {
+            return recording(registry, reader, options);
+        }
+    }
+    if path.is_file() {
+        return Err(Error::new(format!(
+            "no dataset reader opens `{dataset}`; `pdk list dataset` names the readers"
+        )));
+    }
+    let contents = Contents::of(path, &options.masks)?;
+    Ok(Source {
+        read_as: "a folder of pictures".to_owned(),
+        root: Some(path.to_owned()),
+        contents,
+        reader: None,
+        frames: BTreeMap::new(),
+        count: 0,
+        listed: BTreeSet::new(),
+    })
+}
+
+/// Whether someone steered where frames were recorded: pictures with labels alone are not a recording.
+fn is_driven(mut dataset: Box<dyn Dataset>) -> bool {
+    const LOOKED_AT: usize = 5;
+    (0..dataset.len().min(LOOKED_AT))
+        .any(|index| dataset.read(index).is_ok_and(|entry| entry.steering.is_finite()))
+}
+
+/// A recording, whose frames may be files of a folder.
+fn recording(registry: &Registry, reader: ComponentSpec, options: &Options) -> Result<Source> {
+    let dataset = registry.dataset(&reader.name, &reader.parameters)?.0;
+    let count = dataset.len();
+    let mut source = Source {
+        read_as: format!("a recording, read by `{}`", reader.name),
+        root: None,
+        contents: Contents::default(),
+        frames: BTreeMap::new(),
+        count,
+        listed: BTreeSet::new(),
+        reader: None,
+    };
+    let files = registry.input_files(Kind::Dataset, &reader.name, &reader.parameters)?;
+    source.reader = Some(reader);
+    let [files] = files.as_slice() else { return Ok(source) };
+    if options.plain {
+        return Ok(source);
+    }
+    source.listed = files.names.iter().map(|name| name.display().to_string()).collect();
+    let contents = Contents::of(&files.folder, &options.masks)?;
+    let mut frames = BTreeMap::new();
+    for index in 0..count {
+        let name = dataset.name(index);
+        let fresh = contents
+            .picture_named(&name, "")
+            .map(|picture| frames.insert(picture.to_owned(), index).is_none());
+        // If a frame is not a file of its own, the form of the original cannot be kept.
+        if fresh != Some(true) {
+            return Ok(source);
+        }
+    }
+    Ok(Source { root: Some(files.folder.clone()), contents, frames, ..source })
+}
