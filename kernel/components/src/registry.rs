@@ -344,7 +344,7 @@ impl Registry {
         self.seen.insert(file.clone()).then_some(file)
     }
 
-    /// Adds the files that components ask for: in the given folders, and in those of the right name wherever plugins lie.
+    /// Adds the files and folders that components ask for: in the given folders, and in those of the right name wherever plugins lie.
     fn add_drop_ins(&mut self, search: &SearchPath) {
         let bases: Vec<Description> =
             self.catalog.entries().iter().map(|entry| entry.description.clone()).collect();
@@ -353,27 +353,32 @@ impl Registry {
             let mut folders = search.drop_ins.clone();
             folders.extend(self.places.iter().map(|place| place.join(&drop_in.folder)));
             let mut seen = BTreeSet::new();
-            let files: Vec<_> = folders.iter().flat_map(|folder| self.files_of(folder)).collect();
+            let files: Vec<_> = folders.iter().flat_map(|folder| self.content_of(folder)).collect();
             for file in files {
                 // The same folder may be looked into by several ways.
                 if !seen.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
                     continue;
                 }
-                let ending = file.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-                if drop_in.endings.contains(&ending) {
+                if drop_in.takes(&file) {
                     self.add_drop_in(&base, &drop_in.parameter, file);
                 }
             }
         }
     }
 
-    /// The files of a folder by name; none if there is no such folder. One that cannot be read is refused.
+    /// The files of a folder by name, as for [`Registry::content_of`].
     fn files_of(&mut self, folder: &Path) -> Vec<PathBuf> {
+        let mut files = self.content_of(folder);
+        files.retain(|file| file.is_file());
+        files
+    }
+
+    /// What is in a folder by name; nothing if there is no such folder. One that cannot be read is refused.
+    fn content_of(&mut self, folder: &Path) -> Vec<PathBuf> {
         let paths = std::fs::read_dir(folder)
             .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>());
         match paths {
             Ok(mut files) => {
-                files.retain(|file| file.is_file());
                 files.sort();
                 files
             }

@@ -333,7 +333,8 @@ impl InUse {
                 info,
             });
         }
-        if entry.base.is_some() {
+        // The component lists the files of a folder itself.
+        if entry.base.is_some() && !entry.file.is_dir() {
             self.add_file(&entry.file)?;
         }
         for path in parameters.values().flat_map(texts).map(Path::new).filter(|path| path.is_file()) {

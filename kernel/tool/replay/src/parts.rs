@@ -70,11 +70,10 @@ impl Further {
             }
             // A file of the user's that a component shows has the component's name.
             let shown = manifest.files.iter().map(|file| file.path.as_path());
-            for path in shown.filter(|path| path.is_file() && drop_in_name(path) == *name) {
-                let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+            for path in shown.filter(|path| drop_in_name(path) == *name) {
                 let mut drop_ins =
                     catalog.of_kind(*kind).filter_map(|entry| entry.description.drop_in.as_ref());
-                if drop_ins.any(|drop_in| drop_in.endings.contains(&ending)) {
+                if drop_ins.any(|drop_in| drop_in.takes(path)) {
                     further.places.drop_ins.extend(path.parent().map(Path::to_owned));
                 }
             }
