@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use pdk_sdk::abi::host::Instance;
 use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
-use pdk_sdk::error::{Error, Result};
+use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::input_files::InputFiles;
 use pdk_sdk::prelude::{Dataset, Driver, Mask, Perturbation, Saliency, Search, Simulator};
 use serde_json::{Map, Value};
@@ -166,6 +166,9 @@ impl Registry {
         name: &str,
         parameters: &Map<String, Value>,
     ) -> Result<(Instance, Config)> {
+        if is_mask_script(kind, name) {
+            return self.mask_script(Path::new(name), parameters);
+        }
         let entry = self.catalog.get(kind, name)?;
         let config = Config::check(&entry.description, parameters)?;
         let label = format!("{kind} `{name}`");
@@ -207,6 +210,9 @@ impl Registry {
         name: &str,
         parameters: &Map<String, Value>,
     ) -> Result<Vec<InputFiles>> {
+        if is_mask_script(kind, name) {
+            return Ok(Vec::new());
+        }
         let entry = self.catalog.get(kind, name)?;
         let config = Config::check(&entry.description, parameters)?;
         let label = format!("{kind} `{name}`");
@@ -223,6 +229,20 @@ impl Registry {
             // A script reads no files.
             Some(Source::Script | Source::BuiltInScript(_)) | None => Ok(Vec::new()),
         }
+    }
+
+    /// Makes the mask in a script that is named by its path.
+    fn mask_script(&self, file: &Path, parameters: &Map<String, Value>) -> Result<(Instance, Config)> {
+        let label = format!("{} `{}`", Kind::Mask, file.display());
+        let script = Script::File(file);
+        let description = calls::call(&label, Function::Load, || self.scripts.describe(script))?;
+        let description = description.filter(|description| description.kind == Kind::Mask).ok_or_else(|| {
+            let sentence = "the script has no mask; let it return a table with `mask`, as `pdk new mask` writes one";
+            Error::of(ErrorKind::Configuration, sentence).at(&label)
+        })?;
+        let config = Config::check(&description, parameters)?;
+        let instance = calls::call(&label, Function::New, || self.scripts.create(script, &config));
+        Ok((instance.map_err(|error| error.at(&label))?, config))
     }
 
     fn source(&self, kind: Kind, name: &str) -> Option<&Source> {
@@ -440,6 +460,11 @@ fn mistake(place: &Path, files: bool) -> Option<&'static str> {
     } else {
         Some("does not exist; create it or")
     }
+}
+
+/// Whether a mask is named by the path of a script rather than by a name.
+pub fn is_mask_script(kind: Kind, name: &str) -> bool {
+    kind == Kind::Mask && is_script(Path::new(name))
 }
 
 /// Whether a file is a library, by its name.

@@ -9,7 +9,9 @@ use std::process::{ChildStdout, Command};
 use pdk_image::{check_size, most_pixels};
 use pdk_sdk::prelude::*;
 
+use crate::file;
 use crate::frames::Frames;
+use crate::matroska;
 use crate::picture::{Layout, Picture};
 use crate::process::Process;
 
@@ -19,12 +21,19 @@ const LONGEST_LINE: u64 = 1000;
 const FORMATS: &str = "matroska,mov,avi,mpeg,mpegts,mpegvideo,m4v,h264,hevc,vvc,obu,ivf,av1,vc1,ogg,flv,asf,mxf,nut,rm,dv,\
                        yuv4mpegpipe,tiff_pipe,jpegxl_pipe";
 
+/// Frames without alpha have colours at half their size, as clips before a screen have mostly; those with alpha keep all.
+const FORMATS_OF_FRAMES: &str = "format=yuv420p|yuva444p";
+
 /// A running `ffmpeg` and its output.
 pub struct Ffmpeg {
     process: Process,
     output: BufReader<ChildStdout>,
     width: usize,
     height: usize,
+    /// Frames have an alpha channel.
+    alpha: bool,
+    /// The planes of a frame with alpha.
+    planes: Vec<u8>,
     /// Frames a second: ffmpeg repeats and leaves out frames of a clip without a fixed rate, so that they come in their time.
     rate: f64,
     /// Frames that were read.
@@ -37,15 +46,31 @@ impl Ffmpeg {
     /// # Errors
     /// If there is no such program, or it cannot decode the clip.
     pub fn start(program: &Path, clip: &Path, codec: &str) -> Result<Self> {
+        let decoder = matroska::alpha_decoder(&head(clip)?);
+        let decoded = Self::run(program, clip, codec, decoder, FORMATS_OF_FRAMES)?;
+        match decoded.alpha {
+            // The colours of a clip with alpha are not keyed, so they have to be those that its maker saw.
+            true => {
+                drop(decoded);
+                Self::run(program, clip, codec, decoder, &format!("scale=out_color_matrix=bt601:out_range=tv,{FORMATS_OF_FRAMES}"))
+            }
+            false => Ok(decoded),
+        }
+    }
+
+    /// Starts it with a decoder other than its own and with a filter.
+    fn run(program: &Path, clip: &Path, codec: &str, decoder: Option<&str>, filter: &str) -> Result<Self> {
         // A relative path could start with a dash, or read as a protocol.
         let clip = std::path::absolute(clip)?;
         let mut command = Command::new(program);
         command
             .args(["-v", "error", "-nostdin", "-xerror", "-err_detect", "explode"])
             .args(["-protocol_whitelist", "file,pipe", "-format_whitelist", FORMATS])
-            .args(["-max_pixels", &most_pixels()?.to_string(), "-i"])
+            .args(["-max_pixels", &most_pixels()?.to_string()])
+            .args(decoder.iter().flat_map(|decoder| ["-c:v", decoder]))
+            .arg("-i")
             .arg(&clip)
-            .args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-strict", "-1", "-f", "yuv4mpegpipe", "-"]);
+            .args(["-map", "0:v:0", "-vf", filter, "-strict", "-1", "-f", "yuv4mpegpipe", "-"]);
         let (process, output) = Process::start(command).map_err(|error| match error.kind() {
             std::io::ErrorKind::NotFound => Error::new(format!(
                 "it is {codec}, which needs the program ffmpeg, and there is none on the PATH; install ffmpeg, or convert \
@@ -55,19 +80,25 @@ impl Ffmpeg {
                 "it is {codec}, and the program ffmpeg, which that needs, does not start: {error}"
             )),
         })?;
-        let mut decoder = Self { process, output, width: 0, height: 0, rate: 0.0, count: 0 };
-        let header = decoder.line()?;
+        let mut running = Self { process, output, width: 0, height: 0, alpha: false, rate: 0.0, count: 0, planes: Vec::new() };
+        let header = running.line()?;
         if header.is_empty() {
-            return Err(decoder.failure());
+            let error = running.failure();
+            return Err(match decoder {
+                Some(name) if error.message().contains("Unknown decoder") => Error::new(format!(
+                    "it has an alpha channel, which ffmpeg reads with {name} alone, and this ffmpeg was built without it; install one that has it"
+                )),
+                _ => error,
+            });
         }
-        decoder.read_header(&header).ok_or_else(|| {
+        running.read_header(&header).ok_or_else(|| {
             Error::new(format!(
                 "ffmpeg cannot decode it whole: its output begins with `{}`, which are not frames in the requested format",
                 header.chars().take(100).collect::<String>().escape_debug()
             ))
         })?;
-        check_size(decoder.width as u32, decoder.height as u32)?;
-        Ok(decoder)
+        check_size(running.width as u32, running.height as u32)?;
+        Ok(running)
     }
 
     fn line(&mut self) -> Result<String> {
@@ -85,6 +116,7 @@ impl Ffmpeg {
                     let (frames, seconds) = rate.split_once(':')?;
                     self.rate = frames.parse::<f64>().ok()? / seconds.parse::<f64>().ok()?;
                 }
+                ("C", "444alpha") => self.alpha = true,
                 ("C", chroma)
                     if !chroma.starts_with("420") || chroma.starts_with("420p") && chroma != "420paldv" =>
                 {
@@ -101,6 +133,16 @@ impl Ffmpeg {
     fn failure(&mut self) -> Error {
         because(&self.process.finish().1)
     }
+}
+
+/// The beginning of a clip's file.
+fn head(clip: &Path) -> Result<Vec<u8>> {
+    let mut head = Vec::new();
+    // A clip that is not there is for ffmpeg to report.
+    if let Ok((file, _)) = file::open(clip) {
+        file.take(matroska::HEAD).read_to_end(&mut head)?;
+    }
+    Ok(head)
 }
 
 fn because(said: &str) -> Error {
@@ -122,6 +164,15 @@ impl Frames for Ffmpeg {
             ));
         }
         self.count += 1;
+        if self.alpha {
+            self.planes.resize(4 * self.width * self.height, 0);
+            if self.output.read_exact(&mut self.planes).is_err() {
+                return Err(self.failure());
+            }
+            into.reset(self.width, self.height, Layout::Rgba);
+            into.fill_from_planes(&self.planes);
+            return Ok(true);
+        }
         into.reset(self.width, self.height, Layout::Yuv420);
         match self.output.read_exact(&mut into.data) {
             Ok(()) => Ok(true),
@@ -304,6 +355,54 @@ mod tests {
         make(&ffmpeg, "8192x8208", "ffv1", &clip);
         let said = within(20, move || message(Ffmpeg::start(&ffmpeg, &clip, "a test")));
         assert!(said.starts_with("ffmpeg cannot decode it whole: "), "{said}");
+    }
+
+    #[test]
+    fn alpha_comes_through_the_pipe() {
+        let script = r"printf 'YUV4MPEG2 W2 H1 F30:1 C444alpha\nFRAME\n\221\020\066\200\042\200\200\377'";
+        let mut frames = start(script).unwrap();
+        let mut picture = Picture::default();
+        assert!(frames.next(&mut picture).unwrap());
+        assert_eq!((picture.width, picture.height, picture.layout), (2, 1, Layout::Rgba));
+        assert!(picture.has_transparency());
+        // Green, half transparent, and black.
+        let expected = [0, 255, 1, 128, 0, 0, 0, 255];
+        assert!(picture.data.iter().zip(expected).all(|(a, b)| a.abs_diff(b) < 3), "{:?}", picture.data);
+        assert!(!frames.next(&mut picture).unwrap());
+    }
+
+    #[test]
+    fn an_installed_ffmpeg_keeps_alpha() {
+        let Some(ffmpeg) = installed() else { return };
+        let folder = tempfile::tempdir().unwrap();
+        // Red that grows opaque from left to right.
+        let source = "color=0xc81e1e:size=64x48:rate=25:duration=0.2,format=rgba,geq=r=200:g=30:b=30:a='4*X'";
+        for (name, arguments) in [
+            ("prores.mov", &["-c:v", "prores_ks", "-profile:v", "4444", "-pix_fmt", "yuva444p10le"][..]),
+            ("vp9.webm", &["-c:v", "libvpx-vp9", "-pix_fmt", "yuva420p", "-crf", "10", "-b:v", "0", "-auto-alt-ref", "0"]),
+            ("vp8.webm", &["-c:v", "libvpx", "-pix_fmt", "yuva420p", "-b:v", "4M", "-auto-alt-ref", "0"]),
+            ("ffv1.mkv", &["-c:v", "ffv1", "-pix_fmt", "bgra"]),
+            ("animation.mov", &["-c:v", "qtrle", "-pix_fmt", "argb"]),
+        ] {
+            let clip = folder.path().join(name);
+            let mut command = Command::new(&ffmpeg);
+            command.args(["-v", "error", "-f", "lavfi", "-i", source]).args(arguments).arg(&clip);
+            if !command.status().unwrap().success() {
+                eprintln!("skipped: this ffmpeg does not write {name}");
+                continue;
+            }
+            let mut frames = Ffmpeg::start(&ffmpeg, &clip, "a test").unwrap();
+            let (mut picture, mut count) = (Picture::default(), 0);
+            while frames.next(&mut picture).unwrap() {
+                count += 1;
+            }
+            assert_eq!((count, picture.layout), (5, Layout::Rgba), "{name}");
+            for x in [8, 31, 50] {
+                let pixel = &picture.data[(24 * 64 + x) * 4..][..4];
+                assert!(pixel[3].abs_diff(4 * x as u8) <= 6, "{name} {x}: {pixel:?}");
+                assert!(pixel[..3].iter().zip([200, 30, 30]).all(|(a, b)| a.abs_diff(b) <= 8), "{name} {x}: {pixel:?}");
+            }
+        }
     }
 
     #[test]

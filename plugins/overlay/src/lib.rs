@@ -12,10 +12,14 @@ mod dynamic_rain_filter;
 mod dynamic_smoke_filter;
 mod dynamic_snow_filter;
 mod dynamic_sun_filter;
+mod edges;
 mod ffmpeg;
 mod file;
 mod frames;
+#[cfg(test)]
+mod fringe;
 mod key;
+mod matroska;
 mod overlay;
 mod picture;
 mod pictures;

@@ -18,6 +18,8 @@ const CURVES: usize = 7;
 #[derive(Debug, Serialize)]
 pub struct Section {
     number: u64,
+    driver: String,
+    dataset: String,
     frames: usize,
     original_error: String,
     bad_frames: Vec<(String, String)>,
@@ -54,15 +56,51 @@ fn by_severity(evaluation: &Evaluation) -> Vec<String> {
     order.into_iter().map(|(name, ..)| name).collect()
 }
 
-/// The sentences on top of the page.
-pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
+/// What the colours and axes of all evaluations of a run stand for, so that they can be compared.
+#[derive(Debug, Clone, Copy)]
+pub struct Scale {
+    /// The largest error of a cell, and without perturbation.
+    error: f64,
+    /// The largest drift of a cell.
+    drift: f64,
+    /// The largest error at a level.
+    top: f64,
+    /// The lowest and the highest level.
+    levels: (f64, f64),
+}
+
+impl Scale {
+    /// That of these evaluations.
+    pub fn of(evaluations: &[Evaluation]) -> Self {
+        let largest = |value: fn(&EvaluationCell) -> f64| {
+            let means = evaluations.iter().flat_map(|evaluation| Means::of(evaluation, value).values());
+            means.fold(0.0, f64::max)
+        };
+        let cells = || evaluations.iter().flat_map(|evaluation| &evaluation.cells);
+        let levels = || cells().map(|cell| cell.level);
+        let original = evaluations.iter().map(|evaluation| evaluation.original_error).fold(0.0, f64::max);
+        Self {
+            error: largest(|cell| cell.error).max(original),
+            drift: largest(|cell| cell.drift),
+            top: cells().map(|cell| cell.error).fold(original, f64::max),
+            levels: (levels().fold(f64::INFINITY, f64::min), levels().fold(f64::NEG_INFINITY, f64::max)),
+        }
+    }
+}
+
+/// The sentences on top of the page; of several evaluations they name the driver.
+pub fn verdict(evaluation: &Evaluation, is_one_of_several: bool) -> Vec<String> {
     let bad = match evaluation.bad_frames.len() {
         0 => String::new(),
         bad => format!(" ({} left out)", was(bad, "frame")),
     };
     let perturbations = by_severity(evaluation).len();
+    let with = match is_one_of_several && !evaluation.driver.is_empty() {
+        true => format!("With {}, ", evaluation.driver),
+        false => String::new(),
+    };
     let first = format!(
-        "{} evaluated under {}{bad}; without perturbation the steering is off by {} on average.",
+        "{with}{} evaluated under {}{bad}; without perturbation the steering is off by {} on average.",
         was(evaluation.frames, "frame"),
         count(perturbations, "perturbation"),
         number(evaluation.original_error)
@@ -74,8 +112,9 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
             true => format!(", {times:.1} times as much"),
             false => String::new(),
         };
+        let the = if with.is_empty() { "The" } else { "the" };
         format!(
-            "The worst is {} at level {}, where it is off by {}{times}.",
+            "{with}{the} worst is {} at level {}, where it is off by {}{times}.",
             worst.perturbation,
             text::short(worst.level),
             number(worst.error)
@@ -88,16 +127,18 @@ pub fn verdict(evaluation: &Evaluation) -> Vec<String> {
 ///
 /// # Errors
 /// If a picture cannot be drawn.
-pub fn section(evaluation: &Evaluation) -> Result<Section> {
+pub fn section(evaluation: &Evaluation, scale: &Scale) -> Result<Section> {
     let order = by_severity(evaluation);
     Ok(Section {
         number: evaluation.number,
+        driver: evaluation.driver.clone(),
+        dataset: evaluation.dataset.clone(),
         frames: evaluation.frames,
         original_error: number(evaluation.original_error),
         bad_frames: evaluation.bad_frames.clone(),
-        error: heat_map(evaluation, &order, Some(evaluation.original_error), |cell| cell.error),
-        drift: heat_map(evaluation, &order, None, |cell| cell.drift),
-        curves: curves(evaluation, &order)?,
+        error: heat_map(&Means::of(evaluation, |cell| cell.error), &order, Some(evaluation.original_error), scale.error),
+        drift: heat_map(&Means::of(evaluation, |cell| cell.drift), &order, None, scale.drift),
+        curves: curves(evaluation, &order, scale)?,
         worst: evaluation
             .worst
             .iter()
@@ -114,38 +155,50 @@ pub fn section(evaluation: &Evaluation) -> Result<Section> {
     })
 }
 
-fn heat_map(
-    evaluation: &Evaluation,
-    order: &[String],
-    nominal: Option<f64>,
-    value: impl Fn(&EvaluationCell) -> f64,
-) -> Grid {
-    let columns = Columns::of(evaluation.cells.iter().map(|cell| cell.level));
-    // The sum and the count of what goes into a cell, by row and column, in the order in which these come.
-    let mut places: Vec<(&str, f64, f64, usize)> = Vec::new();
-    let mut known: HashMap<(&str, u64), usize> = HashMap::new();
-    for cell in &evaluation.cells {
-        let column = columns.column(cell.level);
-        let place = *known.entry((&cell.perturbation, heat::key(column))).or_insert_with(|| {
-            places.push((&cell.perturbation, column, 0.0, 0));
-            places.len() - 1
-        });
-        places[place].2 += value(cell);
-        places[place].3 += 1;
+/// The mean of a value in each cell of a table.
+struct Means<'a> {
+    columns: Columns,
+    /// The row and the column of each, with the sum and the count of what goes into it, in the order in which these come.
+    places: Vec<(&'a str, f64, f64, usize)>,
+}
+
+impl<'a> Means<'a> {
+    fn of(evaluation: &'a Evaluation, value: impl Fn(&EvaluationCell) -> f64) -> Self {
+        let columns = Columns::of(evaluation.cells.iter().map(|cell| cell.level));
+        let mut places: Vec<(&str, f64, f64, usize)> = Vec::new();
+        let mut known: HashMap<(&str, u64), usize> = HashMap::new();
+        for cell in &evaluation.cells {
+            let column = columns.column(cell.level);
+            let place = *known.entry((&cell.perturbation, heat::key(column))).or_insert_with(|| {
+                places.push((&cell.perturbation, column, 0.0, 0));
+                places.len() - 1
+            });
+            places[place].2 += value(cell);
+            places[place].3 += 1;
+        }
+        Self { columns, places }
     }
-    let means = || places.iter().map(|(.., sum, count)| sum / *count as f64);
-    let largest = means().chain(nominal).fold(0.0, f64::max);
+
+    /// The means.
+    fn values(&self) -> Vec<f64> {
+        self.places.iter().map(|(.., sum, count)| sum / *count as f64).collect()
+    }
+}
+
+/// A table of means; `largest` is what its darkest colour stands for.
+fn heat_map(means: &Means<'_>, order: &[String], nominal: Option<f64>, largest: f64) -> Grid {
     let cell = |value: f64, what: String| {
         let share = if largest > 0.0 { value / largest } else { 0.0 };
         Cell::new(number(value), format!("{what}: {}", number(value)), share)
     };
-    let mut entries: Vec<Entry> = places
+    let mut entries: Vec<Entry> = means
+        .places
         .iter()
-        .zip(means())
+        .zip(means.values())
         .map(|((perturbation, column, ..), mean)| Entry {
             row: Some((*perturbation).to_owned()),
             level: Some(*column),
-            cell: cell(mean, format!("{perturbation} at level {}", columns.name(*column))),
+            cell: cell(mean, format!("{perturbation} at level {}", means.columns.name(*column))),
         })
         .collect();
     entries.extend(nominal.map(|value| Entry {
@@ -153,14 +206,12 @@ fn heat_map(
         level: None,
         cell: cell(value, "without perturbation".to_owned()),
     }));
-    columns.grid(&entries, order, ("0".to_owned(), number(largest)))
+    means.columns.grid(&entries, order, ("0".to_owned(), number(largest)))
 }
 
 /// The error over the level for the worst perturbations, with that of the original frames.
-fn curves(evaluation: &Evaluation, order: &[String]) -> Result<Vec<Chart>> {
-    let levels = || evaluation.cells.iter().map(|cell| cell.level);
-    let (low, high) = (levels().fold(f64::INFINITY, f64::min), levels().fold(f64::NEG_INFINITY, f64::max));
-    let top = evaluation.cells.iter().map(|cell| cell.error).fold(evaluation.original_error, f64::max);
+fn curves(evaluation: &Evaluation, order: &[String], scale: &Scale) -> Result<Vec<Chart>> {
+    let Scale { top, levels: (low, high), .. } = *scale;
     // Over a single level there is no course.
     if !(low < high && top > 0.0) {
         return Ok(Vec::new());
@@ -215,10 +266,36 @@ mod tests {
         }
     }
 
+    /// The section about a single evaluation.
+    fn alone(evaluation: &Evaluation) -> Section {
+        section(evaluation, &Scale::of(std::slice::from_ref(evaluation))).unwrap()
+    }
+
+    #[test]
+    fn two_networks_are_named_and_drawn_on_one_scale() {
+        let (mut first, mut second) = (evaluation(), evaluation());
+        first.driver = "onnx (model=a.onnx)".to_owned();
+        second.driver = "onnx (model=b.onnx)".to_owned();
+        second.cells.iter_mut().for_each(|cell| (cell.error, cell.drift) = (4.0 * cell.error, 3.0 * cell.drift));
+        let scale = Scale::of(&[first.clone(), second.clone()]);
+        let (mild, strong) = (section(&first, &scale).unwrap(), section(&second, &scale).unwrap());
+        assert_eq!((&*mild.driver, &*strong.driver), ("onnx (model=a.onnx)", "onnx (model=b.onnx)"));
+        for (mild, strong) in [(&mild.error, &strong.error), (&mild.drift, &strong.drift)] {
+            assert_eq!(mild.legend, strong.legend);
+            assert_ne!(mild.rows[0].cells[1].as_ref().unwrap().ground, strong.rows[0].cells[1].as_ref().unwrap().ground);
+        }
+        // A value has one colour in both: rain at level 4 of the first is as much as fog at level 0 of the second.
+        let ground = |section: &Section, row: usize, column: usize| section.error.rows[row].cells[column].as_ref().unwrap().ground;
+        assert_eq!(ground(&mild, 0, 1), ground(&strong, 1, 0));
+        let sentences = verdict(&second, true);
+        assert!(sentences[0].starts_with("With onnx (model=b.onnx), 3 frames were evaluated"), "{sentences:?}");
+        assert!(sentences[1].starts_with("With onnx (model=b.onnx), the worst is rain at level 4"), "{sentences:?}");
+    }
+
     #[test]
     fn two_sentences_say_what_came_out() {
         assert_eq!(
-            verdict(&evaluation()),
+            verdict(&evaluation(), false),
             [
                 "3 frames were evaluated under 2 perturbations (1 frame was left out); without perturbation the steering \
                  is off by 0.100 on average.",
@@ -229,7 +306,7 @@ mod tests {
 
     #[test]
     fn the_worst_perturbation_comes_first_in_both_tables() {
-        let section = section(&evaluation()).unwrap();
+        let section = alone(&evaluation());
         for (grid, first) in [(&section.error, "0.300"), (&section.drift, "0.150")] {
             assert_eq!(grid.columns, ["0", "4"].map(|level| Some(level.to_owned())));
             assert_eq!(grid.rows[0].label, "rain");
@@ -250,7 +327,7 @@ mod tests {
             drift: 0.0,
         };
         evaluation.cells = (0..=40).map(cell).collect();
-        let grid = section(&evaluation).unwrap().error;
+        let grid = alone(&evaluation).error;
         assert_eq!(grid.columns.len(), 5);
         assert_eq!(grid.columns[3].as_deref(), Some("3 to below 4"));
         let cells: Vec<&str> = grid.rows[0].cells.iter().flatten().map(|cell| cell.text.as_str()).collect();
@@ -262,6 +339,6 @@ mod tests {
     fn a_single_level_has_no_course() {
         let mut evaluation = evaluation();
         evaluation.cells.retain(|cell| cell.level == 0.0);
-        assert!(section(&evaluation).unwrap().curves.is_empty());
+        assert!(alone(&evaluation).curves.is_empty());
     }
 }

@@ -61,6 +61,7 @@ impl Host {
             catalog: self.session.catalog(),
             wanted: self.setup.common.wanted(),
             settled: &mut self.components.settled,
+            contents: &mut self.components.contents,
         }
     }
 

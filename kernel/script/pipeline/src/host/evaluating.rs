@@ -5,7 +5,7 @@ use std::path::Path;
 use pdk_loop::protocol::{Evaluation, Made};
 use pdk_model::component::ComponentSpec;
 use pdk_record::directory::{RESULTS, RunDirectory};
-use pdk_record::manifest::components_of_all;
+use pdk_record::manifest::{EvaluationRecord, components_of_all};
 use pdk_record::merge::EvaluatedFrames;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, Result};
@@ -51,6 +51,7 @@ impl Host {
         self.record.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;
         self.record.in_use.add(catalog, Kind::Driver, &driver.name, &driver.parameters, info)?;
         self.record.in_use.add_perturbations(catalog, &cells)?;
+        self.record.evaluations.push(EvaluationRecord { dataset: reader.clone(), driver: driver.clone() });
         self.begin()?;
         let results = match &mut self.evaluations.results {
             Some(results) => results,
