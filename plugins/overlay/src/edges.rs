@@ -5,7 +5,8 @@
 //! a pixel near the screen is taken for a mixture of the screen and of the thing beside it, as that looks further inside, if it
 //! lies near the line between the two colours. Its alpha is its place on that line, and its colour is the thing's.
 //!
-//! Hair, rain and whatever else is too thin to have an inside stays as the keyer leaves it.
+//! What is too thin to have an inside has the colour of its most opaque pixel that differs most from the screen. Rain, hair and whatever else has
+//! no opaque pixel stays as the keyer leaves it.
 
 use crate::picture::{Samples, rgb};
 
@@ -41,6 +42,8 @@ const TOLERANCE: f32 = 0.45;
 pub struct Edges {
     screen: Vec<u8>,
     inside: Vec<u8>,
+    opaque: Vec<u8>,
+    beside: Vec<u8>,
     scratch: Vec<u8>,
     reached: Vec<u8>,
     near: Vec<u8>,
@@ -66,19 +69,28 @@ impl Edges {
         self.inside.clear();
         self.inside.extend(alphas().zip(&self.near).map(|(alpha, near)| u8::from(alpha == 255 && *near == 0)));
         grow(&self.inside, size, width.reach(), &mut self.scratch, &mut self.reached);
+        self.opaque.clear();
+        self.opaque.extend(alphas().map(|alpha| u8::from(alpha == 255)));
+        grow(&self.opaque, size, width.of_edge(), &mut self.scratch, &mut self.beside);
         self.look_within(width.reach() as isize);
         for at in 0..self.near.len() {
-            if self.near[at] & self.reached[at] == 0 {
-                continue;
-            }
-            let Some(thing) = self.nearest(samples, at) else { continue };
+            let thing = match (self.near[at], self.reached[at], self.beside[at]) {
+                (0, ..) | (_, 0, 0) => None,
+                (_, 0, _) => self.purest(samples, at, screen, width.of_edge() as isize),
+                _ => self.nearest(samples, at),
+            };
+            let Some(thing) = thing else { continue };
             let pixel = colour(samples, at);
             let line: [f32; 3] = std::array::from_fn(|i| thing[i] - screen[i]);
             let from: [f32; 3] = std::array::from_fn(|i| pixel[i] - screen[i]);
             let length = dot(line, line);
+            // A thing of the screen's colour does not lie beside it.
+            if length <= 0.0 {
+                continue;
+            }
             let place = dot(from, line) / length;
             let rest: [f32; 3] = std::array::from_fn(|i| from[i] - place * line[i]);
-            if !(dot(rest, rest) <= TOLERANCE * TOLERANCE * length) {
+            if dot(rest, rest) > TOLERANCE * TOLERANCE * length {
                 continue;
             }
             let alpha = alpha(place.clamp(0.0, 1.0)) * 255.0;
@@ -116,6 +128,25 @@ impl Edges {
             }
         }
         Some(sums.map(|sum| sum / count))
+    }
+
+    /// The colour of the opaque pixel at most `distance` rows and columns away that differs most from the screen.
+    fn purest(&self, samples: &Samples, at: usize, screen: [f32; 3], distance: isize) -> Option<[f32; 3]> {
+        let (width, height) = (samples.width as isize, samples.height as isize);
+        let (x, y) = (at as isize % width, at as isize / width);
+        let mut best = (0.0, None);
+        for y in (y - distance).max(0)..(y + distance + 1).min(height) {
+            for x in (x - distance).max(0)..(x + distance + 1).min(width) {
+                let at = (y * width + x) as usize;
+                let own = colour(samples, at);
+                let from: [f32; 3] = std::array::from_fn(|i| own[i] - screen[i]);
+                let far = dot(from, from);
+                if self.opaque[at] != 0 && far > best.0 {
+                    best = (far, Some(own));
+                }
+            }
+        }
+        best.1
     }
 }
 

@@ -10,11 +10,18 @@ const SIZE: (usize, usize) = (128, 96);
 
 /// How much of each pixel a disc and a leaning bar cover, with edges as sharp as pixels allow.
 fn covered(x: usize, y: usize) -> f32 {
-    let parts = (0..16).filter(|part| {
-        let (x, y) = (x as f32 + (part % 4) as f32 / 4.0 + 0.125, y as f32 + (part / 4) as f32 / 4.0 + 0.125);
+    share_of(x, y, |x, y| {
         let disc = (x - 38.3).powi(2) + (y - 46.7).powi(2) < 22.0 * 22.0;
         let bar = (x + 0.3 * y - 100.0).abs() < 11.0 && (14.0..80.5).contains(&y);
         disc || bar
+    })
+}
+
+/// How much of a pixel what `is_inside` describes covers.
+fn share_of(x: usize, y: usize, is_inside: impl Fn(f32, f32) -> bool) -> f32 {
+    let parts = (0..16).filter(|part| {
+        let (x, y) = (x as f32 + (part % 4) as f32 / 4.0 + 0.125, y as f32 + (part / 4) as f32 / 4.0 + 0.125);
+        is_inside(x, y)
     });
     parts.count() as f32 / 16.0
 }

@@ -196,8 +196,9 @@ pub fn section(drive: &Drive, all: &[Drive], classes: &[f64]) -> Result<Section>
         by_severity([drive.scenarios.as_slice()]).into_iter().map(|(name, _)| name).collect();
     let chosen = levels([drive.scenarios.as_slice()]);
     // All drives of a run have one scale, so that drivers can be compared.
-    let (failed, error) = grids(drive, &order, &chosen, largest_error(all));
-    let end = all.iter().flat_map(|drive| &drive.scenarios).map(|scenario| scenario.time).fold(0.0, f64::max);
+    let compared = || all.iter().chain([drive]);
+    let (failed, error) = grids(drive, &order, &chosen, largest_error(compared()));
+    let end = compared().flat_map(|drive| &drive.scenarios).map(|scenario| scenario.time).fold(0.0, f64::max);
     let mut roads = road::pictures(drive, classes);
     let road_note = road_note(drive, roads.len());
     roads.truncate(PICTURES);

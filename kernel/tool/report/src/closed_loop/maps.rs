@@ -72,13 +72,13 @@ pub fn grids(drive: &Drive, order: &[String], chosen: &[f64], largest: f64) -> (
 }
 
 /// The largest mean error in the cells of some drives, which are drawn on one scale. It is not below 1 m, so that small errors look small.
-pub fn largest_error(drives: &[Drive]) -> f64 {
+pub fn largest_error<'a>(drives: impl Iterator<Item = &'a Drive>) -> f64 {
     let of = |drive: &Drive| {
         let chosen = levels([drive.scenarios.as_slice()]);
         let cells = counted(drive, &[], columns(drive, &chosen), &chosen);
         cells.iter().filter_map(|cell| cell.tally.mean_error()).fold(1.0, f64::max)
     };
-    drives.iter().map(of).fold(1.0, f64::max)
+    drives.map(of).fold(1.0, f64::max)
 }
 
 /// The columns of a drive's tables.
