@@ -4,13 +4,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use pdk_tests::process::json_lines;
-use pdk_tests::{Pdk, pictures, repository, temp};
+use pdk_tests::{Pdk, repository, temp};
 
 /// A project: a pipeline, a network and a mask that it names by absolute paths, a script beside it, and a folder of pictures that becomes an overlay.
 fn project(folder: &Path) {
     fs::create_dir_all(folder.join("clips/smoke")).unwrap();
     for number in 0..3 {
-        pictures::write(&folder.join(format!("clips/smoke/{number}.png")), 48, 32);
+        let is_smoke = |x: u32, y: u32| x.abs_diff(20 + 4 * number) < 8 && y.abs_diff(16) < 8;
+        let picture = image::RgbImage::from_fn(48, 32, |x, y| image::Rgb(if is_smoke(x, y) { [200; 3] } else { [0, 200, 30] }));
+        picture.save(folder.join(format!("clips/smoke/{number}.png"))).unwrap();
     }
     fs::copy(repository().join("scripts/models/dave2.onnx"), folder.join("pilot.onnx")).unwrap();
     fs::write(
@@ -24,7 +26,7 @@ fn project(folder: &Path) {
         local model = pdk.path("pilot.onnx")
         pdk.drive({ simulator = { name = "lane", width = 80, height = 60 }, driver = { name = "onnx", model = model }, duration = 0.3, images_every = 0,
             scenarios = {
-                { perturbations = { { name = "darker" }, { name = "overlay", clip = pdk.path("clips/smoke"), key = "#646464" } } },
+                { perturbations = { { name = "darker" }, { name = "overlay", clip = pdk.path("clips/smoke") } } },
                 { perturbations = { { name = "gaussian_noise", where = { mask = pdk.path("lower.lua") } } } },
             } })"#;
     fs::write(folder.join("drive.lua"), pipeline).unwrap();
