@@ -234,12 +234,18 @@ impl Registry {
     /// Makes the mask in a script that is named by its path.
     fn mask_script(&self, file: &Path, parameters: &Map<String, Value>) -> Result<(Instance, Config)> {
         let label = format!("{} `{}`", Kind::Mask, file.display());
+        if !file.is_file() {
+            let sentence = "there is no such file; name a script, or a mask that `pdk list mask` shows";
+            return Err(Error::of(ErrorKind::Configuration, sentence).at(&label));
+        }
         let script = Script::File(file);
         let description = calls::call(&label, Function::Load, || self.scripts.describe(script))?;
-        let description = description.filter(|description| description.kind == Kind::Mask).ok_or_else(|| {
-            let sentence = "the script has no mask; let it return a table with `mask`, as `pdk new mask` writes one";
-            Error::of(ErrorKind::Configuration, sentence).at(&label)
-        })?;
+        let description =
+            description.filter(|description| description.kind == Kind::Mask).ok_or_else(|| {
+                let sentence =
+                    "the script has no mask; let it return a table with `mask`, as `pdk new mask` writes one";
+                Error::of(ErrorKind::Configuration, sentence).at(&label)
+            })?;
         let config = Config::check(&description, parameters)?;
         let instance = calls::call(&label, Function::New, || self.scripts.create(script, &config));
         Ok((instance.map_err(|error| error.at(&label))?, config))

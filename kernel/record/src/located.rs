@@ -45,7 +45,11 @@ impl Located {
         let Some(base) = &self.base else { return path.to_owned() };
         let moved = recorded(&base.join(path));
         let has_content = |path: &Path| hash::of(path).is_ok_and(|hash| hash == blake3);
-        if path == moved || !moved.exists() || has_content(path) && !has_content(&moved) { path.to_owned() } else { moved }
+        if path == moved || !moved.exists() || has_content(path) && !has_content(&moved) {
+            path.to_owned()
+        } else {
+            moved
+        }
     }
 
     /// A manifest whose paths are as seen from here.

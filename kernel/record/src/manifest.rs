@@ -440,11 +440,7 @@ impl InUse {
         }
         let place = recorded(&code.file);
         let known = self.components.iter().map(|component| &component.file);
-        known
-            .clone()
-            .find(|file| file.path == place)
-            .cloned()
-            .map_or_else(|| FileRecord::of(&code.file), Ok)
+        known.clone().find(|file| file.path == place).cloned().map_or_else(|| FileRecord::of(&code.file), Ok)
     }
 
     /// The components, in order.

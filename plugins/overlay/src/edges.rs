@@ -67,7 +67,8 @@ impl Edges {
         self.screen.extend(alphas().map(|alpha| u8::from(alpha == 0)));
         grow(&self.screen, size, width.of_edge(), &mut self.scratch, &mut self.near);
         self.inside.clear();
-        self.inside.extend(alphas().zip(&self.near).map(|(alpha, near)| u8::from(alpha == 255 && *near == 0)));
+        self.inside
+            .extend(alphas().zip(&self.near).map(|(alpha, near)| u8::from(alpha == 255 && *near == 0)));
         grow(&self.inside, size, width.reach(), &mut self.scratch, &mut self.reached);
         self.opaque.clear();
         self.opaque.extend(alphas().map(|alpha| u8::from(alpha == 255)));
@@ -119,7 +120,8 @@ impl Edges {
             let is_there = (0..width).contains(&x) && (0..height).contains(&y);
             Some((y * width + x) as usize).filter(|&at| is_there && self.inside[at] != 0)
         };
-        let (x, y) = self.offsets.iter().map(|(dx, dy)| (x + dx, y + dy)).find(|&(x, y)| inside(x, y).is_some())?;
+        let (x, y) =
+            self.offsets.iter().map(|(dx, dy)| (x + dx, y + dy)).find(|&(x, y)| inside(x, y).is_some())?;
         let (mut sums, mut count) = ([0.0; 3], 0.0);
         for (x, y) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy))) {
             if let Some(at) = inside(x, y) {
@@ -164,7 +166,13 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 }
 
 /// Marks what is at most `distance` rows and columns from a mark.
-fn grow(marks: &[u8], (width, height): (usize, usize), distance: usize, rows: &mut Vec<u8>, into: &mut Vec<u8>) {
+fn grow(
+    marks: &[u8],
+    (width, height): (usize, usize),
+    distance: usize,
+    rows: &mut Vec<u8>,
+    into: &mut Vec<u8>,
+) {
     rows.clear();
     rows.resize(marks.len(), 0);
     for (from, to) in marks.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
@@ -176,7 +184,9 @@ fn grow(marks: &[u8], (width, height): (usize, usize), distance: usize, rows: &m
     into.resize(marks.len(), 0);
     for y in 0..height {
         let to = &mut into[y * width..][..width];
-        for from in rows.chunks_exact(width).take((y + distance + 1).min(height)).skip(y.saturating_sub(distance)) {
+        for from in
+            rows.chunks_exact(width).take((y + distance + 1).min(height)).skip(y.saturating_sub(distance))
+        {
             to.iter_mut().zip(from).for_each(|(to, from)| *to |= from);
         }
     }
@@ -192,7 +202,9 @@ mod tests {
         marks[2 * 7 + 3] = 1;
         let (mut rows, mut grown) = (Vec::new(), Vec::new());
         grow(&marks, (7, 5), 1, &mut rows, &mut grown);
-        let expected: Vec<u8> = (0..35).map(|at| u8::from((at % 7usize).abs_diff(3) < 2 && (at / 7usize).abs_diff(2) < 2)).collect();
+        let expected: Vec<u8> = (0..35)
+            .map(|at| u8::from((at % 7usize).abs_diff(3) < 2 && (at / 7usize).abs_diff(2) < 2))
+            .collect();
         assert_eq!(grown, expected);
     }
 }

@@ -52,7 +52,13 @@ impl Ffmpeg {
             // The colours of a clip with alpha are not keyed, so they have to be those that its maker saw.
             true => {
                 drop(decoded);
-                Self::run(program, clip, codec, decoder, &format!("scale=out_color_matrix=bt601:out_range=tv,{FORMATS_OF_FRAMES}"))
+                Self::run(
+                    program,
+                    clip,
+                    codec,
+                    decoder,
+                    &format!("scale=out_color_matrix=bt601:out_range=tv,{FORMATS_OF_FRAMES}"),
+                )
             }
             false => Ok(decoded),
         }
@@ -80,7 +86,16 @@ impl Ffmpeg {
                 "it is {codec}, and the program ffmpeg, which that needs, does not start: {error}"
             )),
         })?;
-        let mut running = Self { process, output, width: 0, height: 0, alpha: false, rate: 0.0, count: 0, planes: Vec::new() };
+        let mut running = Self {
+            process,
+            output,
+            width: 0,
+            height: 0,
+            alpha: false,
+            rate: 0.0,
+            count: 0,
+            planes: Vec::new(),
+        };
         let header = running.line()?;
         if header.is_empty() {
             let error = running.failure();
@@ -379,7 +394,21 @@ mod tests {
         let source = "color=0xc81e1e:size=64x48:rate=25:duration=0.2,format=rgba,geq=r=200:g=30:b=30:a='4*X'";
         for (name, arguments) in [
             ("prores.mov", &["-c:v", "prores_ks", "-profile:v", "4444", "-pix_fmt", "yuva444p10le"][..]),
-            ("vp9.webm", &["-c:v", "libvpx-vp9", "-pix_fmt", "yuva420p", "-crf", "10", "-b:v", "0", "-auto-alt-ref", "0"]),
+            (
+                "vp9.webm",
+                &[
+                    "-c:v",
+                    "libvpx-vp9",
+                    "-pix_fmt",
+                    "yuva420p",
+                    "-crf",
+                    "10",
+                    "-b:v",
+                    "0",
+                    "-auto-alt-ref",
+                    "0",
+                ],
+            ),
             ("vp8.webm", &["-c:v", "libvpx", "-pix_fmt", "yuva420p", "-b:v", "4M", "-auto-alt-ref", "0"]),
             ("ffv1.mkv", &["-c:v", "ffv1", "-pix_fmt", "bgra"]),
             ("animation.mov", &["-c:v", "qtrle", "-pix_fmt", "argb"]),
@@ -400,7 +429,10 @@ mod tests {
             for x in [8, 31, 50] {
                 let pixel = &picture.data[(24 * 64 + x) * 4..][..4];
                 assert!(pixel[3].abs_diff(4 * x as u8) <= 6, "{name} {x}: {pixel:?}");
-                assert!(pixel[..3].iter().zip([200, 30, 30]).all(|(a, b)| a.abs_diff(b) <= 8), "{name} {x}: {pixel:?}");
+                assert!(
+                    pixel[..3].iter().zip([200, 30, 30]).all(|(a, b)| a.abs_diff(b) <= 8),
+                    "{name} {x}: {pixel:?}"
+                );
             }
         }
     }

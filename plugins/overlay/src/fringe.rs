@@ -63,9 +63,9 @@ fn fringe(screen: ([f32; 3], usize), thing: [f32; 3], layout: Layout) -> (Vec<f3
     let keyer = Keyer::new(found);
     keyer.key(&samples, &mut rgba);
     keyer.clean(&samples, width, &mut Edges::default(), &mut rgba);
-    let excess = rgba.chunks_exact(4).map(|pixel| {
-        f32::from(pixel[screen.1]) - thing[screen.1] * f32::from(pixel[3]) / 255.0
-    });
+    let excess = rgba
+        .chunks_exact(4)
+        .map(|pixel| f32::from(pixel[screen.1]) - thing[screen.1] * f32::from(pixel[3]) / 255.0);
     let alpha: f32 = rgba.chunks_exact(4).map(|pixel| f32::from(pixel[3]) / 255.0).sum();
     let truth: f32 = (0..SIZE.0 * SIZE.1).map(|place| covered(place % SIZE.0, place / SIZE.0)).sum();
     (excess.filter(|excess| *excess > 10.0).collect(), (alpha / truth - 1.0).abs())
@@ -75,13 +75,22 @@ fn fringe(screen: ([f32; 3], usize), thing: [f32; 3], layout: Layout) -> (Vec<f3
 fn hard_edges_have_no_fringe() {
     for screen in SCREENS {
         for thing in [
-            [255.0; 3], [128.0; 3], [10.0; 3], [220.0, 40.0, 30.0], [240.0, 220.0, 60.0], [200.0, 150.0, 120.0],
-            [160.0, 40.0, 160.0], [60.0, 90.0, 220.0], [40.0, 160.0, 60.0],
+            [255.0; 3],
+            [128.0; 3],
+            [10.0; 3],
+            [220.0, 40.0, 30.0],
+            [240.0, 220.0, 60.0],
+            [200.0, 150.0, 120.0],
+            [160.0, 40.0, 160.0],
+            [60.0, 90.0, 220.0],
+            [40.0, 160.0, 60.0],
         ] {
             let of = |colour: [f32; 3]| luma_and_chroma(colour);
             let (a, b) = (of(screen.0), of(thing));
             // What has the hue of the screen cannot be told from it.
-            if a[1] * b[1] + a[2] * b[2] > 0.3 * (a[1].hypot(a[2]) * b[1].hypot(b[2])) && b[1].hypot(b[2]) > 20.0 {
+            if a[1] * b[1] + a[2] * b[2] > 0.3 * (a[1].hypot(a[2]) * b[1].hypot(b[2]))
+                && b[1].hypot(b[2]) > 20.0
+            {
                 continue;
             }
             for layout in [Layout::Rgba, Layout::Yuv420] {

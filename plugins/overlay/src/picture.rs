@@ -37,7 +37,10 @@ impl Picture {
         let value = |plane: usize, at: usize, offset: f32| f32::from(planes[plane * size + at]) - offset;
         for (at, pixel) in self.data.chunks_exact_mut(4).enumerate() {
             let colour = rgb([value(0, at, 16.0), value(1, at, 128.0), value(2, at, 128.0)]);
-            pixel.iter_mut().zip(colour).for_each(|(out, value)| *out = (value.clamp(0.0, 255.0) + 0.5) as u8);
+            pixel
+                .iter_mut()
+                .zip(colour)
+                .for_each(|(out, value)| *out = (value.clamp(0.0, 255.0) + 0.5) as u8);
             pixel[3] = planes[3 * size + at];
         }
     }
@@ -186,8 +189,10 @@ fn blur(plane: &mut [u8], (width, height): (usize, usize), weights: &[u16]) {
     let (middle, sum) = ((weights.len() / 2) as isize, u32::from(weights.iter().sum::<u16>()));
     let mixed = |size: usize, at: usize, value: &dyn Fn(usize) -> u8| {
         let place = |ahead: isize| (at as isize + ahead).clamp(0, size as isize - 1) as usize;
-        let total: u32 =
-            (-middle..).zip(weights).map(|(ahead, weight)| u32::from(*weight) * u32::from(value(place(ahead)))).sum();
+        let total: u32 = (-middle..)
+            .zip(weights)
+            .map(|(ahead, weight)| u32::from(*weight) * u32::from(value(place(ahead))))
+            .sum();
         ((total + sum / 2) / sum) as u8
     };
     let before = plane.to_vec();

@@ -123,7 +123,8 @@ fn without_effect(description: &Description, parameter: &Parameter) -> Error {
 }
 
 fn unknown_parameter(description: &Description, name: &str) -> Error {
-    let mut known = vec![description.parameters.iter().map(|p| p.name.as_str()).collect::<Vec<_>>().join(", ")];
+    let mut known =
+        vec![description.parameters.iter().map(|p| p.name.as_str()).collect::<Vec<_>>().join(", ")];
     if description.kind == Kind::Perturbation {
         // They are written like parameters.
         let modifiers: Vec<_> = MODIFIERS.iter().map(|modifier| modifier.name).collect();

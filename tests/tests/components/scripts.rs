@@ -73,7 +73,11 @@ fn pipelines_that_lie_beside_are_not_run() {
     }
     assert!(listed.stdout.contains("darker"), "{}", listed.stdout);
     // What was meant as a perturbation and is not returned is reported where its folder was named.
-    assert!(listed.stderr.contains("lost.lua: the script returns nothing, but has to return a table"), "{}", listed.stderr);
+    assert!(
+        listed.stderr.contains("lost.lua: the script returns nothing, but has to return a table"),
+        "{}",
+        listed.stderr
+    );
 }
 
 #[test]
@@ -85,12 +89,24 @@ fn names_that_a_script_misspells_are_corrected() {
     };
     says("pdk.drve({})", "pipeline.lua:1: pdk has no function `drve`; did you mean `drive`?");
     let drive = "local outcome = pdk.drive({ simulator = 'lane', driver = 'lane_keeper', duration = 0.2, scenarios = { {} } })[1]";
-    says(&format!("{drive} print(outcome.sucess)"), "an outcome has no field `sucess`; did you mean `success`?");
+    says(
+        &format!("{drive} print(outcome.sucess)"),
+        "an outcome has no field `sucess`; did you mean `success`?",
+    );
     // A field that says nothing is nil.
-    std::fs::write(folder.path().join("pipeline.lua"), format!("{drive} assert(outcome.error == nil and outcome.cause == 'time_out')")).unwrap();
+    std::fs::write(
+        folder.path().join("pipeline.lua"),
+        format!("{drive} assert(outcome.error == nil and outcome.cause == 'time_out')"),
+    )
+    .unwrap();
     Pdk::new(["run", "pipeline.lua"]).folder(folder.path()).succeed();
-    let blurr = check(folder.path(), "blurr.lua", "return { doc = 'x', apply = function(image) image:blurr(3) end }");
-    assert!(blurr.stderr.contains("image has no method or field `blurr`; did you mean `blur`?"), "{}", blurr.stderr);
+    let blurr =
+        check(folder.path(), "blurr.lua", "return { doc = 'x', apply = function(image) image:blurr(3) end }");
+    assert!(
+        blurr.stdout.contains("blurr.lua:1: image has no method or field `blurr`; did you mean `blur`?"),
+        "{}",
+        blurr.stdout
+    );
 }
 
 #[test]

@@ -17,9 +17,15 @@ const NOT_RUN: [(&str, &str); 12] = [
     ("pdk doctor --simulator", "it needs a simulator that is not here"),
     ("pdk report runs/quickstart-1 --open", "it opens a browser"),
     ("pdk report runs/greedy-1 --open", "it opens a browser"),
-    ("pdk shrink runs/search-1", "the record is that of a long search; the guide has a transcript of another"),
+    (
+        "pdk shrink runs/search-1",
+        "the record is that of a long search; the guide has a transcript of another",
+    ),
     ("pdk new driver my_pilot && cd", "tests of plugins build what `pdk new` writes"),
-    ("pdk run greedy --set driver=onnx", "it drives through all perturbations for many minutes; the one through fog is run"),
+    (
+        "pdk run greedy --set driver=onnx",
+        "it drives through all perturbations for many minutes; the one through fog is run",
+    ),
 ];
 
 /// Commands after those before them, which `pdk new driver` begins.
@@ -40,7 +46,9 @@ const LONG: [&str; 7] = [
 fn pages() -> Vec<(String, String)> {
     let mut files = vec![repository().join("README.md")];
     let guide = fs::read_dir(repository().join("docs/guide")).unwrap();
-    files.extend(guide.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|e| e == "md")));
+    files.extend(
+        guide.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|e| e == "md")),
+    );
     files.sort();
     files.iter().map(|file| (file.display().to_string(), fs::read_to_string(file).unwrap())).collect()
 }
@@ -53,7 +61,9 @@ fn commands() -> Vec<(String, String)> {
         for line in text.lines() {
             match line.strip_prefix("```") {
                 Some(language) => block = if block.is_empty() { language } else { "" },
-                None if block == "sh" && line.starts_with("pdk ") => found.push((page.clone(), line.to_owned())),
+                None if block == "sh" && line.starts_with("pdk ") => {
+                    found.push((page.clone(), line.to_owned()))
+                }
                 None if line.starts_with('|') => {
                     let command = line.split('|').nth(2).unwrap_or_default().trim();
                     let command = command.strip_prefix('`').and_then(|rest| rest.strip_suffix('`'));
@@ -113,7 +123,7 @@ fn run(page: &str, command: &str, folder: &Path) {
 }
 
 #[test]
-fn what_is_said_to_type_works_as_it_stands() {
+fn commands_in_the_documents_work_as_they_stand() {
     let folder = checkout();
     let commands = commands();
     assert!(commands.len() > 30, "{commands:?}");
@@ -128,7 +138,7 @@ fn what_is_said_to_type_works_as_it_stands() {
 
 #[test]
 #[ignore = "long: .ci/run runs it"]
-fn what_drives_works_as_it_stands() {
+fn commands_that_drive_work_as_they_stand() {
     let folder = checkout();
     let commands = commands();
     run("the tour", "pdk run quickstart", folder.path());
@@ -145,7 +155,10 @@ fn every_reason_for_not_running_a_command_is_of_one() {
     let commands = commands();
     for (beginning, reason) in NOT_RUN {
         let is_there = commands.iter().any(|(_, command)| command.starts_with(beginning));
-        assert!(is_there, "no page has a command that begins with `{beginning}` ({reason}); remove it from the list");
+        assert!(
+            is_there,
+            "no page has a command that begins with `{beginning}` ({reason}); remove it from the list"
+        );
     }
     for beginning in OF_A_PLUGIN.iter().chain(&LONG) {
         assert!(commands.iter().any(|(_, command)| command.starts_with(beginning)), "{beginning}");

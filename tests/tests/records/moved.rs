@@ -11,7 +11,9 @@ fn project(folder: &Path) {
     fs::create_dir_all(folder.join("clips/smoke")).unwrap();
     for number in 0..3 {
         let is_smoke = |x: u32, y: u32| x.abs_diff(20 + 4 * number) < 8 && y.abs_diff(16) < 8;
-        let picture = image::RgbImage::from_fn(48, 32, |x, y| image::Rgb(if is_smoke(x, y) { [200; 3] } else { [0, 200, 30] }));
+        let picture = image::RgbImage::from_fn(48, 32, |x, y| {
+            image::Rgb(if is_smoke(x, y) { [200; 3] } else { [0, 200, 30] })
+        });
         picture.save(folder.join(format!("clips/smoke/{number}.png"))).unwrap();
     }
     fs::copy(repository().join("scripts/models/dave2.onnx"), folder.join("pilot.onnx")).unwrap();
@@ -21,7 +23,11 @@ fn project(folder: &Path) {
          image:rectangle(0, image.height / 2, image.width, image.height / 2, 255, 255, 255) end }",
     )
     .unwrap();
-    fs::write(folder.join("darker.lua"), "return { doc = 'Darker', apply = function(image) image:blur(3) end }").unwrap();
+    fs::write(
+        folder.join("darker.lua"),
+        "return { doc = 'Darker', apply = function(image) image:blur(3) end }",
+    )
+    .unwrap();
     let pipeline = r#"
         local model = pdk.path("pilot.onnx")
         pdk.drive({ simulator = { name = "lane", width = 80, height = 60 }, driver = { name = "onnx", model = model }, duration = 0.3, images_every = 0,
@@ -68,7 +74,7 @@ fn a_project_that_is_moved_keeps_its_ids_and_its_records() {
     assert!(replayed.stdout.contains("2 of 2 equal"), "{}", replayed.stdout);
     assert!(!replayed.stderr.contains("warning"), "{}", replayed.stderr);
     let again = Pdk::new(["run", "drive.lua", "--out", "runs/drive-1"]).folder(&third).succeed();
-    assert!(again.stderr.contains("2 of 2 scenarios were in the record already"), "{}", again.stderr);
+    assert!(again.stdout.contains("2 of 2 scenarios were in the record already"), "{}", again.stdout);
     assert_eq!(ids(&record), before);
 }
 

@@ -75,8 +75,14 @@ mod tests {
 
     #[test]
     fn everything_else_is_something_else() {
-        for text in ["", "while true do end", "return { once = function() end }", "print('apply', \"doc\")", "-- mask", "[[ doc"]
-        {
+        for text in [
+            "",
+            "while true do end",
+            "return { once = function() end }",
+            "print('apply', \"doc\")",
+            "-- mask",
+            "[[ doc",
+        ] {
             assert_eq!(glance(text.as_bytes()), Glance::Other, "{text}");
         }
     }

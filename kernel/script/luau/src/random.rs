@@ -111,7 +111,9 @@ impl UserData for LuaRandom {
 fn filled(call: &str, list: &Value) -> mlua::Result<Table> {
     match list {
         Value::Table(list) if list.raw_len() > 0 => Ok(list.clone()),
-        Value::Table(_) => Err(mlua::Error::runtime(format!("{call} needs a list, but the table has no values in order"))),
+        Value::Table(_) => {
+            Err(mlua::Error::runtime(format!("{call} needs a list, but the table has no values in order")))
+        }
         other => Err(wrong(call, "list", "a list", other)),
     }
 }
@@ -119,8 +121,9 @@ fn filled(call: &str, list: &Value) -> mlua::Result<Table> {
 /// How many values a list has.
 fn count(call: &str, list: &Table) -> mlua::Result<u32> {
     let length = list.raw_len();
-    u32::try_from(length)
-        .map_err(|_| mlua::Error::runtime(format!("{call} takes a list of at most {} values, not {length}", u32::MAX)))
+    u32::try_from(length).map_err(|_| {
+        mlua::Error::runtime(format!("{call} takes a list of at most {} values, not {length}", u32::MAX))
+    })
 }
 
 fn fill(lua: &mlua::Lua, numbers: &Value, call: &str, mut draw: impl FnMut() -> f64) -> mlua::Result<()> {
@@ -151,7 +154,8 @@ mod tests {
     /// What a script returns that draws from `random`.
     fn drawn(script: &str) -> String {
         let sandbox = Sandbox::new(Limits::default()).unwrap();
-        let random = sandbox.lua().create_userdata(LuaRandom(pdk_sdk::seed::key(7, "test", 0).sequence())).unwrap();
+        let random =
+            sandbox.lua().create_userdata(LuaRandom(pdk_sdk::seed::key(7, "test", 0).sequence())).unwrap();
         let script = format!("local random = ... {script}");
         let chunk = sandbox.load("s.lua", script.as_bytes()).unwrap();
         match sandbox.call("s.lua", &chunk, random) {
@@ -167,7 +171,10 @@ mod tests {
             return counts[1] .. ' ' .. counts[2] .. ' ' .. counts[3]";
         let text = drawn(script);
         let counts: Vec<u32> = text.split(' ').map(|count| count.parse().unwrap()).collect();
-        assert!(counts.iter().sum::<u32>() == 3000 && counts.iter().all(|count| (900..1100).contains(count)), "{text}");
+        assert!(
+            counts.iter().sum::<u32>() == 3000 && counts.iter().all(|count| (900..1100).contains(count)),
+            "{text}"
+        );
         assert_eq!(drawn(script), text);
     }
 
@@ -187,7 +194,10 @@ mod tests {
     fn what_is_not_a_list_with_values_is_refused() {
         for (script, said) in [
             ("random:choice({})", "random:choice needs a list, but the table has no values in order"),
-            ("random:shuffle({ a = 1 })", "random:shuffle needs a list, but the table has no values in order"),
+            (
+                "random:shuffle({ a = 1 })",
+                "random:shuffle needs a list, but the table has no values in order",
+            ),
             ("random:choice(3)", "random:choice needs `list` to be a list, but it is a number"),
             ("random:shuffle(table.freeze({ 1, 2 }))", "attempt to modify a readonly table"),
         ] {

@@ -48,7 +48,11 @@ pub fn strict(lua: &Lua, owner: &'static str, sort: &'static str, known: Vec<Str
 }
 
 /// Refuses what a class does not have.
-pub fn refuse_unknown<T: 'static>(registry: &mut UserDataRegistry<T>, owner: &'static str, known: Vec<String>) {
+pub fn refuse_unknown<T: 'static>(
+    registry: &mut UserDataRegistry<T>,
+    owner: &'static str,
+    known: Vec<String>,
+) {
     registry.add_meta_function(
         MetaMethod::Index,
         move |_, (_, name): (AnyUserData, Value)| -> mlua::Result<Value> {

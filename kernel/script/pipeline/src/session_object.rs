@@ -71,8 +71,9 @@ pub const SESSION: ApiClass<SessionObject> = ApiClass {
             doc: "Waits for the next outcome, in order of arrival. Returns nil if all have been taken. What comes first \
                   depends on the machine: a pipeline whose way depends on it takes another one each time.",
             add: |registry, name| {
-                registry
-                    .add_method_mut(name, |lua, session, ()| outcomes(lua, |host| session.tickets.next(host)));
+                registry.add_method_mut(name, |lua, session, ()| {
+                    outcomes(lua, |host| session.tickets.next(host))
+                });
             },
         },
         ApiMethod {

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use pdk_components::catalog::{Catalog, drop_in_name};
-use pdk_components::registry::is_mask_script;
 use pdk_components::inspection;
+use pdk_components::registry::is_mask_script;
 use pdk_components::search_path::{SearchPath, is_script};
 use pdk_model::component::ComponentSpec;
 use pdk_record::files::{FileRecord, recorded};
@@ -60,7 +60,8 @@ impl Further {
             let known = manifest.components.iter().find(|c| c.kind == *kind && c.name == *name);
             // What the catalog was made from has been loaded already.
             let is_new = |file: &&FileRecord| {
-                catalog.entries().iter().all(|entry| recorded(&entry.file) != file.path) && file.path.is_file()
+                catalog.entries().iter().all(|entry| recorded(&entry.file) != file.path)
+                    && file.path.is_file()
             };
             if let Some(file) = known.map(|component| &component.file).filter(is_new) {
                 let asks = asks(file)?.map(|asks| format!("{asks}, for the {kind} `{name}`"));

@@ -136,7 +136,12 @@ pub fn section(evaluation: &Evaluation, scale: &Scale) -> Result<Section> {
         frames: evaluation.frames,
         original_error: number(evaluation.original_error),
         bad_frames: evaluation.bad_frames.clone(),
-        error: heat_map(&Means::of(evaluation, |cell| cell.error), &order, Some(evaluation.original_error), scale.error),
+        error: heat_map(
+            &Means::of(evaluation, |cell| cell.error),
+            &order,
+            Some(evaluation.original_error),
+            scale.error,
+        ),
         drift: heat_map(&Means::of(evaluation, |cell| cell.drift), &order, None, scale.drift),
         curves: curves(evaluation, &order, scale)?,
         worst: evaluation
@@ -276,20 +281,34 @@ mod tests {
         let (mut first, mut second) = (evaluation(), evaluation());
         first.driver = "onnx (model=a.onnx)".to_owned();
         second.driver = "onnx (model=b.onnx)".to_owned();
-        second.cells.iter_mut().for_each(|cell| (cell.error, cell.drift) = (4.0 * cell.error, 3.0 * cell.drift));
+        second
+            .cells
+            .iter_mut()
+            .for_each(|cell| (cell.error, cell.drift) = (4.0 * cell.error, 3.0 * cell.drift));
         let scale = Scale::of(&[first.clone(), second.clone()]);
         let (mild, strong) = (section(&first, &scale).unwrap(), section(&second, &scale).unwrap());
         assert_eq!((&*mild.driver, &*strong.driver), ("onnx (model=a.onnx)", "onnx (model=b.onnx)"));
         for (mild, strong) in [(&mild.error, &strong.error), (&mild.drift, &strong.drift)] {
             assert_eq!(mild.legend, strong.legend);
-            assert_ne!(mild.rows[0].cells[1].as_ref().unwrap().ground, strong.rows[0].cells[1].as_ref().unwrap().ground);
+            assert_ne!(
+                mild.rows[0].cells[1].as_ref().unwrap().ground,
+                strong.rows[0].cells[1].as_ref().unwrap().ground
+            );
         }
         // A value has one colour in both: rain at level 4 of the first is as much as fog at level 0 of the second.
-        let ground = |section: &Section, row: usize, column: usize| section.error.rows[row].cells[column].as_ref().unwrap().ground;
+        let ground = |section: &Section, row: usize, column: usize| {
+            section.error.rows[row].cells[column].as_ref().unwrap().ground
+        };
         assert_eq!(ground(&mild, 0, 1), ground(&strong, 1, 0));
         let sentences = verdict(&second, true);
-        assert!(sentences[0].starts_with("With onnx (model=b.onnx), 3 frames were evaluated"), "{sentences:?}");
-        assert!(sentences[1].starts_with("With onnx (model=b.onnx), the worst is rain at level 4"), "{sentences:?}");
+        assert!(
+            sentences[0].starts_with("With onnx (model=b.onnx), 3 frames were evaluated"),
+            "{sentences:?}"
+        );
+        assert!(
+            sentences[1].starts_with("With onnx (model=b.onnx), the worst is rain at level 4"),
+            "{sentences:?}"
+        );
     }
 
     #[test]

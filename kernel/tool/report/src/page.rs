@@ -52,8 +52,11 @@ pub fn render(run: &Run) -> Result<String> {
         .map(|drive| closed_loop::section(drive, &run.drives, &classes))
         .collect::<Result<Vec<_>>>()?;
     let scale = offline::Scale::of(&run.evaluations);
-    let evaluations =
-        run.evaluations.iter().map(|evaluation| offline::section(evaluation, &scale)).collect::<Result<Vec<_>>>()?;
+    let evaluations = run
+        .evaluations
+        .iter()
+        .map(|evaluation| offline::section(evaluation, &scale))
+        .collect::<Result<Vec<_>>>()?;
     let mut verdict = if run.drives.is_empty() { Vec::new() } else { closed_loop::verdict(&run.drives) };
     let several = run.evaluations.len() > 1;
     verdict.extend(run.evaluations.iter().flat_map(|evaluation| offline::verdict(evaluation, several)));

@@ -79,7 +79,10 @@ fn a_perturbation_that_is_not_returned_is_reported() {
         ("scripts", "function apply(image) image:fill(1, 2, 3) end"),
     ] {
         let error = error(folder, source);
-        assert!(error.starts_with("foo.lua: the script returns nil, but has to return a table, as in return {"), "{error}");
+        assert!(
+            error.starts_with("foo.lua: the script returns nil, but has to return a table, as in return {"),
+            "{error}"
+        );
     }
 }
 

@@ -58,7 +58,10 @@ fn two_sentences_say_what_happened() {
 fn two_drivers_are_drawn_on_one_scale() {
     let (mut first, mut second) = (drive(), drive());
     first.scenarios.iter_mut().for_each(|scenario| scenario.mean_error = 0.5);
-    second.scenarios.iter_mut().for_each(|scenario| (scenario.mean_error, scenario.time) = (3.0, 2.0 * scenario.time));
+    second
+        .scenarios
+        .iter_mut()
+        .for_each(|scenario| (scenario.mean_error, scenario.time) = (3.0, 2.0 * scenario.time));
     let all = [first, second];
     let [first, second] = [0, 1].map(|number| section(&all[number], &all, &[0.1]).unwrap());
     assert_eq!(first.error.legend, second.error.legend);
