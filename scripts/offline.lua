@@ -20,6 +20,8 @@ local settings = pdk.settings({
 	},
 	levels = { 0, 1, 2, 3, 4 },
 	frames = 0, -- how many frames from the first; 0 for all
+	tolerance = 0.1, -- the drift of the steering for which the table says from which level on it is exceeded
+	trust = false, -- rank a driver that is worse than a constant on the frames as they are
 })
 
 assert(settings.dataset ~= "", "name the recording with --set dataset=DIR")
@@ -36,4 +38,6 @@ pdk.show(pdk.evaluate({
 	perturbations = settings.perturbations,
 	levels = settings.levels,
 	frames = if settings.frames > 0 then settings.frames else nil,
+	tolerance = settings.tolerance,
+	trust = settings.trust,
 }))

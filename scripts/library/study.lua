@@ -196,7 +196,10 @@ function study.roads(settings, repeats: number, driver)
 		end
 	end
 	if #told > 0 then
-		print(`Left out for {place(settings, driver)}, because it does not manage them without perturbation: road {table.concat(told, ", ")}`)
+		print(
+			`{place(settings, driver)} fails {#told} of {#roads} roads without any perturbation, so they are left out: `
+				.. `road {table.concat(told, ", ")}`
+		)
 	end
 	return driven, left_out
 end

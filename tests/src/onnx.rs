@@ -102,6 +102,104 @@ pub fn ambiguous(path: &Path, height: u64, width: u64) {
     std::fs::write(path, model).unwrap();
 }
 
+/// Writes a network with a memory: its steering is the mean of the picture's values times `share`, plus half of its steering on the frame
+/// before. Its pictures have three planes of `height` x `width` pixels.
+///
+/// # Panics
+/// If it cannot be written.
+pub fn remembering(path: &Path, height: u64, width: u64, share: f32) {
+    let inputs = 3 * height * width;
+    let tensor = |name: &str, shape: [u64; 2], content: &[f32]| {
+        let shape: Vec<u8> = shape.iter().flat_map(|&length| number(1, length)).collect();
+        let content: Vec<u8> = content.iter().flat_map(|value| value.to_le_bytes()).collect();
+        bytes(5, &[shape, number(2, 1), bytes(8, name.as_bytes()), bytes(9, &content)].concat())
+    };
+    let weights = vec![share / inputs as f32; inputs as usize];
+    let graph = [
+        bytes(1, &node("Flatten", ["image", ""], "flat")),
+        bytes(1, &node("MatMul", ["flat", "weights"], "seen")),
+        bytes(1, &node("Mul", ["state_in", "half"], "kept")),
+        bytes(1, &node("Add", ["seen", "kept"], "state_out")),
+        bytes(1, &node("Identity", ["state_out", ""], "steering")),
+        bytes(2, b"remembering"),
+        tensor("weights", [inputs, 1], &weights),
+        tensor("half", [1, 1], &[0.5]),
+        bytes(11, &value("image", &[1, 3, height, width])),
+        bytes(11, &value("state_in", &[1, 1])),
+        bytes(12, &value("steering", &[1, 1])),
+        bytes(12, &value("state_out", &[1, 1])),
+    ]
+    .concat();
+    let model = [number(1, 8), bytes(7, &graph), bytes(8, &number(2, 17))].concat();
+    std::fs::write(path, model).unwrap();
+}
+
+/// Writes a classifier of pictures of `height` x `width` pixels: the output `scores` has the mean of red, green and blue.
+///
+/// # Panics
+/// If it cannot be written.
+pub fn colours(path: &Path, height: u64, width: u64) {
+    let means = (0..3).map(|channel| (0.0, vec![(channel, 1.0)])).collect();
+    of_means(path, height, width, &[("scores", means)]);
+}
+
+/// Writes a detector for pictures of `height` x `width` pixels, which finds a box for each channel, by its mean from 0 to 1: in the
+/// outputs `boxes` (left, top, width, height), `scores` and `classes` (the last is of class 1, the others of class 0).
+///
+/// # Panics
+/// If it cannot be written.
+pub fn boxes(path: &Path, height: u64, width: u64) {
+    let bounds = |channel: usize| {
+        let size = 16.0 + 20.0 * channel as f32;
+        [(0.0, vec![(channel, 20.0)]), (0.0, vec![(channel, 10.0)]), (size, vec![]), (16.0, vec![])]
+    };
+    let outputs = [
+        ("boxes", (0..3).flat_map(bounds).collect()),
+        ("scores", (0..3).map(|channel| (0.2, vec![(channel, 0.7)])).collect()),
+        ("classes", (0..3).map(|channel| (f32::from(channel == 2), vec![])).collect()),
+    ];
+    of_means(path, height, width, &outputs);
+}
+
+/// A value of an output: a constant, and factors of the means of channels.
+type Value = (f32, Vec<(usize, f32)>);
+
+/// Writes a network whose outputs follow from the means of the channels of its picture.
+fn of_means(path: &Path, height: u64, width: u64, outputs: &[(&str, Vec<Value>)]) {
+    let pixels = (height * width) as usize;
+    let tensor = |name: &str, shape: [u64; 2], content: &[f32]| {
+        let shape: Vec<u8> = shape.iter().flat_map(|&length| number(1, length)).collect();
+        let content: Vec<u8> = content.iter().flat_map(|value| value.to_le_bytes()).collect();
+        bytes(5, &[shape, number(2, 1), bytes(8, name.as_bytes()), bytes(9, &content)].concat())
+    };
+    let mut graph = [
+        bytes(1, &node("Flatten", ["image", ""], "flat")),
+        bytes(2, b"means"),
+        bytes(11, &value("image", &[1, 3, height, width])),
+    ]
+    .concat();
+    for (name, values) in outputs {
+        let [weights, seen, constant] = ["weights", "seen", "constant"].map(|what| format!("{name}_{what}"));
+        let count = values.len();
+        let mut content = vec![0.0; 3 * pixels * count];
+        for (place, (_, factors)) in values.iter().enumerate() {
+            for (channel, factor) in factors {
+                (0..pixels).for_each(|pixel| {
+                    content[(channel * pixels + pixel) * count + place] = factor / pixels as f32
+                });
+            }
+        }
+        let constants: Vec<f32> = values.iter().map(|(constant, _)| *constant).collect();
+        graph.extend(bytes(1, &node("MatMul", ["flat", &weights], &seen)));
+        graph.extend(bytes(1, &node("Add", [&seen, &constant], name)));
+        graph.extend(tensor(&weights, [3 * pixels as u64, count as u64], &content));
+        graph.extend(tensor(&constant, [1, count as u64], &constants));
+        graph.extend(bytes(12, &self::value(name, &[1, count as u64])));
+    }
+    let model = [number(1, 8), bytes(7, &graph), bytes(8, &number(2, 17))].concat();
+    std::fs::write(path, model).unwrap();
+}
+
 /// Writes a network that gives the picture that it gets: three planes of `height` x `width` pixels.
 ///
 /// # Panics

@@ -9,7 +9,7 @@ use pdk_sdk::config::Config;
 use pdk_sdk::describe::{Description, Kind};
 use pdk_sdk::error::{Error, ErrorKind, Result};
 use pdk_sdk::input_files::InputFiles;
-use pdk_sdk::prelude::{Dataset, Driver, Mask, Perturbation, Saliency, Search, Simulator};
+use pdk_sdk::prelude::{Dataset, Driver, Mask, Perturbation, Predictor, Saliency, Search, Simulator};
 use serde_json::{Map, Value};
 
 use crate::catalog::{Catalog, Entry, drop_in_name};
@@ -515,6 +515,8 @@ create_functions! {
     saliency: Saliency as Saliency;
     /// Makes a mask.
     mask: Mask as Mask;
+    /// Makes a predictor.
+    predictor: Predictor as Predictor;
     /// Makes a search strategy.
     search: Search as Search;
 }

@@ -16,14 +16,13 @@ use pdk_supervise::calls::Function;
 
 use crate::drive::{Instances, Run, Witnesses};
 use crate::environment::Environment;
-use crate::evaluate::Evaluator;
+use crate::evaluate::{self, Evaluator};
 use crate::fault::Fault;
 use crate::held::{Held, keep};
-use crate::protocol::{
-    Answer, Drive, Driven, Failure, Hello, Job, Made, Make, SearchStep, StartSearch, Work,
-};
+use crate::protocol::{Answer, Drive, Driven, Hello, Job, Made, Make, SearchStep, StartSearch, Work};
 use crate::recent::Recent;
 use crate::recorder::Recorder;
+use crate::sequences;
 use crate::stages::Stopwatch;
 
 /// The folder of this process's topics, for the thread that takes them off the machine when the process has to end at once.
@@ -88,19 +87,12 @@ impl<'a> Engine<'a> {
                 Ok(driven) => Answer::Driven(driven),
                 Err(error) => Answer::Broken(error.into()),
             },
-            Work::Evaluate(frame) => {
-                let evaluator = Evaluator::kept(&mut self.evaluator, self.registry, &frame.evaluation);
-                let evaluated =
-                    evaluator.map_err(Failure::from).and_then(|evaluator| evaluator.evaluate(frame.index));
-                if evaluated.as_ref().is_err_and(|failure| failure.kind == ErrorKind::Panic) {
-                    // What panicked may be in any state.
-                    self.evaluator = None;
-                }
-                match evaluated {
+            Work::Evaluate(frames) => {
+                match evaluate::frames(&mut self.evaluator, self.registry, frames, progress) {
                     Ok(evaluated) => Answer::Evaluated(evaluated),
-                    // It says nothing about the frame.
-                    Err(failure) if failure.kind == ErrorKind::Configuration => Answer::Broken(failure),
-                    Err(failure) => Answer::Failed(failure),
+                    // It says nothing about the frames.
+                    Err(error) if error.kind() == ErrorKind::Configuration => Answer::Broken(error.into()),
+                    Err(error) => Answer::Failed(error.into()),
                 }
             }
             Work::Make(make) => {
@@ -144,10 +136,20 @@ impl<'a> Engine<'a> {
                 let mut held = Held::new(*kind, component, instance);
                 made.info = held.call(Function::Info, None, |driver| Ok(driver.info()))?;
             }
+            Kind::Predictor => {
+                let instance = self.registry.predictor(name, parameters)?.0;
+                let mut held = Held::new(*kind, component, instance);
+                made.info = held.call(Function::Info, None, |predictor| Ok(predictor.info()))?;
+            }
             Kind::Dataset => {
                 let instance: Box<dyn Dataset> = self.registry.dataset(name, parameters)?.0;
                 let mut held = Held::new(*kind, component, instance);
-                made.frames = Some(held.call(Function::Len, None, |dataset| Ok(dataset.len()))?);
+                let frames = held.call(Function::Len, None, |dataset| Ok(dataset.len()))?;
+                let position = |index| {
+                    held.call(Function::Position, Some(index as u64), |dataset| Ok(dataset.position(index)))
+                };
+                let positions: Vec<_> = (0..frames).map(position).collect::<Result<_>>()?;
+                (made.frames, made.sequences) = (Some(frames), sequences::starts(&positions));
             }
             // Nothing is asked of the others.
             kind => {
@@ -339,7 +341,9 @@ fn check(job: &Job) -> Result<()> {
             drive.scenario.failure.check()?;
             &drive.scenario.perturbations
         }
-        Work::Evaluate(frame) => &frame.evaluation.perturbations,
+        Work::Evaluate(frames) => {
+            return frames.perturbation.iter().try_for_each(|applied| applied.level.check(&applied.name));
+        }
         Work::Make(_) | Work::InputFiles(_) | Work::Search(_) => return Ok(()),
     };
     perturbations.iter().try_for_each(|applied| applied.level.check(&applied.name))

@@ -1,5 +1,6 @@
-//! Evaluates frames of a dataset: perturbs them and asks the driver what it makes of them.
+//! Evaluates frames of a dataset: perturbs them and asks the driver what it makes of them, one after the other as in a drive.
 
+use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
 use pdk_chain::chain::Chain;
@@ -7,104 +8,253 @@ use pdk_chain::moment::Moment;
 use pdk_components::registry::Registry;
 use pdk_sdk::describe::Kind;
 use pdk_sdk::error::{Error, ErrorKind, Result};
-use pdk_sdk::prelude::{Control, Dataset, DriveContext, Driver, Entry, FrameBuf};
+use pdk_sdk::prelude::{Control, Dataset, DriveContext, Driver, Entry, Frame, FrameBuf, Predictor};
 use pdk_supervise::calls::Function;
 
 use crate::held::Held;
-use crate::protocol::{Evaluated, Evaluation, Failure};
+use crate::protocol::{EvaluateFrames, Evaluated, EvaluatedFrame, Subject};
+use crate::taken::{Take, Taken};
 
-/// Instances for one evaluation.
+/// Decoded pictures that are kept for the next perturbation of the same frames, in bytes.
+const KEPT_PICTURES: usize = 256 << 20;
+
+/// Values that a job may return, so that its answer is a message that can be sent.
+const MOST_VALUES: usize = 4 << 20;
+
+/// A dataset and what looks at its frames, which are kept from one job to the next.
 pub struct Evaluator {
-    evaluation: Evaluation,
     dataset: Held<dyn Dataset>,
-    driver: Held<dyn Driver>,
-    /// One for each perturbation of the evaluation.
-    chains: Vec<Chain>,
+    looking: Looking,
+    pictures: Pictures,
     perturbed: FrameBuf,
 }
 
-impl Evaluator {
-    /// The evaluator that is kept, made anew where another evaluation is asked for.
-    ///
-    /// # Errors
-    /// If a component cannot be made.
-    pub fn kept<'a>(
-        kept: &'a mut Option<Self>,
-        registry: &Registry,
-        evaluation: &Evaluation,
-    ) -> Result<&'a mut Self> {
-        if kept.as_ref().is_some_and(|evaluator| evaluator.evaluation != *evaluation) {
-            *kept = None;
-        }
-        match kept {
-            Some(evaluator) => Ok(evaluator),
-            None => Ok(kept.insert(Self::new(registry, evaluation)?)),
-        }
-    }
+/// What looks at frames.
+enum Looking {
+    Driver(Held<dyn Driver>),
+    Predictor(Held<dyn Predictor>, Take),
+}
 
-    fn new(registry: &Registry, evaluation: &Evaluation) -> Result<Self> {
-        let Evaluation { dataset, driver, perturbations, seed } = evaluation;
-        let (reader, _) = registry.dataset(&dataset.name, &dataset.parameters)?;
-        let (instance, _) = registry.driver(&driver.name, &driver.parameters)?;
-        let chain = |applied| Chain::new(registry, std::slice::from_ref(applied), *seed);
+/// What was seen in a frame.
+enum Seen {
+    Control(Control),
+    Taken(Taken),
+}
+
+/// Entries of a dataset by their number, as many as there is room for.
+#[derive(Default)]
+struct Pictures {
+    entries: HashMap<usize, Entry>,
+    bytes: usize,
+}
+
+/// Why a frame has no result.
+struct Failed {
+    error: Error,
+    by_driver: bool,
+}
+
+impl From<Error> for Failed {
+    fn from(error: Error) -> Self {
+        Self { error, by_driver: false }
+    }
+}
+
+/// Evaluates the frames of a job with the evaluator that is kept, which is made anew for another dataset or driver. `progress` is called
+/// for every frame.
+///
+/// A frame that cannot be read or at which a component fails is bad, and the driver begins anew behind it.
+///
+/// # Errors
+/// If a component cannot be made, or one says that the machine's set-up is wrong.
+pub fn frames(
+    kept: &mut Option<Evaluator>,
+    registry: &Registry,
+    job: &EvaluateFrames,
+    progress: &mut dyn FnMut(u64),
+) -> Result<Evaluated> {
+    let mut evaluator = match kept.take() {
+        Some(evaluator) if evaluator.is_for(job) => evaluator,
+        _ => Evaluator::new(registry, job)?,
+    };
+    let mut chain = chain(registry, job)?;
+    evaluator.pictures.keep_only(job.from, job.end);
+    let origin = evaluator.origin(job.sequence)?;
+    let mut evaluated = Evaluated { frames: Vec::new(), perturbation_seconds: 0.0, driver_seconds: 0.0 };
+    let (mut begins, mut values) = (true, 0);
+    for index in job.from..job.end {
+        let at = Some(index as u64);
+        let name = evaluator.dataset.call(Function::Name, at, |dataset| Ok(dataset.name(index)))?;
+        let found = evaluator.frame(index, (job.sequence, origin), begins, chain.as_mut(), &mut evaluated);
+        begins = found.is_err();
+        let frame = match found {
+            Ok((truth, Seen::Control(control))) => EvaluatedFrame::Good { frame: name, truth, control },
+            Ok((_, Seen::Taken(taken))) => {
+                values += taken.size();
+                if values > MOST_VALUES {
+                    return Err(Error::of(
+                        ErrorKind::Configuration,
+                        format!(
+                            "the outputs of {} frames have more than {MOST_VALUES} values, which is too much to send; name those that the \
+                             metric needs with `outputs` of the task",
+                            index + 1 - job.start
+                        ),
+                    ));
+                }
+                EvaluatedFrame::Predicted { frame: name, taken }
+            }
+            Err(Failed { error, .. }) if error.kind() == ErrorKind::Configuration => return Err(error),
+            Err(Failed { error, by_driver }) => {
+                if error.kind() == ErrorKind::Panic {
+                    // What panicked may be in any state.
+                    evaluator = Evaluator::new(registry, job)?;
+                    chain = self::chain(registry, job)?;
+                }
+                EvaluatedFrame::Bad { frame: name, error: error.message().to_owned(), by_driver }
+            }
+        };
+        if index >= job.start {
+            evaluated.frames.push(frame);
+        }
+        progress(1);
+    }
+    *kept = Some(evaluator);
+    Ok(evaluated)
+}
+
+fn chain(registry: &Registry, job: &EvaluateFrames) -> Result<Option<Chain>> {
+    let make = |applied| Chain::new(registry, std::slice::from_ref(applied), job.seed);
+    job.perturbation.as_ref().map(make).transpose()
+}
+
+impl Evaluator {
+    fn new(registry: &Registry, job: &EvaluateFrames) -> Result<Self> {
+        let (reader, _) = registry.dataset(&job.dataset.name, &job.dataset.parameters)?;
+        let looking = match &job.subject {
+            Subject::Driver(driver) => {
+                let (instance, _) = registry.driver(&driver.name, &driver.parameters)?;
+                Looking::Driver(Held::new(Kind::Driver, driver.clone(), instance))
+            }
+            Subject::Predictor { component, take } => {
+                let (instance, _) = registry.predictor(&component.name, &component.parameters)?;
+                Looking::Predictor(Held::new(Kind::Predictor, component.clone(), instance), take.clone())
+            }
+        };
         Ok(Self {
-            evaluation: evaluation.clone(),
-            dataset: Held::new(Kind::Dataset, dataset.clone(), reader),
-            driver: Held::new(Kind::Driver, driver.clone(), instance),
-            chains: perturbations.iter().map(chain).collect::<Result<_>>()?,
+            dataset: Held::new(Kind::Dataset, job.dataset.clone(), reader),
+            looking,
+            pictures: Pictures::default(),
             perturbed: FrameBuf::default(),
         })
     }
 
-    /// Evaluates a frame.
-    ///
-    /// # Errors
-    /// If the frame cannot be read, or a component fails; with the name of the frame, unless that is what failed.
-    pub fn evaluate(&mut self, index: usize) -> Result<Evaluated, Failure> {
-        let frame =
-            self.dataset.call(Function::Name, Some(index as u64), |dataset| Ok(dataset.name(index)))?;
-        self.evaluate_named(index, frame.clone())
-            .map_err(|error| Failure { frame: Some(frame), ..Failure::from(error) })
+    fn is_for(&self, job: &EvaluateFrames) -> bool {
+        let same = match (&self.looking, &job.subject) {
+            (Looking::Driver(held), Subject::Driver(driver)) => held.component() == driver,
+            (Looking::Predictor(held, taken), Subject::Predictor { component, take }) => {
+                (held.component(), taken) == (component, take)
+            }
+            _ => false,
+        };
+        same && *self.dataset.component() == job.dataset
     }
 
-    fn evaluate_named(&mut self, index: usize, frame: String) -> Result<Evaluated> {
+    /// The time of the first frame of a sequence; 0 if the reader does not know it.
+    fn origin(&mut self, sequence: usize) -> Result<f64> {
+        let at = Some(sequence as u64);
+        let position = self.dataset.call(Function::Position, at, |dataset| Ok(dataset.position(sequence)))?;
+        Ok(if position.time.is_finite() { position.time } else { 0.0 })
+    }
+
+    /// What was recorded with a frame, and what is seen in it. `sequence` says where its sequence begins: the number of the frame, and
+    /// its time.
+    fn frame(
+        &mut self,
+        index: usize,
+        sequence: (usize, f64),
+        begins: bool,
+        chain: Option<&mut Chain>,
+        times: &mut Evaluated,
+    ) -> Result<(Control, Seen), Failed> {
         let at = Some(index as u64);
-        let entry = self.dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?))?;
-        let cx = DriveContext { frame_index: index as u64, time: entry.time, speed: f64::NAN };
-        let source = entry.frame.as_ref();
-        let Self { driver, chains, perturbed, .. } = self;
-        let (mut perturbing, mut driving) = (Duration::ZERO, Duration::ZERO);
-        let mut drive = |frame: pdk_sdk::prelude::Frame<'_>| {
+        let Self { dataset, looking, pictures, perturbed } = self;
+        let needs_truth = matches!(looking, Looking::Driver(_));
+        let entry = pictures.entry(index, || {
+            dataset.call(Function::Read, at, |dataset| plausible(dataset.read(index)?, needs_truth))
+        })?;
+        let mut frame = entry.frame.as_ref();
+        if let Some(chain) = chain {
             let started = Instant::now();
-            // Every frame counts for itself: what a driver remembers must not leak from one into the next.
-            driver.call(Function::Reset, at, |driver| driver.reset())?;
-            let control = driver.call(Function::Drive, at, |driver| driver.drive(frame, &cx)?.checked());
-            driving += started.elapsed();
-            control
-        };
-        let original = drive(source)?;
-        perturbed.resize(source.width(), source.height());
-        let mut controls = Vec::with_capacity(chains.len());
-        for chain in chains {
-            let started = Instant::now();
-            chain.apply(source, perturbed.as_mut(), &Moment::new(index as u64, entry.time).alone())?;
-            perturbing += started.elapsed();
-            controls.push(drive(perturbed.as_ref())?);
+            perturbed.resize(frame.width(), frame.height());
+            chain.apply(frame, perturbed.as_mut(), &Moment::new(index as u64, entry.time).alone())?;
+            times.perturbation_seconds += seconds(started.elapsed());
+            frame = perturbed.as_ref();
         }
-        Ok(Evaluated {
-            frame,
-            truth: Control { steering: entry.steering, throttle: entry.throttle },
-            original,
-            perturbed: controls,
-            perturbation_seconds: perturbing.as_secs_f64(),
-            driver_seconds: driving.as_secs_f64(),
-        })
+        let (first, origin) = sequence;
+        let frame_index = (index - first) as u64;
+        let cx = DriveContext { frame_index, time: entry.time - origin, speed: f64::NAN };
+        let by_driver = |error| Failed { error, by_driver: true };
+        let started = Instant::now();
+        let seen = looking.look(frame, &cx, at, begins).map_err(by_driver)?;
+        times.driver_seconds += seconds(started.elapsed());
+        Ok((Control { steering: entry.steering, throttle: entry.throttle }, seen))
     }
 }
 
-/// A frame that a prediction can be compared with.
-fn plausible(entry: Entry) -> Result<Entry> {
-    match [entry.steering, entry.throttle, entry.time].iter().all(|value| value.is_finite()) {
+impl Looking {
+    fn look(&mut self, frame: Frame<'_>, cx: &DriveContext, at: Option<u64>, begins: bool) -> Result<Seen> {
+        match self {
+            Self::Driver(driver) => {
+                if begins {
+                    driver.call(Function::Reset, at, |driver| driver.reset())?;
+                }
+                driver
+                    .call(Function::Drive, at, |driver| driver.drive(frame, cx)?.checked())
+                    .map(Seen::Control)
+            }
+            Self::Predictor(predictor, take) => {
+                if begins {
+                    predictor.call(Function::Reset, at, |predictor| predictor.reset())?;
+                }
+                let size = (frame.width(), frame.height());
+                predictor
+                    .call(Function::Predict, at, |predictor| take.from(predictor.predict(frame, cx)?, size))
+                    .map(Seen::Taken)
+            }
+        }
+    }
+}
+
+impl Pictures {
+    /// Forgets what is not among these frames, so that there is room for them.
+    fn keep_only(&mut self, from: usize, end: usize) {
+        self.entries.retain(|index, _| (from..end).contains(index));
+        self.bytes = self.entries.values().map(|entry| entry.frame.data().len()).sum();
+    }
+
+    /// An entry, which is read if it is not kept.
+    fn entry(&mut self, index: usize, read: impl FnOnce() -> Result<Entry>) -> Result<Entry> {
+        if let Some(entry) = self.entries.get(&index) {
+            return Ok(entry.clone());
+        }
+        let entry = read()?;
+        let bytes = entry.frame.data().len();
+        if self.bytes + bytes <= KEPT_PICTURES {
+            self.bytes += bytes;
+            self.entries.insert(index, entry.clone());
+        }
+        Ok(entry)
+    }
+}
+
+fn seconds(duration: Duration) -> f64 {
+    duration.as_secs_f64()
+}
+
+/// A frame that a prediction can be compared with. Only drivers are compared with what was recorded.
+fn plausible(entry: Entry, needs_truth: bool) -> Result<Entry> {
+    let truth = [entry.steering, entry.throttle];
+    match entry.time.is_finite() && (!needs_truth || truth.iter().all(|value| value.is_finite())) {
         true => Ok(entry),
         false => Err(Error::of(
             ErrorKind::Nonsense,

@@ -20,7 +20,7 @@ use pdk_supervise::supervisor::kill_group;
 use crate::engine::{BUS_ROOT, Engine};
 use crate::environment::Environment;
 use crate::lines::{self, Found};
-use crate::protocol::{Done, FromWorker, Hello, Progress, Ready, ToWorker, VERSION};
+use crate::protocol::{Done, FromWorker, Hello, Progress, Ready, ToWorker, VERSION, Work};
 
 /// How long taking leave of the components may take.
 const LEAVE: Duration = Duration::from_secs(10);
@@ -115,11 +115,12 @@ fn serve(
         };
         busy.store(true, Ordering::SeqCst);
         let number = job.number;
+        let is_evaluation = matches!(job.work, Work::Evaluate(_));
         let (mut frames, mut told) = (0, Instant::now());
         let answer = engine.work(&job, &mut |more| {
             frames += more;
-            // The clock is looked at now and then only.
-            if frames.is_multiple_of(8) && told.elapsed() >= PROGRESS {
+            // In a drive the clock is looked at now and then only.
+            if (frames.is_multiple_of(8) || is_evaluation) && told.elapsed() >= PROGRESS {
                 told = Instant::now();
                 let _ = lines::write(output, &FromWorker::Progress(Progress { number, frames }));
                 frames = 0;

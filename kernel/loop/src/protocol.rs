@@ -20,10 +20,11 @@ use pdk_sdk::prelude::{Camera, Control};
 use serde::{Deserialize, Serialize};
 
 use crate::stages::Times;
+use crate::taken::{Take, Taken};
 
 /// The version of the protocol. Both ends have to have the same one; within a version new fields may come, which the other end leaves
 /// out. `docs/worker-protocol.md` says what else is a new version.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// A message to a worker.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -82,8 +83,8 @@ impl Job {
 pub enum Work {
     /// Drive a scenario.
     Drive(Box<Drive>),
-    /// Evaluate a frame of a dataset.
-    Evaluate(EvaluateFrame),
+    /// Evaluate frames of a dataset, one after the other.
+    Evaluate(Box<EvaluateFrames>),
     /// Make a component and say what it is like.
     Make(Make),
     /// List the files that a component would read besides those that its parameters name. Only a worker of this machine gets it.
@@ -120,26 +121,43 @@ pub struct Skip {
     pub count: u64,
 }
 
-/// A frame of a dataset to evaluate.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct EvaluateFrame {
-    /// What the frame goes through.
-    pub evaluation: Evaluation,
-    /// The number of the frame in its dataset, from 0.
-    pub index: usize,
-}
-
-/// What every frame of a dataset goes through.
+/// Frames of a dataset to evaluate: they belong to one sequence and are driven one after the other, so that the driver remembers
+/// earlier ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Evaluation {
+pub struct EvaluateFrames {
     /// The dataset.
     pub dataset: ComponentSpec,
-    /// The driver under test.
-    pub driver: ComponentSpec,
-    /// Each perturbation at each level; each is applied by itself.
-    pub perturbations: Vec<AppliedPerturbation>,
+    /// What looks at the frames.
+    #[serde(flatten)]
+    pub subject: Subject,
+    /// What every frame goes through; none for the frames as they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub perturbation: Option<AppliedPerturbation>,
     /// What random numbers come from.
     pub seed: u64,
+    /// The first frame of the sequence, from 0: the driver counts frames and time from here.
+    pub sequence: usize,
+    /// The first frame that is driven. What the driver makes of those before `start` does not count.
+    pub from: usize,
+    /// The first frame whose result counts.
+    pub start: usize,
+    /// The frame behind the last.
+    pub end: usize,
+}
+
+/// What looks at the frames of a dataset.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Subject {
+    /// A driver under test.
+    Driver(ComponentSpec),
+    /// A predictor under test, with what is taken from its outputs.
+    Predictor {
+        /// The predictor.
+        component: ComponentSpec,
+        /// What is taken.
+        take: Take,
+    },
 }
 
 /// A component to make.
@@ -234,7 +252,7 @@ pub struct Done {
 pub enum Answer {
     /// A scenario was driven, to whatever end.
     Driven(Driven),
-    /// A frame was evaluated.
+    /// Frames were evaluated.
     Evaluated(Evaluated),
     /// A component was made.
     Made(Made),
@@ -281,21 +299,47 @@ impl Driven {
     }
 }
 
-/// What a frame gave.
+/// What frames gave.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Evaluated {
-    /// The name of the frame.
-    pub frame: String,
-    /// What was recorded.
-    pub truth: Control,
-    /// What the driver makes of the frame as it is.
-    pub original: Control,
-    /// What it makes of it under each perturbation.
-    pub perturbed: Vec<Control>,
+    /// One for each frame, in their order.
+    pub frames: Vec<EvaluatedFrame>,
     /// Time of all perturbations together, in seconds.
     pub perturbation_seconds: f64,
     /// Time of all predictions together, in seconds.
     pub driver_seconds: f64,
+}
+
+/// What a frame gave.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum EvaluatedFrame {
+    /// The driver decided.
+    Good {
+        /// The name of the frame.
+        frame: String,
+        /// What was recorded.
+        truth: Control,
+        /// What the driver makes of it.
+        control: Control,
+    },
+    /// The predictor gave its outputs.
+    Predicted {
+        /// The name of the frame.
+        frame: String,
+        /// What was taken from them.
+        taken: Taken,
+    },
+    /// It could not be read, or a component failed.
+    Bad {
+        /// The name of the frame.
+        frame: String,
+        /// The reason.
+        error: String,
+        /// Whether it was the driver or the predictor that failed.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        by_driver: bool,
+    },
 }
 
 /// What a component is like once it is made.
@@ -307,6 +351,9 @@ pub struct Made {
     /// The number of frames in a dataset.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,
+    /// The frames of a dataset that begin a sequence: see [`crate::sequences`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sequences: Vec<usize>,
     /// What a driver says of itself.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub info: Vec<(String, String)>,
@@ -319,14 +366,17 @@ pub struct Failure {
     pub kind: ErrorKind,
     /// Its sentence.
     pub message: String,
-    /// The name of the frame of a dataset, where the reader came to tell it.
+    /// Of an evaluation: the number of the frame at which the process was lost, where that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub frame: Option<String>,
+    pub at: Option<u64>,
+    /// Of an evaluation: whether the driver was at work.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub by_driver: bool,
 }
 
 impl From<Error> for Failure {
     fn from(error: Error) -> Self {
-        Self { kind: error.kind(), message: error.message().to_owned(), frame: None }
+        Self { kind: error.kind(), message: error.message().to_owned(), at: None, by_driver: false }
     }
 }
 

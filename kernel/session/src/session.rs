@@ -19,7 +19,7 @@ use pdk_sdk::input_files::InputFiles;
 use crate::connection::Pool;
 use crate::dispatch::{Dispatch, Event, Record, Request, Shared};
 pub use crate::submission::{Options, Performance, Reply, Submission, Ticket};
-use pdk_loop::protocol::{Drive, EvaluateFrame, Made, Make, Ready, SearchStep, StartSearch, Work};
+use pdk_loop::protocol::{Drive, EvaluateFrames, Made, Make, Ready, SearchStep, StartSearch, Work};
 
 /// The session's handle, which the pipeline holds.
 pub struct Session {
@@ -118,9 +118,9 @@ impl Session {
         self.request(Request::Work(Box::new(Work::Drive(Box::new(drive)))))
     }
 
-    /// Submits a frame of a dataset.
-    pub fn evaluate(&mut self, frame: EvaluateFrame) -> Ticket {
-        self.request(Request::Work(Box::new(Work::Evaluate(frame))))
+    /// Submits frames of a dataset.
+    pub fn evaluate(&mut self, frames: EvaluateFrames) -> Ticket {
+        self.request(Request::Work(Box::new(Work::Evaluate(Box::new(frames)))))
     }
 
     /// Makes a component, and says what it is like.

@@ -49,7 +49,7 @@ pub enum Reply {
     Recorded(Arc<Line>, bool),
     /// A scenario that was driven without being recorded.
     Driven(Box<Driven>),
-    /// A frame of a dataset.
+    /// Frames of a dataset.
     Evaluated(Box<Evaluated>),
     /// A component.
     Made(Made),

@@ -12,11 +12,11 @@ use std::time::{Duration, Instant};
 use pdk_notice::eprintln;
 use pdk_record::trace::writer::part_of;
 use pdk_sdk::error::{Error, ErrorKind, Place, Result};
-use pdk_supervise::calls::Seen;
+use pdk_supervise::calls::{Function, Seen};
 use pdk_supervise::supervisor::{End, LOOK, Limits, Supervised, is_from_outside};
 
 use pdk_loop::lines::{self, Found};
-use pdk_loop::protocol::{Answer, Done, Driven, FromWorker, Hello, Job, ToWorker, VERSION, Work};
+use pdk_loop::protocol::{Answer, Done, Driven, Failure, FromWorker, Hello, Job, ToWorker, VERSION, Work};
 use pdk_loop::recorder::write_trace;
 
 /// How often a job is begun whose process is killed from outside, and how often a process is started that is killed before it is ready.
@@ -330,8 +330,14 @@ impl Worker {
     /// What becomes of a job whose process came to this end.
     fn answer(&self, job: &Job, end: &End, calls: &[Seen]) -> Answer {
         let (kind, message) = (end.kind(), self.sentence(end, calls));
-        let Work::Drive(drive) = &job.work else { return Answer::Failed(Error::of(kind, message).into()) };
-        let frames = calls.iter().find_map(|call| call.frame).unwrap_or_default();
+        let at = calls.iter().find_map(|call| call.frame);
+        let Work::Drive(drive) = &job.work else {
+            let by_driver = calls
+                .iter()
+                .any(|call| matches!(call.function, Function::Drive | Function::Predict | Function::Reset));
+            return Answer::Failed(Failure { at, by_driver, ..Error::of(kind, message).into() });
+        };
+        let frames = at.unwrap_or_default();
         match write_trace(drive, &message) {
             Ok(()) => Answer::Driven(Driven::lost(kind, message, frames)),
             Err(error) => Answer::Broken(error.into()),

@@ -49,6 +49,8 @@ pub enum Function {
     Apply,
     /// A frame for a driver.
     Drive,
+    /// A frame for a predictor.
+    Predict,
     /// What a driver says of itself.
     Info,
     /// The files that a component reads.
@@ -59,6 +61,8 @@ pub enum Function {
     Name,
     /// A frame of a dataset.
     Read,
+    /// Where in its recording a frame of a dataset lies.
+    Position,
     /// The size of a saliency map.
     MapSize,
     /// A frame for a saliency method.
@@ -82,7 +86,7 @@ pub enum Function {
 }
 
 impl Function {
-    const ALL: [Self; 24] = [
+    const ALL: [Self; 26] = [
         Self::Load,
         Self::New,
         Self::Camera,
@@ -92,11 +96,13 @@ impl Function {
         Self::Waypoints,
         Self::Apply,
         Self::Drive,
+        Self::Predict,
         Self::Info,
         Self::InputFiles,
         Self::Len,
         Self::Name,
         Self::Read,
+        Self::Position,
         Self::MapSize,
         Self::Map,
         Self::Weights,
@@ -121,11 +127,13 @@ impl Function {
             Self::Waypoints => "waypoints",
             Self::Apply => "apply",
             Self::Drive => "drive",
+            Self::Predict => "predict",
             Self::Info => "info",
             Self::InputFiles => "input_files",
             Self::Len => "len",
             Self::Name => "name",
             Self::Read => "read",
+            Self::Position => "position",
             Self::MapSize => "map_size",
             Self::Map => "map",
             Self::Weights => "weights",

@@ -114,6 +114,17 @@ impl Dataset for Folder {
             time: self.clock.time(index, &record).map_err(|e| e.at(name))?,
         })
     }
+
+    fn position(&self, index: usize) -> Position {
+        let unknown = Position { part: 0, number: index as u64, time: f64::NAN };
+        let Some(Row { name, files: Files::Pair { record } }) = self.rows.get(index) else { return unknown };
+        let record = read_record(&self.folder, record).ok();
+        Position {
+            number: image_number(name).unwrap_or(index as u64),
+            time: record.and_then(|record| self.clock.time(index, &record).ok()).unwrap_or(f64::NAN),
+            ..unknown
+        }
+    }
 }
 
 /// The files that share a number.
@@ -226,6 +237,7 @@ mod tests {
         assert_eq!(entry.frame.width(), 24);
         assert_eq!(folder.read(3).unwrap().frame.width(), 32);
         assert!(folder.read(4).unwrap_err().message().contains("has 4 frames"));
+        assert_eq!(folder.position(2), Position { part: 0, number: 10, time: 0.1 });
     }
 
     #[test]

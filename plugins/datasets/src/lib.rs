@@ -1,4 +1,4 @@
-//! Readers of recorded datasets: DonkeyCar tubs and folders of images with one record each.
+//! Readers of recorded datasets: DonkeyCar tubs, folders of images with one record each, and pictures without records.
 //!
 //! Both readers follow one rule about faults. What makes the recording unusable as a whole (no such folder, no
 //! frames, no index) is an error when the reader is made. What is wrong with one frame (a missing or damaged image,
@@ -8,6 +8,7 @@
 mod clock;
 mod folder;
 mod inside;
+mod pictures;
 mod record;
 mod tub;
 
@@ -15,6 +16,7 @@ mod tub;
 mod fixture;
 
 pub use folder::Folder;
+pub use pictures::Pictures;
 pub use tub::Tub;
 
-pdk_sdk::export! { datasets: [tub::Tub, folder::Folder] }
+pdk_sdk::export! { datasets: [tub::Tub, folder::Folder, pictures::Pictures] }

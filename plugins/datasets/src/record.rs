@@ -4,7 +4,7 @@ use pdk_sdk::prelude::*;
 use pdk_sdk::serde_json::{Map, Value};
 
 /// The steering and the time of one frame, as they were recorded.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Record {
     /// -1 (full left) to 1 (full right).
     pub steering: f64,
@@ -12,11 +12,15 @@ pub struct Record {
     pub throttle: f64,
     /// Milliseconds since any fixed moment, where the record has a time.
     pub milliseconds: Option<f64>,
+    /// Its number in the recording, where the record has one.
+    pub number: Option<u64>,
+    /// The drive that it belongs to, where the record names one.
+    pub session: Option<String>,
 }
 
 impl Record {
-    /// Reads the keys that DonkeyCar writes: `user/angle`, `user/throttle`, and the time as `_timestamp_ms` (tub v2)
-    /// or `milliseconds` (tub v1).
+    /// Reads the keys that DonkeyCar writes: `user/angle`, `user/throttle`, the time as `_timestamp_ms` (tub v2) or `milliseconds`
+    /// (tub v1), and `_index` and `_session_id`.
     ///
     /// # Errors
     /// If the steering or the throttle is missing, is not a number, or is outside -1 to 1.
@@ -27,6 +31,8 @@ impl Record {
             milliseconds: ["_timestamp_ms", "milliseconds"]
                 .iter()
                 .find_map(|key| json.get(*key).and_then(Value::as_f64)),
+            number: json.get("_index").and_then(Value::as_u64),
+            session: json.get("_session_id").and_then(Value::as_str).map(str::to_owned),
         })
     }
 }
@@ -52,9 +58,11 @@ mod tests {
 
     #[test]
     fn the_keys_of_both_tub_versions_are_read() {
-        let v2 = parse(json!({"user/angle": 0.5, "user/throttle": -1, "_timestamp_ms": 1602421393803u64}))
-            .unwrap();
-        assert_eq!(v2, Record { steering: 0.5, throttle: -1.0, milliseconds: Some(1602421393803.0) });
+        let v2 = json!({"user/angle": 0.5, "user/throttle": -1, "_timestamp_ms": 1602421393803u64, "_index": 7,
+            "_session_id": "20-10-11_0"});
+        let v2 = parse(v2).unwrap();
+        assert_eq!((v2.number, v2.session.as_deref()), (Some(7), Some("20-10-11_0")));
+        assert_eq!((v2.steering, v2.throttle, v2.milliseconds), (0.5, -1.0, Some(1602421393803.0)));
         let v1 = parse(json!({"user/angle": 0, "user/throttle": 0.1, "milliseconds": 40})).unwrap();
         assert_eq!(v1.milliseconds, Some(40.0));
         assert_eq!(parse(json!({"user/angle": 0, "user/throttle": 0})).unwrap().milliseconds, None);

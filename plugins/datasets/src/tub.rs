@@ -35,6 +35,8 @@ struct Row {
     name: String,
     /// What it says, or what is wrong with it.
     record: Result<Record>,
+    /// The number of the drive that it belongs to.
+    part: u64,
 }
 
 impl Component for Tub {
@@ -61,6 +63,7 @@ impl Component for Tub {
         if rows.is_empty() {
             return Err(Error::new(format!("{place} has no records that are not deleted")));
         }
+        number_parts(&mut rows);
         let clock = Clock::new(config, rows.iter().find_map(|row| row.record.as_ref().ok()));
         Ok(Self { folder, rows, catalogs: manifest.catalogs, clock })
     }
@@ -93,6 +96,30 @@ impl Dataset for Tub {
             throttle: record.throttle,
             time: self.clock.time(index, &record).map_err(|e| e.at(&row.name))?,
         })
+    }
+
+    fn position(&self, index: usize) -> Position {
+        let unknown = Position { part: 0, number: index as u64, time: f64::NAN };
+        let Some(row) = self.rows.get(index) else { return unknown };
+        let Ok(record) = &row.record else { return Position { part: row.part, ..unknown } };
+        Position {
+            part: row.part,
+            number: record.number.unwrap_or(index as u64),
+            time: self.clock.time(index, record).unwrap_or(f64::NAN),
+        }
+    }
+}
+
+/// Numbers the drives: a new one begins wherever the session changes.
+fn number_parts(rows: &mut [Row]) {
+    let (mut part, mut session) = (0, None);
+    for row in rows {
+        // A record that cannot be read does not name its session.
+        if let Ok(record) = &row.record {
+            part += u64::from(session.as_ref().is_some_and(|before| *before != record.session));
+            session = Some(record.session.clone());
+        }
+        row.part = part;
     }
 }
 
@@ -137,17 +164,17 @@ fn row(catalog: &str, number: usize, line: &str, deleted: &BTreeSet<u64>) -> Opt
     let place = format!("{catalog} line {number}");
     let json = match serde_json::from_str::<Map<String, Value>>(line).place(&place) {
         Ok(json) => json,
-        Err(error) => return Some(Row { name: place, record: Err(error) }),
+        Err(error) => return Some(Row { name: place, record: Err(error), part: 0 }),
     };
     if json.get("_index").and_then(Value::as_u64).is_some_and(|index| deleted.contains(&index)) {
         return None;
     }
     let record = Record::from_json(&json).map_err(|e| e.at(&place));
     Some(match json.get("cam/image_array").and_then(Value::as_str) {
-        Some(name) => Row { name: name.to_owned(), record },
+        Some(name) => Row { name: name.to_owned(), record, part: 0 },
         None => {
             let error = Error::new(format!("{place}: the record names no image (`cam/image_array`)"));
-            Row { name: place, record: Err(error) }
+            Row { name: place, record: Err(error), part: 0 }
         }
     })
 }
@@ -204,6 +231,21 @@ mod tests {
         assert_eq!((entry.steering, entry.throttle, entry.time), (0.2, 0.5, 0.1));
         assert_eq!(tub.read(2).unwrap().frame.width(), 40);
         assert!(tub.read(3).unwrap_err().message().contains("has 3 frames"));
+    }
+
+    #[test]
+    fn a_position_has_the_recorded_number_and_time_and_the_drive() {
+        let with_session = |n: u64, session: &str| {
+            let mut json: Value = pdk_sdk::serde_json::from_str(&record(n)).unwrap();
+            json["_session_id"] = json!(session);
+            json.to_string()
+        };
+        let records = [with_session(0, "a"), with_session(1, "a"), "damaged".into(), with_session(3, "b")];
+        let dir = tub(&records.iter().map(String::as_str).collect::<Vec<_>>(), listing(&[1]));
+        let tub = open(&dir).unwrap();
+        assert_eq!(tub.position(0), Position { part: 0, number: 0, time: 0.0 });
+        assert!(tub.position(1).part == 0 && tub.position(1).time.is_nan());
+        assert_eq!(tub.position(2), Position { part: 1, number: 3, time: 0.15 });
     }
 
     #[test]

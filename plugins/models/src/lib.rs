@@ -17,6 +17,7 @@ mod onnxruntime;
 mod perturbation;
 mod picture;
 mod pixels;
+mod predictor;
 mod processor;
 mod saliency;
 mod selection;
@@ -48,6 +49,7 @@ pdk_sdk::export! {
     ],
     perturbations: [perturbation::Repaint, perturbation::Night, perturbation::Rainy, perturbation::Artistic],
     masks: [mask::Segmentation],
+    predictors: [predictor::Network],
     saliencies: [
         saliency::GradCam,
         saliency::GradCamPlusPlus,

@@ -16,7 +16,7 @@ use abi_stable::sabi_types::VersionStrings;
 use crate::fixed::{Status, Text};
 use crate::sized::{
     Camera, Control, DriveContext, Entry, Frame, FrameMut, Heatmap, MapContext, MapSize, PerturbationContext,
-    Sink, State,
+    Position, Sink, State,
 };
 
 /// The functions of a plugin: one that describes it, and for each kind one that makes instances.
@@ -84,6 +84,13 @@ pub struct Plugin {
         index: usize,
         parameters: Text,
         into: *mut Instance<MaskFunctionsRef>,
+        error: *const Sink,
+    ) -> Status,
+    /// Makes a predictor, which gives values by name for a frame.
+    pub predictor: unsafe extern "C" fn(
+        index: usize,
+        parameters: Text,
+        into: *mut Instance<PredictorFunctionsRef>,
         error: *const Sink,
     ) -> Status,
 }
@@ -204,6 +211,30 @@ pub struct DriverFunctions {
     pub info: unsafe extern "C" fn(object: *mut c_void, info: *const Sink, error: *const Sink) -> Status,
 }
 
+/// The functions of a predictor.
+#[repr(C)]
+#[derive(StableAbi)]
+#[sabi(kind(Prefix(prefix_ref = PredictorFunctionsRef, prefix_fields = PredictorFunctionsPrefix)))]
+pub struct PredictorFunctions {
+    /// Ends the instance.
+    pub drop: unsafe extern "C" fn(object: *mut c_void),
+    /// Forgets everything about earlier frames.
+    pub reset: unsafe extern "C" fn(object: *mut c_void, error: *const Sink) -> Status,
+    /// Says what it makes of a frame: a JSON list of `{"name", "shape"}`, and the values of all of them one after the other, each a 32-bit
+    /// floating-point number as the machine has it.
+    pub predict: unsafe extern "C" fn(
+        object: *mut c_void,
+        frame: *const Frame,
+        context: *const DriveContext,
+        outputs: *const Sink,
+        values: *const Sink,
+        error: *const Sink,
+    ) -> Status,
+    /// What was decided when the instance was made: a JSON list of `[name, value]`.
+    #[sabi(last_prefix_field)]
+    pub info: unsafe extern "C" fn(object: *mut c_void, info: *const Sink, error: *const Sink) -> Status,
+}
+
 /// The functions of a saliency method.
 #[repr(C)]
 #[derive(StableAbi)]
@@ -293,6 +324,13 @@ pub struct DatasetFunctions {
         index: u64,
         into: *mut Entry,
         pixels: *const Sink,
+        error: *const Sink,
+    ) -> Status,
+    /// Where in its recording a frame lies.
+    pub position: unsafe extern "C" fn(
+        object: *mut c_void,
+        index: u64,
+        into: *mut Position,
         error: *const Sink,
     ) -> Status,
 }

@@ -30,13 +30,14 @@ pub use abi_stable;
 pub use fixed::{Status, Text, annotation, status};
 pub use functions::{
     DatasetFunctions, DatasetFunctionsRef, DriverFunctions, DriverFunctionsRef, Instance, MaskFunctions,
-    MaskFunctionsRef, PerturbationFunctions, PerturbationFunctionsRef, Plugin, PluginRef, SaliencyFunctions,
-    SaliencyFunctionsRef, SearchFunctions, SearchFunctionsRef, SimulatorFunctions, SimulatorFunctionsRef,
+    MaskFunctionsRef, PerturbationFunctions, PerturbationFunctionsRef, Plugin, PluginRef, PredictorFunctions,
+    PredictorFunctionsRef, SaliencyFunctions, SaliencyFunctionsRef, SearchFunctions, SearchFunctionsRef,
+    SimulatorFunctions, SimulatorFunctionsRef,
 };
 pub use prefix::{Prefix, empty, load, store};
 pub use sized::{
     Camera, Control, DriveContext, Entry, Frame, FrameMut, Heatmap, MapContext, MapSize, PerturbationContext,
-    Sink, State, map_flag, state_flag,
+    Position, Sink, State, map_flag, state_flag,
 };
 
 /// The version of the interface, which is the major version of this package. A host takes the plugins of its own version.

@@ -169,6 +169,16 @@ sized! {
         /// Seconds since the first frame.
         pub time: f64,
     }
+
+    /// Where in its recording a frame lies.
+    pub struct Position {
+        /// The part of the recording that it belongs to: what follows each other is of one part.
+        pub part: u64,
+        /// Its number in that part, as it was recorded.
+        pub number: u64,
+        /// Seconds since the first frame of the recording; not a number where it is not known.
+        pub time: f64,
+    }
 }
 
 impl Sink {

@@ -22,6 +22,23 @@ pub trait Dataset: Send {
     /// # Errors
     /// If this frame cannot be read; the run counts it, names it and goes on with the next.
     fn read(&mut self, index: usize) -> Result<Entry>;
+
+    /// Where in its recording a frame lies, as far as that is known without its picture. A driver that remembers earlier frames begins
+    /// anew where numbers or times jump.
+    fn position(&self, index: usize) -> Position {
+        Position { part: 0, number: index as u64, time: f64::NAN }
+    }
+}
+
+/// Where in its recording a frame lies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Position {
+    /// The part of the recording that the frame belongs to, such as a drive of its own: frames of two parts do not follow each other.
+    pub part: u64,
+    /// Its number in that part, as it was recorded: frames that are missing leave a gap.
+    pub number: u64,
+    /// Seconds since the first frame; not a number if it is not known.
+    pub time: f64,
 }
 
 /// A recorded frame.

@@ -49,6 +49,7 @@ kinds! {
     Saliency saliency: "Says which pixels matter to a driver.", "a saliency method";
     Mask mask: "Says where frames are to be perturbed.", "a mask";
     Search search: "Proposes scenarios and learns from outcomes.", "a search strategy";
+    Predictor predictor: "Looks at a frame and gives values by name, such as scores of classes.", "a predictor";
     Dataset dataset: "Reads recorded frames with their ground truth.", "a dataset reader";
 }
 

@@ -31,6 +31,7 @@ use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, Result};
 use crate::mask::Mask;
 use crate::perturbation::{Context, Perturbation};
+use crate::predictor::{Output, Predictor};
 use crate::saliency::{HeatmapMut, MapContext, Saliency};
 use crate::search::{Evaluated, Problem, Range, Search, Space, Variable};
 use crate::simulator::{Scenario, Simulator};
@@ -82,6 +83,7 @@ on_types! {
     driver: Driver by check_driver;
     saliency: Saliency by check_saliency;
     mask: Mask by check_mask;
+    predictor: Predictor by check_predictor;
     search: Search by check_search;
     dataset: Dataset by check_dataset;
 }
@@ -300,6 +302,28 @@ pub fn check_mask(config: &Config, make: Make<'_, dyn Mask>) -> Result<()> {
         ensure(maps[0] == maps[1], || "the same frame gives two masks".to_owned())?;
     }
     Ok(())
+}
+
+/// Checks that a predictor gives the same outputs for the same frame after a reset, and the same names and shapes for another one.
+///
+/// # Errors
+/// The first check that fails.
+pub fn check_predictor(config: &Config, make: Make<'_, dyn Predictor>) -> Result<()> {
+    let mut predictor = make(config)?;
+    let mut predict = |width: usize, height: usize| {
+        predictor.reset()?;
+        predictor.predict(sample_frame(width, height).as_ref(), &DriveContext::default())
+    };
+    let (first, second) = (predict(160, 120)?, predict(160, 120)?);
+    let bits = |outputs: &[Output]| -> Vec<u32> {
+        outputs.iter().flat_map(|output| output.values.iter().map(|value| value.to_bits())).collect()
+    };
+    ensure(!first.is_empty(), || "it gives no outputs".to_owned())?;
+    ensure(bits(&first) == bits(&second), || "the same frame gives other values after a reset".to_owned())?;
+    let names = |outputs: &[Output]| outputs.iter().map(|output| output.name.clone()).collect::<Vec<_>>();
+    ensure(names(&first) == names(&predict(320, 240)?), || {
+        "another frame gives outputs of other names".to_owned()
+    })
 }
 
 /// Checks that a search strategy proposes no more than it is asked for, that all it proposes lies in the space, and that what it

@@ -10,6 +10,8 @@
 //! | [`share`] | the share of drives that failed, with one drive a road |
 //! | [`drives`] | the same with any number of drives a road |
 //! | [`mean`] | a mean over roads |
+//! | [`blocks`] | a mean over frames of a recording, which resemble their neighbours |
+//! | [`exceeded`] | the level from which on a quantity exceeds a tolerance |
 //! | [`paired`] | differences between two conditions on the same roads |
 //! | [`independent`] | differences between two samples that have nothing to do with each other |
 //! | [`all_pairs`] | differences between all pairs of several conditions, with one error rate for all of them |
@@ -40,9 +42,11 @@
 //! `tests/ranking.rs` checks groups: of 49 perturbations that are all alike, 94 to 100 % of studies make one group, with 8 and with 20 roads.
 
 pub mod all_pairs;
+pub mod blocks;
 mod bootstrap;
 pub mod drives;
 pub mod estimate;
+pub mod exceeded;
 pub mod groups;
 pub mod hypervolume;
 pub mod independent;

@@ -336,8 +336,8 @@ def dynamic_sun_filter(
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
-    """Lays glare of a low sun over the frame, moving in simulation time in a loop of 4 s; in a bend the sun turns with
-    the vehicle, since perturbations do not know where it heads.
+    """Lays glare of a low sun over the frame, moving in simulation time in a loop of 4 s; the sun turns with the
+    vehicle in a bend, because a perturbation does not know the vehicle's heading.
 
     opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape
@@ -862,7 +862,7 @@ def imagenet_c_snow(
     mean: mean of what flakes are drawn from (-5 to 5; by level 0.1, 0.2, 0.55, 0.55, 0.55).
     deviation: standard deviation of that (0 to 5; by level 0.3, 0.3, 0.3, 0.3, 0.3).
     size: how much flakes are enlarged (1 to 20; by level 3, 2, 4, 4.5, 2.5).
-    threshold: what is below it is no flake (-5 to 5; by level 0.5, 0.5, 0.9, 0.85, 0.85).
+    threshold: values below it are not flakes (-5 to 5; by level 0.5, 0.5, 0.9, 0.85, 0.85).
     radius: half the length of a streak (px; 0 to 100; by level 10, 12, 12, 12, 12).
     sigma: how far streaks fade (px; 0.1 to 100; by level 4, 4, 8, 8, 12).
     weight: share of the frame as it was (0 to 1; by level 0.8, 0.7, 0.7, 0.65, 0.55).
@@ -1631,8 +1631,8 @@ def static_sun_filter(
     attention: str | Mapping[str, Any] | None = None,
     draws: Literal["per_frame", "per_sequence"] | None = None,
 ) -> Applied:
-    """Lays glare of a low sun over the frame, standing still; in a bend the sun turns with the vehicle, since
-    perturbations do not know where it heads.
+    """Lays glare of a low sun over the frame, standing still; the sun turns with the vehicle in a bend, because a
+    perturbation does not know the vehicle's heading.
 
     opacity: how visible the clip is, in steps of 1/256; 1 as in the clip (0 to 1; by level 0.2, 0.4, 0.6, 0.8, 1).
     fit: cover: the clip keeps its shape, and what sticks out of the frame is cut off; stretch: it takes the shape

@@ -72,13 +72,18 @@ class Paths:
         if kind == "make":
             yield from self._component(given["kind"], given["component"], (*root, "component"))
             return
-        inside = "scenario" if kind == "drive" else "evaluation"
-        spec, root = given[inside], (*root, inside)
+        spec = given
+        if kind == "drive":
+            spec, root = given["scenario"], (*root, "scenario")
         for name in ("simulator", "driver", "dataset"):
             if name in spec:
                 yield from self._component(name, spec[name], (*root, name))
-        for number, applied in enumerate(spec.get("perturbations", [])):
-            place = (*root, "perturbations", number)
+        places = [((*root, "perturbations", number), applied) for number, applied in enumerate(spec.get("perturbations", []))]
+        if "predictor" in spec:
+            yield from self._component("predictor", spec["predictor"]["component"], (*root, "predictor", "component"))
+        if "perturbation" in spec:
+            places.append(((*root, "perturbation"), spec["perturbation"]))
+        for place, applied in places:
             yield from self._component("perturbation", applied, place)
             region = applied.get("region")
             if isinstance(region, dict) and "mask" in region:
@@ -113,8 +118,9 @@ def gpus(job):
     if kind == "make":
         components = [given["component"]]
     else:
-        spec = given["scenario" if kind == "drive" else "evaluation"]
+        spec = given["scenario"] if kind == "drive" else given
         components = [spec[name] for name in ("simulator", "driver") if name in spec]
+        components += [spec["predictor"]["component"]] if "predictor" in spec else []
     return sum(float(component.get("parameters", {}).get("gpus", 0)) for component in components)
 
 

@@ -180,10 +180,16 @@ class Session:
         perturbations: Sequence[Any],
         levels: Sequence[float],
         frames: int | None = None,
+        tolerance: float | None = None,
+        trust: bool = False,
     ) -> dict[str, Any]:
-        """Perturbs the frames of a dataset and compares what the driver makes of them with the recorded truth."""
-        request = {"dataset": dataset, "driver": driver, "perturbations": perturbations, "levels": levels}
-        return self._call("evaluate", request if frames is None else {**request, "frames": frames})
+        """Perturbs the frames of a dataset and compares what the driver makes of them with the recorded truth.
+
+        A driver that is worse than a constant on the frames as they are is an error, unless `trust` is true.
+        """
+        request: dict[str, Any] = {"dataset": dataset, "driver": driver, "perturbations": perturbations, "levels": levels, "trust": trust}
+        optional = {"frames": frames, "tolerance": tolerance}
+        return self._call("evaluate", {**request, **{name: value for name, value in optional.items() if value is not None}})
 
     def road(self, **request: Any) -> dict[str, Any]:
         """Makes a road, as `pdk.road` does in a pipeline: `road(angles=[0, 10, -10])`, `road(turns=3, seed=1)`."""

@@ -505,9 +505,10 @@ def test_paths_in_a_job_are_found_by_descriptions():
     ]
     assert needed == 0.25
     assert found({"make": {"kind": "driver", "component": driver}}) == (['["component", "parameters", "model"]'], 0)
-    evaluation = {"dataset": {"name": "tub", "parameters": {"path": "data"}}, "driver": driver, "perturbations": [], "seed": 0}
-    steps, _ = found({"evaluate": {"evaluation": evaluation, "index": 0}})
-    assert len(steps) == 2
+    dataset = {"name": "tub", "parameters": {"path": "data"}}
+    frames = {"dataset": dataset, "driver": driver, "perturbation": applied, "seed": 0, "sequence": 0, "from": 0, "start": 0, "end": 9}
+    steps, _ = found({"evaluate": frames})
+    assert len(steps) == 5
     assert options(["--slots", "3", "--resources", '{"simulators": 1}']).resources == {"simulators": 1}
 
 

@@ -9,7 +9,8 @@ use abi_stable::library::RootModule;
 use abi_stable::sabi_types::VersionStrings;
 use pdk_abi::{
     Control, DatasetFunctionsRef, DriveContext, Frame, Instance, MaskFunctionsRef, PerturbationFunctionsRef,
-    SaliencyFunctionsRef, SearchFunctionsRef, SimulatorFunctionsRef, Sink, Status, Text,
+    PredictorFunctionsRef, SaliencyFunctionsRef, SearchFunctionsRef, SimulatorFunctionsRef, Sink, Status,
+    Text,
 };
 
 /// The functions of a plugin, with two more.
@@ -65,6 +66,12 @@ pub struct Plugin {
         index: usize,
         parameters: Text,
         into: *mut Instance<MaskFunctionsRef>,
+        error: *const Sink,
+    ) -> Status,
+    pub predictor: unsafe extern "C" fn(
+        index: usize,
+        parameters: Text,
+        into: *mut Instance<PredictorFunctionsRef>,
         error: *const Sink,
     ) -> Status,
     pub horn: unsafe extern "C" fn(

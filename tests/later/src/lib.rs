@@ -152,6 +152,7 @@ extern "C" fn root_module() -> RootModuleResult {
         dataset: never,
         input_files,
         mask: never,
+        predictor: never,
         horn: never,
         forget: unknown,
     });

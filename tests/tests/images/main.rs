@@ -5,5 +5,7 @@
 mod masks;
 mod offline;
 mod saliency;
+mod sequences;
 mod strength;
+mod tasks;
 mod video;

@@ -197,9 +197,10 @@ fn an_offline_run_goes_on_behind_the_last_whole_frame() {
     let results = fs::read(out.join("results.jsonl")).unwrap();
     let lines: Vec<&[u8]> = results.split_inclusive(|byte| *byte == b'\n').collect();
     assert_eq!(lines.len(), 48 + 20);
-    // Within a line, between two lines of a frame, between two frames, and in the second evaluation.
+    // Within a line, between two lines of a frame, between two frames, and in the second evaluation: the frames of a piece are driven
+    // again together.
     for (kept, more, new) in
-        [(6, 9, [Some(44), Some(20)]), (9, 0, [Some(40), Some(20)]), (48 + 8, 0, [None, Some(12)])]
+        [(6, 9, [Some(48), Some(20)]), (9, 0, [Some(48), Some(20)]), (48 + 8, 0, [None, Some(20)])]
     {
         let length = lines[..kept].iter().map(|line| line.len()).sum::<usize>() + more;
         fs::write(out.join("results.jsonl"), &results[..length]).unwrap();

@@ -106,10 +106,10 @@ fn evaluations_in_parts_put_together_are_the_whole() {
         assert_equal(&out, &expected);
     }
     // A part that has lost a line.
-    let part = folder.path().join("2of2");
+    let part = folder.path().join("1of2");
     let results = std::fs::read_to_string(part.join("results.jsonl")).unwrap();
     std::fs::write(part.join("results.jsonl"), results.split_once('\n').unwrap().0).unwrap();
-    let both = [folder.path().join("1of2"), part];
+    let both = [part, folder.path().join("2of2")];
     merge(&both, &folder.path().join("out")).fail(1, &["no part has frame", "--out"]);
 }
 

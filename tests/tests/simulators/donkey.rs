@@ -451,53 +451,66 @@ fn the_parsers_of_the_real_builds_understand_it() {
         return;
     }
     for (mode, build) in [("master", "current"), ("fork", "road_generating")] {
-        let port = free_ports(1);
-        let log = temp();
-        let log = log.path().join("log");
-        let mut child = Command::new("python3")
-            .arg(&tool)
-            .args([&port.to_string(), mode])
-            .stdout(std::fs::File::create(&log).unwrap())
-            .spawn()
-            .unwrap();
-        let mut simulator = simulator(port);
-        // Its vehicle always moves.
-        for (name, value) in [
-            ("build", json!(build)),
-            ("standing_speed", json!(100)),
-            ("width", json!(320)),
-            ("height", json!(240)),
-        ] {
-            simulator[name] = value;
-        }
-        let source = if mode == "fork" {
-            SOURCE.to_owned()
-        } else {
-            SOURCE.replace("road = { angles = { 0, number, 0 } }", "")
-        };
-        let folder = temp();
-        let out = folder.path().join("out");
-        let command =
-            Pdk::new(["run", "--workers", "1", "--out"]).arg(&out).arg(pipeline(folder.path(), &source));
-        let finished = command
-            .set("simulator", simulator.to_string())
-            // It never comes back to where it started.
-            .set("scenarios", 1)
-            .set("duration", 0.5)
-            .run();
-        child.kill().unwrap();
-        child.wait().unwrap();
-        let said = std::fs::read_to_string(&log).unwrap();
-        assert_eq!(finished.code, Some(0), "{}{said}", finished.stderr);
-        assert_eq!(lines_of(&out).len(), 1);
-        // On a machine that is busy enough, it may read two controls at once, and loses them; the next one says the same.
-        let lost = said.lines().filter(|line| line.contains("DROPPED") || line.contains("JSON ERROR"));
-        for line in lost {
-            let others = line.replace(r#""msg_type":"control""#, "");
-            assert!(!others.contains("msg_type"), "{said}");
-        }
+        // pdk waits between two messages, but a stand-in that the machine does not run meanwhile reads both at once. What is lost every time
+        // is not lost by chance.
+        let mut attempts = (0..5).map(|_| drive_with_the_parser(&tool, mode, build));
+        let said =
+            attempts.find_map(Result::ok).unwrap_or_else(|| panic!("each of five drives lost a message"));
         for part in ["cam_config", "car_config", "control", "reset_car"] {
             assert!(said.contains(part), "{part}: {said}");
         }
     }
+}
+
+/// Drives with the stand-in.
+///
+/// # Errors
+/// What the stand-in wrote, if it lost a message other than a control, the next of which says the same.
+fn drive_with_the_parser(tool: &Path, mode: &str, build: &str) -> Result<String, String> {
+    let port = free_ports(1);
+    let log = temp();
+    let log = log.path().join("log");
+    let mut child = Command::new("python3")
+        .arg(tool)
+        .args([&port.to_string(), mode])
+        .stdout(std::fs::File::create(&log).unwrap())
+        .spawn()
+        .unwrap();
+    let mut simulator = simulator(port);
+    // Its vehicle always moves.
+    for (name, value) in [
+        ("build", json!(build)),
+        ("standing_speed", json!(100)),
+        ("width", json!(320)),
+        ("height", json!(240)),
+    ] {
+        simulator[name] = value;
+    }
+    let source = if mode == "fork" {
+        SOURCE.to_owned()
+    } else {
+        SOURCE.replace("road = { angles = { 0, number, 0 } }", "")
+    };
+    let folder = temp();
+    let out = folder.path().join("out");
+    let command =
+        Pdk::new(["run", "--workers", "1", "--out"]).arg(&out).arg(pipeline(folder.path(), &source));
+    let finished = command
+        .set("simulator", simulator.to_string())
+        // It never comes back to where it started.
+        .set("scenarios", 1)
+        .set("duration", 0.5)
+        .run();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let said = std::fs::read_to_string(&log).unwrap();
+    let lost = said.lines().filter(|line| line.contains("DROPPED") || line.contains("JSON ERROR"));
+    let is_control = |line: &str| !line.replace(r#""msg_type":"control""#, "").contains("msg_type");
+    if !lost.clone().all(is_control) {
+        eprintln!("{}", lost.collect::<Vec<_>>().join("\n"));
+        return Err(said);
+    }
+    assert_eq!(finished.code, Some(0), "{}{said}", finished.stderr);
+    assert_eq!(lines_of(&out).len(), 1);
+    Ok(said)
 }

@@ -6,7 +6,8 @@ use pdk_lua::{ApiFunction, ApiTable, LuaRandom, perturbation_api};
 use pdk_sdk::error::Error;
 use serde_json::Value;
 
-use crate::bridge::{frames_of, function, outcomes, with_host};
+use crate::bridge::{call, frames_of, function, outcomes, with_host};
+use crate::scored::{conduct, score_of};
 use crate::search::conduct::search;
 use crate::session_object::{SESSION, SessionObject};
 use crate::values::from_lua;
@@ -63,14 +64,25 @@ pub const API: ApiTable = ApiTable {
         },
         ApiFunction {
             name: "evaluate",
-            signature: "(request: EvaluateRequest) -> Evaluation",
+            signature: "((request: EvaluateRequest) -> Evaluation) & ((request: TaskRequest) -> TaskResult)",
             doc: "Perturbs the frames of a dataset and compares what the driver makes of them with the recorded ground \
-                  truth and with what it makes of the original frames.",
-            make: |lua| function(lua, "pdk.evaluate", |host, [request]| host.evaluate(request)),
+                  truth and with what it makes of the original frames. With a `task`, a predictor takes the place of the driver, and \
+                  a metric says how good its outputs are.",
+            make: |lua| {
+                lua.create_function(|lua, request: LuaValue| {
+                    let scored = score_of(lua, &request)?;
+                    let request = scored.as_ref().map_or(&request, |(request, _)| request);
+                    let read = from_lua(request, "pdk.evaluate").map_err(ExternalError::into_lua_err)?;
+                    match &scored {
+                        Some((_, score)) => conduct(lua, read, score),
+                        None => call(lua, |host| host.evaluate(read)),
+                    }
+                })
+            },
         },
         ApiFunction {
             name: "show",
-            signature: "(result: { Outcome } | Evaluation) -> ()",
+            signature: "(result: { Outcome } | Evaluation | TaskResult) -> ()",
             doc: "Prints a table of what `drive` or `evaluate` returned.",
             make: |lua| function(lua, "pdk.show", |host, [result]| host.show(&result).map(|()| Value::Null)),
         },

@@ -138,6 +138,18 @@ impl Fields {
         }
     }
 
+    /// A field that is true or false; none if it is not set.
+    ///
+    /// # Errors
+    /// If it is neither.
+    pub fn truth(&mut self, field: &str) -> Result<Option<bool>> {
+        match self.any(field) {
+            Value::Null => Ok(None),
+            Value::Bool(truth) => Ok(Some(truth)),
+            other => Err(self.wrong(field, &other, "true or false")),
+        }
+    }
+
     /// A field with a text; none if it is not set.
     ///
     /// # Errors

@@ -10,6 +10,7 @@ mod record;
 mod scenarios;
 mod searching;
 mod setup;
+mod tasks;
 
 use std::path::Path;
 
@@ -128,6 +129,11 @@ impl Host {
     /// `pdk.show`: a table of what `pdk.drive` or `pdk.evaluate` returned.
     pub(crate) fn show(&self, result: &Value) -> Result<()> {
         let text = table::render(result)?;
+        let ids =
+            result.as_array().into_iter().flatten().filter_map(|outcome| outcome["id"].as_str()).collect();
+        for sentence in self.scenarios.failing_unperturbed(&ids) {
+            self.print(&sentence);
+        }
         self.print(&text);
         Ok(())
     }

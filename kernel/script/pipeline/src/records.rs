@@ -18,7 +18,7 @@ const fn field(name: &'static str, luau_type: &'static str, doc: &'static str) -
 }
 
 /// All of them, in the order of the type definition file.
-pub const RECORDS: [&ApiRecord; 28] = [
+pub const RECORDS: [&ApiRecord; 36] = [
     &applied::COMPONENT,
     &applied::SCHEDULE,
     &applied::REGION,
@@ -47,4 +47,12 @@ pub const RECORDS: [&ApiRecord; 28] = [
     &evaluation::EVALUATE_REQUEST,
     &evaluation::EVALUATION,
     &evaluation::EVALUATION_ROW,
+    &evaluation::EVALUATION_INTERVAL,
+    &evaluation::EVALUATION_CHECK,
+    &evaluation::EVALUATION_NUMBER_CHECK,
+    &evaluation::EVALUATION_LEVEL,
+    &evaluation::TASK_REQUEST,
+    &evaluation::TASK,
+    &evaluation::TASK_RESULT,
+    &evaluation::TASK_TOTAL,
 ];

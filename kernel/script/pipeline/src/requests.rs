@@ -14,6 +14,8 @@ use crate::fields::Fields;
 
 /// Every how many frames an image goes into the trace, where the pipeline does not say.
 const DEFAULT_IMAGES_EVERY: u64 = 6;
+/// The drift of the steering that an evaluation tolerates, if the pipeline does not say.
+const DEFAULT_TOLERANCE: f64 = 0.1;
 /// The longest scenario in seconds: a day.
 const LONGEST: f64 = 86_400.0;
 
@@ -216,6 +218,10 @@ pub struct Evaluate {
     pub cells: Vec<AppliedPerturbation>,
     /// At most this many frames, from the first.
     pub frames: Option<usize>,
+    /// Whether the driver is ranked however it does on the frames as they are.
+    pub trust: bool,
+    /// The drift of the steering of which the levels are looked for that exceed it.
+    pub tolerance: f64,
 }
 
 /// Where the frames come from.
@@ -233,31 +239,55 @@ impl Evaluate {
     /// # Errors
     /// If a field is unknown, missing or of the wrong type, or a level is out of range.
     pub fn from_json(request: Value) -> Result<Self> {
-        let known = ["dataset", "driver", "perturbations", "levels", "frames"];
+        let known = ["dataset", "driver", "perturbations", "levels", "frames", "trust", "tolerance"];
         let mut fields = Fields::new("pdk.evaluate", request, &known)?;
-        let dataset = match fields.needed("dataset")? {
-            Value::String(path) => DatasetSpec::Path(path),
-            other => DatasetSpec::Reader(ComponentSpec::from_json("dataset", &other)?),
-        };
+        let dataset = dataset(&mut fields)?;
         let driver = ComponentSpec::from_json("driver", &fields.needed("driver")?)?;
-        let perturbations = fields.filled_list("perturbations")?;
-        let levels = fields.filled_list("levels")?;
         let frames = fields.whole("frames")?.map(|frames| usize::try_from(frames).unwrap_or(usize::MAX));
-        let mut cells = Vec::new();
-        for perturbation in &perturbations {
-            let applied = AppliedPerturbation::from_json_without_level(perturbation)?;
-            for level in &levels {
-                let number = level.as_f64().ok_or_else(|| {
-                    Error::new(format!(
-                        "pdk.evaluate: {level} in `levels` is not a number; they are numbers from 0 to 4"
-                    ))
-                })?;
-                pdk_model::level::Level::from_json("levels", level)?;
-                cells.push(applied.clone().at_level(number));
-            }
+        let trust = fields.truth("trust")?.unwrap_or_default();
+        let tolerance = fields.number("tolerance")?.unwrap_or(DEFAULT_TOLERANCE);
+        if tolerance.is_nan() || tolerance < 0.0 {
+            return Err(Error::new(format!(
+                "pdk.evaluate: `tolerance` is {tolerance}, but has to be a number of at least 0"
+            )));
         }
-        Ok(Self { dataset, driver, cells, frames })
+        let cells = cells(&mut fields)?;
+        Ok(Self { dataset, driver, cells, frames, trust, tolerance })
     }
+}
+
+/// Where frames come from, as a request has it.
+///
+/// # Errors
+/// If it is missing, or is not a dataset.
+pub fn dataset(fields: &mut Fields) -> Result<DatasetSpec> {
+    Ok(match fields.needed("dataset")? {
+        Value::String(path) => DatasetSpec::Path(path),
+        other => DatasetSpec::Reader(ComponentSpec::from_json("dataset", &other)?),
+    })
+}
+
+/// Each perturbation of a request at each of its levels.
+///
+/// # Errors
+/// If one is missing, unknown or out of range.
+pub fn cells(fields: &mut Fields) -> Result<Vec<AppliedPerturbation>> {
+    let perturbations = fields.filled_list("perturbations")?;
+    let levels = fields.filled_list("levels")?;
+    let mut cells = Vec::new();
+    for perturbation in &perturbations {
+        let applied = AppliedPerturbation::from_json_without_level(perturbation)?;
+        for level in &levels {
+            let number = level.as_f64().ok_or_else(|| {
+                Error::new(format!(
+                    "pdk.evaluate: {level} in `levels` is not a number; they are numbers from 0 to 4"
+                ))
+            })?;
+            pdk_model::level::Level::from_json("levels", level)?;
+            cells.push(applied.clone().at_level(number));
+        }
+    }
+    Ok(cells)
 }
 
 #[cfg(test)]

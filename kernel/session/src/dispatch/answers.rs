@@ -157,7 +157,6 @@ impl Dispatch {
                 self.finish(number, Ok(Reply::Recorded(Arc::new(line), false)));
             }
             Answer::Evaluated(evaluated) => {
-                self.tally.count(1);
                 self.finish(number, Ok(Reply::Evaluated(Box::new(evaluated))));
             }
             Answer::Made(made) => self.finish(number, Ok(Reply::Made(made))),
@@ -232,9 +231,10 @@ impl Dispatch {
             return Ok(());
         };
         let limit = |work: &Work| {
+            // Making components, or the calls for one frame, of which a worker tells when it is done.
             let calls = match work {
                 Work::Drive(_) | Work::Make(_) | Work::InputFiles(_) | Work::Search(_) => 4,
-                Work::Evaluate(frame) => 4 + 2 * frame.evaluation.perturbations.len() as u32,
+                Work::Evaluate(_) => 8,
             };
             patience.saturating_mul(calls).saturating_add(GRACE)
         };

@@ -118,7 +118,26 @@ pub fn worst_failures(drive: &Drive, most: usize) -> Vec<usize> {
     rounds.into_iter().take(most).map(|(_, position)| position).collect()
 }
 
-/// The two sentences on top of the page.
+/// A sentence about a driver that fails without perturbation, where others of its drives are perturbed.
+fn failing_unperturbed(drive: &Drive) -> Option<String> {
+    let of = |perturbed: bool| {
+        Tally::of(drive.scenarios.iter().filter(|scenario| scenario.perturbation.is_some() == perturbed))
+    };
+    let nominal = of(false);
+    if nominal.failed == 0 || of(true).judged == 0 {
+        return None;
+    }
+    let failed = match nominal.judged {
+        1 => "its only drive".to_owned(),
+        judged => format!("{} of {judged} drives", nominal.failed),
+    };
+    Some(format!(
+        "{} fails {failed} without any perturbation, so its failures under perturbations say little about these.",
+        drive.driver
+    ))
+}
+
+/// The sentences on top of the page.
 pub fn verdict(drives: &[Drive]) -> Vec<String> {
     let all = || drives.iter().flat_map(|drive| &drive.scenarios);
     let (tally, total) = (Tally::of(all()), all().count());
@@ -138,9 +157,9 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
     if nominal.judged > 0 && nominal.judged < tally.judged && tally.failed > 0 {
         first += &match (nominal.judged, nominal.failed) {
             (1, 0) => ", but not the one without perturbation".to_owned(),
-            (1, _) => ", the one without perturbation among them".to_owned(),
             (judged, 0) => format!(", none of the {judged} without perturbation"),
-            (judged, failed) => format!(", {failed} of the {judged} without perturbation"),
+            // A sentence of their own says it.
+            _ => String::new(),
         };
     }
     let all_of = |part: usize| part == tally.failed;
@@ -164,7 +183,8 @@ pub fn verdict(drives: &[Drive]) -> Vec<String> {
     if void > 0 {
         first += &format!("; in {void} a component failed, which says nothing about the driver");
     }
-    let mut sentences = vec![first + "."];
+    let mut sentences: Vec<String> = drives.iter().filter_map(failing_unperturbed).collect();
+    sentences.push(first + ".");
     if let Some((name, worst)) = by_severity(drives.iter().map(|drive| drive.scenarios.as_slice())).first() {
         let failing = all().filter(|s| s.verdict.failed() && s.perturbation.as_ref() == Some(name));
         let lowest = failing.filter_map(|s| s.level).min_by(f64::total_cmp);

@@ -14,6 +14,9 @@ use crate::view::{Evaluation, EvaluationCell};
 /// Perturbations that have a curve of their own.
 const CURVES: usize = 7;
 
+/// With fewer frames a constant is hard to beat.
+const FEWEST: usize = 30;
+
 /// What the page says about an evaluation.
 #[derive(Debug, Serialize)]
 pub struct Section {
@@ -73,7 +76,9 @@ impl Scale {
     /// That of these evaluations.
     pub fn of(evaluations: &[Evaluation]) -> Self {
         let largest = |value: fn(&EvaluationCell) -> f64| {
-            let means = evaluations.iter().flat_map(|evaluation| Means::of(evaluation, value).values());
+            let means = evaluations
+                .iter()
+                .flat_map(|evaluation| Means::of(evaluation, |cell| (value(cell), None)).values());
             means.fold(0.0, f64::max)
         };
         let cells = || evaluations.iter().flat_map(|evaluation| &evaluation.cells);
@@ -105,6 +110,7 @@ pub fn verdict(evaluation: &Evaluation, is_one_of_several: bool) -> Vec<String> 
         count(perturbations, "perturbation"),
         number(evaluation.original_error)
     );
+    let the = if with.is_empty() { "The" } else { "the" };
     let worst = evaluation.cells.iter().max_by(|a, b| a.error.total_cmp(&b.error));
     let second = worst.map(|worst| {
         let times = worst.error / evaluation.original_error;
@@ -112,7 +118,6 @@ pub fn verdict(evaluation: &Evaluation, is_one_of_several: bool) -> Vec<String> 
             true => format!(", {times:.1} times as much"),
             false => String::new(),
         };
-        let the = if with.is_empty() { "The" } else { "the" };
         format!(
             "{with}{the} worst is {} at level {}, where it is off by {}{times}.",
             worst.perturbation,
@@ -120,7 +125,16 @@ pub fn verdict(evaluation: &Evaluation, is_one_of_several: bool) -> Vec<String> 
             number(worst.error)
         )
     });
-    [first].into_iter().chain(second).collect()
+    let worse = evaluation.frames >= FEWEST && evaluation.original_error > evaluation.constant_error;
+    let worthless = worse.then(|| {
+        format!(
+            "{with}{the} driver is worse than a constant on the frames as they are ({} against {} on average), so what perturbations do to it \
+             says nothing.",
+            number(evaluation.original_error),
+            number(evaluation.constant_error)
+        )
+    });
+    worthless.into_iter().chain([first]).chain(second).collect()
 }
 
 /// All that the page says about an evaluation.
@@ -137,12 +151,17 @@ pub fn section(evaluation: &Evaluation, scale: &Scale) -> Result<Section> {
         original_error: number(evaluation.original_error),
         bad_frames: evaluation.bad_frames.clone(),
         error: heat_map(
-            &Means::of(evaluation, |cell| cell.error),
+            &Means::of(evaluation, |cell| (cell.error, cell.error_interval)),
             &order,
             Some(evaluation.original_error),
             scale.error,
         ),
-        drift: heat_map(&Means::of(evaluation, |cell| cell.drift), &order, None, scale.drift),
+        drift: heat_map(
+            &Means::of(evaluation, |cell| (cell.drift, cell.drift_interval)),
+            &order,
+            None,
+            scale.drift,
+        ),
         curves: curves(evaluation, &order, scale)?,
         worst: evaluation
             .worst
@@ -165,23 +184,29 @@ struct Means<'a> {
     columns: Columns,
     /// The row and the column of each, with the sum and the count of what goes into it, in the order in which these come.
     places: Vec<(&'a str, f64, f64, usize)>,
+    /// The interval of one that is alone in its place.
+    intervals: Vec<Option<(f64, f64)>>,
 }
 
 impl<'a> Means<'a> {
-    fn of(evaluation: &'a Evaluation, value: impl Fn(&EvaluationCell) -> f64) -> Self {
+    fn of(evaluation: &'a Evaluation, value: impl Fn(&EvaluationCell) -> (f64, Option<(f64, f64)>)) -> Self {
         let columns = Columns::of(evaluation.cells.iter().map(|cell| cell.level));
         let mut places: Vec<(&str, f64, f64, usize)> = Vec::new();
+        let mut intervals: Vec<Option<(f64, f64)>> = Vec::new();
         let mut known: HashMap<(&str, u64), usize> = HashMap::new();
         for cell in &evaluation.cells {
             let column = columns.column(cell.level);
             let place = *known.entry((&cell.perturbation, heat::key(column))).or_insert_with(|| {
                 places.push((&cell.perturbation, column, 0.0, 0));
+                intervals.push(None);
                 places.len() - 1
             });
-            places[place].2 += value(cell);
+            let (value, interval) = value(cell);
+            places[place].2 += value;
             places[place].3 += 1;
+            intervals[place] = interval.filter(|_| places[place].3 == 1);
         }
-        Self { columns, places }
+        Self { columns, places, intervals }
     }
 
     /// The means.
@@ -200,10 +225,17 @@ fn heat_map(means: &Means<'_>, order: &[String], nominal: Option<f64>, largest: 
         .places
         .iter()
         .zip(means.values())
-        .map(|((perturbation, column, ..), mean)| Entry {
-            row: Some((*perturbation).to_owned()),
-            level: Some(*column),
-            cell: cell(mean, format!("{perturbation} at level {}", means.columns.name(*column))),
+        .zip(&means.intervals)
+        .map(|(((perturbation, column, ..), mean), interval)| {
+            let interval = interval.map_or_else(String::new, |(low, high)| {
+                format!(" (95 %: {} to {})", number(low), number(high))
+            });
+            let level = means.columns.name(*column);
+            Entry {
+                row: Some((*perturbation).to_owned()),
+                level: Some(*column),
+                cell: cell(mean, format!("{perturbation} at level {level}{interval}")),
+            }
         })
         .collect();
     entries.extend(nominal.map(|value| Entry {
@@ -256,6 +288,8 @@ mod tests {
             level,
             error,
             drift: error / 2.0,
+            drift_interval: Some((error / 4.0, error)),
+            ..EvaluationCell::default()
         };
         Evaluation {
             frames: 3,
@@ -324,6 +358,16 @@ mod tests {
     }
 
     #[test]
+    fn a_driver_that_is_worse_than_a_constant_is_named_first() {
+        let evaluation = Evaluation { frames: 40, constant_error: 0.05, ..evaluation() };
+        assert_eq!(
+            verdict(&evaluation, false)[0],
+            "The driver is worse than a constant on the frames as they are (0.100 against 0.050 on average), so what perturbations do to \
+             it says nothing."
+        );
+    }
+
+    #[test]
     fn the_worst_perturbation_comes_first_in_both_tables() {
         let section = alone(&evaluation());
         for (grid, first) in [(&section.error, "0.300"), (&section.drift, "0.150")] {
@@ -333,6 +377,8 @@ mod tests {
         }
         assert_eq!(section.error.nominal.unwrap().text, "0.100");
         assert!(section.drift.nominal.is_none());
+        let title = &section.drift.rows[0].cells[1].as_ref().unwrap().title;
+        assert_eq!(title, "rain at level 4 (95 %: 0.100 to 0.400): 0.200");
         assert_eq!(section.curves[0].legend.len(), 3);
     }
 
@@ -343,7 +389,7 @@ mod tests {
             perturbation: "fog".into(),
             level: f64::from(place) / 10.0,
             error: f64::from(place),
-            drift: 0.0,
+            ..EvaluationCell::default()
         };
         evaluation.cells = (0..=40).map(cell).collect();
         let grid = alone(&evaluation).error;

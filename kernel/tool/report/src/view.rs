@@ -175,6 +175,8 @@ pub struct Evaluation {
     pub bad_frames: Vec<(String, String)>,
     /// Steering without perturbation against the recorded truth.
     pub original_error: f64,
+    /// The same of the best constant.
+    pub constant_error: f64,
     /// One for each perturbation and level.
     pub cells: Vec<EvaluationCell>,
     /// The frames on which perturbations do most harm, the worst first.
@@ -192,6 +194,10 @@ pub struct EvaluationCell {
     pub error: f64,
     /// Steering against that without perturbation.
     pub drift: f64,
+    /// Where the error may lie, with a probability of 95 %. None if the frames are too few to say.
+    pub error_interval: Option<(f64, f64)>,
+    /// Where the drift may lie.
+    pub drift_interval: Option<(f64, f64)>,
 }
 
 /// The steering on one frame.

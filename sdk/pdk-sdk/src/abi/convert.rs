@@ -5,9 +5,12 @@ use pdk_abi::{
 };
 use pdk_ops::{Frame, FrameMut};
 use pdk_seed::Key;
+use serde::{Deserialize, Serialize};
 
+use crate::dataset::Position;
 use crate::driver::{Control, DriveContext};
 use crate::error::{Error, ErrorKind, Result};
+use crate::predictor::Output;
 use crate::saliency::MapContext;
 use crate::simulator::{Annotations, Camera, State};
 
@@ -152,6 +155,43 @@ pub(super) fn read_map_context<'a>(raw: &pdk_abi::MapContext, key: &'a Key) -> M
     }
 }
 
+/// How the values of an output are to be read.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Shape {
+    name: String,
+    shape: Vec<usize>,
+}
+
+/// How the values of these outputs are to be read.
+pub(super) fn shapes(outputs: &[Output]) -> Vec<Shape> {
+    outputs
+        .iter()
+        .map(|Output { name, shape, .. }| Shape { name: name.clone(), shape: shape.clone() })
+        .collect()
+}
+
+/// Numbers as the machine has them.
+pub(super) fn bytes(values: &[f32]) -> &[u8] {
+    // SAFETY: the same memory; any bytes are bytes.
+    unsafe { std::slice::from_raw_parts(values.as_ptr().cast(), size_of_val(values)) }
+}
+
+/// Outputs from their shapes and the bytes of all their values; none if these do not belong together.
+pub(super) fn read_outputs(shapes: Vec<Shape>, bytes: &[u8]) -> Option<Vec<Output>> {
+    let mut values =
+        bytes.chunks_exact(size_of::<f32>()).map(|value| value.try_into().map(f32::from_ne_bytes));
+    let mut outputs = Vec::with_capacity(shapes.len());
+    for Shape { name, shape } in shapes {
+        let count = shape.iter().try_fold(1_usize, |count, side| count.checked_mul(*side))?;
+        let values: Vec<f32> = values.by_ref().take(count).collect::<std::result::Result<_, _>>().ok()?;
+        if values.len() != count {
+            return None;
+        }
+        outputs.push(Output { name, shape, values });
+    }
+    (values.next().is_none() && bytes.len().is_multiple_of(size_of::<f32>())).then_some(outputs)
+}
+
 /// A value that both sides know in a form of their own.
 pub(super) trait Crosses: Sized {
     /// As it crosses.
@@ -239,6 +279,19 @@ impl Crosses for DriveContext {
     }
 }
 
+impl Crosses for Position {
+    type Raw = pdk_abi::Position;
+
+    fn raw(self) -> Self::Raw {
+        let Self { part, number, time } = self;
+        pdk_abi::Position { part, number, time, ..empty() }
+    }
+
+    fn from_raw(raw: Self::Raw) -> Self {
+        Self { part: raw.part, number: raw.number, time: raw.time }
+    }
+}
+
 impl Crosses for Camera {
     type Raw = pdk_abi::Camera;
 
@@ -276,8 +329,30 @@ mod tests {
         assert_eq!(Control::from_raw(control.raw()), control);
         let cx = DriveContext { frame_index: 3, time: 0.5, speed: 8.0 };
         assert_eq!(DriveContext::from_raw(cx.raw()), cx);
+        let position = Position { part: 2, number: 7, time: 0.25 };
+        assert_eq!(Position::from_raw(position.raw()), position);
         let camera = Camera { width: 32, height: 24, rate: 20.0 };
         assert_eq!(Camera::from_raw(camera.raw()), camera);
+    }
+
+    #[test]
+    fn outputs_cross_as_they_are_and_others_are_refused() {
+        let output = |name: &str, shape: &[usize], values: &[f32]| Output {
+            name: name.into(),
+            shape: shape.into(),
+            values: values.into(),
+        };
+        let outputs = vec![
+            output("a", &[1, 2], &[0.5, f32::INFINITY]),
+            output("b", &[], &[-1.0]),
+            output("c", &[0], &[]),
+        ];
+        let values: Vec<u8> = outputs.iter().flat_map(|output| bytes(&output.values)).copied().collect();
+        assert_eq!(read_outputs(shapes(&outputs), &values).unwrap(), outputs);
+        for wrong in [&values[..8], &values[..11], &[values.clone(), vec![0; 4]].concat()] {
+            assert!(read_outputs(shapes(&outputs), wrong).is_none());
+        }
+        assert!(read_outputs(shapes(&[output("a", &[usize::MAX, 2], &[])]), &values).is_none());
     }
 
     #[test]

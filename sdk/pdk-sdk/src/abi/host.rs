@@ -7,20 +7,22 @@ use pdk_abi::abi_stable::StableAbi;
 use pdk_abi::abi_stable::reexports::True;
 use pdk_abi::{
     DatasetFunctionsRef, DriverFunctionsRef, MaskFunctionsRef, PerturbationFunctionsRef, PluginRef,
-    SaliencyFunctionsRef, SearchFunctionsRef, SimulatorFunctionsRef, Sink, Status, Text, empty, status,
+    PredictorFunctionsRef, SaliencyFunctionsRef, SearchFunctionsRef, SimulatorFunctionsRef, Sink, Status,
+    Text, empty, status,
 };
 use pdk_ops::{Frame, FrameBuf, FrameMut};
 use pdk_seed::Key;
 
 use super::convert::{self, Crosses};
 use crate::SDK_VERSION;
-use crate::dataset::{Dataset, Entry};
+use crate::dataset::{Dataset, Entry, Position};
 use crate::describe::Kind;
 use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, ErrorKind, Result};
 use crate::input_files::InputFiles;
 use crate::mask::Mask;
 use crate::perturbation::{Context, Perturbation};
+use crate::predictor::{Output, Predictor};
 use crate::saliency::{HeatmapMut, MapContext, Saliency};
 use crate::search::{Candidate, Evaluated, Problem, Search};
 use crate::simulator::{Annotations, Camera, Scenario, Simulator, State, no_depth};
@@ -115,6 +117,8 @@ instances! {
     Saliency: saliency, SaliencyFunctionsRef => HostSaliency;
     /// A mask.
     Mask: mask, MaskFunctionsRef => HostMask;
+    /// A predictor.
+    Predictor: predictor, PredictorFunctionsRef => HostPredictor;
     /// A search strategy.
     Search: search, SearchFunctionsRef => HostSearch;
     /// A dataset reader.
@@ -387,6 +391,46 @@ impl Driver for HostDriver {
     }
 }
 
+struct HostPredictor {
+    object: Object<PredictorFunctionsRef>,
+    info: Vec<(String, String)>,
+}
+
+impl HostPredictor {
+    fn new(object: Object<PredictorFunctionsRef>) -> Result<Self> {
+        let Object { pointer, functions, .. } = object;
+        // SAFETY: both sinks live through the call.
+        let info = collect(|text, error| unsafe { functions.info()(pointer, text, error) })?;
+        Ok(Self { object, info: serde_json::from_str(&info)? })
+    }
+}
+
+impl Predictor for HostPredictor {
+    fn reset(&mut self) -> Result<()> {
+        let Object { pointer, functions, .. } = self.object;
+        // SAFETY: the sink lives through the call.
+        call(|error| unsafe { functions.reset()(pointer, error) })
+    }
+
+    fn predict(&mut self, frame: Frame<'_>, cx: &DriveContext) -> Result<Vec<Output>> {
+        let Object { pointer, functions, .. } = self.object;
+        let (frame, context) = (convert::frame(frame), cx.raw());
+        let mut values = Vec::new();
+        let sink = convert::sink(&mut values);
+        // SAFETY: everything lives through the call.
+        let shapes = collect(|outputs, error| unsafe {
+            functions.predict()(pointer, &frame, &context, outputs, &sink, error)
+        })?;
+        convert::read_outputs(serde_json::from_str(&shapes)?, &values).ok_or_else(|| {
+            Error::of(ErrorKind::Nonsense, "its outputs have another number of values than their shapes say")
+        })
+    }
+
+    fn info(&self) -> Vec<(String, String)> {
+        self.info.clone()
+    }
+}
+
 struct HostSaliency(Object<SaliencyFunctionsRef>);
 
 impl HostSaliency {
@@ -518,5 +562,15 @@ impl Dataset for HostDataset {
             throttle,
             time,
         })
+    }
+
+    fn position(&self, index: usize) -> Position {
+        let unknown = Position { part: 0, number: index as u64, time: f64::NAN };
+        let object = self.object.borrow_mut();
+        let Some(function) = object.functions.position() else { return unknown };
+        let mut position = unknown.raw();
+        // SAFETY: everything lives through the call.
+        let told = call(|error| unsafe { function(object.pointer, index as u64, &mut position, error) });
+        told.map_or(unknown, |()| Position::from_raw(position))
     }
 }

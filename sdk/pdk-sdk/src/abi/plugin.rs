@@ -6,7 +6,9 @@ mod module;
 
 use std::ffi::c_void;
 
-pub use functions::{Functions, datasets, drivers, masks, perturbations, saliencies, searches, simulators};
+pub use functions::{
+    Functions, datasets, drivers, masks, perturbations, predictors, saliencies, searches, simulators,
+};
 pub use module::{LibHeader, header};
 use pdk_abi::{Sink, Status, Text, status};
 use serde_json::{Map, Value};

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pdk_loop::protocol::{Evaluation, Made};
+use pdk_loop::protocol::Made;
 use pdk_model::component::ComponentSpec;
 use pdk_record::directory::{RESULTS, RunDirectory};
 use pdk_record::manifest::{EvaluationRecord, components_of_all};
@@ -13,9 +13,11 @@ use serde_json::Value;
 
 use super::Host;
 use super::driving::components;
-use crate::evaluation::{self, Results};
+use crate::evaluation::{self, BadFrame, Evaluated, Evaluation, Performance, Results, Segment};
 use crate::follow::Progress;
 use crate::requests::{DatasetSpec, Evaluate};
+use crate::table;
+use crate::task::Request;
 
 /// What evaluations came to.
 #[derive(Default)]
@@ -24,6 +26,8 @@ pub(super) struct Evaluations {
     pub summaries: Vec<Value>,
     /// What each of them went through.
     pub frames: Vec<EvaluatedFrames>,
+    /// How many frames of each were evaluated here.
+    pub own: Vec<usize>,
     /// How long each took.
     pub times: Vec<Value>,
     /// The file with the results, once there is one.
@@ -33,11 +37,15 @@ pub(super) struct Evaluations {
 impl Host {
     /// `pdk.evaluate`: the offline loop.
     pub(crate) fn evaluate(&mut self, request: Value) -> Result<Value> {
-        let Evaluate { dataset, mut driver, mut cells, frames } = Evaluate::from_json(request)?;
+        if Request::is(&request) {
+            return self.evaluate_task(request);
+        }
+        let Evaluate { dataset, mut driver, mut cells, frames, trust, tolerance } =
+            Evaluate::from_json(request)?;
         let mut settler = self.settler();
         settler.component(Kind::Driver, &mut driver);
         settler.perturbations(&mut cells);
-        let (reader, available) = self.open_dataset(&dataset)?;
+        let (reader, available, sequences) = self.open_dataset(&dataset)?;
         let info = self.make(Kind::Driver, &driver)?.info;
         for component in components(&cells) {
             self.make(Kind::Perturbation, &component)?;
@@ -53,42 +61,69 @@ impl Host {
         self.record.in_use.add_perturbations(catalog, &cells)?;
         self.record.evaluations.push(EvaluationRecord { dataset: reader.clone(), driver: driver.clone() });
         self.begin()?;
-        let results = match &mut self.evaluations.results {
-            Some(results) => results,
-            None => {
-                let folder = self.record.directory.as_ref().map(RunDirectory::path).unwrap_or(Path::new(""));
-                self.evaluations.results.insert(Results::open(&folder.join(RESULTS))?)
-            }
-        };
         let frames = frames.unwrap_or(usize::MAX).min(available);
         let (shard, number) = (self.setup.common.shard, self.evaluations.summaries.len() as u64);
-        let own = shard.map_or(frames, |shard| shard.own(frames).count());
-        self.evaluations
-            .frames
-            .push(EvaluatedFrames { frames, cells: cells.iter().map(ToString::to_string).collect() });
-        let bar = Progress::new(self.setup.audience, "{pos}/{len} frames, {eta} left");
-        bar.add(own as u64);
-        let job = evaluation::Job {
-            evaluation: Evaluation {
-                dataset: reader,
-                driver,
-                perturbations: cells,
-                seed: self.setup.common.seed,
-            },
+        let evaluation = Evaluation {
+            dataset: reader,
+            driver,
+            cells,
+            seed: self.setup.common.seed,
             frames,
+            sequences,
             shard,
-            number,
-            workers: self.session.slots(),
-            results,
-            progress: &mut |done| bar.set(done),
+            trust,
+            tolerance,
         };
-        let evaluated = evaluation::evaluate(&mut self.session, job);
+        let own = evaluation.own().iter().map(Segment::len).sum();
+        self.evaluations.own.push(own);
+        self.evaluations.frames.push(EvaluatedFrames {
+            frames,
+            cells: evaluation.cells.iter().map(ToString::to_string).collect(),
+        });
+        let bar = Progress::new(self.setup.audience, "{pos}/{len} predictions, {eta} left");
+        let all = (own * (evaluation.cells.len() + 1)) as u64;
+        bar.add(all);
+        // What is driven again because a process was lost does not count twice.
+        let progress = &mut |done: u64| bar.set(done.min(all));
+        self.results()?;
+        let Some(results) = &mut self.evaluations.results else {
+            return Err(Error::new("there is no file for results, which is a defect in pdk"));
+        };
+        let evaluated = evaluation::evaluate(&mut self.session, &evaluation, number, results, progress);
         bar.finish();
-        let (summary, performance) = evaluated?;
-        for bad in &summary.bad_frames {
+        let (summary, performance) = match evaluated? {
+            Evaluated::Ranked(summary, performance) => (summary, performance),
+            // The error says why.
+            Evaluated::Refused(check, error) => {
+                let check = check.unjudged();
+                self.print(&table::check(&serde_json::to_value(check)?));
+                return Err(error);
+            }
+        };
+        self.conclude(&summary.bad_frames, serde_json::to_value(&summary)?, performance)
+    }
+
+    /// The file with the results, which is opened when it is first needed.
+    pub(super) fn results(&mut self) -> Result<&mut Results> {
+        match &mut self.evaluations.results {
+            Some(results) => Ok(results),
+            empty => {
+                let folder = self.record.directory.as_ref().map(RunDirectory::path).unwrap_or(Path::new(""));
+                Ok(empty.insert(Results::open(&folder.join(RESULTS))?))
+            }
+        }
+    }
+
+    /// Notes what came of an evaluation, and returns it.
+    pub(super) fn conclude(
+        &mut self,
+        bad_frames: &[BadFrame],
+        summary: Value,
+        performance: Performance,
+    ) -> Result<Value> {
+        for bad in bad_frames {
             self.account.warnings.push(format!("{} was left out: {}", bad.frame, bad.error));
         }
-        let summary = serde_json::to_value(summary)?;
         self.evaluations.summaries.push(summary.clone());
         if performance.perturbed_frames > 0 {
             self.account.speed.push(format!(
@@ -100,19 +135,23 @@ impl Host {
         Ok(summary)
     }
 
-    /// The reader of a dataset, and how many frames it finds.
-    fn open_dataset(&mut self, dataset: &DatasetSpec) -> Result<(ComponentSpec, usize)> {
-        let frames = |made: Made| made.frames.unwrap_or_default();
+    /// The reader of a dataset, how many frames it finds, and which of them begin a sequence.
+    pub(super) fn open_dataset(
+        &mut self,
+        dataset: &DatasetSpec,
+    ) -> Result<(ComponentSpec, usize, Vec<usize>)> {
+        let opened =
+            |reader: ComponentSpec, made: Made| (reader, made.frames.unwrap_or_default(), made.sequences);
         let path = match dataset {
             DatasetSpec::Reader(reader) => {
-                return Ok((reader.clone(), frames(self.make(Kind::Dataset, reader)?)));
+                return Ok(opened(reader.clone(), self.make(Kind::Dataset, reader)?));
             }
             DatasetSpec::Path(path) => path,
         };
         let mut reasons = Vec::new();
         for reader in self.session.catalog().readers(path) {
             match self.make(Kind::Dataset, &reader) {
-                Ok(made) => return Ok((reader, frames(made))),
+                Ok(made) => return Ok(opened(reader, made)),
                 Err(error) => reasons.push(error.to_string()),
             }
         }

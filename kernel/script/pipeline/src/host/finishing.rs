@@ -118,11 +118,11 @@ impl Host {
         };
         let scenarios = self.scenarios.ids();
         let evaluations = std::mem::take(&mut self.evaluations.frames);
-        let own = |all: usize| shard.own(all).count();
-        let frames = evaluations.iter().map(|evaluation| evaluation.frames);
+        let own_frames: usize = self.evaluations.own.iter().sum();
+        let frames: usize = evaluations.iter().map(|evaluation| evaluation.frames).sum();
         let parts = [
-            (own(scenarios.len()), scenarios.len(), "scenarios"),
-            (frames.clone().map(own).sum(), frames.sum(), "frames"),
+            (shard.own(scenarios.len()).count(), scenarios.len(), "scenarios"),
+            (own_frames, frames, "frames"),
         ];
         let parts = parts.iter().filter(|(_, all, _)| *all > 0);
         let parts: Vec<String> = parts.map(|(own, all, what)| format!("{own} of {all} {what}")).collect();

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use pdk_model::outcome::Cause;
+use pdk_model::outcome::{Cause, Verdict};
 use pdk_model::scenario::ScenarioId;
 use pdk_record::ledger::Line;
 use pdk_sdk::error::Result;
@@ -68,6 +68,35 @@ impl Scenarios {
             _ => None,
         };
         self.outcomes.iter().filter_map(own).collect()
+    }
+
+    /// A sentence for each driver that fails without perturbation in one of these scenarios, if others of them are perturbed.
+    pub fn failing_unperturbed(&self, ids: &BTreeSet<&str>) -> Vec<String> {
+        let lines = self.lines();
+        let shown = || lines.iter().map(|(_, line)| line).filter(|line| ids.contains(&*line.id.to_string()));
+        if !shown().any(|line| !line.scenario.perturbations.is_empty()) {
+            return Vec::new();
+        }
+        let mut drivers: BTreeMap<&str, BTreeMap<ScenarioId, bool>> = BTreeMap::new();
+        for line in shown().filter(|line| line.scenario.perturbations.is_empty()) {
+            let verdict = line.outcome.cause.verdict();
+            if verdict != Verdict::Void {
+                drivers.entry(&line.scenario.driver.name).or_default().insert(line.id, verdict.failed());
+            }
+        }
+        let sentence = |(driver, drives): (&str, BTreeMap<ScenarioId, bool>)| {
+            let failed = drives.values().filter(|failed| **failed).count();
+            let drives = match drives.len() {
+                1 => "its only drive".to_owned(),
+                all => format!("{failed} of {all} drives"),
+            };
+            (failed > 0).then(|| {
+                format!(
+                    "Driver `{driver}` fails {drives} without any perturbation, so its failures under perturbations say little about these."
+                )
+            })
+        };
+        drivers.into_iter().filter_map(sentence).collect()
     }
 
     /// The scenarios in which a component failed, in the order of submission, each once, without those whose outcomes were

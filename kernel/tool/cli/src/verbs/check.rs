@@ -335,6 +335,7 @@ fn check(plugin: &Plugin, index: usize, description: &Description, config: &Conf
         Kind::Driver => outside(description, testing::check_driver(config, make!(Driver))),
         Kind::Saliency => testing::check_saliency(config, make!(Saliency)),
         Kind::Mask => testing::check_mask(config, make!(Mask)),
+        Kind::Predictor => outside(description, testing::check_predictor(config, make!(Predictor))),
         Kind::Search => testing::check_search(config, make!(Search)),
         Kind::Dataset => testing::check_dataset(config, make!(Dataset)),
     }

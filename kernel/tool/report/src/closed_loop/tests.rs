@@ -73,6 +73,20 @@ fn two_drivers_are_drawn_on_one_scale() {
 }
 
 #[test]
+fn a_driver_that_fails_without_perturbation_is_named_first() {
+    let mut drive = Drive { driver: "dave2".into(), ..drive() };
+    drive.scenarios[0].verdict = Verdict::Unsafe;
+    let said = verdict(std::slice::from_ref(&drive));
+    assert_eq!(
+        said[0],
+        "dave2 fails its only drive without any perturbation, so its failures under perturbations say little about these."
+    );
+    assert!(said[1].starts_with("6 scenarios were driven, and 4 failed (80 %); in 1"), "{said:?}");
+    drive.scenarios.push(scenario(None, 0.0, Verdict::Passed, 10.0));
+    assert!(verdict(&[drive])[0].starts_with("dave2 fails 1 of 2 drives without"));
+}
+
+#[test]
 fn stopping_is_a_failure_of_its_own() {
     let mut drive = drive();
     drive.scenarios[2].verdict = Verdict::Stopped;

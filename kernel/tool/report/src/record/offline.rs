@@ -9,6 +9,7 @@ use pdk_record::manifest::EvaluationRecord;
 use pdk_sdk::error::{Error, Place, Result};
 use pdk_sdk::file;
 use pdk_sdk::prelude::Control;
+use pdk_statistics::{CONFIDENCE, Estimate, blocks};
 use serde::Deserialize;
 
 use crate::view::{Evaluation, EvaluationCell, WorstFrame};
@@ -24,6 +25,11 @@ enum Line {
     Result(ResultLine),
     /// A frame that could not be evaluated.
     Bad { evaluation: u64, frame: String, error: String },
+    /// A picture with a predictor, of which the page says nothing.
+    Task {
+        #[serde(rename = "measured")]
+        _measured: serde::de::IgnoredAny,
+    },
 }
 
 #[derive(Deserialize)]
@@ -41,8 +47,8 @@ struct ResultLine {
 /// The sums of an evaluation.
 #[derive(Default)]
 struct Sums {
-    /// The error on each original frame.
-    original: BTreeMap<usize, f64>,
+    /// What was recorded with each original frame, and the error on it.
+    original: BTreeMap<usize, (f64, f64)>,
     bad_frames: Vec<(String, String)>,
     cells: Vec<Cell>,
     /// Where a cell stands in `cells`: its label and the bits of its level.
@@ -54,9 +60,9 @@ struct Sums {
 struct Cell {
     label: String,
     level: f64,
-    frames: usize,
-    error: f64,
-    drift: f64,
+    /// On each frame.
+    errors: Vec<f64>,
+    drifts: Vec<f64>,
 }
 
 /// The evaluations of a run, in order, with what the manifest tells of each; none if there are none. A last line that was cut off is left out.
@@ -83,6 +89,7 @@ pub fn read(directory: &RunDirectory, told: &[EvaluationRecord]) -> Result<Vec<E
             Line::Bad { evaluation, frame, error } => {
                 evaluations.entry(evaluation).or_default().bad_frames.push((frame, error));
             }
+            Line::Task { .. } => {}
         }
     }
     Ok(evaluations.into_iter().map(|(number, sums)| sums.finish(number, told)).collect())
@@ -93,16 +100,15 @@ impl Sums {
         let ResultLine { index, frame, label, level, truth, original, perturbed, .. } = line;
         let before = (original.steering - truth.steering).abs();
         let error = (perturbed.steering - truth.steering).abs();
-        self.original.insert(index, before);
+        self.original.insert(index, (truth.steering, before));
         let cells = &mut self.cells;
         let place = *self.places.entry((label.clone(), level.to_bits())).or_insert_with(|| {
-            cells.push(Cell { label: label.clone(), level, frames: 0, error: 0.0, drift: 0.0 });
+            cells.push(Cell { label: label.clone(), level, errors: Vec::new(), drifts: Vec::new() });
             cells.len() - 1
         });
         let cell = &mut cells[place];
-        cell.frames += 1;
-        cell.error += error;
-        cell.drift += (perturbed.steering - original.steering).abs();
+        cell.errors.push(error);
+        cell.drifts.push((perturbed.steering - original.steering).abs());
         let grown = error - before;
         if self.worst.get(&label).is_none_or(|(most, _)| grown > *most) {
             let worst = WorstFrame {
@@ -138,18 +144,43 @@ impl Sums {
             dataset: own.map(|record| record.dataset.to_string()).unwrap_or_default(),
             frames,
             bad_frames: self.bad_frames,
-            original_error: self.original.values().sum::<f64>() / frames.max(1) as f64,
+            original_error: self.original.values().map(|(_, error)| error).sum::<f64>()
+                / frames.max(1) as f64,
+            constant_error: constant_error(self.original.values().map(|(truth, _)| *truth).collect()),
             cells: self
                 .cells
                 .into_iter()
-                .map(|cell| EvaluationCell {
-                    perturbation: cell.label,
-                    level: cell.level,
-                    error: cell.error / cell.frames as f64,
-                    drift: cell.drift / cell.frames as f64,
+                .map(|cell| {
+                    let (error, drift) = (mean(&cell.errors), mean(&cell.drifts));
+                    EvaluationCell {
+                        perturbation: cell.label,
+                        level: cell.level,
+                        error: error.value,
+                        drift: drift.value,
+                        error_interval: interval(&error),
+                        drift_interval: interval(&drift),
+                    }
                 })
                 .collect(),
             worst: worst.into_iter().take(WORST).map(|(_, frame)| frame).collect(),
         }
     }
+}
+
+/// The mean absolute error of the best constant, which is the median of what was recorded.
+fn constant_error(mut truth: Vec<f64>) -> f64 {
+    truth.sort_by(f64::total_cmp);
+    let constant = truth.get(truth.len() / 2).copied().unwrap_or_default();
+    truth.iter().map(|truth| (truth - constant).abs()).sum::<f64>() / truth.len().max(1) as f64
+}
+
+/// The mean over frames, with its interval: see [`pdk_statistics::blocks`].
+fn mean(values: &[f64]) -> Estimate {
+    let none = Estimate { value: 0.0, low: f64::NEG_INFINITY, high: f64::INFINITY };
+    blocks::mean(values, blocks::length(values), CONFIDENCE).unwrap_or(none)
+}
+
+/// The interval, unless the frames are too few to say anything.
+fn interval(found: &Estimate) -> Option<(f64, f64)> {
+    (found.low.is_finite() && found.high.is_finite()).then_some((found.low, found.high))
 }

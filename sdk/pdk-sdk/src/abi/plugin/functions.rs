@@ -16,6 +16,7 @@ use crate::driver::{Control, DriveContext, Driver};
 use crate::error::{Error, ErrorKind, Result};
 use crate::mask::Mask;
 use crate::perturbation::{Context, EarlierMaps, Perturbation};
+use crate::predictor::Predictor;
 use crate::saliency::{HeatmapMut, Saliency};
 use crate::search::Search;
 use crate::simulator::Simulator;
@@ -92,8 +93,9 @@ registrations! {
     drivers: Driver, driver, DriverFunctions as DriverFunctionsRef { reset, drive, info };
     saliencies: Saliency, saliency, SaliencyFunctions as SaliencyFunctionsRef { map_size, map };
     masks: Mask, mask, MaskFunctions as MaskFunctionsRef { weights };
+    predictors: Predictor, predictor, PredictorFunctions as PredictorFunctionsRef { reset, predict, info };
     searches: Search, search, SearchFunctions as SearchFunctionsRef { start, ask, tell };
-    datasets: Dataset, dataset, DatasetFunctions as DatasetFunctionsRef { length, name, read };
+    datasets: Dataset, dataset, DatasetFunctions as DatasetFunctionsRef { length, name, read, position };
 }
 
 /// Makes an instance.
@@ -269,6 +271,30 @@ functions! { masks: Mask;
     }
 }
 
+functions! { predictors: Predictor;
+    fn reset(component, _) {
+        component.reset()
+    }
+    fn predict(
+        component,
+        _,
+        frame: *const pdk_abi::Frame,
+        context: *const pdk_abi::DriveContext,
+        outputs: *const Sink,
+        values: *const Sink
+    ) {
+        let found = component.predict(convert::source(frame)?, &DriveContext::read(context))?;
+        put(outputs, &serde_json::to_string(&convert::shapes(&found))?);
+        let sink = load(values, empty());
+        found.iter().for_each(|output| sink.put(convert::bytes(&output.values)));
+        Ok(())
+    }
+    fn info(component, _, info: *const Sink) {
+        put(info, &serde_json::to_string(&component.info())?);
+        Ok(())
+    }
+}
+
 functions! { searches: Search;
     fn start(component, _, problem: Text, key: Text) {
         let problem = serde_json::from_str(convert::text(problem)?)?;
@@ -300,6 +326,10 @@ functions! { datasets: Dataset;
         load(pixels, empty()).put(entry.frame.data());
         let crate::dataset::Entry { steering, throttle, time, .. } = entry;
         store(pdk_abi::Entry { width, height, steering, throttle, time, ..empty() }, into);
+        Ok(())
+    }
+    fn position(component, _, index: u64, into: *mut pdk_abi::Position) {
+        store(component.position(index as usize).raw(), into);
         Ok(())
     }
 }

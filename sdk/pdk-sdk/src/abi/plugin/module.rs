@@ -30,6 +30,7 @@ extern "C" fn root_module<P: Exported>() -> RootModuleResult {
             dataset: make::dataset::<P>,
             input_files: input_files::<P>,
             mask: make::mask::<P>,
+            predictor: make::predictor::<P>,
         })
     };
     let plugin = PluginRef(plugin.static_as_prefix()).to_prefix_ref();

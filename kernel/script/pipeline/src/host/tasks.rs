@@ -1,0 +1,145 @@
+//! Predictors on datasets of pictures, piece by piece.
+
+use std::path::{Path, PathBuf};
+
+use pdk_record::merge::EvaluatedFrames;
+use pdk_sdk::describe::Kind;
+use pdk_sdk::error::{Error, Result};
+use pdk_sdk::input_files::InputFiles;
+use serde_json::Value;
+
+use super::Host;
+use super::driving::components;
+use crate::evaluation::{BadFrame, Segment};
+use crate::follow::Progress;
+use crate::task::{Metric, Piece, Request, TaskEvaluation, TaskRun};
+use pdk_record::manifest::components_of_all;
+
+/// An evaluation of a predictor that is under way.
+pub(crate) struct UnderWay {
+    run: TaskRun,
+    bar: Progress,
+    /// Predictions that are wanted, and those that were done before.
+    all: u64,
+    before: u64,
+    /// The frames that the session had done when it began.
+    since: u64,
+    started: std::time::Instant,
+}
+
+impl Host {
+    /// `pdk.evaluate` with a task whose metric is built in.
+    pub(super) fn evaluate_task(&mut self, request: Value) -> Result<Value> {
+        let mut run = self.begin_task(request)?;
+        if matches!(run.run.metric, Metric::Function { .. }) {
+            return Err(Error::new(
+                "task: `score` is missing, a function of the pipeline that gets the outputs for a picture and returns numbers",
+            ));
+        }
+        while let Some(piece) = self.next_piece(&mut run)? {
+            self.keep_piece(&mut run, piece)?;
+        }
+        self.finish_task(run)
+    }
+
+    /// Begins an evaluation of a predictor.
+    pub(crate) fn begin_task(&mut self, request: Value) -> Result<UnderWay> {
+        let Request { dataset, mut predictor, task, mut cells, frames } = Request::from_json(request)?;
+        let mut settler = self.settler();
+        settler.component(Kind::Predictor, &mut predictor);
+        settler.perturbations(&mut cells);
+        let (reader, available, sequences) = self.open_dataset(&dataset)?;
+        let info = self.make(Kind::Predictor, &predictor)?.info;
+        for component in components(&cells) {
+            self.make(Kind::Perturbation, &component)?;
+        }
+        let folder =
+            reader.parameters.values().filter_map(Value::as_str).map(Path::new).find(|path| path.is_dir());
+        let (metric, files) = Metric::read(task, folder)?;
+        self.note_files(Kind::Dataset, &reader)?;
+        self.note_files(Kind::Predictor, &predictor)?;
+        for (kind, component) in components_of_all(&cells) {
+            self.note_files(kind, &component)?;
+        }
+        let labels: Vec<InputFiles> = files.iter().map(|file| labels(file)).collect();
+        self.record.in_use.add_input_files(&labels, &mut |_, _| Ok(()))?;
+        let catalog = self.session.catalog();
+        self.record.in_use.add(catalog, Kind::Dataset, &reader.name, &reader.parameters, Vec::new())?;
+        self.record.in_use.add(catalog, Kind::Predictor, &predictor.name, &predictor.parameters, info)?;
+        self.record.in_use.add_perturbations(catalog, &cells)?;
+        self.begin()?;
+        let evaluation = TaskEvaluation {
+            dataset: reader,
+            predictor,
+            cells,
+            seed: self.setup.common.seed,
+            frames: frames.unwrap_or(usize::MAX).min(available),
+            sequences,
+            shard: self.setup.common.shard,
+        };
+        let number = self.evaluations.summaries.len() as u64;
+        let own: usize = evaluation.own().iter().map(Segment::len).sum();
+        self.evaluations.own.push(own);
+        self.evaluations.frames.push(EvaluatedFrames {
+            frames: evaluation.frames,
+            cells: evaluation.cells.iter().map(ToString::to_string).collect(),
+        });
+        let each = evaluation.cells.len() as u64 + 1;
+        let workers = self.session.slots();
+        let run = TaskRun::new(evaluation, metric, number, self.results()?, workers);
+        let bar = Progress::new(self.setup.audience, "{pos}/{len} predictions, {eta} left");
+        let all = own as u64 * each;
+        bar.add(all);
+        let before = (own - run.new) as u64 * each;
+        Ok(UnderWay {
+            run,
+            bar,
+            all,
+            before,
+            since: self.session.frames(),
+            started: std::time::Instant::now(),
+        })
+    }
+
+    /// The next pictures of an evaluation; none if all are done.
+    pub(crate) fn next_piece(&mut self, under_way: &mut UnderWay) -> Result<Option<Piece>> {
+        let UnderWay { run, bar, all, before, since, .. } = under_way;
+        run.next(&mut self.session, &mut |frames| bar.set((*before + frames - *since).min(*all)))
+    }
+
+    /// Writes what the metric keeps of pictures.
+    pub(crate) fn keep_piece(&mut self, under_way: &mut UnderWay, piece: Piece) -> Result<()> {
+        under_way.run.keep(self.results()?, piece)
+    }
+
+    /// What an evaluation came to.
+    pub(crate) fn finish_task(&mut self, under_way: UnderWay) -> Result<Value> {
+        let UnderWay { run, bar, started, .. } = under_way;
+        bar.finish();
+        if let ((0, [BadFrame { frame, error, .. }, ..]), None) =
+            (run.collector.frames(), run.evaluation.shard)
+        {
+            let all = run.collector.frames().1.len();
+            return Err(Error::new(format!(
+                "none of the {all} pictures could be evaluated; the first: {frame}: {error}"
+            )));
+        }
+        let cells = &run.evaluation.cells;
+        let performance = crate::evaluation::performance(
+            run.new,
+            cells.len(),
+            self.session.slots(),
+            run.times,
+            started.elapsed(),
+        );
+        let summary = run.collector.finish(run.number, &run.metric, cells);
+        self.conclude(&summary.bad_frames, serde_json::to_value(&summary)?, performance)
+    }
+}
+
+/// A file with labels, as the manifest has it.
+fn labels(file: &Path) -> InputFiles {
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let name = file.file_name().map(PathBuf::from).unwrap_or_default();
+    InputFiles::new("labels", folder, vec![name])
+}

@@ -1,0 +1,151 @@
+//! Baselines of corruption errors.
+
+use std::collections::BTreeMap;
+
+use pdk_metrics::classification::{Errors, corruption_error, mean, relative_corruption_error};
+use pdk_sdk::error::{Error, Result};
+use serde::Serialize;
+use serde_json::Value;
+
+/// The errors of AlexNet on ImageNet-C, each the mean over the five levels, as D. Hendrycks and T. Dietterich published them with their
+/// benchmark.
+const ALEXNET: [(&str, f64); 15] = [
+    ("imagenet_c_gaussian_noise", 0.886428),
+    ("imagenet_c_shot_noise", 0.894468),
+    ("imagenet_c_impulse_noise", 0.922640),
+    ("imagenet_c_defocus_blur", 0.819880),
+    ("imagenet_c_glass_blur", 0.826268),
+    ("imagenet_c_motion_blur", 0.785948),
+    ("imagenet_c_zoom_blur", 0.798360),
+    ("imagenet_c_snow", 0.866816),
+    ("imagenet_c_frost", 0.826572),
+    ("imagenet_c_fog", 0.819324),
+    ("imagenet_c_brightness", 0.564592),
+    ("imagenet_c_contrast", 0.853204),
+    ("imagenet_c_elastic_transform", 0.646056),
+    ("imagenet_c_pixelate", 0.717840),
+    ("imagenet_c_jpeg_compression", 0.606500),
+];
+/// Its error on the pictures as they are: 43.5 %.
+const ALEXNET_CLEAN: f64 = 0.435;
+
+/// The errors of another network, by which those of the network under test are divided.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Baseline {
+    name: String,
+    clean: Option<f64>,
+    /// The mean error over the levels, by the perturbation's label.
+    errors: BTreeMap<String, f64>,
+}
+
+/// Corruption errors.
+#[derive(Debug, Clone, Serialize)]
+pub struct CorruptionErrors {
+    /// The name of the baseline.
+    pub baseline: String,
+    /// The mean corruption error; none if no perturbation has one.
+    pub mce: Option<f64>,
+    /// The mean relative corruption error.
+    pub relative_mce: Option<f64>,
+    /// One for each perturbation.
+    pub rows: Vec<CorruptionRow>,
+}
+
+/// The corruption errors of a perturbation.
+#[derive(Debug, Clone, Serialize)]
+pub struct CorruptionRow {
+    /// The perturbation with its parameters.
+    pub label: String,
+    /// The mean top-1 error over its levels.
+    pub error: f64,
+    /// The same of the baseline; none if it has none.
+    pub baseline_error: Option<f64>,
+    /// The corruption error.
+    pub ce: Option<f64>,
+    /// The relative corruption error.
+    pub relative_ce: Option<f64>,
+}
+
+impl Baseline {
+    /// Reads what a pipeline wrote: `"alexnet"`, or a table with `name`, `errors` and maybe `clean`.
+    ///
+    /// # Errors
+    /// If it is neither.
+    pub fn read(value: &Value) -> Result<Self> {
+        if value == "alexnet" {
+            return Ok(Self {
+                name: "AlexNet on ImageNet-C (Hendrycks and Dietterich, 2019)".to_owned(),
+                clean: Some(ALEXNET_CLEAN),
+                errors: ALEXNET.iter().map(|(label, error)| ((*label).to_owned(), *error)).collect(),
+            });
+        }
+        let wrong = || {
+            Error::new(format!(
+                "task: `baseline` is {value}, but has to be \"alexnet\" or a table {{ name = ..., clean = ..., errors = {{ \
+                 PERTURBATION = ERROR, ... }} }} with the mean error over the levels of each perturbation"
+            ))
+        };
+        let errors = value["errors"].as_object().ok_or_else(wrong)?;
+        let number = |(label, error): (&String, &Value)| {
+            error.as_f64().map(|error| (label.clone(), error)).ok_or_else(wrong)
+        };
+        Ok(Self {
+            name: value["name"].as_str().ok_or_else(wrong)?.to_owned(),
+            clean: value["clean"].as_f64(),
+            errors: errors.iter().map(number).collect::<Result<_>>()?,
+        })
+    }
+
+    /// The corruption errors of a network with this error on the pictures as they are, and these mean errors over the levels of each
+    /// perturbation.
+    pub fn compare(&self, clean: f64, errors: &[(String, f64)]) -> CorruptionErrors {
+        let row = |(label, error): &(String, f64)| {
+            let baseline_error = self.errors.get(label).copied();
+            let both = baseline_error.map(|baseline| ([*error], [baseline]));
+            let both = both.as_ref().map(|(network, baseline)| Errors { network, baseline });
+            CorruptionRow {
+                label: label.clone(),
+                error: *error,
+                baseline_error,
+                ce: both.as_ref().and_then(corruption_error),
+                relative_ce: both
+                    .as_ref()
+                    .zip(self.clean)
+                    .and_then(|(both, baseline)| relative_corruption_error(both, clean, baseline)),
+            }
+        };
+        let rows: Vec<CorruptionRow> = errors.iter().map(row).collect();
+        let over =
+            |of: fn(&CorruptionRow) -> Option<f64>| mean(&rows.iter().filter_map(of).collect::<Vec<_>>());
+        CorruptionErrors {
+            baseline: self.name.clone(),
+            mce: over(|row| row.ce),
+            relative_mce: over(|row| row.relative_ce),
+            rows,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn errors_are_divided_by_those_of_the_baseline() {
+        let baseline =
+            Baseline::read(&json!({"name": "small", "clean": 0.2, "errors": {"fog": 0.5, "rain": 0.4}}))
+                .unwrap();
+        let found =
+            baseline.compare(0.1, &[("fog".into(), 0.25), ("rain".into(), 0.3), ("snow".into(), 0.9)]);
+        assert!((found.mce.unwrap() - (0.5 + 0.75) / 2.0).abs() < 1e-12);
+        assert!((found.relative_mce.unwrap() - (0.15 / 0.3 + 0.2 / 0.2) / 2.0).abs() < 1e-12);
+        assert_eq!(found.rows[2].ce, None);
+        let alexnet = Baseline::read(&json!("alexnet")).unwrap();
+        let found = alexnet.compare(0.435, &[("imagenet_c_fog".into(), 0.819324)]);
+        assert!(
+            (found.mce.unwrap() - 1.0).abs() < 1e-12 && (found.relative_mce.unwrap() - 1.0).abs() < 1e-12
+        );
+        assert!(Baseline::read(&json!("vgg")).unwrap_err().message().contains("`baseline` is \"vgg\""));
+    }
+}
