@@ -105,7 +105,7 @@ class Network:
                 print(f"step {step}: loss {value:.4f}", flush=True)
 
     def save(self, path, output, notes):
-        """Writes the network as an ONNX file with `image` in, of values from 0 to 1, and one output."""
+        """Writes the network as an ONNX file with `image` in, of values from 0 to 255, and one output."""
         nodes, weights, before = [], [], "image"
 
         def keep(name, value):
@@ -114,6 +114,8 @@ class Network:
 
         for number, layer in enumerate(self.convolutions):
             kernel = layer.weights[0].T.reshape(-1, layer.inputs, layer.size, layer.size)
+            # Training has values from 0 to 1, and whoever runs the file has bytes.
+            kernel = kernel / np.float32(255) if number == 0 else kernel
             inputs = [before, keep(f"kernel_{number}", kernel), keep(f"bias_{number}", layer.weights[1])]
             nodes += [
                 helper.make_node("Conv", inputs, [f"conv_{number}"], f"conv_{number}", strides=[STRIDE, STRIDE]),
